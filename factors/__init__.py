@@ -1,0 +1,1 @@
+"""GTSAM factors for cameras with GPS: usable without vgps, on gtsam and numpy alone."""

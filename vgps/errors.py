@@ -1,0 +1,72 @@
+"""What a user can get wrong, one class per kind; the command line turns each into one line and exit code 2."""
+
+from pathlib import Path
+
+
+class VgpsError(Exception):
+    """Bad input, told in one line: file, place in it, what was found, what was expected, what to do.
+
+    Args:
+        found: What was found, as a short clause.
+        file: The file concerned, if there is one.
+        place: Where in the file: ``line 12``, ``frame 40``, ``key camera.fx``.
+        expected: What would have been right.
+        remedy: What the user can do about it.
+    """
+
+    def __init__(
+        self,
+        found: str,
+        *,
+        file: Path | str | None = None,
+        place: str | None = None,
+        expected: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        self.found, self.file, self.place = found, file, place
+        self.expected, self.remedy = expected, remedy
+        where = ", ".join(str(part) for part in (file, place) if part is not None)
+        parts = [
+            found,
+            f"expected {expected}" if expected else None,
+            remedy,
+        ]
+        what = "; ".join(part for part in parts if part)
+        line = f"{where}: {what}" if where else what
+        super().__init__(" ".join(line.split()))
+
+
+class RecordingError(VgpsError):
+    """A recording folder that is missing, empty, or lacks one of its files."""
+
+
+class VideoError(VgpsError):
+    """A video without frames, of another size than its camera, or that cannot be decoded."""
+
+
+class CalibrationError(VgpsError):
+    """A camera.yaml or rig.yaml with missing, unknown or impossible fields."""
+
+
+class GpsLogError(VgpsError):
+    """A GPS log that cannot be read, is of another day, or has too few usable fixes."""
+
+
+class GyroLogError(VgpsError):
+    """A gyro log that cannot be read."""
+
+
+class ConfigError(VgpsError):
+    """A configuration or survey file with unknown keys or impossible values."""
+
+
+class TrajectoryError(VgpsError):
+    """A trajectory (truth or result) that cannot be read or shares no time with the other."""
+
+
+class RunFolderError(VgpsError):
+    """A run folder that is incomplete, or a place that cannot be written to."""
+
+
+class GeometryError(VgpsError):
+    """Input whose geometry does not determine the answer: no motion, too few features, too few fixes."""

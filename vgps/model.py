@@ -1,0 +1,308 @@
+"""What flows between the rooms: plain frozen dataclasses of numpy arrays, with units in their names.
+
+Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x right, y down, z forward);
+``world_T_camera`` maps camera coordinates to world coordinates. Times are seconds since the video's first frame.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+GrayImage = npt.NDArray[np.uint8]
+
+LensModel = Literal["pinhole", "opencv", "fisheye", "tsai"]
+
+
+class FixClass(StrEnum):
+    """How a GPS fix was obtained, best first; the class decides the size of its region."""
+
+    RTK_FIX = "rtk_fix"
+    RTK_FLOAT = "rtk_float"
+    PPP = "ppp"
+    DGPS = "dgps"
+    SBAS = "sbas"
+    SINGLE = "single"
+    UNKNOWN = "unknown"
+
+
+class GeodeticPoint(NamedTuple):
+    """A WGS84 position: degrees, degrees, ellipsoidal height in metres."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics: focal lengths and principal point in pixels, and the lens model's coefficients.
+
+    ``distortion``: ``opencv`` (k1, k2, p1, p2[, k3]); ``fisheye`` (k1..k4); ``tsai`` (kappa1 [mm^-2],
+    kappa2 [mm^-4]) with ``pixel_mm`` (width, height of a pixel on the sensor, the width already divided by
+    the scale factor s_x, Eq. (6), Kume 2010); ``pinhole`` none.
+    """
+
+    model: LensModel
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+    pixel_mm: tuple[float, float] | None = None
+
+    @property
+    def K(self) -> FloatArray:
+        """The (3, 3) calibration matrix of the undistorted (pinhole) image."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Rig:
+    """How the sensors sit on the camera, and how their clocks relate.
+
+    Attributes:
+        camera_p_antenna: Antenna (phase centre) in the camera frame, (3,), metres.
+        video_start_utc: UTC instant of the video's first frame; absent when the GPS log is on the video's clock.
+        world_origin: Origin of the ENU world frame; absent means the first usable fix.
+        gyro_R_camera: (3, 3) rotation from camera to gyro axes.
+        exposure_s: Exposure time of a frame.
+        video_start_s: First frame's time on the clock of ``gyro.csv`` and ``truth.tum``.
+    """
+
+    camera_p_antenna: FloatArray = field(default_factory=lambda: np.zeros(3))
+    video_start_utc: datetime | None = None
+    world_origin: GeodeticPoint | None = None
+    gyro_R_camera: FloatArray | None = None
+    exposure_s: float | None = None
+    video_start_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class GpsLog:
+    """GPS fixes, a row each, in order of time. Unknown numbers are NaN.
+
+    Attributes:
+        t_s: (N,) time since the video's first frame.
+        latitude_deg, longitude_deg, height_m: (N,) WGS84, ellipsoidal height.
+        fix_class: (N,) of :class:`FixClass`.
+        sigma_m: (N, 3) the receiver's own standard deviations east, north, up.
+        hdop, satellites, correction_age_s: (N,).
+        line: (N,) line of the file (from 1) that gave the fix, for messages and verdicts.
+        source: The file.
+        skipped: Notes, in words, on what the reader passed over (truncated or damaged lines).
+    """
+
+    t_s: FloatArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    fix_class: tuple[FixClass, ...]
+    sigma_m: FloatArray
+    hdop: FloatArray
+    satellites: FloatArray
+    correction_age_s: FloatArray
+    line: IntArray
+    source: Path
+    skipped: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True)
+class GyroLog:
+    """Angular rates in the gyro's own axes: ``t_s`` (N,), ``rate_rad_s`` (N, 3)."""
+
+    t_s: FloatArray
+    rate_rad_s: FloatArray
+    source: Path
+
+
+@dataclass(frozen=True)
+class ControlPoints:
+    """Points of known world position seen in frames (how the thesis starts a run).
+
+    Attributes:
+        frame: (N,) frame index of the sighting.
+        uv_px: (N, 2) where it is seen, in the distorted image.
+        world_p_point: (N, 3) ENU metres, or latitude, longitude [deg], height [m] if ``geodetic``.
+    """
+
+    frame: IntArray
+    uv_px: FloatArray
+    world_p_point: FloatArray
+    geodetic: bool
+    source: Path
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One decoded frame: index, time [s], and its luminance (H, W) uint8."""
+
+    index: int
+    t_s: float
+    gray: GrayImage
+
+
+class Video(Protocol):
+    """Anything that yields frames: a file, a folder of images, a stream."""
+
+    @property
+    def path(self) -> Path:
+        """Where it comes from."""
+        ...
+
+    @property
+    def times_s(self) -> FloatArray:
+        """(F,) presentation times, seconds since the first frame, strictly increasing."""
+        ...
+
+    @property
+    def width(self) -> int:
+        """Pixels, as shown (after the rotation flag)."""
+        ...
+
+    @property
+    def height(self) -> int:
+        """Pixels, as shown (after the rotation flag)."""
+        ...
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames in order of presentation."""
+        ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What one recording is made of, every stream on the video's clock."""
+
+    path: Path
+    video: Video
+    camera: Camera
+    rig: Rig
+    gps: GpsLog | None = None
+    gyro: GyroLog | None = None
+    control_points: ControlPoints | None = None
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses over time: ``t_s`` (N,), ``world_T_camera`` (N, 4, 4)."""
+
+    t_s: FloatArray
+    world_T_camera: FloatArray
+
+
+class FrameState(StrEnum):
+    """How a frame came by its pose."""
+
+    TRACKED = "tracked"  # from features seen in it
+    BRIDGED = "bridged"  # no usable features: from its neighbours in time and the fixes near it
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Which landmark was seen where: ``frame`` (N,), ``landmark`` (N,) row of the landmarks, ``uv_px`` (N, 2)
+    in the undistorted (pinhole) image."""
+
+    frame: IntArray
+    landmark: IntArray
+    uv_px: FloatArray
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Points of the map.
+
+    Attributes:
+        world_p_landmark: (L, 3) metres.
+        sigma_px: (L,) reliability sigma_j, Eq. (13), Kume 2010, pixels.
+        gray: (L,) luminance where it was first seen, uint8.
+    """
+
+    world_p_landmark: FloatArray
+    sigma_px: FloatArray
+    gray: npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FixTable:
+    """One verdict per fix of the log, same order and length.
+
+    Attributes:
+        world_p_fix: (M, 3) ENU metres (NaN where the fix has no position).
+        residual_m: (M, 3) estimated antenna minus fix, east, north, up; NaN outside the video.
+        r_m, h_m: (M,) region of its class.
+        used: (M,) whether it took part in the final estimate.
+        reason: (M,) why or why not, in words.
+    """
+
+    world_p_fix: FloatArray
+    residual_m: FloatArray
+    r_m: FloatArray
+    h_m: FloatArray
+    used: BoolArray
+    reason: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """What the optimiser of stage D did: cost per term before and after, iterations and why it stopped."""
+
+    cost_before: Mapping[str, float]
+    cost_after: Mapping[str, float]
+    iterations: int
+    stop_reason: str
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The result of a run; everything that a run folder holds.
+
+    Attributes:
+        t_s: (F,) frame times.
+        world_T_camera: (F, 4, 4).
+        sigma_rotation_rad: (F, 3) about world east, north, up.
+        sigma_position_m: (F, 3) east, north, up.
+        state: (F,) how each frame came by its pose.
+        camera_p_antenna: (3,) the lever arm used.
+        georeferenced: False when no fix or control point tied the run to the world; then the world is the
+            first camera's neighbourhood and the scale is arbitrary.
+        seconds: Wall seconds per stage.
+        warnings: Everything a user should know before trusting the result.
+        config: The resolved configuration.
+    """
+
+    world_origin: GeodeticPoint | None
+    georeferenced: bool
+    t_s: FloatArray
+    world_T_camera: FloatArray
+    sigma_rotation_rad: FloatArray
+    sigma_position_m: FloatArray
+    state: tuple[FrameState, ...]
+    camera: Camera
+    camera_p_antenna: FloatArray
+    landmarks: Landmarks
+    observations: Observations
+    gps: GpsLog | None
+    fixes: FixTable | None
+    report: SolverReport
+    seconds: Mapping[str, float]
+    warnings: tuple[str, ...]
+    config: Mapping[str, Any]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The poses alone."""
+        return Trajectory(self.t_s, self.world_T_camera)
