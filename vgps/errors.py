@@ -1,4 +1,4 @@
-"""What a user can get wrong, one class per kind; the command line turns each into one line and exit code 2."""
+"""What a user can get wrong, one class per kind; the CLI turns each into one line and exit code 2."""
 
 from pathlib import Path
 

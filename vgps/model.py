@@ -1,7 +1,8 @@
 """What flows between the rooms: plain frozen dataclasses of numpy arrays, with units in their names.
 
 Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x right, y down, z forward);
-``world_T_camera`` maps camera coordinates to world coordinates. Times are seconds since the video's first frame.
+``world_T_camera`` maps camera coordinates to world coordinates. Times are seconds since the video's first
+frame.
 """
 
 from collections.abc import Iterator, Mapping
@@ -73,7 +74,7 @@ class Rig:
 
     Attributes:
         camera_p_antenna: Antenna (phase centre) in the camera frame, (3,), metres.
-        video_start_utc: UTC instant of the video's first frame; absent when the GPS log is on the video's clock.
+        video_start_utc: UTC instant of the video's first frame; absent: the log is on the video's clock.
         world_origin: Origin of the ENU world frame; absent means the first usable fix.
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
         exposure_s: Exposure time of a frame.
