@@ -1,0 +1,233 @@
+"""One small model per stage, every field with a default; a YAML file overrides, an unknown key is an error.
+
+The resolved configuration is saved beside every result. A field's comment says which test it feeds.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
+
+from vgps.errors import ConfigError
+from vgps.model import FixClass
+
+GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
+
+
+class _Stage(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TrackingConfig(_Stage):
+    """Stage A, Kume 2010: follow features from frame to frame and pose the camera by them."""
+
+    method: Literal["lk", "ssd"] = "lk"
+    """Matcher: pyramidal Lucas-Kanade, or the thesis's SSD templates on Harris corners."""
+    max_features: PositiveInt = 350
+    """Corners are added while fewer features than this are being followed."""
+    min_distance_px: PositiveFloat = 12.0
+    """No new corner nearer than this to a followed one."""
+    harris_k: float = 0.04
+    harris_quality: PositiveFloat = 1e-4
+    """A corner's Harris response must exceed this share of the strongest in the frame (A-1)."""
+    window_px: PositiveInt = 15
+    """Side of the patch that is matched."""
+    pyramid_levels: PositiveInt = 4
+    search_px: PositiveInt = 48
+    """SSD: half side of the search window around the previous position (A-2)."""
+    rematch_px: PositiveInt = 6
+    """SSD: half side of the search window around the predicted position (A-4)."""
+    max_match_error: PositiveFloat = 25.0
+    """A match is refused when its mean absolute grey difference exceeds this."""
+    forward_backward_px: PositiveFloat = 1.0
+    """LK: a match is refused when tracking it back misses its start by more."""
+    lmeds_samples: PositiveInt = 60
+    """Minimal samples drawn for the least-median-of-squares pose (A-3)."""
+    inlier_px: PositiveFloat = 2.5
+    """Reprojection error above which a match does not vote in (A-5)."""
+    min_inliers: PositiveInt = 12
+    """Fewer inliers than this and the frame counts as lost."""
+    min_inlier_share: PositiveFloat = 0.3
+    """A smaller share of inliers and the frame counts as lost."""
+    max_bridge_s: PositiveFloat = 3.0
+    """Lost for longer than this and the map is given up; a new one starts and GPS ties the two."""
+
+
+class MappingConfig(_Stage):
+    """Stage B, Kume 2010: triangulate (19), add and delete features by their quality."""
+
+    min_parallax_deg: PositiveFloat = 1.5
+    """A feature gets a position once the largest angle between its rays exceeds this."""
+    max_reprojection_px: PositiveFloat = 2.0
+    """A position is accepted when every view of the feature agrees to this; a match beyond it is dropped."""
+    max_sigma_px: PositiveFloat = 1.5
+    """A feature whose reliability sigma_j (13) is larger is deleted."""
+    sigma_floor_px: PositiveFloat = 0.3
+    """Two or three views drive sigma_j to zero; it is never taken smaller than this."""
+    max_track_frames: PositiveInt = 60
+    """A feature followed for longer goes on as a new one (the solver's cost grows with the square)."""
+    min_views: PositiveInt = 3
+    """Features seen in fewer frames are left out of the graph."""
+
+
+class StartConfig(_Stage):
+    """How a map begins and how it finds its place in the world."""
+
+    min_flow_px: PositiveFloat = 15.0
+    """Median image motion between the two views that begin a map."""
+    min_inliers: PositiveInt = 30
+    """Features that agree with the two views' essential matrix and lie in front of both cameras."""
+    min_parallax_deg: PositiveFloat = 0.7
+    """Median angle between the rays of the two views."""
+    min_fixes: PositiveInt = 3
+    """Usable fixes before scale, heading and position are taken from GPS."""
+    min_travel_ratio: PositiveFloat = 4.0
+    """The fixes must span this many times the median region radius before they give scale and heading."""
+    min_travel_m: PositiveFloat = 3.0
+    straight_ratio: PositiveFloat = 3.0
+    """A track whose fixes leave a straight line by less than this many radii does not show the roll:
+    the camera is then taken as level."""
+    level_sigma_deg: PositiveFloat = 5.0
+    """Standard deviation of the level camera's roll."""
+
+
+class WindowConfig(_Stage):
+    """Stage C, Kume 2010: optimise the last frames every few frames."""
+
+    every_frames: PositiveInt = 15
+    length_frames: PositiveInt = 60
+    iterations: PositiveInt = 4
+
+
+class BatchConfig(_Stage):
+    """Stage D, Kume 2010: optimise everything once."""
+
+    solver: Literal["schur", "gtsam"] = "schur"
+    rounds: PositiveInt = 3
+    """Outliers are dropped and reliabilities (13) recomputed between rounds."""
+    iterations: PositiveInt = 25
+    relative_tolerance: PositiveFloat = 1e-5
+    robust_px: PositiveFloat = 1.0
+    """Huber's constant on a reprojection error, in pixels, before the weights of (12)."""
+    weight: Literal["per_frame", "per_observation"] = "per_observation"
+    """Eq. (12) divides by the number of features in the frame; per_observation does not."""
+    video_sigma_scale: PositiveFloat = 4.0
+    """Pixel sigmas are multiplied by this: tracks drift together, so their errors are not independent."""
+
+
+class Region(_Stage):
+    """The cylinder of a fix class: radius and half height, metres."""
+
+    r_m: PositiveFloat
+    h_m: PositiveFloat
+
+
+def _default_regions() -> dict[FixClass, Region]:
+    return {
+        FixClass.RTK_FIX: Region(r_m=0.07, h_m=0.05),
+        FixClass.RTK_FLOAT: Region(r_m=2.4, h_m=6.5),
+        FixClass.PPP: Region(r_m=0.5, h_m=1.0),
+        FixClass.DGPS: Region(r_m=3.0, h_m=6.0),
+        FixClass.SBAS: Region(r_m=3.0, h_m=6.0),
+        FixClass.SINGLE: Region(r_m=6.0, h_m=12.0),
+    }
+
+
+class GpsConfig(_Stage):
+    """The GPS term of the energy (11)."""
+
+    model: GpsModel = "cylinder"
+    n: PositiveInt = 2
+    """Exponent of (16) and (22): the larger, the flatter inside and the steeper outside."""
+    omega: PositiveFloat = 0.5
+    """Weight of the GPS term: with 0.5 the penalty at the wall equals that of a one-sigma residual."""
+    gaussian_sigma_m: PositiveFloat = 1.0
+    """Sigma of every fix under `gaussian`, which ignores accuracy (14)."""
+    regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
+    """r(p) and h(p) per fix class, from a survey of the receiver. Classes not named are not used."""
+
+
+class Config(_Stage):
+    """Everything, one part per stage."""
+
+    seed: int = 0
+    """Seed of every random choice; the same seed gives the same output."""
+    tracking: TrackingConfig = TrackingConfig()
+    mapping: MappingConfig = MappingConfig()
+    start: StartConfig = StartConfig()
+    window: WindowConfig = WindowConfig()
+    batch: BatchConfig = BatchConfig()
+    gps: GpsConfig = GpsConfig()
+
+    def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":
+        """The same configuration with another GPS model or the regions of a survey file.
+
+        Raises:
+            ConfigError: The survey cannot be read or names an unknown class.
+        """
+        changes: dict[str, Any] = {}
+        if model is not None:
+            changes["model"] = model
+        if survey is not None:
+            changes["regions"] = read_survey(survey)
+        return self.model_copy(update={"gps": self.gps.model_copy(update=changes)})
+
+
+def _read_yaml(path: Path) -> Mapping[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path, expected="a YAML file") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"not YAML: {error}", file=path) from error
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"found a {type(data).__name__}", file=path, expected="a mapping of keys to values")
+    return data
+
+
+def _as_config_error(error: ValidationError, path: Path) -> ConfigError:
+    first = error.errors()[0]
+    place = "key " + ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        return ConfigError("unknown key", file=path, place=place, remedy="remove it or correct its spelling")
+    found = f"found {first['input']!r}"[:80]
+    return ConfigError(found, file=path, place=place, expected=first["msg"][:1].lower() + first["msg"][1:])
+
+
+def read_config(path: Path | None) -> Config:
+    """The defaults, overridden by the YAML file at ``path`` if there is one.
+
+    Raises:
+        ConfigError: Not readable, an unknown key or an impossible value.
+    """
+    if path is None:
+        return Config()
+    try:
+        return Config.model_validate(_read_yaml(path))
+    except ValidationError as error:
+        raise _as_config_error(error, path) from error
+
+
+def read_survey(path: Path) -> dict[FixClass, Region]:
+    """Regions r(p), h(p) per fix class from a survey file; other keys may stand beside them.
+
+    Raises:
+        ConfigError: Not readable, no known class, or impossible sizes.
+    """
+    regions: dict[FixClass, Region] = {}
+    for name, value in _read_yaml(path).items():
+        if name not in set(FixClass) or not isinstance(value, dict):
+            continue
+        sizes = {key: value[key] for key in ("r_m", "h_m") if key in value}
+        try:
+            regions[FixClass(name)] = Region.model_validate(sizes)
+        except ValidationError as error:
+            raise _as_config_error(error, path) from error
+    if not regions:
+        known = ", ".join(FixClass)
+        raise ConfigError("no fix class in it", file=path, expected=f"one of {known}, each with r_m and h_m")
+    return regions
