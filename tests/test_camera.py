@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vgps.camera import camera_fields, distort, project, turning_radius, undistort
+from vgps.model import Camera
+
+PINHOLE = Camera("pinhole", 640, 480, 500.0, 510.0, 320.0, 240.0)
+CV4 = Camera("opencv", 848, 480, 486.16, 486.16, 424.0, 240.0, (-0.1435, 0.01, 0.001, -0.002))
+CV5 = Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (-0.2, 0.05, 0.001, -0.0005, -0.004))
+CV8 = Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.05, 1e-3, -5e-4, 0.01, 0.2, 0.1, 0.01))
+FISHEYE = Camera("fisheye", 640, 480, 300.0, 305.0, 320.0, 240.0, (-0.01, 0.02, -0.005, 0.001))
+# 1/3 inch sensor of 720 x 480 pixels behind a wide converter, as in the thesis
+TSAI = Camera(
+    "tsai", 720, 480, 600.0, 590.0, 355.0, 238.0, (8e-3, 1e-4), pixel_mm=(4.8 / 720 / 1.02, 3.6 / 480)
+)
+CAMERAS = [PINHOLE, CV4, CV5, CV8, FISHEYE, TSAI]
+names = [f"{camera.model}{len(camera.distortion)}" for camera in CAMERAS]
+over_cameras = pytest.mark.parametrize("camera", CAMERAS, ids=names)
+
+
+def grid(camera: Camera) -> np.ndarray:
+    u, v = np.meshgrid(np.linspace(0, camera.width - 1, 13), np.linspace(0, camera.height - 1, 11))
+    return np.column_stack([u.ravel(), v.ravel()])
+
+
+@over_cameras
+def test_every_pixel_comes_back(camera):
+    flat = undistort(camera, grid(camera))
+    np.testing.assert_allclose(distort(camera, flat), grid(camera), atol=1e-6)
+
+
+@over_cameras
+def test_projection_agrees_with_the_undistorted_ray(camera):
+    uv = grid(camera)
+    rays = np.column_stack([undistort(camera, uv), np.ones(len(uv))]) @ np.linalg.inv(camera.K).T
+    depths = np.linspace(0.5, 300, len(uv))[:, None]
+    np.testing.assert_allclose(project(camera, rays * depths), uv, atol=1e-6)
+
+
+def test_tsai_is_the_printed_equation():
+    """Eq. (5)(6), Kume 2010, term by term at one pixel."""
+    u, v = 700.0, 20.0
+    x, y = 4.8 / (720 * 1.02) * (u - 355.0), 3.6 / 480 * (v - 238.0)
+    rho = np.hypot(x, y)
+    factor = 1 + 8e-3 * rho**2 + 1e-4 * rho**4
+    expected = [355.0 + factor * (u - 355.0), 238.0 + factor * (v - 238.0)]
+    np.testing.assert_allclose(undistort(TSAI, [[u, v]]), [expected], rtol=1e-12)
+
+
+def test_opencv_distortion_is_the_documented_polynomial():
+    k1, k2, p1, p2, k3 = CV5.distortion
+    x, y = 0.3, -0.2
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    expected = [[500 * xd + 320, 510 * yd + 240]]
+    np.testing.assert_allclose(project(CV5, [[x * 7, y * 7, 7.0]]), expected, atol=1e-9)
+
+
+def test_fisheye_distortion_is_the_documented_polynomial():
+    x, y = 0.9, 0.4
+    r = np.hypot(x, y)
+    theta = np.arctan(r)
+    k = FISHEYE.distortion
+    theta_d = theta * (1 + k[0] * theta**2 + k[1] * theta**4 + k[2] * theta**6 + k[3] * theta**8)
+    expected = [[300 * theta_d / r * x + 320, 305 * theta_d / r * y + 240]]
+    np.testing.assert_allclose(project(FISHEYE, [[x, y, 1.0]]), expected, atol=1e-9)
+
+
+def test_points_beside_and_behind_the_camera_have_no_pixel():
+    assert np.isnan(project(PINHOLE, [[0, 0, -1.0], [1, 1, 0.0], [np.nan, 0, 1.0]])).all()
+    np.testing.assert_allclose(project(PINHOLE, [[0.1, -0.2, 2.0]]), [[345.0, 189.0]])
+
+
+def test_no_points_are_no_points():
+    for camera in CAMERAS:
+        assert undistort(camera, np.zeros((0, 2))).shape == (0, 2)
+        assert project(camera, np.zeros((0, 3))).shape == (0, 2)
+
+
+def test_a_folding_polynomial_has_no_pixel_beyond_its_turn():
+    barrel = Camera("opencv", 640, 480, 500.0, 500.0, 320.0, 240.0, (-0.4, 0.0, 0.0, 0.0))
+    turn = np.sqrt(1 / (3 * 0.4))  # d/dr (r - 0.4 r^3) = 0
+    assert turning_radius(barrel) == pytest.approx(turn)
+    inside, outside = project(barrel, [[0.99 * turn, 0, 1], [1.01 * turn, 0, 1]])
+    assert np.isfinite(inside).all()
+    assert np.isnan(outside).all()
+    widest = 500 * turn * (1 - 0.4 * turn**2)  # the largest radius the lens reaches, pixels
+    near, beyond = undistort(barrel, [[320 + 0.95 * widest, 240], [320 + 1.05 * widest, 240]])
+    assert np.isfinite(near).all()
+    assert np.isnan(beyond).all()
+
+
+def test_tsai_with_a_negative_coefficient_is_not_inverted_beyond_its_turn():
+    camera = Camera("tsai", 640, 480, 500.0, 500.0, 320.0, 240.0, (-0.05, 0.0), pixel_mm=(0.01, 0.01))
+    turn_px = np.sqrt(1 / (3 * 0.05)) / 0.01
+    inside, outside = undistort(camera, [[320 + 0.95 * turn_px, 240], [320 + 1.05 * turn_px, 240]])
+    assert np.isfinite(inside).all()
+    assert np.isnan(outside).all()
+    widest = turn_px * 2 / 3
+    assert np.isnan(distort(camera, [[320 + 1.1 * widest, 240]])).all()
+
+
+@given(st.floats(0, 0.02), st.floats(0, 5e-4), st.floats(0, 720), st.floats(0, 480))
+def test_tsai_inverts_exactly(k1, k2, u, v):
+    camera = Camera("tsai", 720, 480, 600.0, 590.0, 355.0, 238.0, (k1, k2), pixel_mm=(0.0067, 0.0075))
+    np.testing.assert_allclose(distort(camera, undistort(camera, [[u, v]])), [[u, v]], atol=1e-7)
+
+
+def test_the_fields_are_those_of_camera_yaml():
+    fields = camera_fields(TSAI)
+    assert fields["distortion"] == [8e-3, 1e-4]
+    assert fields["pixel_mm"] == [4.8 / 720 / 1.02, 3.6 / 480]
+    assert "distortion" not in camera_fields(PINHOLE)

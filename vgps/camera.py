@@ -1,0 +1,174 @@
+"""Lens models: distorted pixels to pinhole pixels of the same K, and back.
+
+The tracker undistorts once, at the front end; everything behind it sees a pinhole. Four models: ``pinhole``,
+``opencv`` (radial and tangential, 4, 5 or 8 coefficients), ``fisheye`` (OpenCV's, k1..k4) and ``tsai``, whose
+polynomial goes from distorted to undistorted, Eq. (5)(6), Kume 2010.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import Camera, FloatArray
+
+_CRITERIA = (3, 100, 1e-12)  # iterations and epsilon; the default stops at several hundredths of a pixel
+_ROUND_TRIP_PX = 0.01  # a point that does not come back this closely lies outside the model's range
+
+
+def undistort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
+    """Pinhole pixels of what the lens shows at distorted pixels; Eq. (5), Kume 2010, for ``tsai``.
+
+    Args:
+        camera: Intrinsics; the pinhole image has the same K.
+        uv_px: (N, 2) distorted pixels.
+
+    Returns:
+        (N, 2) pinhole pixels; NaN where the lens model has no inverse (beyond its turning point).
+    """
+    uv = _pixels(uv_px)
+    if camera.model == "pinhole" or len(uv) == 0:
+        return uv
+    if camera.model == "tsai":
+        mm = _to_mm(camera, uv)
+        factor, slope = _tsai(camera, np.hypot(*mm.T))
+        return np.where((slope > 0)[:, None], _from_mm(camera, mm * factor[:, None]), np.nan)
+    return _undistort_opencv(camera, uv)
+
+
+def distort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
+    """Distorted pixels of pinhole pixels: the inverse of `undistort`.
+
+    Args:
+        camera: Intrinsics.
+        uv_px: (N, 2) pinhole pixels.
+
+    Returns:
+        (N, 2) distorted pixels; NaN where the lens model shows nothing there.
+    """
+    uv = _pixels(uv_px)
+    if camera.model == "pinhole" or len(uv) == 0:
+        return uv
+    if camera.model == "tsai":
+        return _distort_tsai(camera, uv)
+    rays = (uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    distorted = _distort_rays(camera, rays)
+    return np.where((np.hypot(*rays.T) < turning_radius(camera))[:, None], distorted, np.nan)
+
+
+def project(camera: Camera, camera_p_points: npt.ArrayLike) -> FloatArray:
+    """Distorted pixels of points in the camera frame; Eq. (4), Kume 2010, in OpenCV's axes.
+
+    Args:
+        camera: Intrinsics.
+        camera_p_points: (N, 3) metres, x right, y down, z forward.
+
+    Returns:
+        (N, 2) pixels; NaN for points that are not in front of the camera.
+    """
+    points = np.asarray(camera_p_points, float).reshape(-1, 3)
+    depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
+    uv = points[:, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    seen = np.isfinite(uv).all(axis=1)
+    uv[seen], uv[~seen] = distort(camera, uv[seen]), np.nan
+    return uv
+
+
+def turning_radius(camera: Camera) -> float:
+    """Pinhole radius (tangent of the angle from the axis) where the image stops growing; inf if never.
+
+    Beyond it an ``opencv`` or ``fisheye`` polynomial folds back and puts points from outside into the image.
+    """
+    if camera.model in {"pinhole", "tsai"}:
+        return np.inf
+    roots = _radial_slope(camera).roots()
+    real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)].real
+    if camera.model == "opencv":
+        return float(np.sqrt(real.min())) if len(real) else np.inf
+    theta = np.sqrt(real.min()) if len(real) else np.inf
+    return float(np.tan(theta)) if theta < np.pi / 2 else np.inf
+
+
+def camera_fields(camera: Camera) -> dict[str, Any]:
+    """The fields of ``camera.yaml`` that read back as this camera."""
+    names = ("model", "width", "height", "fx", "fy", "cx", "cy")
+    fields: dict[str, Any] = {name: getattr(camera, name) for name in names}
+    if camera.distortion:
+        fields["distortion"] = list(camera.distortion)
+    if camera.pixel_mm is not None:
+        fields["pixel_mm"] = list(camera.pixel_mm)
+    return fields
+
+
+def _pixels(uv_px: npt.ArrayLike) -> FloatArray:
+    return np.array(uv_px, np.float64).reshape(-1, 2)
+
+
+def _undistort_opencv(camera: Camera, uv: FloatArray) -> FloatArray:
+    K, coefficients = camera.K, np.array(camera.distortion, np.float64)
+    invert = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
+    flat = invert(uv[:, None], K, coefficients, R=np.eye(3), P=K, criteria=_CRITERIA).reshape(-1, 2)
+    rays = (flat - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    valid = np.isfinite(flat).all(axis=1) & (np.hypot(*rays.T) < turning_radius(camera))
+    back = np.full_like(flat, np.inf)
+    if valid.any():
+        back[valid] = _distort_rays(camera, rays[valid])
+    valid &= np.hypot(*(back - uv).T) < _ROUND_TRIP_PX
+    return np.where(valid[:, None], flat, np.nan)
+
+
+def _distort_rays(camera: Camera, rays: FloatArray) -> FloatArray:
+    coefficients = np.array(camera.distortion, np.float64)
+    if camera.model == "fisheye":
+        return np.asarray(
+            cv2.fisheye.distortPoints(rays[:, None], camera.K, coefficients), np.float64
+        ).reshape(-1, 2)
+    points = np.column_stack([rays, np.ones(len(rays))])
+    uv, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.K, coefficients)
+    return np.asarray(uv, np.float64).reshape(-1, 2)
+
+
+def _radial_slope(camera: Camera) -> np.polynomial.Polynomial:
+    """Numerator of d(distorted radius)/d(radius or angle), as a polynomial of its square."""
+    if camera.model == "fisheye":
+        return np.polynomial.Polynomial([1.0, *(k * (2 * i + 3) for i, k in enumerate(camera.distortion))])
+    k1, k2, _, _, k3, k4, k5, k6 = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
+    above, below = np.polynomial.Polynomial([1, k1, k2, k3]), np.polynomial.Polynomial([1, k4, k5, k6])
+    q = np.polynomial.Polynomial([0, 1])
+    return above * below + 2 * q * (above.deriv() * below - above * below.deriv())
+
+
+def _to_mm(camera: Camera, uv: FloatArray) -> FloatArray:
+    return (uv - (camera.cx, camera.cy)) * _pixel_mm(camera)
+
+
+def _from_mm(camera: Camera, mm: FloatArray) -> FloatArray:
+    return np.asarray(mm / _pixel_mm(camera) + (camera.cx, camera.cy), np.float64)
+
+
+def _pixel_mm(camera: Camera) -> FloatArray:
+    assert camera.pixel_mm is not None, "a tsai camera has pixel_mm"
+    return np.array(camera.pixel_mm)
+
+
+def _tsai(camera: Camera, rho_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Factor 1 + k1 rho^2 + k2 rho^4 of Eq. (5) and the slope of the undistorted radius."""
+    k1, k2 = camera.distortion
+    q = rho_mm**2
+    return 1 + k1 * q + k2 * q**2, 1 + 3 * k1 * q + 5 * k2 * q**2
+
+
+def _distort_tsai(camera: Camera, uv: FloatArray) -> FloatArray:
+    """Newton's iteration on rho * (1 + k1 rho^2 + k2 rho^4) = undistorted radius, from the radius itself."""
+    mm = _to_mm(camera, uv)
+    target = np.hypot(*mm.T)
+    rho = target.copy()
+    for _ in range(50):
+        factor, slope = _tsai(camera, rho)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            rho = rho - (rho * factor - target) / slope
+    factor, slope = _tsai(camera, rho)
+    valid = (np.abs(rho * factor - target) < 1e-9 * (1 + target)) & (slope > 0) & (factor > 0)
+    scale = np.where(valid, 1 / np.where(valid, factor, 1), np.nan)
+    return _from_mm(camera, mm * scale[:, None])

@@ -1,0 +1,80 @@
+"""Latitude, longitude and height to and from local East-North-Up; the only importer of pymap3d.
+
+Eq. (7)-(10), Kume 2010, with the erratum: the rotation is that of the *origin*, not of each fix, so the map
+from ECEF is linear and orthogonal. WGS84, degrees at the user's side, ellipsoidal heights, metres.
+"""
+
+import numpy as np
+import numpy.typing as npt
+import pymap3d
+
+from vgps.model import FloatArray, GeodeticPoint
+
+
+def to_enu(
+    origin: GeodeticPoint, latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike, height_m: npt.ArrayLike
+) -> FloatArray:
+    """East, north, up [m] of geodetic positions; Eq. (7)-(10), Kume 2010, rotated at the origin.
+
+    Args:
+        origin: Where the ENU frame stands.
+        latitude_deg, longitude_deg, height_m: (N,) or scalars, WGS84, ellipsoidal height.
+
+    Returns:
+        (N, 3), or (3,) for scalars; NaN where an input is NaN.
+    """
+    enu = pymap3d.geodetic2enu(
+        np.asarray(latitude_deg, float),
+        np.asarray(longitude_deg, float),
+        np.asarray(height_m, float),
+        *origin,
+    )
+    return _stack(enu)
+
+
+def to_geodetic(origin: GeodeticPoint, world_p_point: npt.ArrayLike) -> FloatArray:
+    """Latitude, longitude [deg] in [-180, 180], ellipsoidal height [m] of ENU points: inverse of `to_enu`.
+
+    Args:
+        origin: Where the ENU frame stands.
+        world_p_point: (N, 3) or (3,), metres.
+
+    Returns:
+        Same shape: latitude, longitude, height.
+    """
+    enu = np.asarray(world_p_point, float)
+    return _stack(pymap3d.enu2geodetic(enu[..., 0], enu[..., 1], enu[..., 2], *origin))
+
+
+def ecef_to_geodetic(ecef_m: npt.ArrayLike) -> FloatArray:
+    """Latitude [deg], longitude [deg], ellipsoidal height [m] of ECEF points [m], (N, 3) or (3,)."""
+    xyz = np.asarray(ecef_m, float)
+    return _stack(pymap3d.ecef2geodetic(xyz[..., 0], xyz[..., 1], xyz[..., 2]))
+
+
+def enu_R_ecef(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> FloatArray:
+    """Rotation from ECEF axes to east, north, up at a place, (N, 3, 3) or (3, 3)."""
+    latitude, longitude = np.asarray(latitude_deg, float), np.asarray(longitude_deg, float)
+    columns = [_stack(pymap3d.ecef2enuv(*axis, latitude, longitude)) for axis in np.eye(3)]
+    return np.stack(columns, axis=-1)
+
+
+def heading_deg(world_R_camera: npt.ArrayLike) -> FloatArray:
+    """Direction of the camera's forward (z) axis, degrees clockwise from north in [0, 360).
+
+    Args:
+        world_R_camera: (..., 3, 3) rotation, or (..., 4, 4) pose.
+
+    Returns:
+        (...,); NaN where the camera looks straight up or down.
+    """
+    forward = np.asarray(world_R_camera, float)[..., :3, 2]
+    east, north = forward[..., 0], forward[..., 1]
+    heading = np.degrees(np.arctan2(east, north)) % 360.0
+    # a tiny negative angle rounds up to 360 itself
+    heading = np.where(heading >= 360.0, 0.0, heading)
+    return np.where(np.hypot(east, north) < 1e-9, np.nan, heading)
+
+
+def _stack(parts: tuple[npt.ArrayLike, ...]) -> FloatArray:
+    return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
