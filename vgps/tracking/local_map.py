@@ -1,0 +1,184 @@
+"""What stages A to C share: one unbroken stretch of tracking with its poses, features and positions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.model import BoolArray, FloatArray, IntArray, Observations
+
+_GROWTH = 4096
+
+
+@dataclass(frozen=True)
+class StaticTie:
+    """A frame that shows no motion against ``key``: its relative pose instead of observations of its own.
+
+    ``key_T_frame`` (4, 4) and the standard deviations (6,) [rotation rad; translation in map units].
+    """
+
+    frame: int
+    key: int
+    key_T_frame: FloatArray
+    sigma: FloatArray
+
+
+class LocalMap:
+    """Poses of consecutive frames, features followed through them and positions of the features.
+
+    Until it is aligned the map's world is its first camera and its unit is arbitrary. Arrays over all
+    features ever seen are indexed by feature id; ``ids`` names those still followed, and rows of
+    ``raw_uv_px`` and ``views`` belong to them.
+
+    Attributes:
+        first_frame: Index of the frame of ``poses[0]``.
+        poses: (n, 4, 4) world_T_camera, NaN where not known yet.
+        aligned: Whether the world is the world of the GPS fixes.
+        ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last sighting in the distorted image.
+        views: (N, H, 2) undistorted sightings in the frames ``view_frames`` (H,), newest last; NaN: unseen.
+    """
+
+    def __init__(self, first_frame: int, history: int) -> None:
+        self.first_frame = first_frame
+        self.poses = np.zeros((0, 4, 4))
+        self.aligned = False
+        self.ids: IntArray = np.zeros(0, dtype=np.int64)
+        self.raw_uv_px = np.zeros((0, 2))
+        self.views = np.full((0, history, 2), np.nan)
+        self.view_frames: IntArray = np.full(history, -1, dtype=np.int64)
+        self.static_ties: list[StaticTie] = []
+        self.bridged: set[int] = set()
+        self._points = np.full((_GROWTH, 3), np.nan)
+        self._sigma_px = np.full(_GROWTH, np.nan)
+        self._gray = np.zeros(_GROWTH, dtype=np.uint8)
+        self._count = 0
+        self._log: list[tuple[int, IntArray, FloatArray]] = []
+
+    @property
+    def next_frame(self) -> int:
+        """Index of the frame that comes after the last one posed."""
+        return self.first_frame + len(self.poses)
+
+    @property
+    def feature_count(self) -> int:
+        """Features ever followed."""
+        return self._count
+
+    @property
+    def points(self) -> FloatArray:
+        """(T, 3) position of every feature ever followed, NaN where it has none."""
+        return self._points[: self._count]
+
+    @property
+    def sigma_px(self) -> FloatArray:
+        """(T,) reliability sigma_j (13) of every feature ever followed, NaN where it has none."""
+        return self._sigma_px[: self._count]
+
+    @property
+    def gray(self) -> np.ndarray:
+        """(T,) luminance of every feature where it was first seen."""
+        return self._gray[: self._count]
+
+    @property
+    def positioned(self) -> BoolArray:
+        """(N,) whether each followed feature has a position."""
+        return np.asarray(np.isfinite(self._points[self.ids, 0]))
+
+    @property
+    def last_uv_px(self) -> FloatArray:
+        """(N, 2) newest undistorted sighting of the followed features."""
+        return self.views[:, -1]
+
+    def append_pose(self, world_T_camera: FloatArray) -> None:
+        """The pose of the next frame; NaN if it is not known yet."""
+        self.poses = np.concatenate([self.poses, world_T_camera[None]])
+
+    def push_view(self, frame: int, raw_uv_px: FloatArray, uv_px: FloatArray, found: BoolArray) -> None:
+        """A frame in which the followed features were seen again (``found`` (N,)); the others are let go."""
+        self.ids, self.raw_uv_px = self.ids[found], raw_uv_px[found]
+        self.views = np.concatenate([self.views[found, 1:], uv_px[found, None]], axis=1)
+        self.view_frames = np.append(self.view_frames[1:], frame)
+        self._log.append((frame, self.ids, uv_px[found]))
+
+    def add_features(self, raw_uv_px: FloatArray, uv_px: FloatArray, gray: np.ndarray) -> None:
+        """Begin to follow new features, seen in the frame pushed last."""
+        ids = self._new_ids(len(uv_px))
+        self._gray[ids] = gray
+        views = np.full((len(ids), self.views.shape[1], 2), np.nan)
+        views[:, -1] = uv_px
+        self.ids, self.raw_uv_px = np.append(self.ids, ids), np.concatenate([self.raw_uv_px, raw_uv_px])
+        self.views = np.concatenate([self.views, views])
+        frame = int(self.view_frames[-1])
+        self._log.append((frame, ids, uv_px))
+
+    def renew_full_tracks(self) -> None:
+        """Go on with features whose history is full as new ones, at the same place, from the newest view."""
+        full = np.isfinite(self.views[:, 0, 0])
+        if not full.any():
+            return
+        old, new = self.ids[full], self._new_ids(int(full.sum()))
+        self._points[new], self._sigma_px[new] = self._points[old], self._sigma_px[old]
+        self._gray[new] = self._gray[old]
+        self.ids = self.ids.copy()
+        self.ids[full] = new
+        self.views[full, :-1] = np.nan
+        self._log.append((int(self.view_frames[-1]), new, self.views[full, -1]))
+
+    def _new_ids(self, count: int) -> IntArray:
+        ids = np.arange(self._count, self._count + count)
+        self._count += count
+        while self._count > len(self._gray):
+            self._points = np.concatenate([self._points, np.full_like(self._points, np.nan)])
+            self._sigma_px = np.concatenate([self._sigma_px, np.full_like(self._sigma_px, np.nan)])
+            self._gray = np.concatenate([self._gray, np.zeros_like(self._gray)])
+        return ids
+
+    def set_points(self, ids: IntArray, points: FloatArray, sigma_px: FloatArray) -> None:
+        """Positions (n, 3) and reliabilities (n,) of features."""
+        self._points[ids], self._sigma_px[ids] = points, sigma_px
+
+    def forget_points(self, ids: IntArray) -> None:
+        """Features whose position is not to be trusted go on without one."""
+        self._points[ids], self._sigma_px[ids] = np.nan, np.nan
+
+    def pose(self, frame: int) -> FloatArray:
+        """(4, 4) pose of a frame of this map."""
+        return np.asarray(self.poses[frame - self.first_frame])
+
+    def view_poses(self) -> tuple[FloatArray, BoolArray]:
+        """(H, 4, 4) poses of the views and (H,) whether each view exists and is posed."""
+        row = self.view_frames - self.first_frame
+        poses = self.poses[np.clip(row, 0, len(self.poses) - 1)]
+        valid = (self.view_frames >= 0) & np.isfinite(poses[:, 0, 0])
+        return np.where(valid[:, None, None], poses, np.eye(4)), valid
+
+    def observations(self, since_frame: int = 0) -> Observations:
+        """Every sighting from a frame on; ``landmark`` is the feature id."""
+        start = next((k for k in range(len(self._log)) if self._log[k][0] >= since_frame), len(self._log))
+        log = self._log[start:]
+        if not log:
+            empty: IntArray = np.zeros(0, dtype=np.int64)
+            return Observations(empty, empty, np.zeros((0, 2)))
+        frames = np.concatenate([np.full(len(ids), frame) for frame, ids, _ in log])
+        return Observations(
+            frames, np.concatenate([ids for _, ids, _ in log]), np.concatenate([uv for _, _, uv in log])
+        )
+
+    def transform(self, scale: float, world_R_map: FloatArray, world_p_map: FloatArray) -> None:
+        """Move the map into the world by a similarity: ``x_world = scale * R x_map + p``."""
+        self.poses[:, :3, 3] = scale * self.poses[:, :3, 3] @ world_R_map.T + world_p_map
+        self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
+        self._points = scale * self._points @ world_R_map.T + world_p_map
+        self.static_ties = [
+            StaticTie(tie.frame, tie.key, _scaled(tie.key_T_frame, scale), _scaled_sigma(tie.sigma, scale))
+            for tie in self.static_ties
+        ]
+
+
+def _scaled(pose: FloatArray, scale: float) -> FloatArray:
+    out = pose.copy()
+    out[:3, 3] *= scale
+    return out
+
+
+def _scaled_sigma(sigma: FloatArray, scale: float) -> FloatArray:
+    return np.concatenate([sigma[:3], scale * sigma[3:]])

@@ -1,0 +1,197 @@
+"""Find features of one frame in the next: SSD templates as in the thesis, or pyramidal Lucas-Kanade."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from vgps.config import TrackingConfig
+from vgps.model import BoolArray, FloatArray, GrayImage, IntArray
+from vgps.tracking.corners import harris_maxima
+
+Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where features went: ``uv_px`` (N, 2) and whether each was ``found`` (N,)."""
+
+    uv_px: FloatArray
+    found: BoolArray
+
+
+class Matcher(Protocol):
+    """Follows features from ``previous`` to ``current``."""
+
+    def match(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """Tentative match (A-2): search widely around ``predicted_uv_px`` (N, 2)."""
+        ...
+
+    def rematch(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """Match again in a small window around a prediction from the tentative pose (A-4)."""
+        ...
+
+
+class LucasKanade:
+    """Pyramidal Lucas-Kanade with a check there and back."""
+
+    def __init__(self, config: TrackingConfig) -> None:
+        self._config = config
+
+    def match(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """As in :class:`Matcher`."""
+        return self._flow(previous, current, uv_px, predicted_uv_px, self._config.pyramid_levels)
+
+    def rematch(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """As in :class:`Matcher`."""
+        return self._flow(previous, current, uv_px, predicted_uv_px, 1)
+
+    def _flow(
+        self,
+        previous: GrayImage,
+        current: GrayImage,
+        uv_px: FloatArray,
+        predicted_uv_px: FloatArray,
+        levels: int,
+    ) -> Match:
+        if len(uv_px) == 0:
+            return Match(np.zeros((0, 2)), np.zeros(0, dtype=bool))
+        side = self._config.window_px
+        start = uv_px.astype(np.float32)[:, None]
+        guess = predicted_uv_px.astype(np.float32)[:, None]
+        there, ok, error = _pyramidal_flow(previous, current, start, guess, side, levels)
+        found = ok & (error < self._config.max_match_error) & _inside(there[:, 0], current.shape)
+        kept = np.flatnonzero(found)
+        if len(kept):
+            # back from where it went, started where it came from, at full resolution only
+            back, ok, _ = _pyramidal_flow(current, previous, there[kept], start[kept], side, levels=1)
+            missed = np.linalg.norm(back[:, 0] - start[kept, 0], axis=1)
+            found[kept] = ok & (missed < self._config.forward_backward_px)
+        return Match(there[:, 0].astype(np.float64), found)
+
+
+def _pyramidal_flow(
+    previous: GrayImage, current: GrayImage, start: Float32Array, guess: Float32Array, side: int, levels: int
+) -> tuple[Float32Array, BoolArray, Float32Array]:
+    there, ok, error = cv2.calcOpticalFlowPyrLK(
+        previous,
+        current,
+        start,
+        guess.copy(),
+        winSize=(side, side),
+        maxLevel=levels - 1,
+        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    return np.asarray(there, np.float32), np.asarray(ok[:, 0] == 1), np.asarray(error[:, 0], np.float32)
+
+
+class SsdTemplates:
+    """The thesis's matcher: Harris maxima near the prediction, compared by sum of squared differences."""
+
+    def __init__(self, config: TrackingConfig) -> None:
+        self._config = config
+
+    def match(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """As in :class:`Matcher`."""
+        return self._search(previous, current, uv_px, predicted_uv_px, self._config.search_px)
+
+    def rematch(
+        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
+    ) -> Match:
+        """As in :class:`Matcher`."""
+        return self._search(previous, current, uv_px, predicted_uv_px, self._config.rematch_px)
+
+    def _search(
+        self,
+        previous: GrayImage,
+        current: GrayImage,
+        uv_px: FloatArray,
+        predicted_uv_px: FloatArray,
+        radius_px: int,
+    ) -> Match:
+        corners, _ = harris_maxima(current, self._config)
+        best_uv, found = predicted_uv_px.copy(), np.zeros(len(uv_px), dtype=bool)
+        if len(corners) == 0 or len(uv_px) == 0:
+            return Match(best_uv, found)
+        near = np.abs(predicted_uv_px[:, None] - corners[None]).max(axis=-1) <= radius_px
+        feature, corner = np.nonzero(near)
+        if len(feature) == 0:
+            return Match(best_uv, found)
+        side = self._config.window_px
+        templates = patches(previous, uv_px, side)
+        ssd = _mean_squared_difference(templates, patches(current, corners, side), feature, corner)
+        order = np.lexsort((ssd, feature))
+        matched, first = np.unique(feature[order], return_index=True)
+        winner = order[first]
+        found[matched] = ssd[winner] < self._config.max_match_error**2
+        best_uv[matched] = corners[corner[winner]]
+        best_uv[matched] += _subpixel(current, templates[matched], best_uv[matched], side)
+        return Match(best_uv, found & _inside(best_uv, current.shape))
+
+
+def patches(gray: GrayImage, uv_px: FloatArray, side: int) -> Float32Array:
+    """(N, side, side) windows of the image around pixels (N, 2), bilinear, edges replicated."""
+    half = side // 2
+    offsets = np.arange(-half, half + 1, dtype=np.float32)
+    u = uv_px[:, 0].astype(np.float32)[:, None, None] + offsets[None, None, :]
+    v = uv_px[:, 1].astype(np.float32)[:, None, None] + offsets[None, :, None]
+    shape = np.broadcast_shapes(u.shape, v.shape)
+    columns = np.broadcast_to(u, shape).reshape(-1, shape[-1])
+    rows = np.broadcast_to(v, shape).reshape(-1, shape[-1])
+    out = cv2.remap(
+        gray,
+        np.ascontiguousarray(columns),
+        np.ascontiguousarray(rows),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(out.reshape(shape), dtype=np.float32)
+
+
+def _mean_squared_difference(
+    templates: Float32Array, windows: Float32Array, feature: IntArray, corner: IntArray
+) -> FloatArray:
+    # ||a - b||^2 = ||a||^2 + ||b||^2 - 2 a.b, so that pairs cost one matrix product
+    a = templates.reshape(len(templates), -1).astype(np.float64)
+    b = windows.reshape(len(windows), -1).astype(np.float64)
+    squared = (a**2).sum(axis=1)[feature] + (b**2).sum(axis=1)[corner]
+    return np.asarray((squared - 2.0 * (a @ b.T)[feature, corner]) / a.shape[1])
+
+
+def _subpixel(gray: GrayImage, templates: Float32Array, uv_px: FloatArray, side: int) -> FloatArray:
+    """Peak of a parabola through the SSD at whole-pixel steps, (N, 2), at most one pixel."""
+
+    def ssd(du: float, dv: float) -> FloatArray:
+        difference = patches(gray, uv_px + np.array([du, dv]), side) - templates
+        return np.asarray((difference.astype(np.float64) ** 2).mean(axis=(1, 2)))
+
+    centre = ssd(0, 0)
+    shift = []
+    for du, dv in ((1, 0), (0, 1)):
+        before, after = ssd(-du, -dv), ssd(du, dv)
+        curvature = before + after - 2 * centre
+        shift.append(np.where(curvature > 1e-9, 0.5 * (before - after) / np.maximum(curvature, 1e-9), 0.0))
+    return np.asarray(np.clip(np.stack(shift, axis=1), -1.0, 1.0))
+
+
+def _inside(uv_px: FloatArray | Float32Array, shape: tuple[int, ...], margin_px: float = 2.0) -> BoolArray:
+    limit = (shape[1] - 1 - margin_px, shape[0] - 1 - margin_px)
+    return np.asarray(np.all((uv_px >= margin_px) & (uv_px <= limit), axis=1))
+
+
+def make_matcher(config: TrackingConfig) -> Matcher:
+    """The matcher that the configuration names."""
+    return LucasKanade(config) if config.method == "lk" else SsdTemplates(config)

@@ -1,0 +1,120 @@
+"""Pose of one frame from features of known position: robust by least median of squares (A-3), then (18)."""
+
+import cv2
+import gtsam
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import BoolArray, FloatArray
+from vgps.tracking.geometry import MIN_DEPTH, project
+
+
+def refine_pose(
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    mu: FloatArray,
+    huber_px: float = 1.0,
+    iterations: int = 8,
+) -> tuple[FloatArray, FloatArray]:
+    """Minimise Eq. (18) of Kume 2010, ``sum_j mu_j rho(||q - q^||)``, over one pose by Gauss-Newton.
+
+    Args:
+        K: (3, 3).
+        world_T_camera: (4, 4) start.
+        points: (N, 3), ``uv_px``: (N, 2), ``mu``: (N,) reliabilities (13).
+        huber_px: Errors beyond this grow linearly, so that one late outlier does not tilt the frame.
+        iterations: At most so many steps.
+
+    Returns:
+        The pose (4, 4) and its information (6, 6) in the camera's tangent [rotation; translation].
+    """
+    pose, information = world_T_camera, np.zeros((6, 6))
+    for _ in range(iterations):
+        jacobian, residual = _linearise(K, pose, points, uv_px)
+        size = np.linalg.norm(residual, axis=1)
+        weight = mu * np.minimum(1.0, huber_px / np.maximum(size, 1e-12))
+        information = np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
+        gradient = np.einsum("n,nri,nr->i", weight, jacobian, residual)
+        damped = information + np.diag(1e-9 * np.diag(information) + 1e-12)
+        step = -np.linalg.solve(damped, gradient)
+        pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -1e3, 1e3)).matrix()
+        if np.abs(step).max() < 1e-7:
+            break
+    return pose, 2.0 * information
+
+
+def _linearise(
+    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6); both zero behind the camera."""
+    camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
+    front = camera_p[:, 2] > MIN_DEPTH
+    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
+    fx, fy = K[0, 0], K[1, 1]
+    a, b, inverse, zero = x / z, y / z, 1.0 / z, np.zeros_like(z)
+    jacobian = np.stack(
+        [
+            np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx * inverse, zero, fx * a * inverse], axis=1),
+            np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy * inverse, fy * b * inverse], axis=1),
+        ],
+        axis=1,
+    )
+    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
+    return jacobian * front[:, None, None], residual * front[:, None]
+
+
+def lmeds_pose(
+    K: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    guesses: FloatArray,
+    samples: int,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, float]:
+    """Pose of least median squared reprojection error (A-3, Kume 2010).
+
+    Minimal samples of three matches each give up to four poses (P3P); they and the ``guesses`` compete.
+
+    Args:
+        K: (3, 3).
+        points: (N, 3), N >= 4, ``uv_px``: (N, 2).
+        guesses: (G, 4, 4) poses that compete too, such as the motion model's.
+        samples: Minimal samples drawn.
+        rng: Source of the samples.
+
+    Returns:
+        The pose (4, 4) and the median error it leaves, in pixels.
+    """
+    candidates = [*guesses]
+    for _ in range(samples):
+        pick = rng.choice(len(points), 3, replace=False)
+        count, rotations, translations = cv2.solveP3P(
+            points[pick], uv_px[pick], K, None, flags=cv2.SOLVEPNP_AP3P
+        )
+        for rotation, translation in zip(rotations[:count], translations[:count], strict=True):
+            candidates.append(_world_T_camera(cv2.Rodrigues(rotation)[0], translation[:, 0]))
+    poses = np.array(candidates)
+    predicted, depth = project(K, poses[:, None], points[None])
+    squared = np.sum((predicted - uv_px) ** 2, axis=-1)
+    squared[depth <= MIN_DEPTH] = np.inf
+    median = np.median(squared, axis=1)
+    best = int(np.argmin(median))
+    return poses[best], float(np.sqrt(median[best]))
+
+
+def _world_T_camera(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> FloatArray:
+    """The inverse of OpenCV's camera_T_world."""
+    rotation, translation = np.asarray(rotation, np.float64), np.asarray(translation, np.float64)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation
+    return pose
+
+
+def reprojection_inliers(
+    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
+) -> BoolArray:
+    """(N,) whether a match agrees with the pose to ``limit_px`` and lies in front of the camera."""
+    predicted, depth = project(K, world_T_camera, points)
+    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
