@@ -1,0 +1,250 @@
+"""The optimisation problem of stages C and D: poses, landmarks, observations, and GTSAM factors on poses.
+
+Observations are arrays, never factors: a solver linearises them all at once. :func:`to_graph` writes the same
+problem as a GTSAM factor graph, whose ``error`` is this module's cost to the last digits.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import gtsam
+import numpy as np
+from gtsam.noiseModel import mEstimator
+from gtsam.symbol_shorthand import L, X
+
+from vgps.model import BoolArray, FloatArray, IntArray
+
+RobustLoss = Literal["none", "huber", "cauchy"]
+
+
+@dataclass(frozen=True)
+class BundleProblem:
+    """Poses and points to be estimated, what was seen of them, and every other factor on the poses.
+
+    The cost is ``sum rho(|uv - uv^| / sigma_px) + pose_graph.error``, Eq. (11), Kume 2010, with ``sigma_px``
+    carrying the reliability and the 1/|P_i| of Eq. (12)(13): ``rho(e) = e^2 / 2`` or a robust loss.
+
+    Attributes:
+        K: fx, fy, cx, cy of the undistorted image, pixels.
+        world_T_camera: (F, 4, 4), in order of time; key ``x<frame>`` in ``pose_graph``.
+        world_p_landmark: (L, 3) metres; key ``l<row>``.
+        frame, landmark: (N,) which landmark was seen in which frame; a pair occurs at most once.
+        uv_px: (N, 2) where, in the undistorted image.
+        sigma_px: (N,) standard deviation of each of the two coordinates.
+        robust: Loss of the whitened error ``|uv - uv^| / sigma_px``.
+        robust_k: (N,) its constant, whitened (:func:`whitened_robust_k`); inf means quadratic. Needed unless
+            ``robust`` is ``none``.
+        pose_graph: Factors whose keys are all ``x<frame>``.
+        fixed: (F,) frames whose poses are held; absent means none.
+
+    Raises:
+        ValueError: Shapes or indices do not fit each other.
+    """
+
+    K: tuple[float, float, float, float]
+    world_T_camera: FloatArray
+    world_p_landmark: FloatArray
+    frame: IntArray
+    landmark: IntArray
+    uv_px: FloatArray
+    sigma_px: FloatArray
+    robust: RobustLoss = "none"
+    robust_k: FloatArray | None = None
+    pose_graph: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
+    fixed: BoolArray | None = None
+
+    def __post_init__(self) -> None:
+        n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)
+        shapes = {
+            "K": (np.shape(self.K), (4,)),
+            "world_T_camera": (self.world_T_camera.shape, (frames, 4, 4)),
+            "world_p_landmark": (self.world_p_landmark.shape, (landmarks, 3)),
+            "landmark": (self.landmark.shape, (n,)),
+            "uv_px": (self.uv_px.shape, (n, 2)),
+            "sigma_px": (self.sigma_px.shape, (n,)),
+            "fixed": (self.fixed_frames.shape, (frames,)),
+        }
+        if self.robust_k is not None or self.robust != "none":
+            shapes["robust_k"] = (() if self.robust_k is None else self.robust_k.shape, (n,))
+        for name, (found, expected) in shapes.items():
+            if found != expected:
+                raise ValueError(f"{name} has shape {found}, expected {expected}")
+        _check_range("frame", self.frame, frames)
+        _check_range("landmark", self.landmark, landmarks)
+        if not np.all(self.sigma_px > 0.0):
+            raise ValueError("sigma_px must be positive")
+
+    @property
+    def fixed_frames(self) -> BoolArray:
+        """(F,) frames whose poses are held, none if ``fixed`` is absent."""
+        return np.zeros(len(self.world_T_camera), dtype=bool) if self.fixed is None else self.fixed
+
+    @property
+    def pose_graph_frames(self) -> IntArray:
+        """Frames that occur in ``pose_graph``, ascending.
+
+        Raises:
+            ValueError: A key is not of the form ``x<frame>``.
+        """
+        keys = np.sort(np.array(self.pose_graph.keyVector(), dtype=np.int64))
+        frames = keys - X(0)
+        _check_range("frame of a pose factor", frames, len(self.world_T_camera))
+        return frames
+
+
+def _check_range(name: str, index: IntArray, size: int) -> None:
+    if len(index) and (index.min() < 0 or index.max() >= size):
+        raise ValueError(f"{name} {index.min()}..{index.max()}, expected 0..{size - 1}")
+
+
+def whitened_robust_k(k: float, pixel_sigma_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
+    """The constants that make a loss of the pixel error act as meant before the 1/|P_i| scaling.
+
+    The weight shall depend on ``|e| / pixel_sigma_px`` against ``k``; the solver compares ``|e| / sigma_px``
+    with the constant, so the constant is ``k * pixel_sigma_px / sigma_px``.
+
+    Args:
+        k: Constant for errors in units of ``pixel_sigma_px``.
+        pixel_sigma_px: (N,) sigma of the measurement itself, pixels.
+        sigma_px: (N,) sigma in the cost.
+    """
+    return k * pixel_sigma_px / sigma_px
+
+
+def robust_loss(problem: BundleProblem, squared: FloatArray) -> FloatArray:
+    """Loss rho of each observation, GTSAM's ``mEstimator.Huber`` and ``Cauchy``.
+
+    Args:
+        problem: Which loss, which constants.
+        squared: (N,) squared whitened errors.
+    """
+    loss = 0.5 * squared
+    if problem.robust == "none" or problem.robust_k is None:
+        return loss
+    k = problem.robust_k
+    if problem.robust == "huber":
+        beyond = squared > k * k
+        loss[beyond] = k[beyond] * (np.sqrt(squared[beyond]) - 0.5 * k[beyond])
+    else:
+        finite = np.isfinite(k)
+        k2 = k[finite] ** 2
+        loss[finite] = 0.5 * k2 * np.log1p(squared[finite] / k2)
+    return loss
+
+
+def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
+    """Weight rho'(e) / e of each observation in iteratively reweighted least squares.
+
+    Args:
+        problem: Which loss, which constants.
+        squared: (N,) squared whitened errors.
+    """
+    weight = np.ones_like(squared)
+    if problem.robust == "none" or problem.robust_k is None:
+        return weight
+    k = problem.robust_k
+    if problem.robust == "huber":
+        beyond = squared > k * k
+        weight[beyond] = k[beyond] / np.sqrt(squared[beyond])
+    else:
+        finite = np.isfinite(k)
+        weight[finite] = 1.0 / (1.0 + squared[finite] / k[finite] ** 2)
+    return weight
+
+
+def camera_points(problem: BundleProblem) -> FloatArray:
+    """(3, N) every observation's landmark in its frame's camera axes, metres."""
+    to_point = [
+        problem.world_p_landmark[:, axis][problem.landmark]
+        - problem.world_T_camera[:, axis, 3][problem.frame]
+        for axis in range(3)
+    ]
+    R = problem.world_T_camera[:, :3, :3]
+    return np.stack(
+        [sum((R[:, i, j][problem.frame] * to_point[i] for i in range(3)), np.zeros(())) for j in range(3)]
+    )
+
+
+def residuals(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Projected minus measured pixels (2, N), and which points lie behind the camera.
+
+    A point behind has GTSAM's constant residual, twice the focal length in both coordinates.
+
+    Args:
+        problem: The measurements.
+        camera_p: (3, N) of :func:`camera_points`.
+    """
+    fx, fy, cx, cy = problem.K
+    x, y, z = camera_p
+    behind = z <= 0.0
+    depth = np.where(behind, 1.0, z)
+    errors = np.stack(
+        [fx * x / depth + (cx - problem.uv_px[:, 0]), fy * y / depth + (cy - problem.uv_px[:, 1])]
+    )
+    errors[:, behind] = 2.0 * fx
+    return errors, behind
+
+
+def projection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
+    """Projected minus measured pixels (N, 2), and (N,) which points lie behind the camera."""
+    errors, behind = residuals(problem, camera_points(problem))
+    return errors.T, behind
+
+
+def video_cost(problem: BundleProblem) -> float:
+    """The observations' part of the cost, the sum of Phi_i of Eq. (12), Kume 2010."""
+    errors, _ = residuals(problem, camera_points(problem))
+    return float(np.sum(robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)))
+
+
+def pose_values(problem: BundleProblem) -> gtsam.Values:
+    """The poses that occur in ``pose_graph``."""
+    values = gtsam.Values()
+    for frame in problem.pose_graph_frames.tolist():
+        values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
+    return values
+
+
+def cost_terms(problem: BundleProblem) -> Mapping[str, float]:
+    """The cost, Eq. (11), Kume 2010: ``video`` of the observations, ``poses`` of the pose factors."""
+    return {"video": video_cost(problem), "poses": float(problem.pose_graph.error(pose_values(problem)))}
+
+
+def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
+    k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
+    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
+    models: list[gtsam.noiseModel.Base] = []
+    for sigma, constant in pairs.tolist():
+        model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+        if problem.robust != "none" and np.isfinite(constant):
+            estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
+            model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)
+        models.append(model)
+    return [models[i] for i in row.ravel().tolist()]
+
+
+def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """The whole problem as a factor graph, and the values of the variables that occur in it.
+
+    Held frames are tied by a constrained factor, which costs nothing where they are.
+    """
+    K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
+    graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
+    rows = zip(
+        problem.uv_px, _noise_models(problem), problem.frame.tolist(), problem.landmark.tolist(), strict=True
+    )
+    for uv, model, frame, landmark in rows:
+        graph.push_back(
+            gtsam.GenericProjectionFactorCal3_S2(uv, model, X(frame), L(landmark), K, False, False)
+        )
+    values = pose_values(problem)
+    for frame in np.setdiff1d(problem.frame, problem.pose_graph_frames).tolist():
+        values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
+    for row in np.unique(problem.landmark).tolist():
+        values.insert(L(row), problem.world_p_landmark[row])
+    held = gtsam.noiseModel.Constrained.All(6)
+    for frame in np.flatnonzero(problem.fixed_frames).tolist():
+        if values.exists(X(frame)):
+            graph.addPriorPose3(X(frame), values.atPose3(X(frame)), held)
+    return graph, values

@@ -1,0 +1,122 @@
+"""Levenberg-Marquardt on a bundle problem, with the landmarks eliminated and the poses as a band.
+
+The result is the minimum that GTSAM's own optimiser finds, several times faster; where tracks are so long
+that the band would be no band, GTSAM's optimiser is used.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vgps.errors import GeometryError
+from vgps.model import FloatArray, SolverReport
+from vgps.smoothing.band import POSE, NotPositiveDefiniteError
+from vgps.smoothing.bundle import BundleProblem, cost_terms
+from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
+from vgps.smoothing.levenberg import SolverSettings, levenberg
+from vgps.smoothing.normal import Structure, factor_points, linearize, reduce_to_poses, structure_of
+
+__all__ = ["BundleResult", "Solver", "SolverSettings", "pose_covariances", "solve"]
+
+Solver = Literal["schur", "gtsam"]
+
+
+@dataclass(frozen=True)
+class BundleResult:
+    """Where the optimiser ended.
+
+    Attributes:
+        problem: The problem with its new poses and points; never of a higher cost than the one given.
+        report: Cost per term before and after, iterations, and why it stopped.
+        solver: Which optimiser did it.
+        converged: Whether a tolerance was reached.
+        stuck: Whether no step lowered the cost though the start is no minimum: the result is the start, and a
+            caller must not take it for an optimum.
+        seconds: Wall time.
+    """
+
+    problem: BundleProblem
+    report: SolverReport
+    solver: Solver
+    converged: bool
+    stuck: bool
+    seconds: float
+
+
+def solve(
+    problem: BundleProblem, settings: SolverSettings | None = None, solver: Solver = "schur"
+) -> BundleResult:
+    """Minimise the cost over the free poses and all points.
+
+    Args:
+        problem: The start.
+        settings: Tolerances and limits.
+        solver: ``schur``, or ``gtsam`` for GTSAM's Levenberg-Marquardt.
+
+    Raises:
+        GeometryError: The cost at the start is not finite.
+        ValueError: A landmark is seen twice in one frame, or a pose factor has a key that is no frame's.
+    """
+    settings = settings or SolverSettings()
+    begun = time.perf_counter()
+    before = cost_terms(problem)
+    if not np.isfinite(sum(before.values())):
+        raise GeometryError(
+            f"the cost at the start is not finite ({_in_words(before)})",
+            expected="poses near enough for every factor",
+            remedy="start from better poses, or raise the wall's exponent in stages",
+        )
+    structure = structure_of(problem) if solver == "schur" else None
+    if structure is not None and not _fits(structure, settings):
+        structure = None
+    if structure is None:
+        outcome = levenberg_of_gtsam(problem, settings)
+    else:
+        outcome = levenberg(problem, structure, settings)
+    after = cost_terms(outcome.problem)
+    return BundleResult(
+        outcome.problem,
+        SolverReport(before, after, outcome.iterations, outcome.reason),
+        "gtsam" if structure is None else "schur",
+        outcome.converged,
+        outcome.stuck,
+        time.perf_counter() - begun,
+    )
+
+
+def _in_words(cost: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())
+
+
+def _fits(structure: Structure, settings: SolverSettings) -> bool:
+    numbers = 2.0 * POSE * structure.n_free * structure.half_bandwidth + structure.grouping.size
+    return structure.flops <= settings.max_flops and 8.0 * numbers <= settings.max_bytes
+
+
+def pose_covariances(problem: BundleProblem) -> FloatArray:
+    """(F, 6, 6) marginal covariances of the poses in the body tangent [rotation; translation], rad and m.
+
+    The inverse of the reduced matrix, only its blocks on the diagonal; held frames have zero.
+
+    Raises:
+        GeometryError: Observations and factors do not determine the poses.
+    """
+    structure = structure_of(problem)
+    linear = linearize(problem, structure)
+    band, _ = reduce_to_poses(linear, structure, factor_points(linear, 0.0), 0.0)
+    covariance = np.zeros((len(structure.free), POSE, POSE))
+    try:
+        inverse = band.cholesky(structure.half_bandwidth).inverse_diagonal_blocks()
+    except NotPositiveDefiniteError as error:
+        column = int(str(error).split()[-1]) - 1
+        frame = int(np.flatnonzero(structure.free >= 0)[column // POSE])
+        raise GeometryError(
+            "nothing determines the pose",
+            place=f"frame {frame}",
+            remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
+        ) from None
+    covariance[structure.free >= 0] = inverse
+    return covariance
