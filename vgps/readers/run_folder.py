@@ -1,0 +1,204 @@
+"""A run folder read back into the Solution that it was written from."""
+
+import json
+import math
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from vgps.errors import RunFolderError
+from vgps.model import (
+    Camera,
+    FixClass,
+    FixTable,
+    FrameState,
+    GeodeticPoint,
+    GpsLog,
+    Landmarks,
+    Observations,
+    Solution,
+    SolverReport,
+)
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+_REMEDY = "run vgps smooth again"
+# what zipfile and NumPy raise on damaged bytes; RuntimeError: a member that claims to be encrypted or newer
+_BAD_ARCHIVE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    OSError,
+    EOFError,
+    TypeError,
+    ValueError,
+    KeyError,
+    RuntimeError,
+)
+
+
+def read_run(path: Path) -> Solution:
+    """Read a run folder: arrays from ``measurements.npz``, the rest from ``solution.json``, ``config.yaml``.
+
+    The files derived from these (``poses.tum``, ``gps.csv``, ...) are not looked at.
+
+    Raises:
+        RunFolderError: One of the three is missing, damaged, or does not fit the others.
+    """
+    summary = read_summary(path)
+    file = path / "measurements.npz"
+    arrays = _read_arrays(file)
+    config = _read_config(path / "config.yaml")
+    try:
+        solution = _assemble(arrays, summary, config)
+    except KeyError as error:
+        raise RunFolderError(f"{error} is missing", file=path, remedy=_REMEDY) from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise RunFolderError(f"is damaged ({error})", file=path, remedy=_REMEDY) from error
+    _check(solution, file)
+    return solution
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read ``solution.json`` of a run folder.
+
+    Raises:
+        RunFolderError: There is no such folder or file, or it is damaged.
+    """
+    if not path.is_dir():
+        raise RunFolderError("is no folder", file=path, expected="a run folder, as vgps smooth writes it")
+    file = path / "solution.json"
+    try:
+        summary = json.loads(_bytes(file))
+    except ValueError as error:
+        raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=_REMEDY) from error
+    if not isinstance(summary, dict):
+        raise RunFolderError("holds no table", file=file, expected="a JSON object", remedy=_REMEDY)
+    return summary
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except FileNotFoundError as error:
+        raise RunFolderError(
+            "is missing", file=file, expected="a run folder, as vgps smooth writes it", remedy=_REMEDY
+        ) from error
+    except OSError as error:
+        raise RunFolderError(f"cannot be read ({error.strerror})", file=file) from error
+
+
+def _read_arrays(file: Path) -> Arrays:
+    if not file.is_file():
+        raise RunFolderError("is missing", file=file, remedy=_REMEDY)
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+    except _BAD_ARCHIVE as error:
+        raise RunFolderError(
+            f"is damaged ({error})", file=file, expected="a NumPy archive", remedy=_REMEDY
+        ) from error
+
+
+def _read_config(file: Path) -> dict[str, Any]:
+    try:
+        config = yaml.safe_load(_bytes(file)) or {}
+    except yaml.YAMLError as error:
+        raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=_REMEDY) from error
+    if not isinstance(config, dict):
+        raise RunFolderError("holds no table", file=file, expected="a YAML mapping", remedy=_REMEDY)
+    return config
+
+
+def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:
+    origin = summary["world_origin"]
+    return Solution(
+        world_origin=None if origin is None else GeodeticPoint(**origin),
+        georeferenced=summary["georeferenced"],
+        t_s=arrays["t_s"],
+        world_T_camera=arrays["world_T_camera"],
+        sigma_rotation_rad=arrays["sigma_rotation_rad"],
+        sigma_position_m=arrays["sigma_position_m"],
+        state=tuple(map(FrameState, arrays["state"].tolist())),
+        camera=_camera(summary["camera"]),
+        camera_p_antenna=arrays["camera_p_antenna"],
+        landmarks=Landmarks(**_part(arrays, "landmarks")),
+        observations=Observations(**_part(arrays, "observations")),
+        gps=_gps(arrays, summary),
+        fixes=_fixes(arrays),
+        report=_report(summary),
+        seconds=summary["seconds"],
+        warnings=tuple(summary["warnings"]),
+        config=config,
+    )
+
+
+def _part(arrays: Arrays, name: str) -> dict[str, Any]:
+    return {key.removeprefix(f"{name}."): arrays[key] for key in arrays if key.startswith(f"{name}.")}
+
+
+def _camera(values: Mapping[str, Any]) -> Camera:
+    pixel_mm = values["pixel_mm"]
+    distortion = tuple(values["distortion"])
+    return Camera(
+        **{**values, "distortion": distortion, "pixel_mm": None if pixel_mm is None else tuple(pixel_mm)}
+    )
+
+
+def _gps(arrays: Arrays, summary: Mapping[str, Any]) -> GpsLog | None:
+    log = summary["gps"]
+    if log is None:
+        return None
+    part = _part(arrays, "gps")
+    part["fix_class"] = tuple(map(FixClass, part["fix_class"].tolist()))
+    return GpsLog(**part, source=Path(log["source"]), skipped=tuple(log["skipped"]))
+
+
+def _fixes(arrays: Arrays) -> FixTable | None:
+    part = _part(arrays, "fixes")
+    if not part:
+        return None
+    part["reason"] = tuple(part["reason"].tolist())
+    return FixTable(**part)
+
+
+def _report(summary: Mapping[str, Any]) -> SolverReport:
+    before, after = (
+        {term: math.nan if cost is None else cost for term, cost in summary["energy"][when]["terms"].items()}
+        for when in ("before", "after")
+    )
+    return SolverReport(before, after, summary["iterations"], summary["stop_reason"])
+
+
+def _check(solution: Solution, file: Path) -> None:
+    frames, landmarks = len(solution.t_s), len(solution.landmarks.world_p_landmark)
+    seen = solution.observations
+    shapes = {
+        "world_T_camera": (solution.world_T_camera.shape, (frames, 4, 4)),
+        "sigma_rotation_rad": (solution.sigma_rotation_rad.shape, (frames, 3)),
+        "sigma_position_m": (solution.sigma_position_m.shape, (frames, 3)),
+        "state": ((len(solution.state),), (frames,)),
+        "landmarks.sigma_px": (solution.landmarks.sigma_px.shape, (landmarks,)),
+        "observations.landmark": (seen.landmark.shape, seen.frame.shape),
+        "observations.uv_px": (seen.uv_px.shape, (*seen.frame.shape, 2)),
+    }
+    if solution.fixes is not None:
+        fixes = 0 if solution.gps is None else len(solution.gps)
+        shapes["fixes.residual_m"] = (solution.fixes.residual_m.shape, (fixes, 3))
+    for key, (found, expected) in shapes.items():
+        if found != expected:
+            raise RunFolderError(
+                f"shape {found}", file=file, place=f"key {key}", expected=f"shape {expected}", remedy=_REMEDY
+            )
+    for key, rows, count in (("frame", seen.frame, frames), ("landmark", seen.landmark, landmarks)):
+        if rows.size and not 0 <= rows.min() <= rows.max() < count:
+            raise RunFolderError(
+                f"points at row {rows.max()} of {count}",
+                file=file,
+                place=f"key observations.{key}",
+                remedy=_REMEDY,
+            )

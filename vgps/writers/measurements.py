@@ -1,0 +1,78 @@
+"""``measurements.npz``: every array of a Solution, exactly; the graph is rebuilt from it.
+
+=============================== ============ ============================================================
+key                             shape        meaning
+=============================== ============ ============================================================
+t_s                             (F,)         frame times, seconds since the first frame
+world_T_camera                  (F, 4, 4)    poses, world is ENU in metres
+sigma_rotation_rad              (F, 3)       about world east, north, up
+sigma_position_m                (F, 3)       east, north, up
+state                           (F,)         ``tracked`` or ``bridged``
+camera_p_antenna                (3,)         lever arm, metres
+landmarks.world_p_landmark      (L, 3)       metres
+landmarks.sigma_px              (L,)         reliability sigma_j, Eq. (13), Kume 2010, pixels
+landmarks.gray                  (L,)         luminance
+observations.frame              (N,)         row of the frames
+observations.landmark           (N,)         row of the landmarks
+observations.uv_px              (N, 2)       in the undistorted (pinhole) image
+gps.t_s                         (M,)         times of the fixes on the video's clock, seconds
+gps.latitude_deg, longitude_deg (M,)         WGS84
+gps.height_m                    (M,)         ellipsoidal
+gps.fix_class                   (M,)         ``rtk_fix``, ``rtk_float``, ...
+gps.sigma_m                     (M, 3)       the receiver's own, east, north, up
+gps.hdop, satellites            (M,)         NaN where unknown
+gps.correction_age_s            (M,)         NaN where unknown
+gps.line                        (M,)         line of the log
+fixes.world_p_fix               (M, 3)       the fixes in ENU metres
+fixes.residual_m                (M, 3)       estimated antenna minus fix, east, north, up
+fixes.r_m, fixes.h_m            (M,)         region of the fix's class
+fixes.used                      (M,)         whether the fix took part
+fixes.reason                    (M,)         why or why not
+=============================== ============ ============================================================
+
+The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts. Intrinsics are in
+``solution.json``. No key is pickled.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import Solution
+
+
+def write_measurements(solution: Solution, out: Path) -> None:
+    """Write the arrays of a Solution; the same Solution gives the same bytes.
+
+    NumPy stamps its archive members 1980-01-01, whatever the clock says.
+    """
+    with out.open("wb") as stream:
+        np.savez(stream, **dict(_arrays(solution)))  # type: ignore[arg-type]
+
+
+def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    yield from _fields_of(solution, "")
+    for name in ("landmarks", "observations", "gps", "fixes"):
+        part = getattr(solution, name)
+        if part is not None:
+            yield from _fields_of(part, f"{name}.")
+    yield "state", _words(solution.state)
+    if solution.gps is not None:
+        yield "gps.fix_class", _words(solution.gps.fix_class)
+    if solution.fixes is not None:
+        yield "fixes.reason", _words(solution.fixes.reason)
+
+
+def _fields_of(part: Any, prefix: str) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    for item in fields(part):
+        value = getattr(part, item.name)
+        if isinstance(value, np.ndarray):
+            yield f"{prefix}{item.name}", value
+
+
+def _words(words: tuple[str, ...]) -> npt.NDArray[np.str_]:
+    return np.array([str(word) for word in words], dtype=np.str_)

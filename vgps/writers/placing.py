@@ -1,0 +1,127 @@
+"""Files and folders that appear under their final name only when they are complete."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vgps.errors import RunFolderError
+
+MARK = "solution.json"  # the file by which a folder is known to be a run
+
+
+def check_writable(out: Path) -> None:
+    """Tell before the long work whether a run can be written to ``out``; change nothing.
+
+    Raises:
+        RunFolderError: ``out`` is a file, a mount point, a folder that holds something else than an earlier
+            run, or lies where nothing can be written.
+    """
+    try:
+        _check_folder(out.resolve())
+    except OSError as error:
+        raise _not_writable(out, error) from error
+
+
+@contextmanager
+def new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
+    """A temporary sibling of ``out`` to write into; it takes the name ``out`` when the block ends well.
+
+    An earlier run under that name goes only after the new one is complete; files in it that are not among
+    ``own_files`` are carried over.
+
+    Raises:
+        RunFolderError: As :func:`check_writable`, or the disk refuses.
+    """
+    check_writable(out)
+    out = out.resolve()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
+    except OSError as error:
+        raise _not_writable(out, error) from error
+    earlier = scratch / "earlier"
+    try:
+        folder = scratch / "run"  # mkdtemp's own folder is private to the user; this one follows the umask
+        folder.mkdir()
+        yield folder
+        _swap(folder, out, earlier, own_files)
+    except OSError as error:
+        raise _not_writable(out, error) from error
+    finally:
+        if not earlier.exists():  # else the swap broke off, and what is left of the earlier run is in there
+            shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
+def new_file(out: Path) -> Iterator[Path]:
+    """A temporary sibling of the file ``out`` to write to; it replaces ``out`` when the block ends well.
+
+    Raises:
+        RunFolderError: ``out`` is a folder, or cannot be written.
+    """
+    if out.is_dir():
+        raise RunFolderError("is a folder", file=out, expected="the name of a file to write")
+    out = out.resolve()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
+    except OSError as error:
+        raise _not_writable(out, error) from error
+    try:
+        yield scratch / out.name
+        (scratch / out.name).replace(out)
+    except OSError as error:
+        raise _not_writable(out, error) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _check_folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
+    if out.is_mount():
+        raise RunFolderError(
+            "is a mount point, which cannot be replaced", file=out, remedy="name a folder inside it as --out"
+        )
+    if out.is_dir() and not (out / MARK).is_file() and any(out.iterdir()):
+        raise RunFolderError(
+            f"holds other files and no {MARK}",
+            file=out,
+            expected="an empty folder or an earlier run",
+            remedy="name another --out; nothing was overwritten",
+        )
+    nearest = next(parent for parent in out.parents if parent.exists())
+    if not nearest.is_dir():
+        raise RunFolderError(
+            f"{nearest} is a file", file=out, expected="a folder", remedy="name another --out"
+        )
+    with tempfile.TemporaryDirectory(prefix=".vgps-", dir=nearest):
+        pass  # the only sure test of permissions, quotas and read-only disks
+
+
+def _swap(new: Path, out: Path, aside: Path, own_files: tuple[str, ...]) -> None:
+    if not out.exists():
+        new.rename(out)
+        return
+    out.rename(aside)
+    try:
+        new.rename(out)
+    except OSError:
+        aside.rename(out)
+        raise
+    for entry in aside.iterdir():
+        if entry.name not in own_files:
+            entry.rename(out / entry.name)
+    shutil.rmtree(aside)
+
+
+def _not_writable(out: Path, error: OSError) -> RunFolderError:
+    reason = error.strerror or os.strerror(error.errno or 0)
+    return RunFolderError(
+        f"cannot be written ({reason})",
+        file=out,
+        remedy="check permissions and free space, or name another --out",
+    )

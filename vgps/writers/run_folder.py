@@ -1,0 +1,127 @@
+"""The run folder: everything a run leaves behind, complete or not at all."""
+
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vgps.model import FrameState, Solution
+from vgps.writers.measurements import write_measurements
+from vgps.writers.placing import check_writable, new_folder
+from vgps.writers.ply import write_ply
+from vgps.writers.tables import write_gps, write_poses
+from vgps.writers.tum import write_tum
+
+__all__ = ["FILES", "check_writable", "write_run"]
+
+FILES = (
+    "poses.tum",
+    "poses.csv",
+    "gps.csv",
+    "points.ply",
+    "measurements.npz",
+    "config.yaml",
+    "solution.json",
+)
+_NAMED_VERSIONS = ("vgps", "gtsam", "numpy", "scipy", "opencv-python-headless", "av")
+
+
+def write_run(solution: Solution, out: Path) -> None:
+    """Write the run folder ``out``: poses, verdicts, points, measurements, configuration and summary.
+
+    The folder takes its name only when it is complete. Equal Solutions give equal bytes in every file;
+    of what varies between two runs of the same work, the seconds per stage, all is in ``solution.json``.
+
+    Raises:
+        RunFolderError: ``out`` holds something else than an earlier run, or cannot be written.
+    """
+    with new_folder(out, FILES) as folder:
+        write_tum(solution.trajectory, folder / "poses.tum")
+        write_poses(solution, folder / "poses.csv")
+        write_gps(solution.gps, solution.fixes, folder / "gps.csv")
+        write_ply(solution.landmarks, solution.observations, solution.world_origin, folder / "points.ply")
+        write_measurements(solution, folder / "measurements.npz")
+        config = yaml.safe_dump(_plain(solution.config), sort_keys=False, allow_unicode=True)
+        (folder / "config.yaml").write_text(config, encoding="utf-8")
+        summary = json.dumps(
+            _finite(_plain(summarise(solution))), indent=2, ensure_ascii=False, allow_nan=False
+        )
+        (folder / "solution.json").write_text(summary + "\n", encoding="utf-8")
+
+
+def summarise(solution: Solution) -> dict[str, Any]:
+    """``solution.json`` as a dict: what a person or a script asks of a run first."""
+    return {
+        "world_origin": solution.world_origin._asdict() if solution.world_origin is not None else None,
+        "georeferenced": solution.georeferenced,
+        "counts": _counts(solution),
+        "energy": {
+            "before": _with_total(solution.report.cost_before),
+            "after": _with_total(solution.report.cost_after),
+        },
+        "iterations": solution.report.iterations,
+        "stop_reason": solution.report.stop_reason,
+        "seconds": dict(solution.seconds),
+        "warnings": list(solution.warnings),
+        "camera": asdict(solution.camera),
+        "camera_p_antenna": solution.camera_p_antenna,
+        "gps": None
+        if solution.gps is None
+        else {"source": str(solution.gps.source), "skipped": list(solution.gps.skipped)},
+        "versions": _versions(),
+    }
+
+
+def _counts(solution: Solution) -> dict[str, int]:
+    fixes = 0 if solution.gps is None else len(solution.gps)
+    used = 0 if solution.fixes is None else int(np.count_nonzero(solution.fixes.used))
+    return {
+        "frames": len(solution.t_s),
+        **{f"frames_{state}": solution.state.count(state) for state in FrameState},
+        "landmarks": len(solution.landmarks.world_p_landmark),
+        "observations": len(solution.observations.frame),
+        "fixes": fixes,
+        "fixes_used": used,
+        "fixes_unused": fixes - used,
+    }
+
+
+def _with_total(cost: Mapping[str, float]) -> dict[str, Any]:
+    return {"terms": dict(cost), "total": sum(cost.values())}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in _NAMED_VERSIONS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """The same value in the types that JSON and YAML share."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if value is None or isinstance(value, bool | int | float) else str(value)
+
+
+def _finite(value: Any) -> Any:
+    """A plain value with null for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

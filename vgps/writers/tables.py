@@ -1,0 +1,109 @@
+"""``poses.csv`` and ``gps.csv``: a run as tables, for people and spreadsheets. Unknown values are empty."""
+
+import csv
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.geodesy import heading_deg, to_geodetic
+from vgps.model import FixTable, FloatArray, GpsLog, Solution
+from vgps.writers.tum import quaternion
+
+Columns = Mapping[str, Iterable[object]]
+
+
+def write_poses(solution: Solution, out: Path) -> None:
+    """Write a row per frame: pose in ENU and on the globe, heading, and standard deviations.
+
+    ``heading_deg`` is that of the optical axis, clockwise from north. Without a world origin the columns on
+    the globe are empty, without any tie to the world the heading too;
+    so is that of a camera that looks straight up or down.
+    """
+    east, north, up = solution.world_T_camera[:, :3, 3].T
+    qx, qy, qz, qw = quaternion(solution.world_T_camera).T
+    globe = _globe(solution)
+    sigma_rotation_deg = np.degrees(solution.sigma_rotation_rad)
+    columns = {
+        "t_s": _numbers(solution.t_s, 9),
+        "frame": range(len(solution.t_s)),
+        "state": map(str, solution.state),
+        "east_m": _numbers(east, 6),
+        "north_m": _numbers(north, 6),
+        "up_m": _numbers(up, 6),
+        **{name: _numbers(q, 12) for name, q in zip(("qx", "qy", "qz", "qw"), (qx, qy, qz, qw), strict=True)},
+        "latitude_deg": _numbers(globe[:, 0], 10),
+        "longitude_deg": _numbers(globe[:, 1], 10),
+        "height_m": _numbers(globe[:, 2], 6),
+        "heading_deg": _numbers(_heading(solution), 6),
+        **_enu("sigma_{}_m", solution.sigma_position_m),
+        **_enu("sigma_rot_{}_deg", sigma_rotation_deg),
+    }
+    _write(columns, out)
+
+
+def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
+    """Write a row per fix: what the log said, the antenna's residual, its ratio to the region, the verdict.
+
+    ``ratio_r`` is the horizontal residual over r, ``ratio_h`` the vertical one over h: the two terms of the
+    cylinder, Eq. (16), Kume 2010, before the power. Without a log only the header is written.
+    """
+    count = 0 if gps is None else len(gps)
+    table = fixes if fixes is not None else _no_verdicts(count)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio_r = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
+        ratio_h = np.abs(table.residual_m[:, 2]) / table.h_m
+    columns = {
+        "line": [] if gps is None else gps.line.tolist(),
+        "t_s": [] if gps is None else _numbers(gps.t_s, 6),
+        "class": [] if gps is None else map(str, gps.fix_class),
+        "latitude_deg": [] if gps is None else _numbers(gps.latitude_deg, 10),
+        "longitude_deg": [] if gps is None else _numbers(gps.longitude_deg, 10),
+        "height_m": [] if gps is None else _numbers(gps.height_m, 6),
+        **_enu("{}_m", table.world_p_fix),
+        **_enu("residual_{}_m", table.residual_m),
+        "ratio_r": _numbers(ratio_r, 6),
+        "ratio_h": _numbers(ratio_h, 6),
+        "r_m": _numbers(table.r_m, 6),
+        "h_m": _numbers(table.h_m, 6),
+        "used": ["yes" if used else "no" for used in table.used],
+        "reason": table.reason,
+    }
+    _write(columns, out)
+
+
+def _globe(solution: Solution) -> FloatArray:
+    position = solution.world_T_camera[:, :3, 3]
+    if solution.world_origin is None:
+        return np.full_like(position, np.nan)
+    return to_geodetic(solution.world_origin, position)
+
+
+def _heading(solution: Solution) -> FloatArray:
+    heading = heading_deg(solution.world_T_camera)
+    return heading if solution.georeferenced else np.full_like(heading, np.nan)
+
+
+def _no_verdicts(count: int) -> FixTable:
+    unknown = np.full((count, 3), np.nan)
+    unused = np.zeros(count, dtype=np.bool_)
+    return FixTable(unknown, unknown, unknown[:, 0], unknown[:, 0], unused, ("",) * count)
+
+
+def _enu(name: str, values: FloatArray) -> dict[str, list[str]]:
+    return {
+        name.format(axis): _numbers(values[:, column], 6)
+        for column, axis in enumerate(("east", "north", "up"))
+    }
+
+
+def _numbers(values: npt.NDArray[np.floating], digits: int) -> list[str]:
+    return [f"{value:.{digits}f}" if np.isfinite(value) else "" for value in values + 0.0]
+
+
+def _write(columns: Columns, out: Path) -> None:
+    with out.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
