@@ -1,1 +1,39 @@
 """GTSAM factors for cameras with GPS: usable without vgps, on gtsam and numpy alone."""
+
+from factors.custom import POINT3, POSE3, SCALAR, Kind, Linearised, Variable, custom_factor
+from factors.gps import gps_factor, gps_factor_between
+from factors.gyro import constant_velocity_factor
+from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
+from factors.reprojection import (
+    Loss,
+    control_point_factor,
+    projection_factor,
+    projection_noise,
+    projection_sigma_px,
+    reliability_sigma_px,
+)
+
+__all__ = [
+    "POINT3",
+    "POSE3",
+    "SCALAR",
+    "WALL_LIMIT",
+    "Cylinder",
+    "Ellipsoid",
+    "Gaussian",
+    "Kind",
+    "Linearised",
+    "Loss",
+    "Penalty",
+    "Variable",
+    "constant_velocity_factor",
+    "control_point_factor",
+    "custom_factor",
+    "gps_factor",
+    "gps_factor_between",
+    "projection_factor",
+    "projection_noise",
+    "projection_sigma_px",
+    "reliability_sigma_px",
+    "stages",
+]
