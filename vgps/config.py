@@ -51,8 +51,8 @@ class TrackingConfig(_Stage):
     """Fewer inliers than this and the frame counts as lost."""
     min_inlier_share: PositiveFloat = 0.3
     """A smaller share of inliers and the frame counts as lost."""
-    max_bridge_s: PositiveFloat = 3.0
-    """Lost for longer than this and the map is given up; a new one starts and GPS ties the two."""
+    static_px: PositiveFloat = 0.4
+    """A frame whose features moved by less (median) since the last view adds no view: the camera stands."""
 
 
 class MappingConfig(_Stage):
@@ -101,6 +101,15 @@ class WindowConfig(_Stage):
     iterations: PositiveInt = 4
 
 
+class MotionConfig(_Stage):
+    """What is assumed of the camera's motion, used only where frames have no features of their own."""
+
+    rotation_density: PositiveFloat = 1.0
+    """White noise on the angular acceleration, rad/s^2/sqrt(Hz)."""
+    translation_density: PositiveFloat = 2.0
+    """White noise on the acceleration, m/s^2/sqrt(Hz)."""
+
+
 class BatchConfig(_Stage):
     """Stage D, Kume 2010: optimise everything once."""
 
@@ -143,6 +152,8 @@ class GpsConfig(_Stage):
     """Exponent of (16) and (22): the larger, the flatter inside and the steeper outside."""
     omega: PositiveFloat = 0.5
     """Weight of the GPS term: with 0.5 the penalty at the wall equals that of a one-sigma residual."""
+    min_sigma_m: PositiveFloat = 0.01
+    """No receiver's own sigma is believed below this."""
     gaussian_sigma_m: PositiveFloat = 1.0
     """Sigma of every fix under `gaussian`, which ignores accuracy (14)."""
     regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
@@ -159,6 +170,7 @@ class Config(_Stage):
     start: StartConfig = StartConfig()
     window: WindowConfig = WindowConfig()
     batch: BatchConfig = BatchConfig()
+    motion: MotionConfig = MotionConfig()
     gps: GpsConfig = GpsConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 
 from vgps.config import StartConfig, TrackingConfig
+from vgps.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.tracking.geometry import project, rays, triangulate
-from vgps.tracking.local_map import LocalMap
 from vgps.tracking.pose import lmeds_pose, refine_pose
 
 _MAX_ERROR_PX = 1.0

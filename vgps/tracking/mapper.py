@@ -4,10 +4,10 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
+from vgps.local_map import LocalMap
 from vgps.model import Camera, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
 from vgps.tracking.geometry import largest_angle_rad, rays, triangulate
-from vgps.tracking.local_map import LocalMap
 
 _REFINE_EVERY = 5
 _REFILL_SHARE = 0.85

@@ -59,6 +59,12 @@ class LocalMap:
         return self.first_frame + len(self.poses)
 
     @property
+    def first_posed(self) -> int:
+        """Index of the first frame with a pose; ``next_frame`` if none has one."""
+        known = np.isfinite(self.poses[:, 0, 0])
+        return self.first_frame + (int(known.argmax()) if known.any() else len(self.poses))
+
+    @property
     def feature_count(self) -> int:
         """Features ever followed."""
         return self._count

@@ -1,0 +1,230 @@
+"""The loop A -> B -> C over frames as they come, the same one offline and online."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.interpolation import interpolate_poses
+from vgps.local_map import LocalMap, StaticTie
+from vgps.model import Camera, FloatArray, Frame, GrayImage
+from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.start import try_alignment
+from vgps.smoothing.window import optimise_window
+from vgps.tracking.bootstrap import TwoViewStart
+from vgps.tracking.frame_tracker import FrameTracker, Tracked
+from vgps.tracking.mapper import Mapper
+from vgps.tracking.relocaliser import Relocaliser
+
+_UNKNOWN = np.full((4, 4), np.nan)
+_STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
+
+
+@dataclass
+class Seconds:
+    """Wall seconds per stage."""
+
+    by_stage: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def measure(self, stage: str) -> Iterator[None]:
+        """Add the time of a ``with`` block to a stage."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.by_stage[stage] = self.by_stage.get(stage, 0.0) + time.perf_counter() - begun
+
+
+@dataclass
+class _Growing:
+    """A map that is being built, the image of its newest view, and what is needed once it is lost."""
+
+    local_map: LocalMap
+    key: GrayImage
+    started: bool = False
+    since_window: int = 0
+    relocaliser: Relocaliser | None = None
+
+
+class Sequence:
+    """Tracks, maps and optimises a window, frame by frame.
+
+    Attributes:
+        t_s: Times of the frames so far.
+        maps: Finished and current maps in order of time; each holds the poses of its own frames.
+        warnings: What happened on the way that a user should know.
+    """
+
+    def __init__(self, camera: Camera, camera_p_antenna: FloatArray, fixes: Fixes, config: Config) -> None:
+        self._camera, self._antenna, self._fixes, self._config = camera, camera_p_antenna, fixes, config
+        rng = np.random.default_rng(config.seed)
+        self._rng = rng
+        self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
+        self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
+        self._start = TwoViewStart(camera.K, config.start, config.tracking, rng)
+        self._current: _Growing | None = None
+        self._next: _Growing | None = None
+        self._times: list[float] = []
+        self.maps: list[LocalMap] = []
+        self.warnings: list[str] = []
+        self.seconds = Seconds()
+
+    @property
+    def t_s(self) -> FloatArray:
+        """(F,) times of the frames so far."""
+        return np.array(self._times)
+
+    def add_frame(self, frame: Frame) -> None:
+        """The next frame of the video."""
+        self._times.append(frame.t_s)
+        if self._current is None or not self._current.started:
+            self._current = self._grow_start(self._current, frame)
+        else:
+            self._track(self._current, frame)
+        if self._current is not None and self._current.started and self._current.local_map not in self.maps:
+            self.maps.append(self._current.local_map)
+
+    def _grow_start(self, growing: _Growing | None, frame: Frame) -> _Growing | None:
+        """Follow features without positions until two views begin the map; start over when they are lost."""
+        with self.seconds.measure("start"):
+            if growing is None:
+                return self._first_view(frame)
+            local_map = growing.local_map
+            tracked = self._tracker.follow(local_map, growing.key, frame.gray)
+            if tracked.found.sum() < self._config.start.min_inliers:
+                return self._first_view(frame)
+            local_map.append_pose(_UNKNOWN)
+            if self._standing(local_map, tracked):
+                key = int(local_map.view_frames[-1])
+                local_map.static_ties.append(StaticTie(frame.index, key, np.eye(4), _STANDING_SIGMA))
+                return growing
+            self._push(growing, frame, tracked)
+            growing.started = self._start.try_start(local_map)
+            self._mapper.refill(local_map, frame.gray)
+        if growing.started:
+            self._window(growing)
+        return growing
+
+    def _first_view(self, frame: Frame) -> _Growing | None:
+        local_map = LocalMap(frame.index, self._config.mapping.max_track_frames)
+        local_map.append_pose(_UNKNOWN)
+        nothing = np.zeros((0, 2))
+        local_map.push_view(frame.index, nothing, nothing, np.zeros(0, dtype=bool))
+        self._mapper.refill(local_map, frame.gray)
+        if len(local_map.ids) < self._config.start.min_inliers:
+            return None
+        return _Growing(local_map, frame.gray)
+
+    def _track(self, growing: _Growing, frame: Frame) -> None:
+        local_map = growing.local_map
+        predicted = self._predict(local_map, frame.t_s)
+        with self.seconds.measure("track"):
+            tracked = self._tracker.track(local_map, growing.key, frame.gray, predicted)
+            if tracked.world_T_camera is None:
+                tracked = self._find_again(growing, frame, predicted)
+        if tracked.world_T_camera is None:
+            self._lost(frame)
+            return
+        self._found_again(growing, frame, tracked.world_T_camera)
+        local_map.append_pose(tracked.world_T_camera)
+        if self._standing(local_map, tracked):
+            self._tie(local_map, frame.index, tracked)
+            return
+        self._push(growing, frame, tracked)
+        with self.seconds.measure("map"):
+            self._mapper.update(local_map, frame.gray)
+        growing.since_window += 1
+        if not local_map.aligned:
+            self._align(growing)
+        if growing.since_window >= self._config.window.every_frames:
+            self._window(growing)
+
+    def _push(self, growing: _Growing, frame: Frame, tracked: Tracked) -> None:
+        growing.local_map.push_view(frame.index, tracked.raw_uv_px, tracked.uv_px, tracked.found)
+        growing.key = frame.gray
+
+    def _standing(self, local_map: LocalMap, tracked: Tracked) -> bool:
+        moved = np.linalg.norm(tracked.uv_px - local_map.last_uv_px, axis=1)[tracked.found]
+        return len(moved) > 0 and float(np.median(moved)) < self._config.tracking.static_px
+
+    def _tie(self, local_map: LocalMap, frame: int, tracked: Tracked) -> None:
+        if tracked.world_T_camera is None or tracked.pose_sigma is None:
+            return
+        key = int(local_map.view_frames[-1])
+        relative = np.linalg.inv(local_map.pose(key)) @ tracked.world_T_camera
+        local_map.static_ties.append(StaticTie(frame, key, relative, np.maximum(tracked.pose_sigma, 1e-6)))
+
+    def _predict(self, local_map: LocalMap, t_s: float) -> FloatArray:
+        """Pose at constant velocity from the last two frames."""
+        last, before = local_map.poses[-1], local_map.poses[-2]
+        if not np.isfinite(before[0, 0]):
+            return np.asarray(last)
+        index = local_map.next_frame - 1
+        share = (t_s - self._times[index]) / (self._times[index] - self._times[index - 1])
+        return np.asarray(last @ np.linalg.inv(before) @ last) if share < 1.5 else np.asarray(last)
+
+    def _align(self, growing: _Growing) -> None:
+        with self.seconds.measure("align"):
+            note = try_alignment(growing.local_map, self.t_s, self._fixes, self._antenna, self._config)
+        if note is not None:
+            self.warnings.extend(note)
+            self._window(growing, len(growing.local_map.poses))
+
+    def _window(self, growing: _Growing, length: int | None = None) -> None:
+        growing.since_window = 0
+        with self.seconds.measure("window"):
+            optimise_window(
+                growing.local_map,
+                self.t_s,
+                self._camera.K,
+                self._fixes.until(self._times[-1]),
+                self._antenna,
+                self._config,
+                length,
+            )
+
+    def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
+        """Look for the features of the last good frame anywhere in this one."""
+        if growing.relocaliser is None:
+            growing.relocaliser = Relocaliser(
+                self._camera, self._config.tracking, self._rng, growing.key, growing.local_map
+            )
+        pose = growing.relocaliser.find(frame.gray, predicted)
+        if pose is None:
+            nothing = np.zeros(len(growing.local_map.ids), dtype=bool)
+            return Tracked(growing.local_map.raw_uv_px, growing.local_map.last_uv_px, nothing)
+        return self._tracker.track(growing.local_map, growing.key, frame.gray, pose)
+
+    def _lost(self, frame: Frame) -> None:
+        """While the old map is lost a new one may begin; once it stands the old one is closed."""
+        self._next = self._grow_start(self._next, frame)
+        if self._next is None or not self._next.started or self._current is None:
+            return
+        last = self._current.local_map.next_frame - 1
+        begin = self._next.local_map.first_posed
+        self.warnings.append(
+            f"tracking was lost after frame {last} ({self._times[last]:.2f} s) and could not be bridged; "
+            f"a new map begins at frame {begin} ({self._times[begin]:.2f} s)"
+        )
+        self._current, self._next = self._next, None
+
+    def _found_again(self, growing: _Growing, frame: Frame, pose: FloatArray) -> None:
+        """Frames between the last good one and this one get poses in between."""
+        growing.relocaliser, self._next = None, None
+        local_map = growing.local_map
+        last = local_map.next_frame - 1
+        if frame.index == last + 1:
+            return
+        t_s = np.array(self._times[last : frame.index + 1])
+        between = interpolate_poses(t_s[[0, -1]], np.stack([local_map.poses[-1], pose]), t_s[1:-1])
+        for bridged in between:
+            local_map.bridged.add(local_map.next_frame)
+            local_map.append_pose(bridged)
+        self.warnings.append(
+            f"tracking was lost from frame {last + 1} to {frame.index - 1} and found again; "
+            "these frames are bridged"
+        )

@@ -1,0 +1,108 @@
+"""Put a map of unknown scale, heading and place into the world by GPS fixes: the start of Kume 2010."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from vgps.config import StartConfig
+from vgps.model import FloatArray
+
+_LOSS_SCALE = 1.0  # in region sizes: beyond its region a fix counts less and less
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """``x_world = scale * R x_map + p``, and whether roll had to be taken from a level camera."""
+
+    scale: float
+    world_R_map: FloatArray
+    world_p_map: FloatArray
+    straight: bool
+
+
+def align(
+    map_T_camera: FloatArray,
+    world_p_fix: FloatArray,
+    region_m: FloatArray,
+    camera_p_antenna: FloatArray,
+    config: StartConfig,
+) -> Alignment | None:
+    """Similarity from map to world that puts the antenna into the fixes' regions, or nothing yet.
+
+    Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and position, with a loss that
+    forgives single wrong fixes. Where the fixes leave a straight line by too little, the roll about the line
+    is not observable and the camera's x axis is taken as level.
+
+    Args:
+        map_T_camera: (M, 4, 4) camera poses in the map at the fixes' times.
+        world_p_fix: (M, 3) the fixes.
+        region_m: (M, 3) size of each fix's region east, north, up.
+        camera_p_antenna: (3,) metres.
+        config: What it takes to align at all.
+    """
+    if len(world_p_fix) < config.min_fixes:
+        return None
+    spread = world_p_fix - np.median(world_p_fix, axis=0)
+    radius = float(np.median(region_m[:, 0]))
+    travel = 2.0 * float(np.median(np.linalg.norm(spread, axis=1)))
+    if travel < max(config.min_travel_m, config.min_travel_ratio * radius):
+        return None
+    axis = _main_axis(spread)
+    beside = spread - np.outer(spread @ axis, axis)
+    straight = float(np.sqrt(np.mean(beside**2) * 3.0)) < config.straight_ratio * float(np.median(region_m))
+    start = _level_start(map_T_camera, world_p_fix)
+    if start is None:
+        return None
+    level_sigma = np.radians(config.level_sigma_deg) if straight else np.radians(90.0)
+
+    def residual(parameters: FloatArray) -> FloatArray:
+        scale, rotation, place = _unpack(parameters)
+        antenna = scale * map_T_camera[:, :3, 3] @ rotation.T + place
+        antenna = antenna + (rotation @ map_T_camera[:, :3, :3]) @ camera_p_antenna
+        offset = (antenna - world_p_fix) / region_m
+        level = (rotation @ map_T_camera[:, :3, 0].mean(axis=0))[2] / level_sigma
+        return np.append(np.linalg.norm(offset, axis=1), level)
+
+    best = least_squares(residual, start, loss="cauchy", f_scale=_LOSS_SCALE, x_scale="jac", max_nfev=200)
+    scale, rotation, place = _unpack(best.x)
+    return Alignment(scale, rotation, place, straight)
+
+
+def _unpack(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    rotation = Rotation.from_rotvec(parameters[1:4]).as_matrix()
+    return float(np.exp(parameters[0])), np.asarray(rotation, np.float64), parameters[4:7]
+
+
+def _main_axis(spread: FloatArray) -> FloatArray:
+    _, _, right = np.linalg.svd(spread, full_matrices=False)
+    return np.asarray(right[0])
+
+
+def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArray | None:
+    """Start of the search: the paths' main directions on each other and the camera as level as can be."""
+    centres = map_T_camera[:, :3, 3]
+    first, last = slice(None, max(1, len(centres) // 3)), slice(-max(1, len(centres) // 3), None)
+    map_way = centres[last].mean(axis=0) - centres[first].mean(axis=0)
+    world_way = np.median(world_p_fix[last], axis=0) - np.median(world_p_fix[first], axis=0)
+    if min(np.linalg.norm(map_way), np.linalg.norm(world_way)) < 1e-9:
+        return None
+    scale = float(np.linalg.norm(world_way) / np.linalg.norm(map_way))
+    forward, world_forward = map_way / np.linalg.norm(map_way), world_way / np.linalg.norm(world_way)
+    up = _across(-map_T_camera[:, :3, 1].mean(axis=0), forward)
+    if np.linalg.norm(up) < 0.3:  # the camera looks along its own up axis: straight down or up
+        up = _across(-map_T_camera[:, :3, 2].mean(axis=0), forward)
+    world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
+    rotation = _axes(world_forward, world_up) @ _axes(forward, up).T
+    place = np.median(world_p_fix - scale * centres @ rotation.T, axis=0)
+    return np.concatenate([[np.log(scale)], Rotation.from_matrix(rotation).as_rotvec(), place])
+
+
+def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
+    return vector - (vector @ axis) * axis
+
+
+def _axes(forward: FloatArray, up: FloatArray) -> FloatArray:
+    up = up / np.linalg.norm(up)
+    return np.stack([forward, up, np.cross(forward, up)], axis=1)

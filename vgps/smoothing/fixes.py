@@ -1,0 +1,156 @@
+"""GPS fixes as the smoother sees them: where, at what time between frames, and with which penalty."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between
+from vgps.config import GpsConfig
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+
+_CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """Fixes in the world frame, a row each, in order of time.
+
+    Attributes:
+        t_s: (M,) on the video's clock.
+        world_p_fix: (M, 3) ENU metres.
+        r_m, h_m: (M,) the region of each fix's class; NaN where the class has none.
+        sigma_m: (M, 3) the receiver's own standard deviations, NaN where it gave none.
+        used: (M,) whether a fix takes part.
+    """
+
+    t_s: FloatArray
+    world_p_fix: FloatArray
+    r_m: FloatArray
+    h_m: FloatArray
+    sigma_m: FloatArray
+    used: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    def until(self, t_s: float) -> "Fixes":
+        """Those taken by the time ``t_s``."""
+        return self.where(self.t_s <= t_s)
+
+    def where(self, mask: BoolArray) -> "Fixes":
+        """Those that ``mask`` (M,) names."""
+        return Fixes(
+            self.t_s[mask],
+            self.world_p_fix[mask],
+            self.r_m[mask],
+            self.h_m[mask],
+            self.sigma_m[mask],
+            self.used[mask],
+        )
+
+
+def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
+    """(M,) radius and (M,) half height of every fix by its class, NaN for a class without a region."""
+    regions = config.regions
+    r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
+    h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
+    return r_m, h_m
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Between which frames each fix lies: ``frame`` (M,) the one before it, ``alpha`` (M,) in [0, 1], and
+    ``inside`` (M,) whether it lies within the video at all."""
+
+    frame: IntArray
+    alpha: FloatArray
+    inside: BoolArray
+
+
+def place(frame_t_s: FloatArray, fix_t_s: FloatArray) -> Placement:
+    """Put fixes between frames by their own time.
+
+    Args:
+        frame_t_s: (F,) strictly increasing, F >= 2.
+        fix_t_s: (M,).
+    """
+    frame = np.clip(np.searchsorted(frame_t_s, fix_t_s, side="right") - 1, 0, len(frame_t_s) - 2)
+    alpha = (fix_t_s - frame_t_s[frame]) / (frame_t_s[frame + 1] - frame_t_s[frame])
+    inside = (alpha >= 0.0) & (alpha <= 1.0)
+    return Placement(frame, np.clip(alpha, 0.0, 1.0), inside)
+
+
+def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatArray) -> FloatArray:
+    """(M, 3) antenna in the world at the fixes' times; straight between the frames' antennas.
+
+    Over one frame interval this differs from the interpolation on SE(3) by the sagitta of the arc alone.
+
+    Args:
+        poses: (F, 4, 4) world_T_camera.
+        placement: Of the fixes in these frames.
+        camera_p_antenna: (3,) metres.
+    """
+    antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
+    alpha = placement.alpha[:, None]
+    return np.asarray((1.0 - alpha) * antenna[placement.frame] + alpha * antenna[placement.frame + 1])
+
+
+def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> Penalty:
+    """What an offset from fix ``row`` costs under the configured model.
+
+    Args:
+        fixes: All fixes.
+        row: Which.
+        config: Names the model: (14), (15), (16), (22) of Kume 2010 or Cauchy on (15).
+        n: Exponent, if another than the configured.
+    """
+    r_m, h_m = float(fixes.r_m[row]), float(fixes.h_m[row])
+    exponent = n or config.n
+    if config.model == "cylinder":
+        return Cylinder(r_m, h_m, exponent, config.omega)
+    if config.model == "ellipsoid":
+        return Ellipsoid(r_m, h_m, exponent, config.omega)
+    if config.model == "gaussian":
+        return Gaussian((config.gaussian_sigma_m,) * 3)
+    # a receiver that gives no sigmas is taken at half its class's region
+    sigma = np.where(np.isfinite(fixes.sigma_m[row]), fixes.sigma_m[row], np.array([r_m, r_m, h_m]) / 2.0)
+    sigma = np.maximum(sigma, config.min_sigma_m)
+    k = _CAUCHY_K if config.model == "cauchy" else None
+    return Gaussian((float(sigma[0]), float(sigma[1]), float(sigma[2])), k)
+
+
+def gps_graph(
+    fixes: Fixes,
+    frame_t_s: FloatArray,
+    camera_p_antenna: FloatArray,
+    config: GpsConfig,
+    n: int | None = None,
+) -> gtsam.NonlinearFactorGraph:
+    """The GPS term of the energy (11) over frames with keys ``x0..``.
+
+    Args:
+        fixes: Those with ``used`` set and within the frames take part.
+        frame_t_s: (F,) times of the frames.
+        camera_p_antenna: (3,) metres.
+        config: The model; none gives an empty graph.
+        n: Exponent, if another than the configured.
+    """
+    graph = gtsam.NonlinearFactorGraph()
+    if config.model == "none" or len(frame_t_s) < 2:
+        return graph
+    placement = place(frame_t_s, fixes.t_s)
+    for row in np.flatnonzero(fixes.used & placement.inside).tolist():
+        frame = int(placement.frame[row])
+        graph.push_back(
+            gps_factor_between(
+                X(frame),
+                X(frame + 1),
+                float(placement.alpha[row]),
+                fixes.world_p_fix[row],
+                camera_p_antenna,
+                penalty(fixes, row, config, n),
+            )
+        )
+    return graph

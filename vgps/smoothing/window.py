@@ -1,0 +1,82 @@
+"""Stage C, Kume 2010: optimise the last frames of a map, with what is older held."""
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from vgps.config import Config
+from vgps.local_map import LocalMap
+from vgps.model import FloatArray
+from vgps.smoothing.assembly import (
+    build_problem,
+    gps_and_motion,
+    motion_graph,
+    scene_of_map,
+    select_observations,
+)
+from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.schur import SolverSettings, solve
+
+
+def optimise_window(
+    local_map: LocalMap,
+    t_s: FloatArray,
+    K: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    length: int | None = None,
+) -> None:
+    """Optimise the poses of the last frames and the features seen in them, in place.
+
+    Older frames that share features with the window are held; they carry scale and place on. A map that
+    begins in the window is held by GPS if it lies in the world, else by its first two posed frames.
+
+    Args:
+        local_map: The map; poses, positions and reliabilities are replaced.
+        t_s: Times of all frames of the video so far.
+        K: (3, 3).
+        fixes: Fixes so far.
+        camera_p_antenna: (3,) metres.
+        config: Window, weights and GPS model.
+        length: Frames to optimise, if not the configured.
+    """
+    last = local_map.next_frame
+    since = max(local_map.first_posed, last - (length or config.window.length_frames))
+    history = local_map.views.shape[1]
+    first = max(local_map.first_posed, since - history)
+    scene, ids = scene_of_map(local_map, t_s, first)
+    scene, sigma = select_observations(scene, K, config)
+    fixed = np.arange(len(scene.t_s)) < since - first
+    if local_map.aligned:
+        graph = gps_and_motion(scene, fixes, camera_p_antenna, config)
+        if not fixed.any():
+            graph.push_back(_loose_prior(scene.poses[0]))
+    else:
+        graph = motion_graph(scene, config, _typical_speed(scene.poses, scene.t_s))
+        if not fixed.any():
+            fixed[[0, _farthest_of_first_views(scene.poses)]] = True
+    problem = build_problem(scene, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
+    settings = SolverSettings(
+        max_iterations=config.window.iterations, relative_tolerance=config.batch.relative_tolerance
+    )
+    result = solve(problem, settings).problem
+    local_map.poses[first - local_map.first_frame :] = result.world_T_camera
+    judged = np.isfinite(sigma)
+    local_map.set_points(ids[judged], result.world_p_landmark[judged], sigma[judged])
+
+
+def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
+    away = np.linalg.norm(poses[:views, :3, 3] - poses[0, :3, 3], axis=1)
+    return int(np.argmax(away))
+
+
+def _typical_speed(poses: FloatArray, t_s: FloatArray) -> float:
+    way = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()
+    return float(max(way / max(t_s[-1] - t_s[0], 1e-9), 1e-6))
+
+
+def _loose_prior(pose: FloatArray) -> gtsam.PriorFactorPose3:
+    # fixes alone leave a straight track free to roll; a few degrees keep the system definite
+    sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0])
+    return gtsam.PriorFactorPose3(X(0), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
