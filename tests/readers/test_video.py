@@ -1,0 +1,253 @@
+import threading
+import time
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from clips import noise, picture, shade, write_clip
+
+from vgps.errors import VideoError
+from vgps.readers.luma import luma
+from vgps.readers.video import VideoFile
+
+
+def limited(value: int) -> int:
+    """Y of a grey value in video range, ITU-R BT.601."""
+    return round(16 + 219 * value / 255)
+
+
+def checked_frames(video: VideoFile) -> list:
+    """All frames, after checking that they correspond to the times one to one."""
+    frames = list(video.frames())
+    assert [frame.index for frame in frames] == list(range(len(video.times_s)))
+    assert [frame.t_s for frame in frames] == video.times_s.tolist()
+    assert {frame.gray.shape for frame in frames} == {(video.height, video.width)}
+    return frames
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "options"),
+    [
+        ("b_frames.mp4", "libx264", {"bf": "3", "b-pyramid": "normal"}),
+        ("b_frames.mov", "libx264", {"bf": "3"}),
+        ("b_frames.avi", "libx264", {"bf": "3"}),
+        ("mpeg4.avi", "mpeg4", {"bf": "2"}),
+        ("b_frames.mkv", "libx264", {"bf": "3"}),
+    ],
+)
+def test_frames_come_in_order_with_their_times(tmp_path, name, codec, options):
+    video = VideoFile(write_clip(tmp_path / name, codec=codec, options=options))
+    np.testing.assert_allclose(video.times_s, np.arange(10) / 10, atol=1e-9)
+    assert (video.width, video.height) == (64, 48)
+    grays = [int(frame.gray[40, 40]) for frame in checked_frames(video)]
+    np.testing.assert_allclose(grays, [limited(shade(i)) for i in range(10)], atol=3)
+    assert video.warnings == ()
+
+
+def test_variable_rate_keeps_every_time(tmp_path):
+    pts = [500, 600, 650, 900, 901, 1400, 1500, 1510, 1800, 1900]
+    video = VideoFile(write_clip(tmp_path / "v.mp4", pts))
+    np.testing.assert_allclose(video.times_s, (np.array(pts) - 500) / 1000, atol=1e-9)
+    grays = [int(frame.gray[40, 40]) for frame in checked_frames(video)]
+    np.testing.assert_allclose(grays, [limited(shade(i)) for i in range(10)], atol=3)
+
+
+@pytest.mark.parametrize("rotation", [90, 180, -90])
+def test_the_rotation_flag_is_applied(tmp_path, rotation):
+    path = write_clip(tmp_path / "v.mp4", rotation=rotation)
+    video = VideoFile(path)
+    assert (video.width, video.height) == ((64, 48) if rotation == 180 else (48, 64))
+    gray = checked_frames(video)[0].gray
+    _, shown = cv2.VideoCapture(str(path)).read()  # turns the picture by the flag itself
+    np.testing.assert_allclose(gray > 128, shown[..., 0] > 128)
+
+
+@pytest.mark.parametrize(
+    ("codec", "pix_fmt", "expected"),
+    [
+        ("libx265", "yuv420p10le", limited(shade(0))),
+        ("libx264", "yuv422p10le", limited(shade(0))),
+        ("ffv1", "yuv420p16le", limited(shade(0))),
+        ("ffv1", "bgr0", shade(0)),
+        ("ffv1", "gray", shade(0)),
+        ("ffv1", "gray16le", shade(0)),
+        ("libx264", "nv12", limited(shade(0))),
+    ],
+)
+def test_every_pixel_format_gives_eight_bit_luminance(tmp_path, codec, pix_fmt, expected):
+    video = VideoFile(write_clip(tmp_path / "v.mkv", codec=codec, pix_fmt=pix_fmt))
+    gray = checked_frames(video)[0].gray
+    assert gray.dtype == np.uint8
+    assert gray.flags.c_contiguous
+    assert abs(int(gray[40, 40]) - expected) <= 2
+    assert gray[4, 4] >= 233
+
+
+def test_padded_rows_are_cut(tmp_path):
+    def draw(index: int) -> np.ndarray:
+        return picture(index, width=70, height=50)
+
+    video = VideoFile(write_clip(tmp_path / "v.mp4", draw=draw, frames=2))
+    gray = checked_frames(video)[0].gray
+    assert gray.shape == (50, 70)
+    np.testing.assert_allclose(gray[20:, :], limited(shade(0)), atol=3)
+
+
+def test_big_endian_and_high_aligned_formats():
+    values = np.arange(64 * 48, dtype=np.uint16).reshape(48, 64) * 21
+    big = av.VideoFrame.from_ndarray(values, "gray16be")
+    np.testing.assert_array_equal(luma(big), (values >> 8).astype(np.uint8))
+    flat = av.VideoFrame.from_ndarray(picture(3), "rgb24").reformat(format="p010le")
+    assert abs(int(luma(flat)[40, 40]) - shade(3)) <= 16  # converted, range included
+
+
+def test_frame_times_override(tmp_path):
+    path = write_clip(tmp_path / "v.mp4", frames=3)
+    table = tmp_path / "frame_times.csv"
+    table.write_text("frame,t_s\n0,7.0\n1,7.25\n2,7.75\n")
+    video = VideoFile(path, table)
+    assert video.times_s.tolist() == [0.0, 0.25, 0.75]
+    assert video.start_s == 7.0
+    assert [int(f.gray[40, 40]) for f in checked_frames(video)] == pytest.approx(
+        [limited(shade(i)) for i in range(3)], abs=3
+    )
+    table.write_text("frame,t_s\n0,7.0\n1,7.25\n")
+    with pytest.raises(VideoError, match=r"frame_times\.csv: 2 times; expected 3"):
+        VideoFile(path, table)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("0,0\n2,1\n", "line 3: frame 2; expected frame 1"),
+        ("0,0\n1,0\n", "line 3: t_s 0; expected a time later"),
+        ("0,0\n1,nan\n", "line 3: t_s nan"),
+        ("0,0\n1,soon\n", "line 3: 'soon' in column t_s; expected a number"),
+        ("", "no rows"),
+    ],
+)
+def test_wrong_frame_times_are_told(tmp_path, rows, message):
+    path = write_clip(tmp_path / "v.mp4", frames=2)
+    (tmp_path / "t.csv").write_text("frame,t_s\n" + rows)
+    with pytest.raises(VideoError, match=message):
+        VideoFile(path, tmp_path / "t.csv")
+
+
+def test_damage_in_the_middle_costs_only_its_frames(tmp_path):
+    path = write_clip(tmp_path / "v.mp4", frames=40, draw=noise, options={"g": "10"})
+    clean = [frame.gray for frame in VideoFile(path).frames()]
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + len(data) // 10] = bytes(len(data) // 10)
+    path.write_bytes(data)
+    video = VideoFile(path)
+    frames = checked_frames(video)
+    assert len(frames) == 40
+    lost = [frame.index for frame in frames if not frame.gray.any()]
+    assert lost
+    assert any(
+        f"{len(lost)} of 40 frames cannot be decoded, first frame {lost[0]}" in w for w in video.warnings
+    )
+    for frame in (*frames[:10], *frames[-5:]):
+        np.testing.assert_array_equal(frame.gray, clean[frame.index])
+
+
+@pytest.mark.parametrize("name", ["v.mp4", "v.mkv"])
+def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
+    path = write_clip(
+        tmp_path / name,
+        frames=40,
+        draw=noise,
+        options={"bf": "0"},
+        container_options={"movflags": "faststart"} if name.endswith("mp4") else None,
+    )
+    clean = [frame.gray for frame in VideoFile(path).frames()]
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 6 // 10])
+    video = VideoFile(path)
+    frames = checked_frames(video)
+    assert 20 <= len(frames) <= 25
+    for frame in frames:
+        np.testing.assert_array_equal(frame.gray, clean[frame.index])
+    assert name.endswith("mkv") or "cut short" in video.warnings[0]
+
+
+def test_an_abandoned_pass_ends_its_thread(tmp_path):
+    video = VideoFile(write_clip(tmp_path / "v.mp4", frames=200))
+    before = threading.active_count()
+    frames = video.frames()
+    next(frames)
+    assert threading.active_count() == before + 1
+    frames.close()
+    assert threading.active_count() == before
+    unread = video.frames()
+    del unread
+    assert threading.active_count() == before
+    assert len(list(video.frames())) == 200
+
+
+def test_an_error_in_the_decoder_thread_reaches_the_reader(tmp_path):
+    path = write_clip(tmp_path / "v.mp4")
+    video = VideoFile(path)
+    path.unlink()
+    with pytest.raises(VideoError):
+        list(video.frames())
+
+
+def test_decoding_runs_ahead(tmp_path):
+    frames = VideoFile(write_clip(tmp_path / "v.mp4", frames=6)).frames()
+    next(frames)
+    deadline = time.monotonic() + 10
+    while any(thread.name == "decoder" for thread in threading.enumerate()):
+        assert time.monotonic() < deadline, "the decoder waits for its reader"
+        time.sleep(0.01)
+    assert len(list(frames)) == 5
+
+
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\x00" * 1000, None])
+def test_what_is_no_video_is_told(tmp_path, content):
+    path = tmp_path / "v.mp4"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(VideoError, match=r"v\.mp4"):
+        VideoFile(path)
+
+
+def test_a_stream_without_times_needs_a_table(tmp_path):
+    path = write_clip(tmp_path / "v.h264", frames=3)
+    with pytest.raises(VideoError, match=r"frame_times\.csv"):
+        VideoFile(path)
+    (tmp_path / "t.csv").write_text("frame,t_s\n0,0\n1,0.1\n2,0.3\n")
+    video = VideoFile(path, tmp_path / "t.csv")
+    assert video.times_s.tolist() == [0, 0.1, 0.3]
+    assert len(checked_frames(video)) == 3
+
+
+def test_sound_alone_is_no_video(tmp_path):
+    path = tmp_path / "v.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=48000)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 48000), np.float32), format="fltp", layout="mono")
+        frame.sample_rate = 48000
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    with pytest.raises(VideoError, match="no video stream"):
+        VideoFile(path)
+
+
+@pytest.mark.parametrize(
+    ("folder", "count", "step"),
+    [("kitti03", 801, 0.1), ("gopro_walk", 315, 1001 / 30000), ("phone_gyro", 103, None)],
+)
+def test_real_videos(data_dir: Path, folder, count, step):
+    table = data_dir / folder / "frame_times.csv"
+    video = VideoFile(data_dir / folder / "video.mp4", table if step is None else None)
+    assert len(video.times_s) == count
+    if step is not None:
+        np.testing.assert_allclose(video.times_s, np.arange(count) * step, atol=1e-9)
+    frames = video.frames()
+    for _, frame in zip(range(5), frames, strict=False):
+        assert frame.gray.std() > 10
+    frames.close()

@@ -1,0 +1,1 @@
+"""A file in, a piece of a recording out; formats are told by content, not by suffix alone."""

@@ -1,0 +1,140 @@
+"""A folder of images with their times, as a video."""
+
+import logging
+import re
+from collections.abc import Generator, Iterator
+from pathlib import Path
+
+import av
+import numpy as np
+
+from vgps.errors import VideoError
+from vgps.model import FloatArray, Frame, GrayImage
+from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
+from vgps.readers.luma import ahead, luma, upright_size
+
+log = logging.getLogger(__name__)
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
+
+
+class ImageFolder:
+    """Images in order of their names (numbers by value) with the times of ``frame_times.csv``.
+
+    With a column ``file`` the table names the images; with ``frame`` it numbers the sorted ones from 0.
+    An image that cannot be decoded is a black frame, told in ``warnings`` and in the log.
+    """
+
+    def __init__(self, path: str | Path, frame_times: str | Path | None = None) -> None:
+        """List the images and decode the first.
+
+        Args:
+            path: The folder.
+            frame_times: The table; by default ``frame_times.csv`` in the folder, or else beside it.
+
+        Raises:
+            VideoError: no images, no times, an image without time or the reverse.
+        """
+        self.path = Path(path)
+        times = read_frame_times(_table(self.path, frame_times))
+        self._files = _files(self.path, times)
+        self._times_s: FloatArray = times.t_s - times.t_s[0]
+        self.start_s = float(times.t_s[0])
+        self._warnings: tuple[str, ...] = ()
+        first = _picture(self._files[0])
+        if first is None:
+            raise VideoError("the first image cannot be decoded", file=self._files[0])
+        self.width, self.height = upright_size(first)
+
+    @property
+    def times_s(self) -> FloatArray:
+        """(F,) times, seconds since the first frame, strictly increasing."""
+        return self._times_s
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last pass over the frames could not decode, in words."""
+        return self._warnings
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames in order, decoded ahead in a thread of its own.
+
+        Raises:
+            VideoError: an image of another size than the first.
+        """
+        return ahead(self._frames)
+
+    def _frames(self) -> Generator[Frame]:
+        lost = []
+        for index, (file, t_s) in enumerate(zip(self._files, self._times_s, strict=True)):
+            gray = self._gray(file)
+            if gray is None:
+                lost.append(file.name)
+                gray = np.zeros((self.height, self.width), np.uint8)
+            yield Frame(index, float(t_s), gray)
+        if lost:
+            self._warnings = (f"{len(lost)} of {len(self._files)} images cannot be decoded, first {lost[0]}",)
+            log.warning("%s: %s", self.path, self._warnings[0])
+
+    def _gray(self, file: Path) -> GrayImage | None:
+        picture = _picture(file)
+        if picture is None:
+            return None
+        if upright_size(picture) != (self.width, self.height):
+            raise VideoError(
+                f"an image of {picture.width} x {picture.height}",
+                file=file,
+                expected=f"{self.width} x {self.height} as the first image",
+            )
+        return luma(picture)
+
+
+def list_images(folder: Path) -> list[Path]:
+    """The images of a folder in order of their names, digits by value."""
+    images = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file()]
+    return sorted(
+        images, key=lambda file: [(int(part) if part.isdigit() else -1, part) for part in _parts(file)]
+    )
+
+
+def _parts(file: Path) -> list[str]:
+    return re.findall(r"\d+|\D+", file.stem)
+
+
+def _table(folder: Path, given: str | Path | None) -> Path:
+    if given is not None:
+        return Path(given)
+    if not folder.is_dir():
+        raise VideoError("no such folder of images", file=folder)
+    for table in (folder / FRAME_TIMES, folder.parent / FRAME_TIMES):
+        if table.is_file():
+            return table
+    raise VideoError(
+        f"images without {FRAME_TIMES}",
+        file=folder,
+        remedy=f"add {FRAME_TIMES} with columns file,t_s or frame,t_s",
+    )
+
+
+def _files(folder: Path, times: FrameTimes) -> list[Path]:
+    if times.files is not None:
+        files = [folder / name for name in times.files]
+        missing = [file for file in files if not file.is_file()]
+        if missing:
+            raise VideoError(f"no image {missing[0].name}", file=times.path, expected=f"images in {folder}")
+        return files
+    files = list_images(folder)
+    if len(files) != len(times.t_s):
+        raise VideoError(
+            f"{len(times.t_s)} times",
+            file=times.path,
+            expected=f"{len(files)}, a row for every image in {folder}",
+        )
+    return files
+
+
+def _picture(file: Path) -> av.VideoFrame | None:
+    try:
+        with av.open(str(file)) as container:
+            return next(container.decode(video=0), None)
+    except (av.error.FFmpegError, OSError, IndexError):
+        return None

@@ -1,0 +1,100 @@
+"""Decoded pictures to luminance, and the thread that decodes ahead."""
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable, Generator, Iterator
+from typing import TypeVar, cast
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import GrayImage
+
+T = TypeVar("T")
+_AHEAD = 8  # frames decoded ahead of the one being worked on: 8 MB each at 4K
+
+
+def luma(picture: av.VideoFrame) -> GrayImage:
+    """Luminance of a decoded picture, upright, (H, W) uint8.
+
+    Takes the Y plane as it is stored (more than 8 bits are cut to the upper 8); colour without a Y plane is
+    converted. The rotation flag is applied.
+    """
+    gray = _y_plane(picture) if _has_y_plane(picture.format) else _converted(picture)
+    turns = quarter_turns(picture)
+    return np.ascontiguousarray(np.rot90(gray, turns)) if turns else gray
+
+
+def quarter_turns(picture: av.VideoFrame) -> int:
+    """How often the rotation flag turns the stored picture by 90 degrees, counterclockwise, 0..3."""
+    return round(picture.rotation / 90) % 4
+
+
+def upright_size(picture: av.VideoFrame) -> tuple[int, int]:
+    """Width and height as shown, pixels."""
+    size = (picture.width, picture.height)
+    return size[::-1] if quarter_turns(picture) % 2 else size
+
+
+def _has_y_plane(form: av.VideoFormat) -> bool:
+    first, *others = form.components
+    alone = first.is_luma and first.plane == 0 and all(other.plane != 0 for other in others)
+    # p010 and its like store their bits at the upper end; only the plain formats are read directly
+    depth = first.bits == 8 or (8 < first.bits <= 16 and form.name.startswith(("yuv", "gray")))
+    return bool(alone and depth and not form.has_palette)
+
+
+def _y_plane(picture: av.VideoFrame) -> GrayImage:
+    bits, plane = picture.format.components[0].bits, picture.planes[0]
+    dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if picture.format.is_big_endian else "<u2")
+    # rows are padded to line_size bytes
+    stored: npt.NDArray[np.uint8 | np.uint16] = np.frombuffer(cast(memoryview, plane), dtype)
+    rows = stored.reshape(-1, plane.line_size // dtype.itemsize)
+    y = rows[: picture.height, : picture.width]
+    return np.array(y if bits == 8 else y >> (bits - 8), dtype=np.uint8, order="C")
+
+
+def _converted(picture: av.VideoFrame) -> GrayImage:
+    return _y_plane(picture.reformat(format="gray"))
+
+
+def ahead(produce: Callable[[], Generator[T]], depth: int = _AHEAD) -> Iterator[T]:
+    """Run a generator in a thread of its own, a few items ahead; abandoning the iterator ends the thread."""
+    items: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue(depth)
+    stop = threading.Event()
+
+    def put(item: T | None, error: BaseException | None) -> bool:
+        while not stop.is_set():
+            with contextlib.suppress(queue.Full):
+                items.put((item, error), timeout=0.1)
+                return True
+        return False
+
+    def work() -> None:
+        try:
+            with contextlib.closing(produce()) as source:
+                for item in source:
+                    if not put(item, None):
+                        return
+            put(None, StopIteration())
+        except BaseException as error:
+            put(None, error)
+
+    thread = threading.Thread(target=work, name="decoder", daemon=True)
+    thread.start()
+    try:
+        while True:
+            item, error = items.get()
+            if isinstance(error, StopIteration):
+                return
+            if error is not None:
+                raise error
+            yield item  # type: ignore[misc]
+    finally:
+        stop.set()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                items.get_nowait()
+        thread.join()

@@ -1,0 +1,135 @@
+"""Delimited text with named columns, the common ground of the CSV readers."""
+
+import csv
+from collections import Counter
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import VgpsError
+from vgps.model import FloatArray, IntArray
+
+
+def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
+    """The file's content; raises ``error`` where it is missing, unreadable or empty."""
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise error(f"cannot be read ({problem.strerror})", file=path) from problem
+    if not data.strip():
+        raise error("the file is empty", file=path)
+    return data
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under named columns.
+
+    Attributes:
+        path: The file.
+        error: What to raise about it.
+        columns: Column names, lower case, without spaces, in the file's order.
+        cells: (N,) rows, each as long as ``columns``.
+        line: (N,) line of the file (from 1) of each row.
+        short_lines: Lines with too few cells, left out.
+    """
+
+    path: Path
+    error: type[VgpsError]
+    columns: tuple[str, ...]
+    cells: list[list[str]]
+    line: IntArray
+    short_lines: tuple[int, ...]
+
+    def find(self, *names: str) -> str | None:
+        """The first of the names that is a column."""
+        return next((name for name in names if name in self.columns), None)
+
+    def require(self, *names: str) -> str:
+        """The first of the names that is a column; raises ``error`` with a likely misspelling if none."""
+        found = self.find(*names)
+        if found is not None:
+            return found
+        close = [match for name in names for match in get_close_matches(name, self.columns, 1, 0.6)]
+        raise self.error(
+            f"no column {names[0]} among {', '.join(self.columns)}",
+            file=self.path,
+            place=f"line {self.header_line}",
+            remedy=f"did you mean {close[0]}? Rename it to {names[0]}"
+            if close
+            else f"add a column {names[0]}",
+        )
+
+    @property
+    def header_line(self) -> int:
+        """Line of the column names, as far as messages need it."""
+        return max(1, int(self.line[0]) - 1) if len(self.line) else 1
+
+    def text(self, name: str) -> list[str]:
+        """(N,) cells of a column."""
+        index = self.columns.index(name)
+        return [row[index] for row in self.cells]
+
+    def numbers(self, name: str, *, lenient: bool = False) -> FloatArray:
+        """(N,) numbers of a column, empty cells as NaN.
+
+        Raises:
+            VgpsError: of the table's class where a cell is not a number, unless ``lenient`` (then NaN).
+        """
+        return np.array([self._number(cell, row, name, lenient) for row, cell in enumerate(self.text(name))])
+
+    def _number(self, cell: str, row: int, name: str, lenient: bool) -> float:
+        try:
+            return float(cell or "nan")
+        except ValueError:
+            if lenient:
+                return np.nan
+            raise self.error(
+                f"{cell!r} in column {name}",
+                file=self.path,
+                place=f"line {self.line[row]}",
+                expected="a number",
+            ) from None
+
+
+def read_table(path: Path, error: type[VgpsError]) -> Table:
+    """Read delimited text whose first line names the columns.
+
+    Commas, semicolons or tabs separate; ``#`` starts a comment line.
+
+    Raises:
+        VgpsError: of the given class, where the file is missing, empty or has no line of column names.
+    """
+    text = read_bytes(path, error).decode("utf-8-sig", errors="replace").replace("\0", "")
+    numbered = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not numbered:
+        raise error("only comments", file=path, expected="a line of column names, then rows")
+    delimiter = _delimiter(numbered[0][1])
+    rows = list(csv.reader((line for _, line in numbered), delimiter=delimiter, strict=False))
+    columns = tuple(_normal(cell) for cell in rows[0])
+    twice = [name for name, count in Counter(columns).items() if count > 1 and name]
+    if twice:
+        raise error(f"column {twice[0]} appears twice", file=path, place=f"line {numbered[0][0]}")
+    # a quoted line break would merge rows; then the pairing below stops at the shorter list
+    paired = [
+        (number, [cell.strip() for cell in row])
+        for (number, _), row in zip(numbered[1:], rows[1:], strict=False)
+    ]
+    whole = [(number, row) for number, row in paired if len(row) >= len(columns)]
+    short = tuple(number for number, row in paired if len(row) < len(columns))
+    line = np.array([number for number, _ in whole], np.int64)
+    return Table(path, error, columns, [row for _, row in whole], line, short)
+
+
+def _delimiter(header: str) -> str:
+    return max((",", ";", "\t"), key=header.count)
+
+
+def _normal(name: str) -> str:
+    return name.strip().lower().replace(" ", "_").removeprefix("field.")
