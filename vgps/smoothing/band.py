@@ -5,11 +5,10 @@ Storage is LAPACK's lower band, ``ab[i - j, j] = A[i, j]``, in Fortran order: en
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
 
@@ -111,113 +110,3 @@ class Band:
         """Block under the diagonal block: an upper triangle, the band's lower corner."""
         block = self.block(slice(columns.stop, columns.stop + count), columns)
         return np.triu(block, columns.stop - columns.start - self.stride)
-
-
-@dataclass(frozen=True)
-class Group:
-    """Landmarks seen in nearly the same frames, eliminated together as one dense block.
-
-    Attributes:
-        frames: (s,) free frames in which any of them is seen, ascending.
-        landmarks: Their number.
-        start: Where the block begins in the buffer of all blocks, each (3 landmarks, 6 s) in C order.
-    """
-
-    frames: IntArray
-    landmarks: int
-    start: int
-
-    @cached_property
-    def width(self) -> int:
-        """Columns of the block."""
-        return POSE * len(self.frames)
-
-    @cached_property
-    def contiguous(self) -> bool:
-        """Whether no frame between its first and its last is missing."""
-        return int(self.frames[-1] - self.frames[0]) + 1 == len(self.frames)
-
-    @property
-    def size(self) -> int:
-        """Entries of the block."""
-        return 3 * self.landmarks * self.width
-
-    def subtract_square(self, buffer: FloatArray, band: Band) -> None:
-        """Subtract Z^T Z of its block Z from the matrix."""
-        Z = buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
-        square = blas.dsyrk(-1.0, Z.T, lower=1)
-        if self.contiguous:
-            band.add_lower(POSE * int(self.frames[0]), square)
-            return
-        rows, columns = np.tril_indices(self.width)
-        index = (POSE * self.frames[:, None] + np.arange(POSE)).ravel()
-        band.add_entries(index[rows], index[columns], square[rows, columns])
-
-
-@dataclass(frozen=True)
-class Grouping:
-    """How the landmarks are eliminated.
-
-    Attributes:
-        groups: The dense blocks.
-        entry: (N, 3) where in the buffer each observation's three runs of six entries begin.
-        size: Entries of the buffer.
-        span: Frames from the first to the last of the longest track.
-    """
-
-    groups: tuple[Group, ...]
-    entry: IntArray
-    size: int
-    span: int
-
-    @property
-    def flops(self) -> float:
-        """Multiplications and additions of all blocks' squares."""
-        return float(sum(group.size * group.width for group in self.groups))
-
-
-def group_landmarks(frame: IntArray, landmark: IntArray) -> Grouping:
-    """Gather landmarks of like first frame and like length.
-
-    Lengths are binned by powers of the square root of two and first frames by half a length, so a block spans
-    at most about twice its tracks' length.
-
-    Args:
-        frame: (N,) free frame of each observation.
-        landmark: (N,) its landmark.
-
-    Raises:
-        ValueError: A landmark is seen twice in one frame.
-    """
-    if not len(frame):
-        return Grouping((), np.zeros((0, 3), dtype=np.int64), 0, 0)
-    _, row = np.unique(landmark, return_inverse=True)
-    first, last = np.full(row.max() + 1, frame.max()), np.zeros(row.max() + 1, dtype=np.int64)
-    np.minimum.at(first, row, frame)
-    np.maximum.at(last, row, frame)
-    bin_of_length = np.ceil(2.0 * np.log2(np.maximum(last - first + 1, 4))).astype(np.int64)
-    bucket = first // (2.0 ** (0.5 * bin_of_length) / 2.0).astype(np.int64)
-    _, group = np.unique(bin_of_length * (frame.max() + 1) + bucket, return_inverse=True)
-    groups, entry = _lay_out(frame, row, group)
-    return Grouping(groups, entry, sum(g.size for g in groups), int(np.max(last - first)) + 1)
-
-
-def _lay_out(frame: IntArray, row: IntArray, group: IntArray) -> tuple[tuple[Group, ...], IntArray]:
-    count = int(group.max()) + 1
-    number = np.bincount(group, minlength=count)  # of landmarks in each group
-    by_group = np.argsort(group, kind="stable")
-    place = np.empty_like(row[: len(group)])  # of a landmark in its group
-    place[by_group] = np.arange(len(group)) - np.repeat(np.cumsum(number) - number, number)
-    pairs, column = np.unique(group[row] * (frame.max() + 1) + frame, return_inverse=True)
-    first_pair = np.searchsorted(pairs, np.arange(count + 1) * (frame.max() + 1))
-    groups, start = [], 0
-    for g in range(count):
-        frames = pairs[first_pair[g] : first_pair[g + 1]] - g * (frame.max() + 1)
-        groups.append(Group(frames, int(number[g]), start))
-        start += groups[-1].size
-    width = np.array([g.width for g in groups])[group[row]]
-    begin = np.array([g.start for g in groups])[group[row]] + POSE * (column - first_pair[group[row]])
-    entry = begin[:, None] + (3 * place[row, None] + np.arange(3)) * width[:, None]
-    if len(np.unique(entry[:, 0])) != len(entry):
-        raise ValueError("a landmark is seen twice in one frame")
-    return tuple(groups), entry

@@ -5,7 +5,7 @@ problem as a GTSAM factor graph, whose ``error`` is this module's cost to the la
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import gtsam
@@ -79,6 +79,10 @@ class BundleProblem:
     def fixed_frames(self) -> BoolArray:
         """(F,) frames whose poses are held, none if ``fixed`` is absent."""
         return np.zeros(len(self.world_T_camera), dtype=bool) if self.fixed is None else self.fixed
+
+    def moved(self, world_T_camera: FloatArray, world_p_landmark: FloatArray) -> "BundleProblem":
+        """The same problem at other poses (F, 4, 4) and points (L, 3)."""
+        return replace(self, world_T_camera=world_T_camera, world_p_landmark=world_p_landmark)
 
     @property
     def pose_graph_frames(self) -> IntArray:
@@ -203,6 +207,14 @@ def pose_values(problem: BundleProblem) -> gtsam.Values:
     values = gtsam.Values()
     for frame in problem.pose_graph_frames.tolist():
         values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
+    return values
+
+
+def all_pose_values(problem: BundleProblem) -> gtsam.Values:
+    """Every pose, whether or not a pose factor has it."""
+    values = gtsam.Values()
+    for frame, world_T_camera in enumerate(problem.world_T_camera):
+        values.insert(X(frame), gtsam.Pose3(world_T_camera))
     return values
 
 

@@ -1,7 +1,5 @@
 """The same problem handed to GTSAM's optimiser: the reference, and the way out where the band is no band."""
 
-from dataclasses import replace
-
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
@@ -60,4 +58,4 @@ def _with_values(problem: BundleProblem, values: gtsam.Values) -> BundleProblem:
             world_T_camera[frame] = values.atPose3(X(frame)).matrix()
     for landmark in np.unique(problem.landmark).tolist():
         world_p_landmark[landmark] = values.atPoint3(L(landmark))
-    return replace(problem, world_T_camera=world_T_camera, world_p_landmark=world_p_landmark)
+    return problem.moved(world_T_camera, world_p_landmark)

@@ -1,22 +1,17 @@
 """Levenberg-Marquardt over the reduced normal equations."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import gtsam
 import numpy as np
+from gtsam.symbol_shorthand import X
 
 from vgps.model import FloatArray
 from vgps.smoothing.band import POSE, NotPositiveDefiniteError
-from vgps.smoothing.bundle import BundleProblem, cost_terms
-from vgps.smoothing.normal import (
-    Linearization,
-    Structure,
-    factor_points,
-    linearize,
-    point_steps,
-    reduce_to_poses,
-)
+from vgps.smoothing.bundle import BundleProblem, all_pose_values, video_cost
+from vgps.smoothing.elimination import Structure
+from vgps.smoothing.normal import Linearization, linearize, point_steps, reduce_to_poses
 
-_MINIMUM = "converged: the linear model promises no decrease worth a step"
 _LIGHT = 1e-2  # damping that leaves a step nearly a Gauss-Newton step, so that a short one means a minimum
 _SMALL_STEPS = 3  # in succession that end the search even under heavy damping
 
@@ -60,110 +55,127 @@ class Outcome:
     stuck: bool
 
 
+@dataclass(frozen=True)
+class _State:
+    """A place: the problem there, its poses as GTSAM wants them, its cost."""
+
+    problem: BundleProblem
+    values: gtsam.Values
+    cost: float
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Steps of all poses (F, 6) and points (L, 3), and the decrease that the linear model promises."""
+
+    poses: FloatArray
+    points: FloatArray
+    promised: float
+
+
 def levenberg(problem: BundleProblem, structure: Structure, settings: SolverSettings) -> Outcome:
     """Lower the cost until the settings say stop.
 
     Args:
         problem: The start, of finite cost.
-        structure: :func:`structure_of` it.
+        structure: ``structure_of`` it.
         settings: When to stop, and how to damp.
     """
-    cost, damping, small_steps = sum(cost_terms(problem).values()), settings.lambda_start, 0
+    values = all_pose_values(problem)
+    state = _State(problem, values, _cost(problem, values, structure))
+    damping, small_steps = settings.lambda_start, 0
     for iteration in range(settings.max_iterations):
-        search = _search(problem, structure, cost, damping, settings)
-        if isinstance(search, str):
-            minimum = search == _MINIMUM
-            return Outcome(problem, iteration, search, minimum, iteration == 0 and not minimum)
-        problem, new_cost, used = search
-        decrease, tolerance, cost = cost - new_cost, _tolerance(cost, settings), new_cost
-        damping = max(used / settings.lambda_factor, settings.lambda_least)
-        small_steps = small_steps + 1 if decrease <= tolerance else 0
+        better, used, vain = _search(state, structure, damping, settings)
+        decrease = state.cost - better.cost
+        if vain or better is state:
+            return _ended(better.problem, iteration, decrease, vain, used)
+        small_steps = small_steps + 1 if decrease <= _tolerance(state.cost, settings) else 0
+        state, damping = better, max(used / settings.lambda_factor, settings.lambda_least)
         if small_steps == _SMALL_STEPS or (small_steps and used <= _LIGHT):
-            reason = f"converged: the last step lowered the cost by {decrease:.3g}"
-            return Outcome(problem, iteration + 1, reason, True, False)
+            return _ended(state.problem, iteration + 1, decrease, True, used)
     reason = f"stopped after {settings.max_iterations} iterations"
-    return Outcome(problem, settings.max_iterations, reason, False, False)
+    return Outcome(state.problem, settings.max_iterations, reason, False, False)
+
+
+def _ended(
+    problem: BundleProblem, iterations: int, decrease: float, converged: bool, damping: float
+) -> Outcome:
+    if converged:
+        reason = f"converged: the last step lowered the cost by {decrease:.3g}"
+        return Outcome(problem, iterations, reason, True, False)
+    reason = f"no step lowers the cost, with a damping of up to {damping:.0e}"
+    return Outcome(problem, iterations, reason, False, iterations == 0)
 
 
 def _search(
-    problem: BundleProblem, structure: Structure, cost: float, damping: float, settings: SolverSettings
-) -> tuple[BundleProblem, float, float] | str:
-    """Raise the damping until a step lowers the cost: the problem after it, cost and damping; or why not."""
-    linear = linearize(problem, structure)
+    state: _State, structure: Structure, damping: float, settings: SolverSettings
+) -> tuple[_State, float, bool]:
+    """Raise the damping until a step lowers the cost.
+
+    Returns the place it leads to, or the same place if there is none; the damping; and whether a lightly
+    damped step promised no decrease worth having, which is what a minimum looks like.
+    """
+    linear = linearize(state.problem, state.values, structure)
+    used = damping
     while damping <= settings.lambda_most:
+        used = damping
         step = _step(linear, structure, damping)
-        vain = step is not None and step[2] <= _tolerance(cost, settings)
-        if vain and damping <= _LIGHT:
-            return _MINIMUM
-        accepted = None if step is None else _try(problem, cost, step, settings)
-        if accepted is not None:
-            return *accepted, damping
-        if vain:
-            break
+        vain = step is not None and step.promised <= _tolerance(state.cost, settings)
+        better = None if step is None else _try(state, structure, step, settings)
+        if better is not None or vain:
+            return better or state, damping, vain and damping <= _LIGHT
         damping *= settings.lambda_factor
-    return f"no step lowers the cost, with a damping of up to {damping:.0e}"
+    return state, used, False
 
 
 def _tolerance(cost: float, settings: SolverSettings) -> float:
     return max(settings.absolute_tolerance, settings.relative_tolerance * cost)
 
 
-def _step(
-    linear: Linearization, structure: Structure, damping: float
-) -> tuple[FloatArray, FloatArray, float] | None:
-    """Steps of all poses (F, 6) and points (L, 3), and the decrease that the linear model promises."""
-    points = factor_points(linear, damping)
-    band, gradient = reduce_to_poses(linear, structure, points, damping)
+def _step(linear: Linearization, structure: Structure, damping: float) -> _Step | None:
+    band, gradient = reduce_to_poses(linear, structure, damping)
     try:
         free_step = -band.cholesky(structure.half_bandwidth).solve(gradient)
     except NotPositiveDefiniteError:
         return None
-    pose_step = np.zeros((len(structure.free), POSE))
-    pose_step[structure.free >= 0] = free_step.reshape(-1, POSE)
-    point_step = point_steps(linear, points, pose_step)
-    slope = float(linear.pose_gradient @ free_step + np.sum(linear.point_gradient.T * point_step))
-    damped = float(linear.pose_diagonal @ free_step**2 + np.sum(linear.point_diagonal.T * point_step**2))
-    return pose_step, point_step, 0.5 * (damping * damped - slope)
+    poses = np.zeros((len(structure.free), POSE))
+    poses[structure.free >= 0] = free_step.reshape(-1, POSE)
+    points = point_steps(linear, poses, damping)
+    slope = float(linear.gradient @ free_step)
+    damped = float(linear.diagonal @ free_step**2)
+    for part in linear.chunks:
+        step = points[:, part.chunk.landmarks]
+        slope += float(np.sum(part.gradient * step))
+        damped += float(np.sum(part.diagonal * step**2))
+    return _Step(poses, points.T, 0.5 * (damping * damped - slope))
 
 
-def _try(
-    problem: BundleProblem, cost: float, step: tuple[FloatArray, FloatArray, float], settings: SolverSettings
-) -> tuple[BundleProblem, float] | None:
-    """The problem after the step and its cost, or nothing if the step is refused."""
-    pose_step, point_step, promised = step
-    if not np.isfinite(promised):
+def _try(state: _State, structure: Structure, step: _Step, settings: SolverSettings) -> _State | None:
+    """The place after the step, or nothing if the step is refused."""
+    if not np.isfinite(step.promised):
         return None
-    trial = moved(problem, pose_step, point_step)
-    new_cost = sum(cost_terms(trial).values())
-    good = np.isfinite(new_cost) and cost - new_cost > settings.least_gain * promised
-    return (trial, new_cost) if good else None
+    delta = gtsam.VectorValues()
+    for frame in np.flatnonzero(structure.free >= 0).tolist():
+        delta.insert(X(frame), step.poses[frame])
+    values = state.values.retract(delta)
+    points = state.problem.world_p_landmark + step.points
+    problem = state.problem.moved(_poses(values, state.problem), points)
+    trial = _State(problem, values, _cost(problem, values, structure))
+    good = np.isfinite(trial.cost) and state.cost - trial.cost > max(settings.least_gain * step.promised, 0.0)
+    return trial if good else None
 
 
-def retract(world_T_camera: FloatArray, step: FloatArray) -> FloatArray:
-    """(F, 4, 4) poses moved by (F, 6) steps [rotation; translation]: ``T * Pose3.Expmap(step)``."""
-    w, v = step[:, :3], step[:, 3:]
-    angle2 = np.sum(w * w, axis=1)
-    angle = np.sqrt(angle2)
-    small = angle2 < 1e-8
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
-    b = np.where(small, 0.5 - angle2 / 24.0, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
-    c = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (1.0 - a) / safe**2)
-    W = np.cross(w[:, None, :], np.eye(3)[None]).transpose(0, 2, 1)
-    W2 = W @ W
-    rotation = np.eye(3) + a[:, None, None] * W + b[:, None, None] * W2
-    shift = v + b[:, None] * np.einsum("fij,fj->fi", W, v) + c[:, None] * np.einsum("fij,fj->fi", W2, v)
-    moved = world_T_camera.copy()
-    R = world_T_camera[:, :3, :3]
-    moved[:, :3, :3] = R @ rotation
-    moved[:, :3, 3] += np.einsum("fij,fj->fi", R, shift)
-    return moved
+def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
+    """(F, 4, 4) poses of the values; held ones to the last bit as they were."""
+    rows = np.asarray(gtsam.utilities.extractPose3(values))
+    world_T_camera = before.world_T_camera.copy()
+    moves = ~before.fixed_frames
+    world_T_camera[moves, :3, :3] = rows[moves, :9].reshape(-1, 3, 3)
+    world_T_camera[moves, :3, 3] = rows[moves, 9:]
+    return world_T_camera
 
 
-def moved(problem: BundleProblem, pose_step: FloatArray, point_step: FloatArray) -> BundleProblem:
-    """The problem at the place that (F, 6) and (L, 3) steps lead to."""
-    return replace(
-        problem,
-        world_T_camera=retract(problem.world_T_camera, pose_step),
-        world_p_landmark=problem.world_p_landmark + point_step,
-    )
+def _cost(problem: BundleProblem, values: gtsam.Values, structure: Structure) -> float:
+    poses, points = problem.world_T_camera, problem.world_p_landmark
+    video = sum(video_cost(chunk.problem.moved(poses, points)) for chunk in structure.chunks)
+    return video + float(problem.pose_graph.error(values))

@@ -14,10 +14,11 @@ import numpy as np
 from vgps.errors import GeometryError
 from vgps.model import FloatArray, SolverReport
 from vgps.smoothing.band import POSE, NotPositiveDefiniteError
-from vgps.smoothing.bundle import BundleProblem, cost_terms
+from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
+from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
 from vgps.smoothing.levenberg import SolverSettings, levenberg
-from vgps.smoothing.normal import Structure, factor_points, linearize, reduce_to_poses, structure_of
+from vgps.smoothing.normal import linearize, reduce_to_poses
 
 __all__ = ["BundleResult", "Solver", "SolverSettings", "pose_covariances", "solve"]
 
@@ -70,7 +71,7 @@ def solve(
             remedy="start from better poses, or raise the wall's exponent in stages",
         )
     structure = structure_of(problem) if solver == "schur" else None
-    if structure is not None and not _fits(structure, settings):
+    if structure is not None and not structure.fits(settings.max_flops, settings.max_bytes):
         structure = None
     if structure is None:
         outcome = levenberg_of_gtsam(problem, settings)
@@ -91,11 +92,6 @@ def _in_words(cost: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())
 
 
-def _fits(structure: Structure, settings: SolverSettings) -> bool:
-    numbers = 2.0 * POSE * structure.n_free * structure.half_bandwidth + structure.grouping.size
-    return structure.flops <= settings.max_flops and 8.0 * numbers <= settings.max_bytes
-
-
 def pose_covariances(problem: BundleProblem) -> FloatArray:
     """(F, 6, 6) marginal covariances of the poses in the body tangent [rotation; translation], rad and m.
 
@@ -105,8 +101,8 @@ def pose_covariances(problem: BundleProblem) -> FloatArray:
         GeometryError: Observations and factors do not determine the poses.
     """
     structure = structure_of(problem)
-    linear = linearize(problem, structure)
-    band, _ = reduce_to_poses(linear, structure, factor_points(linear, 0.0), 0.0)
+    linear = linearize(problem, all_pose_values(problem), structure)
+    band, _ = reduce_to_poses(linear, structure, 0.0)
     covariance = np.zeros((len(structure.free), POSE, POSE))
     try:
         inverse = band.cholesky(structure.half_bandwidth).inverse_diagonal_blocks()
