@@ -62,7 +62,7 @@ def as_table(evaluation: Evaluation, title: str | None = None) -> Table:
 
 
 def table(evaluations: Sequence[tuple[str, Evaluation]], title: str | None = None) -> Table:
-    """Several named evaluations side by side, a row each; fits 80 columns with names of up to 17."""
+    """Several named evaluations side by side, a row each; fits 80 columns with names of up to 16."""
     rendered = Table(
         title=_escaped(title), box=SIMPLE_HEAD, padding=(0, 0), pad_edge=False, caption_justify="left"
     )

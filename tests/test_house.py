@@ -1,0 +1,88 @@
+"""The house keeps its rooms: who may import what, and that both packages are this project's own."""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import factors
+import vgps
+
+ROOT = Path(__file__).resolve().parents[1]
+MATCHING = {
+    "BFMatcher",
+    "DISOpticalFlow",
+    "DISOpticalFlow_create",
+    "DescriptorMatcher",
+    "DescriptorMatcher_create",
+    "FlannBasedMatcher",
+    "buildOpticalFlowPyramid",
+    "calcOpticalFlowFarneback",
+    "calcOpticalFlowPyrLK",
+    "computeECC",
+    "findTransformECC",
+    "matchTemplate",
+    "phaseCorrelate",
+}
+
+
+def imported(source: str) -> Iterator[str]:
+    """Dotted names of everything a file imports, inside functions too: ``cv2``, ``cv2.matchTemplate``."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield f"{node.value.id}.{node.attr}"
+
+
+def rooms_that_use(*names: str) -> set[str]:
+    """Rooms (``vgps.geodesy``, ``factors``) with a file that uses one of the dotted names."""
+    found = set()
+    for package in (vgps, factors):
+        home = Path(next(iter(package.__path__)))
+        for file in home.rglob("*.py"):
+            used = set(imported(file.read_text(encoding="utf-8")))
+            if any(one == name or one.startswith(f"{name}.") for one in used for name in names):
+                room = file.relative_to(home).parts[0].removesuffix(".py")
+                found.add("factors" if package is factors else f"vgps.{room}")
+    return found
+
+
+def test_both_packages_come_from_one_place() -> None:
+    # the package index has an unrelated project named factors
+    assert vgps.__file__ is not None and factors.__file__ is not None
+    assert Path(vgps.__file__).parents[1] == Path(factors.__file__).parents[1]
+
+
+def test_imports_go_down() -> None:
+    from importlinter.cli import lint_imports
+
+    assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True, no_logo=True) == 0
+
+
+def test_only_geodesy_imports_pymap3d() -> None:
+    assert rooms_that_use("pymap3d") == {"vgps.geodesy"}
+
+
+def test_only_tracking_uses_the_matching_functions_of_opencv() -> None:
+    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking"}
+
+
+def test_only_the_viewer_imports_rerun() -> None:
+    assert rooms_that_use("rerun") <= {"vgps.viewer"}
+
+
+def test_factors_need_gtsam_and_numpy_alone() -> None:
+    home = Path(next(iter(factors.__path__)))
+    sources = [file.read_text(encoding="utf-8") for file in home.rglob("*.py")]
+    trees = [node for source in sources for node in ast.walk(ast.parse(source))]
+    roots = {name.name.split(".")[0] for node in trees if isinstance(node, ast.Import) for name in node.names}
+    roots |= {str(node.module).split(".")[0] for node in trees if isinstance(node, ast.ImportFrom)}
+    assert roots - sys.stdlib_module_names == {"factors", "gtsam", "numpy"}
+
+
+def test_imports_are_found_wherever_they_stand() -> None:
+    source = "import a.b\ndef f():\n    from c import d\n    import cv2\n    return cv2.matchTemplate\n"
+    assert set(imported(source)) == {"a.b", "c.d", "cv2", "cv2.matchTemplate"}
