@@ -1,0 +1,77 @@
+"""What the GPS formats have in common, before a log is put on the video's clock."""
+
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+from enum import Enum, auto
+from typing import NamedTuple
+
+import numpy as np
+
+from vgps.model import FixClass
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+DAY_S = 86400.0
+
+# quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
+NMEA_QUALITY = {
+    1: FixClass.SINGLE,
+    2: FixClass.DGPS,
+    3: FixClass.SINGLE,  # PPS
+    4: FixClass.RTK_FIX,
+    5: FixClass.RTK_FLOAT,
+    6: FixClass.UNKNOWN,  # dead reckoning
+    7: FixClass.UNKNOWN,  # manual input
+    8: FixClass.UNKNOWN,  # simulator
+    9: FixClass.SBAS,
+}
+
+
+class Clock(Enum):
+    """What a log's times count from."""
+
+    UTC = auto()  # 1970-01-01, leap seconds left out
+    TIME_OF_DAY = auto()  # some midnight UTC: no date in the log
+    VIDEO = auto()  # the video's first frame
+
+
+class Fix(NamedTuple):
+    """One fix as its format gives it; NaN where unknown. ``sigma_m`` is east, north, up."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    fix_class: FixClass
+    line: int
+    sigma_m: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    hdop: float = np.nan
+    satellites: float = np.nan
+    correction_age_s: float = np.nan
+
+
+@dataclass(frozen=True)
+class RawLog:
+    """Fixes in the order of the file, their clock, and notes on what was passed over."""
+
+    clock: Clock
+    fixes: list[Fix]
+    notes: list[str] = field(default_factory=list)
+
+
+def unix_s(instant: datetime) -> float:
+    """Seconds from 1970-01-01 UTC; a naive instant is UTC."""
+    aware = instant if instant.tzinfo else instant.replace(tzinfo=UTC)
+    return (aware - EPOCH).total_seconds()
+
+
+def unix_day_s(day: date) -> float:
+    """Seconds from 1970-01-01 to the midnight at which a day begins."""
+    return (day - EPOCH.date()).days * DAY_S
+
+
+def damaged_lines(lines: list[int]) -> list[str]:
+    """A note on lines that were passed over, or none."""
+    if not lines:
+        return []
+    noun = "line" if len(lines) == 1 else "lines"
+    return [f"{len(lines)} damaged or truncated {noun} passed over, first line {min(lines)}"]

@@ -1,0 +1,186 @@
+"""Any GPS log onto the video's clock: format told by content, fixes cleaned and in order of time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import GpsLogError
+from vgps.model import FixClass, FloatArray, GpsLog, Rig
+from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
+from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
+from vgps.readers.nmea import looks_like_nmea, read_nmea
+from vgps.readers.rtklib import looks_like_pos, read_pos
+from vgps.readers.table import read_bytes
+
+_SAME_TIME_S = 1e-6
+
+
+@dataclass(frozen=True)
+class _Format:
+    name: str
+    matches: Callable[[bytes], bool]
+    read: Callable[[bytes, Path], RawLog]
+
+
+_FORMATS = (
+    _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
+    _Format("pos", looks_like_pos, read_pos),
+    _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
+)
+
+
+def gps_format(path: str | Path) -> str | None:
+    """``nmea``, ``pos`` or ``csv`` as the content tells; None for anything else."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError:
+        return None
+    return next((form.name for form in _FORMATS if form.matches(data)), None)
+
+
+def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
+    """Read a GPS log in NMEA, RTKLIB ``.pos`` or CSV, whatever its suffix.
+
+    Args:
+        path: The file.
+        rig: Its ``video_start_utc`` puts UTC times on the video's clock; a log without a date gets the day
+            that lies closest. None (a log without a video): times count from the first fix.
+
+    Returns:
+        Fixes in order of time; what was dropped is told in ``skipped``.
+
+    Raises:
+        GpsLogError: missing, empty, of no known format, without a usable fix or without a known fix class, or
+            on UTC while the rig has no ``video_start_utc``.
+    """
+    path = Path(path)
+    data = read_bytes(path, GpsLogError)
+    form = next((form for form in _FORMATS if form.matches(data)), None)
+    if form is None:
+        raise GpsLogError(
+            "no GPS log of a known format",
+            file=path,
+            expected="NMEA with GGA sentences, an RTKLIB .pos, or a CSV with latitude_deg and longitude_deg",
+            remedy=_remedy(data),
+        )
+    raw = form.read(data, path)
+    notes = list(raw.notes)
+    fixes = _in_order(_with_position(raw.fixes, notes), notes)
+    if not fixes:
+        raise GpsLogError(_told("no fix with a position", notes), file=path, expected="at least one")
+    if all(fix.fix_class is FixClass.UNKNOWN for fix in fixes):
+        raise GpsLogError(
+            _told(f"none of {len(fixes)} fixes has a known class", notes),
+            file=path,
+            expected=", ".join(kind for kind in FixClass if kind is not FixClass.UNKNOWN),
+        )
+    return _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+
+
+def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
+    """Check that at least one fix was taken while the video ran.
+
+    Args:
+        log: On the video's clock.
+        times_s: (F,) frame times.
+        rig: For telling the spans in UTC.
+
+    Raises:
+        GpsLogError: no fix within the video, with both time spans.
+    """
+    first, last = float(times_s[0]), float(times_s[-1])
+    if np.any((log.t_s >= first) & (log.t_s <= last)):
+        return
+    start = rig.video_start_utc
+    spans = _span(start, log.t_s[0], log.t_s[-1]), _span(start, first, last)
+    raise GpsLogError(
+        f"no fix during the video: the log runs {spans[0]}",
+        file=log.source,
+        expected=f"fixes during the video, which runs {spans[1]}",
+        remedy="check video_start_utc in rig.yaml, or give the log of that day",
+    )
+
+
+def _remedy(data: bytes) -> str | None:
+    if b"<gpx" in data[:2000] or b"<kml" in data[:2000]:
+        return "GPX and KML lack the fix class; give the receiver's NMEA log"
+    if data.count(b"\xb5\x62") > len(data) / 2000:
+        return "UBX without NMEA; write GGA sentences as well, or convert it with RTKLIB to .pos"
+    return None
+
+
+def _told(what: str, notes: list[str]) -> str:
+    return f"{what} ({'; '.join(notes)})" if notes else what
+
+
+def _with_position(fixes: list[Fix], notes: list[str]) -> list[Fix]:
+    place = np.array([fix[:4] for fix in fixes], float).reshape(-1, 4)
+    good = np.isfinite(place).all(axis=1) & (np.abs(place[:, 1]) <= 90) & (np.abs(place[:, 2]) <= 360)
+    if not good.all():
+        line = fixes[int(np.flatnonzero(~good)[0])].line
+        notes.append(f"{(~good).sum()} fixes without a possible position dropped, first line {line}")
+    return [fix for fix, keep in zip(fixes, good, strict=True) if keep]
+
+
+def _in_order(fixes: list[Fix], notes: list[str]) -> list[Fix]:
+    ordered = sorted(fixes, key=lambda fix: fix.t_s)
+    if ordered != fixes:
+        notes.append("fixes were not in order of time; sorted")
+    gaps = np.diff([fix.t_s for fix in ordered], prepend=-np.inf)
+    once = [fix for fix, gap in zip(ordered, gaps, strict=True) if gap > _SAME_TIME_S]
+    if len(once) < len(ordered):
+        notes.append(f"{len(ordered) - len(once)} fixes at the time of another dropped")
+    return once
+
+
+def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float:
+    """Time of the video's first frame on the log's clock."""
+    if rig is None:
+        return fixes[0].t_s
+    if clock is Clock.VIDEO:
+        return 0.0
+    if rig.video_start_utc is None:
+        raise GpsLogError(
+            "times in UTC, while the video's start in UTC is not known",
+            file=path,
+            remedy="give video_start_utc in rig.yaml (the UTC instant of the first frame)",
+        )
+    start = unix_s(rig.video_start_utc)
+    if clock is Clock.TIME_OF_DAY:
+        # the day on which the log's first fix lies closest to the video's start
+        start -= DAY_S * round((start - fixes[0].t_s) / DAY_S)
+    return start
+
+
+def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsLog:
+    longitude = np.array([fix.longitude_deg for fix in fixes])
+    return GpsLog(
+        t_s=np.array([fix.t_s for fix in fixes]) - start_s,
+        latitude_deg=np.array([fix.latitude_deg for fix in fixes]),
+        longitude_deg=np.where(np.abs(longitude) > 180, (longitude + 180) % 360 - 180, longitude),
+        height_m=np.array([fix.height_m for fix in fixes]),
+        fix_class=tuple(fix.fix_class for fix in fixes),
+        sigma_m=np.array([fix.sigma_m for fix in fixes], float),
+        hdop=np.array([fix.hdop for fix in fixes]),
+        satellites=np.array([fix.satellites for fix in fixes]),
+        correction_age_s=np.array([fix.correction_age_s for fix in fixes]),
+        line=np.array([fix.line for fix in fixes], np.int64),
+        source=path,
+        skipped=tuple(notes),
+    )
+
+
+def _span(start: datetime | None, first_s: float, last_s: float) -> str:
+    if start is None:
+        return f"from {first_s:.1f} s to {last_s:.1f} s of the video's clock"
+    origin = EPOCH + timedelta(seconds=unix_s(start))
+    try:
+        ends = [
+            (origin + timedelta(seconds=float(t))).strftime("%Y-%m-%d %H:%M:%S") for t in (first_s, last_s)
+        ]
+    except OverflowError:
+        return f"from {first_s:.3g} s to {last_s:.3g} s of the video's clock"
+    return f"from {ends[0]} to {ends[1]} UTC"

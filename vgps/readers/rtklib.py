@@ -1,0 +1,203 @@
+"""RTKLIB solution files (``.pos``): time, position, quality and standard deviations, in all their variants.
+
+Format: RTKLIB manual 2.4.2, appendix B.1, and ``outsol``/``outsolhead`` of its ``solution.c``.
+"""
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from vgps.errors import GpsLogError
+from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, to_geodetic
+from vgps.model import FixClass, FloatArray, GeodeticPoint
+from vgps.readers.fixes import Clock, Fix, RawLog, damaged_lines, unix_day_s
+from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
+
+QUALITY = {
+    1: FixClass.RTK_FIX,
+    2: FixClass.RTK_FLOAT,
+    3: FixClass.SBAS,
+    4: FixClass.DGPS,
+    5: FixClass.SINGLE,
+    6: FixClass.PPP,
+}
+_HEADER = re.compile(r"%\s*(GPST|UTC|JST)\b(.*)")
+_ROW = re.compile(rb"\s*(\d{4}/\d\d?/\d\d?|\d{1,4})[\s,;]+(\d\d?:\d\d:\d\d|\d{1,6}(\.\d*)?\b)")
+_REF_POS = re.compile(r"%\s*ref pos\s*:(.*)")
+_SEPARATOR = re.compile(r"[\s,;]+")
+_TIME_COLUMNS = 2
+_JST_S = 9 * 3600.0
+
+Frame = Literal["geodetic", "ecef", "enu"]
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the comment lines say: time system, position columns, and where a baseline starts."""
+
+    time_system: str = "GPST"
+    frame: Frame = "geodetic"
+    sexagesimal: bool = False
+    origin: GeodeticPoint | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def position_columns(self) -> int:
+        return 7 if self.sexagesimal else 3
+
+
+def looks_like_pos(data: bytes) -> bool:
+    """Whether a comment line names RTKLIB's time column, or the first row starts with RTKLIB's time."""
+    head = data[:20000].decode("ascii", errors="replace")
+    if any(_HEADER.match(line) for line in head.splitlines()):
+        return True
+    first = next((line for line in data.splitlines() if line.strip() and not line.startswith(b"%")), b"")
+    return bool(_ROW.match(first)) and len(_SEPARATOR.split(first.decode("ascii", "replace").strip())) >= 7
+
+
+def read_pos(data: bytes, path: Path) -> RawLog:
+    """Fixes of an RTKLIB solution, on UTC.
+
+    Calendar time or GPS week and time of week, in GPST, UTC or JST; latitude, longitude and height in degrees
+    or in degrees, minutes and seconds; ECEF coordinates; or a baseline east, north, up from the header's
+    ``ref pos``. Separated by blanks, commas, semicolons or tabs. Rows with fewer columns than the others (a
+    truncated end) are passed over and counted.
+
+    Raises:
+        GpsLogError: a baseline without a ``ref pos``.
+    """
+    lines = data.decode("ascii", errors="replace").splitlines()
+    header = _header([line for line in lines if line.startswith("%")], path)
+    t_s, values, line, damaged = _rows(lines, header)
+    if header.time_system == "GPST":
+        t_s = utc_from_gps(t_s)
+    elif header.time_system == "JST":
+        t_s = t_s - _JST_S
+    geodetic, rest = _positions(values, header), values[:, header.position_columns :]
+    sigma = _sigmas(rest, geodetic, header)
+    numbers = np.column_stack([t_s, geodetic, sigma, _column(rest, 1), _column(rest, 8)]).tolist()
+    quality = np.nan_to_num(rest[:, 0]).round().astype(int).tolist()
+    fixes = [
+        _fix(row, QUALITY.get(q, FixClass.UNKNOWN), number)
+        for row, q, number in zip(numbers, quality, line, strict=True)
+        if q > 0
+    ]
+    notes = [*header.notes, *damaged_lines(damaged)]
+    if len(fixes) < len(quality):
+        notes.append(f"{len(quality) - len(fixes)} epochs without a fix passed over")
+    return RawLog(Clock.UTC, fixes, notes)
+
+
+def _fix(row: list[float], kind: FixClass, line: int) -> Fix:
+    t_s, latitude, longitude, height, east, north, up, satellites, age = row
+    sigma = (east, north, up)
+    return Fix(
+        t_s, latitude, longitude, height, kind, line, sigma, satellites=satellites, correction_age_s=age
+    )
+
+
+def _column(rest: FloatArray, index: int) -> FloatArray:
+    """A column after the position, NaN where the file has none."""
+    return rest[:, index] if rest.shape[1] > index else np.full(len(rest), np.nan)
+
+
+def _header(comments: list[str], path: Path) -> _Header:
+    named = next((match for line in comments if (match := _HEADER.match(line))), None)
+    if named is None:
+        return _Header(notes=("no line of column names: taken as GPST, latitude and longitude in degrees",))
+    columns = named[2]
+    if "x-ecef" in columns:
+        return _Header(named[1], "ecef")
+    if "e-baseline" in columns:
+        return _Header(named[1], "enu", origin=_origin(comments, path))
+    notes: tuple[str, ...] = ()
+    if any("WGS84/geodetic" in line for line in comments):
+        notes = ("heights are above the geoid but taken as ellipsoidal: they may be off by 100 m",)
+    return _Header(named[1], sexagesimal="(d'" in columns, notes=notes)
+
+
+def _origin(comments: list[str], path: Path) -> GeodeticPoint:
+    text = next((match[1] for line in comments if (match := _REF_POS.match(line))), "")
+    try:
+        numbers = [float(part) for part in _SEPARATOR.split(text.strip())]
+        place = _degrees(np.array([numbers])) if len(numbers) == 7 else np.array([numbers])
+        latitude, longitude, height = place[0].tolist()
+    except ValueError:
+        raise GpsLogError(
+            "a baseline whose base station is not known",
+            file=path,
+            expected="a comment line '% ref pos : latitude longitude height'",
+            remedy="write the solution with latitude, longitude and height instead",
+        ) from None
+    return GeodeticPoint(latitude, longitude, height)
+
+
+def _rows(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, list[int], list[int]]:
+    """Times as written, the columns after them, the rows' lines, and the damaged lines."""
+    parsed = [
+        (number, _row(line))
+        for number, line in enumerate(lines, 1)
+        if line.strip() and not line.startswith("%")
+    ]
+    widths = Counter(len(row) for _, row in parsed if row is not None)
+    width = max(widths, key=lambda size: (widths[size], size), default=0)
+    width = max(width, header.position_columns + _TIME_COLUMNS)
+    good = [(number, row) for number, row in parsed if row is not None and len(row) >= width]
+    damaged = [number for number, row in parsed if row is None or len(row) < width]
+    table = np.array([row[:width] for _, row in good], float).reshape(-1, width)
+    return table[:, 0], table[:, 1:], [number for number, _ in good], damaged
+
+
+def _row(line: str) -> list[float] | None:
+    """Time [s from 1970, of the file's own time system] and all numbers after it."""
+    tokens = _SEPARATOR.split(line.strip())
+    try:
+        return [_time(tokens[0], tokens[1]), *map(float, tokens[_TIME_COLUMNS:])]
+    except (ValueError, IndexError):
+        return None
+
+
+def _time(first: str, second: str) -> float:
+    if "/" not in first:
+        return GPS_EPOCH_S + int(first) * WEEK_S + float(second)
+    year, month, day = map(int, first.split("/"))
+    hour, minute, seconds = second.split(":")
+    return unix_day_s(date(year, month, day)) + int(hour) * 3600 + int(minute) * 60 + float(seconds)
+
+
+def _positions(values: FloatArray, header: _Header) -> FloatArray:
+    place = values[:, : header.position_columns]
+    if header.sexagesimal:
+        return _degrees(place)
+    if header.frame == "ecef":
+        return ecef_to_geodetic(place)
+    if header.frame == "enu" and header.origin is not None:
+        return to_geodetic(header.origin, place)
+    return place
+
+
+def _degrees(place: FloatArray) -> FloatArray:
+    """Latitude and longitude from degrees, minutes, seconds; the sign (of -0 too) is that of the degrees."""
+    angle = np.abs(place[:, [0, 3]]) + place[:, [1, 4]] / 60 + place[:, [2, 5]] / 3600
+    return np.column_stack([np.copysign(angle, place[:, [0, 3]]), place[:, 6]])
+
+
+def _sigmas(rest: FloatArray, geodetic: FloatArray, header: _Header) -> FloatArray:
+    """(N, 3) standard deviations east, north, up; NaN where the file has none."""
+    if rest.shape[1] < (8 if header.frame == "ecef" else 5):
+        return np.full((len(rest), 3), np.nan)
+    if header.frame == "geodetic":
+        return rest[:, [3, 2, 4]]  # sdn, sde, sdu
+    if header.frame == "enu":
+        return rest[:, 2:5]
+    # sdx sdy sdz sdxy sdyz sdzx, covariances as signed roots
+    squared = rest[:, 2:8] * np.abs(rest[:, 2:8])
+    covariance = squared[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3)
+    R = enu_R_ecef(geodetic[:, 0], geodetic[:, 1])
+    variance: FloatArray = np.einsum("nij,njk,nik->ni", R, covariance, R)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), np.float64)
