@@ -365,10 +365,10 @@ def test_several_runs_stand_side_by_side() -> None:
 
 
 def test_a_real_truth_against_itself_is_exact(data_dir: Path, tmp_path: Path) -> None:
-    from vgps.readers.trajectory import read_tum
+    from vgps.readers.trajectory import read_trajectory
 
     recording = data_dir / "kitti03_shake"
-    truth = read_tum(recording / "truth.tum")
+    truth = read_trajectory(recording / "truth.tum")
     write_run_folder(tmp_path / "run", Trajectory(truth.t_s - 10.0, truth.world_T_camera))
     found = evaluate_run(tmp_path / "run", recording / "truth.tum")
     assert (found.frames_matched, found.every_frame_posed) == (300, True)

@@ -14,7 +14,7 @@ from vgps.geodesy import enu_R_ecef, to_enu, to_geodetic
 from vgps.model import FloatArray, GeodeticPoint, Rig, Trajectory
 from vgps.readers.calibration import read_rig
 from vgps.readers.run_folder import read_summary
-from vgps.readers.trajectory import read_tum
+from vgps.readers.trajectory import read_trajectory
 
 _SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
 _log = logging.getLogger(__name__)
@@ -36,8 +36,7 @@ def evaluate_run(run: Path, truth: Path, *, tolerance_s: float | None = None) ->
     origin, lever, georeferenced = _world_of(summary, run / "solution.json")
     estimate = _poses(run / "poses.tum")
     rig = _rig_beside(truth)
-    reference = read_tum(truth)
-    reference = replace(reference, t_s=reference.t_s - rig.video_start_s)
+    reference = read_trajectory(truth, video_start_s=rig.video_start_s)
     notes = []
     if not georeferenced:
         notes.append("the run is not georeferenced: only the figures after alignment mean anything")
@@ -83,7 +82,7 @@ def _world_of(summary: dict[str, Any], file: Path) -> tuple[GeodeticPoint | None
 def _poses(file: Path) -> Trajectory:
     if not file.is_file():
         raise RunFolderError("is missing", file=file, remedy="run vgps smooth again")
-    return read_tum(file)
+    return read_trajectory(file)
 
 
 def _rig_beside(truth: Path) -> Rig:
