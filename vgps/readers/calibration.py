@@ -1,0 +1,181 @@
+"""``camera.yaml`` and ``rig.yaml``.
+
+camera.yaml: ``model`` (pinhole, opencv, fisheye, tsai), ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy``
+in pixels, ``distortion`` (opencv: k1, k2, p1, p2[, k3[, k4, k5, k6]]; fisheye: k1..k4; tsai: kappa1 [mm^-2],
+kappa2 [mm^-4]) and, for tsai, ``pixel_mm: [width, height]``. A tsai camera may instead give the parameters of
+Table 2, Kume 2010: ``focal_mm``, ``ccd_mm: [width, height]``, ``scale`` (s_x), ``cx``, ``cy`` and
+``kappa: [kappa1, kappa2]``.
+
+rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude
+[deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``exposure_s``, ``video_start_s``.
+"""
+
+from datetime import UTC, datetime
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from vgps.errors import CalibrationError
+from vgps.model import Camera, FloatArray, GeodeticPoint, Rig
+from vgps.readers.table import read_bytes
+
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+PositiveInt = Annotated[int, Field(gt=0)]
+Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
+Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
+_COEFFICIENTS = {"pinhole": {0}, "opencv": {4, 5, 8}, "fisheye": {4}, "tsai": {2}}
+_ORTHOGONAL = 1e-3  # how far rounding may take a printed matrix from a rotation
+
+
+class _Fields(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _CameraFields(_Fields):
+    model: Literal["pinhole", "opencv", "fisheye", "tsai"]
+    width: PositiveInt
+    height: PositiveInt
+    fx: Positive
+    fy: Positive
+    cx: FiniteFloat
+    cy: FiniteFloat
+    distortion: tuple[FiniteFloat, ...] = ()
+    pixel_mm: tuple[Positive, Positive] | None = None
+
+    def camera(self) -> Camera:
+        return Camera(**self.model_dump())
+
+
+class _TsaiFields(_Fields):
+    model: Literal["tsai"]
+    width: PositiveInt
+    height: PositiveInt
+    focal_mm: Positive
+    ccd_mm: tuple[Positive, Positive]
+    scale: Positive = 1.0
+    cx: FiniteFloat
+    cy: FiniteFloat
+    kappa: tuple[FiniteFloat, FiniteFloat]
+
+    def camera(self) -> Camera:
+        """Eq. (4) and (6), Kume 2010: a pixel is ccd_x / (scr_x s_x) wide and ccd_y / scr_y high."""
+        pixel = (self.ccd_mm[0] / self.width / self.scale, self.ccd_mm[1] / self.height)
+        fx, fy = self.focal_mm / pixel[0], self.focal_mm / pixel[1]
+        return Camera("tsai", self.width, self.height, fx, fy, self.cx, self.cy, self.kappa, pixel)
+
+
+class _RigFields(_Fields):
+    camera_p_antenna: Vector3 = (0.0, 0.0, 0.0)
+    video_start_utc: datetime | None = None
+    world_origin: tuple[Latitude, Longitude, FiniteFloat] | None = None
+    gyro_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    exposure_s: Annotated[FiniteFloat, Field(ge=0)] | None = None
+    video_start_s: FiniteFloat = 0.0
+
+
+F = TypeVar("F", bound=_Fields)
+
+
+def read_camera(path: str | Path) -> Camera:
+    """Read ``camera.yaml``.
+
+    Raises:
+        CalibrationError: missing file, no YAML, a missing, unknown or impossible field, or a number of
+            coefficients that the lens model does not have.
+    """
+    path = Path(path)
+    content = _mapping(path)
+    if "focal_mm" in content:
+        return _validated(_TsaiFields, content, path).camera()
+    camera = _validated(_CameraFields, content, path).camera()
+    counts = _COEFFICIENTS[camera.model]
+    if len(camera.distortion) not in counts:
+        raise CalibrationError(
+            f"{len(camera.distortion)} coefficients",
+            file=path,
+            place="key distortion",
+            expected=f"{' or '.join(map(str, sorted(counts)))} for model {camera.model}",
+        )
+    if (camera.model == "tsai") != (camera.pixel_mm is not None):
+        raise CalibrationError(
+            "missing" if camera.model == "tsai" else f"given for model {camera.model}",
+            file=path,
+            place="key pixel_mm",
+            expected="the size of a pixel on the sensor for model tsai only",
+        )
+    return camera
+
+
+def read_rig(path: str | Path) -> Rig:
+    """Read ``rig.yaml``; a naive ``video_start_utc`` is UTC.
+
+    Raises:
+        CalibrationError: missing file, no YAML, an unknown or impossible field, a ``gyro_R_camera`` that is
+            no rotation.
+    """
+    path = Path(path)
+    fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
+    start = fields.video_start_utc
+    if start is not None:
+        start = start.astimezone(UTC) if start.tzinfo else start.replace(tzinfo=UTC)
+    return Rig(
+        camera_p_antenna=np.array(fields.camera_p_antenna),
+        video_start_utc=start,
+        world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
+        gyro_R_camera=_rotation(fields.gyro_R_camera, path) if fields.gyro_R_camera else None,
+        exposure_s=fields.exposure_s,
+        video_start_s=fields.video_start_s,
+    )
+
+
+def _mapping(path: Path, *, may_be_empty: bool = False) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(read_bytes(path, CalibrationError))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        raise CalibrationError(
+            f"no YAML ({getattr(error, 'problem', None) or 'unreadable'})",
+            file=path,
+            place=f"line {mark.line + 1}" if mark else None,
+        ) from error
+    except ValueError as error:  # an impossible date
+        raise CalibrationError(str(error), file=path) from error
+    if content is None and may_be_empty:
+        return {}
+    if not isinstance(content, dict):
+        raise CalibrationError("no fields", file=path, expected="lines of the form 'key: value'")
+    return {str(key): value for key, value in content.items()}
+
+
+def _validated(fields: type[F], content: dict[str, Any], path: Path) -> F:
+    try:
+        return fields.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        known = list(fields.model_fields)
+        place = f"key {key}"
+        if first["type"] == "missing":
+            raise CalibrationError("missing", file=path, place=place, remedy=f"add {key}") from None
+        if first["type"] == "extra_forbidden":
+            close = get_close_matches(key, known, 1, 0.6)
+            remedy = f"did you mean {close[0]}?" if close else f"known keys: {', '.join(known)}"
+            raise CalibrationError("unknown key", file=path, place=place, remedy=remedy) from None
+        expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        raise CalibrationError(f"{first['input']!r}", file=path, place=place, expected=expected) from None
+
+
+def _rotation(rows: tuple[Vector3, Vector3, Vector3], path: Path) -> FloatArray:
+    """The rotation nearest to a printed matrix."""
+    matrix = np.array(rows)
+    off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if off > _ORTHOGONAL or np.linalg.det(matrix) < 0:
+        found = "a reflection" if off <= _ORTHOGONAL else f"R R^T differs from the identity by {off:.2g}"
+        raise CalibrationError(found, file=path, place="key gyro_R_camera", expected="a rotation matrix")
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ vt, np.float64)

@@ -1,0 +1,41 @@
+"""``control_points.csv``: points of known position and where frames show them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import RecordingError
+from vgps.model import ControlPoints
+from vgps.readers.table import read_table
+
+ENU = ("east_m", "north_m", "up_m")
+GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
+
+
+def read_control_points(path: str | Path) -> ControlPoints:
+    """Read ``frame, u_px, v_px`` and ``east_m, north_m, up_m`` or ``latitude_deg, longitude_deg, height_m``.
+
+    Raises:
+        RecordingError: missing or empty file, missing column, a cell that is no finite number, a frame that
+            is no index.
+    """
+    path = Path(path)
+    table = read_table(path, RecordingError)
+    geodetic = "latitude_deg" in table.columns
+    place = GEODETIC if geodetic else ENU
+    names = [table.require(name) for name in ("frame", "u_px", "v_px", *place)]
+    values = np.column_stack([table.numbers(name) for name in names])
+    if len(values) == 0:
+        raise RecordingError("no control points", file=path, expected="a row for each sighting")
+    bad = ~np.isfinite(values).all(axis=1) | (values[:, 0] < 0) | (values[:, 0] % 1 != 0)
+    if geodetic:
+        bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
+    if bad.any():
+        line = table.line[int(np.flatnonzero(bad)[0])]
+        raise RecordingError(
+            "an impossible sighting",
+            file=path,
+            place=f"line {line}",
+            expected=f"a frame index from 0 and finite {', '.join(names[1:])}",
+        )
+    return ControlPoints(values[:, 0].astype(np.int64), values[:, 1:3], values[:, 3:], geodetic, path)

@@ -1,0 +1,165 @@
+"""A recording: a folder of files under known names, or a video with the others beside it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from vgps.errors import CalibrationError, GpsLogError, RecordingError
+from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, Video
+from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.control_points import read_control_points
+from vgps.readers.frame_times import FRAME_TIMES
+from vgps.readers.gps import check_overlap, gps_format, read_gps_log
+from vgps.readers.gyro import read_gyro
+from vgps.readers.images import ImageFolder, list_images
+from vgps.readers.video import VideoFile
+
+_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
+PathLike = str | Path
+
+
+def open_recording(
+    path: PathLike,
+    *,
+    gps: PathLike | None = None,
+    camera: PathLike | None = None,
+    rig: PathLike | None = None,
+    control_points: PathLike | None = None,
+) -> Recording:
+    """Open a recording; the video is looked through, its frames are not decoded yet.
+
+    Args:
+        path: A folder with ``video.mp4`` (.mov, .avi, or a folder of images with ``frame_times.csv``),
+            ``camera.yaml`` and, optional, ``rig.yaml``, ``gps.*``, ``gyro.csv``, ``control_points.csv``;
+            or a video, or a folder of images, with the others beside it.
+        gps, camera, rig, control_points: Other files than these; a path, or a name inside the folder.
+
+    Returns:
+        The recording, every stream on the video's clock.
+
+    Raises:
+        RecordingError: no video, or a file that is named and missing.
+        VideoError, CalibrationError, GpsLogError, GyroLogError: from the readers; a camera of another size
+            than the video; several GPS logs and none named; no fix during the video.
+    """
+    path = Path(path)
+    folder, video = _video(path)
+    lens = _camera(_given(folder, camera, "camera.yaml"), folder, video)
+    rig_file = _given(folder, rig, "rig.yaml")
+    mount = read_rig(rig_file) if rig_file else Rig()
+    if mount.video_start_s == 0.0 and video.start_s != 0.0:
+        # times measured elsewhere are on the clock of gyro.csv
+        mount = replace(mount, video_start_s=video.start_s)
+    points = _given(folder, control_points, "control_points.csv")
+    return Recording(
+        path=path,
+        video=video,
+        camera=lens,
+        rig=mount,
+        gps=_gps(folder, gps, video, mount),
+        gyro=_gyro(folder, mount),
+        control_points=_control_points(points, video) if points else None,
+    )
+
+
+def find_gps_logs(folder: PathLike) -> list[Path]:
+    """The GPS logs of a folder: ``gps.*`` and ``gps_*`` whose content is one."""
+    files = sorted(file for file in Path(folder).iterdir() if file.is_file())
+    named = [file for file in files if file.stem == "gps" or file.name.startswith("gps_")]
+    return [file for file in named if gps_format(file) is not None or file.stem == "gps"]
+
+
+def _video(path: Path) -> tuple[Path, VideoFile | ImageFolder]:
+    """The folder in which the other files are, and the video."""
+    if path.is_file():
+        return path.parent, _video_file(path)
+    if not path.is_dir():
+        raise RecordingError(
+            "no such recording", file=path, expected="a folder with video.mp4 and camera.yaml, or a video"
+        )
+    videos = [file for suffix in _SUFFIXES if (file := path / f"video{suffix}").is_file()]
+    if len(videos) > 1:
+        names = ", ".join(file.name for file in videos)
+        raise RecordingError(
+            f"several videos: {names}", file=path, remedy="name one of them as the recording"
+        )
+    if videos:
+        return path, _video_file(videos[0])
+    inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and list_images(sub))
+    if list_images(path):
+        # a folder of images itself: its companions stand in it, or beside it
+        inside = any((path / name).is_file() for name in ("camera.yaml", "rig.yaml"))
+        return (path if inside else path.parent), ImageFolder(path)
+    if len(inner) == 1:
+        return path, ImageFolder(inner[0])
+    found = f"several folders of images: {', '.join(sub.name for sub in inner)}" if inner else "no video"
+    raise RecordingError(
+        found,
+        file=path,
+        expected="video.mp4, video.mov, video.avi or one folder of images with frame_times.csv",
+    )
+
+
+def _video_file(path: Path) -> VideoFile:
+    table = path.parent / FRAME_TIMES
+    return VideoFile(path, table if table.is_file() else None)
+
+
+def _given(folder: Path, name: PathLike | None, default: str) -> Path | None:
+    """The file that is named, else the default if it is there."""
+    if name is None:
+        return folder / default if (folder / default).is_file() else None
+    for file in (folder / name, Path(name)):
+        if file.is_file():
+            return file
+    raise RecordingError("no such file", file=Path(name), remedy=f"give a path, or a name inside {folder}")
+
+
+def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
+    if file is None:
+        raise RecordingError(
+            "no camera.yaml",
+            file=folder,
+            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion)",
+        )
+    camera = read_camera(file)
+    if (camera.width, camera.height) != (video.width, video.height):
+        raise CalibrationError(
+            f"a camera of {camera.width} x {camera.height}",
+            file=file,
+            expected=f"{video.width} x {video.height} as in {video.path}",
+            remedy="calibrate the camera at the video's size",
+        )
+    return camera
+
+
+def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig) -> GpsLog | None:
+    if name is None:
+        logs = find_gps_logs(folder)
+        if not logs:
+            return None
+        if len(logs) > 1:
+            candidates = ", ".join(log.name for log in logs)
+            raise GpsLogError(
+                f"several GPS logs: {candidates}", file=folder, remedy=f"name one: --gps {logs[0].name}"
+            )
+        file = logs[0]
+    else:
+        given = _given(folder, name, "")
+        assert given is not None
+        file = given
+    log = read_gps_log(file, rig)
+    check_overlap(log, video.times_s, rig)
+    return log
+
+
+def _gyro(folder: Path, rig: Rig) -> GyroLog | None:
+    file = folder / "gyro.csv"
+    return read_gyro(file, video_start_s=rig.video_start_s) if file.is_file() else None
+
+
+def _control_points(file: Path, video: Video) -> ControlPoints:
+    points = read_control_points(file)
+    last = int(points.frame.max())
+    if last >= len(video.times_s):
+        raise RecordingError(f"frame {last}", file=file, expected=f"frames 0 to {len(video.times_s) - 1}")
+    return points

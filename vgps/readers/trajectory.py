@@ -1,0 +1,60 @@
+"""Trajectories in TUM's format: ``t_s x y z qx qy qz qw``, world_T_camera."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.errors import TrajectoryError
+from vgps.model import Trajectory
+from vgps.readers.table import read_bytes
+
+_COLUMNS = 8
+
+
+def read_trajectory(path: str | Path, *, video_start_s: float = 0.0) -> Trajectory:
+    """Read ``truth.tum`` or ``poses.tum``; quaternions are normalised.
+
+    Args:
+        path: The file; ``#`` starts a comment, blanks or commas separate.
+        video_start_s: The first frame's time on the file's clock; subtracted.
+
+    Raises:
+        TrajectoryError: missing or empty file, a line that is no pose, a time that does not increase.
+    """
+    path = Path(path)
+    text = read_bytes(path, TrajectoryError).decode("utf-8-sig", errors="replace")
+    rows, lines = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        content = line.split("#")[0].strip()
+        if content:
+            rows.append(_row(content, path, number))
+            lines.append(number)
+    if not rows:
+        raise TrajectoryError("no poses", file=path, expected="lines of t_s x y z qx qy qz qw")
+    table = np.array(rows)
+    later = np.flatnonzero(~(np.diff(table[:, 0], prepend=-np.inf) > 0))
+    if len(later):
+        row = later[0]
+        raise TrajectoryError(
+            f"time {table[row, 0]:g}",
+            file=path,
+            place=f"line {lines[row]}",
+            expected="one later than the last",
+        )
+    poses = np.tile(np.eye(4), (len(table), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(table[:, 4:]).as_matrix()
+    poses[:, :3, 3] = table[:, 1:4]
+    return Trajectory(table[:, 0] - video_start_s, poses)
+
+
+def _row(content: str, path: Path, number: int) -> list[float]:
+    try:
+        row = [float(cell) for cell in content.replace(",", " ").split()]
+    except ValueError:
+        row = []
+    if len(row) != _COLUMNS or not np.isfinite(row).all() or np.linalg.norm(row[4:]) < 1e-6:
+        raise TrajectoryError(
+            f"{content[:60]!r}", file=path, place=f"line {number}", expected="t_s x y z qx qy qz qw"
+        )
+    return row
