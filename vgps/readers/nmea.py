@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pynmeagps import NMEAReader
 from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
+from pynmeagps.nmeahelpers import calc_checksum
 
 from vgps.model import FixClass
 from vgps.readers.fixes import DAY_S, NMEA_QUALITY, Clock, Fix, RawLog, damaged_lines, unix_day_s
@@ -94,8 +95,10 @@ def _sentences(data: bytes, damaged: list[int]) -> Iterator[tuple[int, bytes, by
 
 
 def _parse(raw: bytes, checked: bool) -> Any | None:
-    if checked and not re.search(rb"\*[0-9A-Fa-f]{2}$", raw):
-        return None
+    if not re.search(rb"\*[0-9A-Fa-f]{2}$", raw):
+        if checked or b"*" in raw or not raw.isascii():
+            return None
+        raw += b"*" + calc_checksum(raw[1:].decode()).encode()
     if raw[3:6] == b"GGA" and raw.count(b",") < _GGA_FIELDS - 1:
         return None
     try:
