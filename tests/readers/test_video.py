@@ -251,3 +251,15 @@ def test_real_videos(data_dir: Path, folder, count, step):
     for _, frame in zip(range(5), frames, strict=False):
         assert frame.gray.std() > 10
     frames.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", ["kitti03", "kitti03_shake", "gopro_walk", "phone_gyro"])
+def test_every_real_frame_has_its_time(data_dir: Path, folder):
+    video = VideoFile(data_dir / folder / "video.mp4")
+    count = 0
+    for count, frame in enumerate(video.frames(), 1):
+        assert (frame.index, frame.t_s) == (count - 1, video.times_s[count - 1])
+        assert frame.gray.any()
+    assert count == len(video.times_s)
+    assert video.warnings == ()

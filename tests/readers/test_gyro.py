@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from vgps.errors import GyroLogError
+from vgps.readers.gyro import read_gyro
+
+HEADER = "t_s,wx_rad_s,wy_rad_s,wz_rad_s\n"
+
+
+def test_samples_are_sorted_unique_and_on_the_videos_clock(tmp_path):
+    path = tmp_path / "gyro.csv"
+    path.write_text(HEADER + "10.2,1,2,3\n10.1,4,5,6\n10.2,7,8,9\n10.3,nan,0,0\n10.4,0.1,0.2,0.3\n10.5,1")
+    gyro = read_gyro(path, video_start_s=10.0)
+    np.testing.assert_allclose(gyro.t_s, [0.1, 0.2, 0.4], atol=1e-9)
+    np.testing.assert_allclose(gyro.rate_rad_s, [[4, 5, 6], [1, 2, 3], [0.1, 0.2, 0.3]])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        (HEADER, "0 usable samples; expected at least 2"),
+        (HEADER + "0,1,2,3\n", "1 usable samples"),
+        ("t_s,wx,wy,wz\n0,1,2,3\n", "no column wx_rad_s"),
+        (HEADER + "0,1,2,3\n1,fast,2,3\n", "line 3: 'fast' in column wx_rad_s; expected a number"),
+    ],
+)
+def test_what_cannot_be_read_is_told(tmp_path, text, message):
+    path = tmp_path / "gyro.csv"
+    path.write_text(text)
+    with pytest.raises(GyroLogError, match=message):
+        read_gyro(path)
+
+
+def test_the_real_logs(data_dir):
+    gyro = read_gyro(data_dir / "kitti03_shake/gyro.csv", video_start_s=10.0)
+    assert gyro.rate_rad_s.shape == (6061, 3)
+    np.testing.assert_allclose(gyro.t_s[:2], [-0.2, -0.195], atol=1e-9)
