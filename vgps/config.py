@@ -58,7 +58,7 @@ class TrackingConfig(_Stage):
 class MappingConfig(_Stage):
     """Stage B, Kume 2010: triangulate (19), add and delete features by their quality."""
 
-    min_parallax_deg: PositiveFloat = 1.5
+    min_parallax_deg: PositiveFloat = 0.2
     """A feature gets a position once the largest angle between its rays exceeds this."""
     max_reprojection_px: PositiveFloat = 2.0
     """A position is accepted when every view of the feature agrees to this; a match beyond it is dropped."""

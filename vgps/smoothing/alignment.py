@@ -72,7 +72,7 @@ def align(
 
 def _unpack(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     rotation = Rotation.from_rotvec(parameters[1:4]).as_matrix()
-    return float(np.exp(parameters[0])), np.asarray(rotation, np.float64), parameters[4:7]
+    return float(np.exp(np.clip(parameters[0], -50.0, 50.0))), np.asarray(rotation, np.float64), parameters[4:7]
 
 
 def _main_axis(spread: FloatArray) -> FloatArray:

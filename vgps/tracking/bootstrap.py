@@ -6,7 +6,7 @@ import numpy as np
 from vgps.config import StartConfig, TrackingConfig
 from vgps.local_map import LocalMap
 from vgps.model import FloatArray
-from vgps.tracking.geometry import project, rays, triangulate
+from vgps.geometry import largest_angle_rad, project, triangulate, world_rays
 from vgps.tracking.pose import lmeds_pose, refine_pose
 
 _MAX_ERROR_PX = 1.0
@@ -37,10 +37,14 @@ class TwoViewStart:
         if second is None:
             return False
         pair = np.stack([np.eye(4), second])
-        uv = np.stack([first, last], axis=1)
-        points, error = triangulate(self._K, pair, uv, np.ones(uv.shape[:2], dtype=bool))
-        good = error.max(axis=1) < _MAX_ERROR_PX
-        if good.sum() < self._start.min_inliers or not self._parallax_ok(pair, uv[good]):
+        uv = np.stack([first, last], axis=1).reshape(-1, 2)
+        cameras, start = np.tile(pair, (len(first), 1, 1)), 2 * np.arange(len(first))
+        points, error = triangulate(self._K, cameras, uv, start)
+        good = error.reshape(-1, 2).max(axis=1) < _MAX_ERROR_PX
+        angle = largest_angle_rad(world_rays(self._K, cameras, uv), start)
+        if good.sum() < self._start.min_inliers:
+            return False
+        if np.degrees(np.median(angle[good])) < self._start.min_parallax_deg:
             return False
         ids = local_map.ids[both][good]
         local_map.set_points(ids, points[good], np.full(len(ids), self._tracking.inlier_px / 2))
@@ -59,11 +63,6 @@ class TwoViewStart:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation[:, 0]
         return pose
-
-    def _parallax_ok(self, pair: FloatArray, uv_px: FloatArray) -> bool:
-        directions = np.einsum("hij,mhj->mhi", pair[:, :3, :3], rays(self._K, uv_px))
-        cosine = np.clip(np.sum(directions[:, 0] * directions[:, 1], axis=-1), -1.0, 1.0)
-        return bool(np.degrees(np.median(np.arccos(cosine))) > self._start.min_parallax_deg)
 
     def _pose_views(self, local_map: LocalMap, oldest: int, newest: int, second: FloatArray) -> bool:
         """Poses of all views by the points just made, written to the map in order of time."""

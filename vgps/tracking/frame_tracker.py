@@ -8,7 +8,7 @@ from vgps.camera import distort, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
-from vgps.tracking.geometry import project, rays
+from vgps.geometry import project, rays
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import lmeds_pose, refine_pose, reprojection_inliers
 
@@ -65,11 +65,11 @@ class FrameTracker:
         usable = local_map.positioned & tracked.found
         if usable.sum() < self._config.min_inliers:
             return tracked
-        guesses = np.array([predicted, local_map.pose(int(local_map.view_frames[-1]))])
-        points = local_map.points[local_map.ids]
-        tentative, _ = lmeds_pose(
-            self._K, points[usable], tracked.uv_px[usable], guesses, self._config.lmeds_samples, self._rng
-        )
+        points, uv = local_map.points[local_map.ids[usable]], tracked.uv_px[usable]
+        by_motion, _ = refine_pose(self._K, predicted, points, uv, np.ones(len(points)))
+        guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
+        samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
+        tentative, _ = lmeds_pose(self._K, points, uv, guesses, samples, self._rng, good_px)
         tentative, _ = self._refine(local_map, tracked, usable, tentative)
         tracked = self._rematch(local_map, previous, gray, tracked, tentative)
         return self._final_pose(local_map, tracked, tentative)

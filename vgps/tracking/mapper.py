@@ -5,9 +5,9 @@ import numpy as np
 from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.local_map import LocalMap
-from vgps.model import Camera, GrayImage, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
-from vgps.tracking.geometry import largest_angle_rad, rays, triangulate
+from vgps.geometry import largest_angle_rad, triangulate, world_rays
 
 _REFINE_EVERY = 5
 _REFILL_SHARE = 0.85
@@ -38,23 +38,33 @@ class Mapper:
     def position(self, local_map: LocalMap, rows: IntArray) -> None:
         """Triangulate the followed features ``rows`` over all their views; what fails loses its position."""
         poses, valid = local_map.view_poses()
-        views = local_map.views[rows]
-        seen = np.isfinite(views[..., 0]) & valid
-        world_rays = np.einsum("hij,mhj->mhi", poses[:, :3, :3], rays(self._K, np.nan_to_num(views)))
-        enough = seen.sum(axis=1) >= _FIRST_VIEWS
-        enough[enough] = largest_angle_rad(world_rays[enough], seen[enough]) > np.radians(
-            self._config.min_parallax_deg
-        )
-        # without parallax an earlier position is kept: it may come from a history that was cut
-        rows, views, seen = rows[enough], views[enough], seen[enough]
+        seen = np.isfinite(local_map.views[rows, :, 0]) & valid
+        often = seen.sum(axis=1) >= _FIRST_VIEWS
+        rows, seen = self._with_parallax(local_map, rows[often], seen[often], poses)
         if len(rows) == 0:
             return
-        points, error = triangulate(self._K, poses, views, seen)
-        sigma = np.sqrt(np.sum(np.where(seen, error, 0.0) ** 2, axis=1) / seen.sum(axis=1))
-        good = (error.max(axis=1) < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)
+        feature, view = np.nonzero(seen)
+        start = np.searchsorted(feature, np.arange(len(rows)))
+        points, error = triangulate(self._K, poses[view], local_map.views[rows][seen], start)
+        sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / seen.sum(axis=1))
+        largest = np.maximum.reduceat(error, start)
+        good = (largest < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)
         ids = local_map.ids[rows]
         local_map.set_points(ids[good], points[good], np.maximum(sigma[good], self._config.sigma_floor_px))
         local_map.forget_points(ids[~good])
+
+    def _with_parallax(
+        self, local_map: LocalMap, rows: IntArray, seen: BoolArray, poses: FloatArray
+    ) -> tuple[IntArray, BoolArray]:
+        """Those features whose rays differ enough. The others keep an earlier position, if they have one:
+        it may come from a history that was cut."""
+        if len(rows) == 0:
+            return rows, seen
+        feature, view = np.nonzero(seen)
+        directions = world_rays(self._K, poses[view], local_map.views[rows][seen])
+        start = np.searchsorted(feature, np.arange(len(rows)))
+        enough = largest_angle_rad(directions, start) > np.radians(self._config.min_parallax_deg)
+        return rows[enough], seen[enough]
 
     def refill(self, local_map: LocalMap, gray: GrayImage) -> None:
         """Add corners (A-1) when too few features are followed."""

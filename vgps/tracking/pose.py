@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.model import BoolArray, FloatArray
-from vgps.tracking.geometry import MIN_DEPTH, project
+from vgps.geometry import MIN_DEPTH, project
 
 
 def refine_pose(
@@ -35,8 +35,9 @@ def refine_pose(
         jacobian, residual = _linearise(K, pose, points, uv_px)
         size = np.linalg.norm(residual, axis=1)
         weight = mu * np.minimum(1.0, huber_px / np.maximum(size, 1e-12))
-        information = np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
-        gradient = np.einsum("n,nri,nr->i", weight, jacobian, residual)
+        weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
+        information = weighted.T @ jacobian.reshape(-1, 6)
+        gradient = weighted.T @ residual.ravel()
         damped = information + np.diag(1e-9 * np.diag(information) + 1e-12)
         step = -np.linalg.solve(damped, gradient)
         pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -1e3, 1e3)).matrix()
@@ -72,10 +73,12 @@ def lmeds_pose(
     guesses: FloatArray,
     samples: int,
     rng: np.random.Generator,
+    good_px: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Pose of least median squared reprojection error (A-3, Kume 2010).
 
-    Minimal samples of three matches each give up to four poses (P3P); they and the ``guesses`` compete.
+    Minimal samples of three matches each give up to four poses (P3P); they and the ``guesses`` compete. No
+    samples are drawn when a guess already leaves a median below ``good_px``: most matches agree on it.
 
     Args:
         K: (3, 3).
@@ -87,6 +90,9 @@ def lmeds_pose(
     Returns:
         The pose (4, 4) and the median error it leaves, in pixels.
     """
+    poses, median = np.asarray(guesses), _median_error(K, guesses, points, uv_px)
+    if median.min() < good_px:
+        return poses[int(median.argmin())], float(median.min())
     candidates = [*guesses]
     for _ in range(samples):
         pick = rng.choice(len(points), 3, replace=False)
@@ -96,12 +102,17 @@ def lmeds_pose(
         for rotation, translation in zip(rotations[:count], translations[:count], strict=True):
             candidates.append(_world_T_camera(cv2.Rodrigues(rotation)[0], translation[:, 0]))
     poses = np.array(candidates)
-    predicted, depth = project(K, poses[:, None], points[None])
+    median = _median_error(K, poses, points, uv_px)
+    best = int(np.argmin(median))
+    return poses[best], float(median[best])
+
+
+def _median_error(K: FloatArray, poses: FloatArray, points: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """(S,) median reprojection error, pixels, of each pose (S, 4, 4)."""
+    predicted, depth = project(K, poses, points)
     squared = np.sum((predicted - uv_px) ** 2, axis=-1)
     squared[depth <= MIN_DEPTH] = np.inf
-    median = np.median(squared, axis=1)
-    best = int(np.argmin(median))
-    return poses[best], float(np.sqrt(median[best]))
+    return np.asarray(np.sqrt(np.median(squared, axis=1)))
 
 
 def _world_T_camera(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> FloatArray:

@@ -1,0 +1,132 @@
+"""Pinhole geometry of many points at once: projecting, rays, triangulating (19), angles between rays.
+
+Pixels here are of the undistorted image; ``world_T_camera`` maps camera to world coordinates. Sightings are
+flat arrays, a row each, sorted by feature: a feature seen in three views has three rows.
+"""
+
+import numpy as np
+
+from vgps.model import FloatArray, IntArray
+
+MIN_DEPTH = 1e-6
+
+
+def project(K: FloatArray, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels and depths of points, Eq. (4) Kume 2010 in OpenCV's axes.
+
+    Args:
+        K: (3, 3).
+        world_T_camera: (4, 4), or (S, 4, 4) for several cameras.
+        points: (N, 3) in the world.
+
+    Returns:
+        ``uv_px`` (N, 2) or (S, N, 2), and depth (N,) or (S, N); pixels of points behind the camera are
+        meaningless.
+    """
+    rotation, centre = world_T_camera[..., :3, :3], world_T_camera[..., None, :3, 3]
+    return _to_pixels(K, (points - centre) @ rotation)
+
+
+def _to_pixels(K: FloatArray, camera_p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    depth = camera_p[..., 2]
+    safe = np.maximum(depth, MIN_DEPTH)
+    uv = camera_p[..., :2] / safe[..., None] * (K[0, 0], K[1, 1]) + K[:2, 2]
+    return uv, depth
+
+
+def rays(K: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """Unit rays (..., 3) in the camera frame through pixels (..., 2)."""
+    xy = (uv_px - K[:2, 2]) / (K[0, 0], K[1, 1])
+    xyz = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+    return np.asarray(xyz / np.linalg.norm(xyz, axis=-1, keepdims=True))
+
+
+def world_rays(K: FloatArray, world_T_camera: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """Unit rays (N, 3) in the world through pixels (N, 2), each seen by its own camera (N, 4, 4)."""
+    return np.asarray((world_T_camera[:, :3, :3] @ rays(K, uv_px)[:, :, None])[:, :, 0])
+
+
+def largest_angle_rad(directions: FloatArray, start: IntArray) -> FloatArray:
+    """Largest angle between the rays of each feature: a test of stage B (Kume 2010).
+
+    Compared with the first and with the last ray, which are the extremes of a steady motion.
+
+    Args:
+        directions: (N, 3) unit rays in the world, sorted by feature.
+        start: (M,) first row of each feature.
+
+    Returns:
+        (M,) radians.
+    """
+    count = np.diff(np.append(start, len(directions)))
+    end = start + count - 1
+    to_first = np.sum(directions * np.repeat(directions[start], count, axis=0), axis=1)
+    to_last = np.sum(directions * np.repeat(directions[end], count, axis=0), axis=1)
+    smallest = np.minimum.reduceat(np.minimum(to_first, to_last), start)
+    return np.asarray(np.arccos(np.clip(smallest, -1.0, 1.0)))
+
+
+def triangulate(
+    K: FloatArray, world_T_camera: FloatArray, uv_px: FloatArray, start: IntArray, iterations: int = 3
+) -> tuple[FloatArray, FloatArray]:
+    """Each feature's position from all its views, Eq. (19), Kume 2010.
+
+    Starts from the point nearest to all rays, then Gauss-Newton on the reprojection errors.
+
+    Args:
+        K: (3, 3).
+        world_T_camera: (N, 4, 4) the camera of each sighting.
+        uv_px: (N, 2), sorted by feature.
+        start: (M,) first row of each feature.
+        iterations: Gauss-Newton steps.
+
+    Returns:
+        ``points`` (M, 3) and the reprojection error (N,) of each sighting in pixels, infinite where the point
+        lies behind the camera.
+    """
+    count = np.diff(np.append(start, len(uv_px)))
+    centre = world_T_camera[:, :3, 3]
+    direction = world_rays(K, world_T_camera, uv_px)
+    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    right = (across @ centre[:, :, None])[:, :, 0]
+    points = _solve(np.add.reduceat(across, start), np.add.reduceat(right, start))
+    rotation = world_T_camera[:, :3, :3]
+    for _ in range(iterations):
+        points = points + _step(K, rotation, centre, uv_px, start, np.repeat(points, count, axis=0))
+    camera_p = _in_camera(rotation, np.repeat(points, count, axis=0) - centre)
+    predicted, depth = _to_pixels(K, camera_p)
+    error = np.linalg.norm(predicted - uv_px, axis=1)
+    error[depth <= MIN_DEPTH] = np.inf
+    return points, error
+
+
+def _in_camera(rotation: FloatArray, world_v: FloatArray) -> FloatArray:
+    return np.asarray((world_v[:, None, :] @ rotation)[:, 0])
+
+
+def _step(
+    K: FloatArray,
+    rotation: FloatArray,
+    centre: FloatArray,
+    uv_px: FloatArray,
+    start: IntArray,
+    points: FloatArray,
+) -> FloatArray:
+    """Gauss-Newton step (M, 3) of every feature from the points (N, 3) of its sightings."""
+    camera_p = _in_camera(rotation, points - centre)
+    front = camera_p[:, 2] > MIN_DEPTH
+    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
+    fx, fy, zero = K[0, 0], K[1, 1], np.zeros_like(z)
+    by_camera = np.stack([fx / z, zero, -fx * x / z**2, zero, fy / z, -fy * y / z**2], axis=1)
+    jacobian = by_camera.reshape(-1, 2, 3) @ rotation.transpose(0, 2, 1) * front[:, None, None]
+    residual = np.stack([fx * x / z + K[0, 2], fy * y / z + K[1, 2]], axis=1) - uv_px
+    transposed = jacobian.transpose(0, 2, 1)
+    gradient = (transposed @ residual[:, :, None])[:, :, 0]
+    return -_solve(np.add.reduceat(transposed @ jacobian, start), np.add.reduceat(gradient, start))
+
+
+def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
+    # a feature whose rays are parallel has a singular system: a little damping sends it far away
+    trace = np.trace(normal, axis1=1, axis2=2)
+    damped = normal + (1e-9 * trace + 1e-300)[:, None, None] * np.eye(3)
+    return np.asarray(np.linalg.solve(damped, right[..., None])[..., 0])

@@ -1,0 +1,174 @@
+"""The main job: stages A to C over the whole video, then D over everything."""
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.errors import GeometryError, GpsLogError
+from vgps.geodesy import to_enu
+from vgps.model import FloatArray, Frame, GeodeticPoint, Landmarks, Observations, Recording, Solution
+from vgps.sequence import Seconds, Sequence
+from vgps.smoothing.batch import Smoothed, optimise_batch
+from vgps.smoothing.fixes import Fixes, place, region_sizes
+from vgps.smoothing.joining import Joined, join_maps
+from vgps.smoothing.verdicts import fix_table
+
+
+class Progress(Protocol):
+    """Told what is being done; a terminal shows a bar."""
+
+    def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
+        """The same frames, while progress is shown."""
+        ...
+
+    def say(self, what: str) -> None:
+        """A stage begins."""
+        ...
+
+
+class Silent:
+    """No progress shown."""
+
+    def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
+        """As in :class:`Progress`."""
+        return frames
+
+    def say(self, what: str) -> None:
+        """As in :class:`Progress`."""
+
+
+def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
+    """The pose of every frame of a recording, in world coordinates.
+
+    Args:
+        recording: From :func:`vgps.open_recording`.
+        config: Defaults if none is given.
+        progress: Shows how far it is.
+
+    Raises:
+        VgpsError: The recording does not determine the answer.
+    """
+    config, progress = config or Config(), progress or Silent()
+    origin, fixes = world_fixes(recording, config)
+    camera, antenna = recording.camera, recording.rig.camera_p_antenna
+    sequence = Sequence(camera, antenna, fixes, config)
+    frames = _decoded(recording.video.frames(), sequence.seconds)
+    for frame in progress.track(frames, len(recording.video.times_s)):
+        sequence.add_frame(frame)
+    if not sequence.maps:
+        raise GeometryError(
+            "the camera hardly moves, or too little is seen, to begin a map",
+            file=recording.video.path,
+            expected=f"two views with {config.start.min_inliers} common features and "
+            f"{config.start.min_flow_px:g} px between them",
+        )
+    progress.say("optimising everything (D)")
+    with sequence.seconds.measure("batch"):
+        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config)
+        held = _held_frames(joined, config)
+        smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held)
+    warnings = (*sequence.warnings, *joined.warnings, *smoothed.warnings)
+    return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
+
+
+def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:
+    """The log's fixes in the world frame, and its origin.
+
+    Raises:
+        GpsLogError: Fewer usable fixes than it takes to align, or none of a class with a region.
+    """
+    log, origin = recording.gps, recording.rig.world_origin
+    if log is None:
+        nothing = np.zeros(0)
+        return origin, Fixes(
+            nothing, np.zeros((0, 3)), nothing, nothing, np.zeros((0, 3)), np.zeros(0, dtype=bool)
+        )
+    r_m, h_m = region_sizes(log.fix_class, config.gps)
+    usable = np.isfinite(r_m) & place(recording.video.times_s, log.t_s).inside
+    if usable.sum() < config.start.min_fixes:
+        classes = ", ".join(sorted(set(log.fix_class)))
+        raise GpsLogError(
+            f"{usable.sum()} usable fixes during the video (classes in the log: {classes})",
+            file=log.source,
+            expected=f"at least {config.start.min_fixes}, of a class with a region",
+            remedy="check the log and rig.yaml's video_start_utc, or give regions with --survey",
+        )
+    if origin is None:
+        first = int(np.flatnonzero(usable)[0])
+        origin = GeodeticPoint(
+            float(log.latitude_deg[first]), float(log.longitude_deg[first]), float(log.height_m[first])
+        )
+    position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
+    return origin, Fixes(log.t_s, position, r_m, h_m, log.sigma_m, np.isfinite(r_m))
+
+
+def _decoded(frames: Iterator[Frame], seconds: Seconds) -> Iterator[Frame]:
+    """The same frames; the time spent waiting for them is counted."""
+    while True:
+        with seconds.measure("decode"):
+            frame = next(frames, None)
+        if frame is None:
+            return
+        yield frame
+
+
+def _held_frames(joined: Joined, config: Config) -> np.ndarray | None:
+    """Without fixes in the energy the first frame and one further on hold place and scale."""
+    if joined.georeferenced and config.gps.model != "none":
+        return None
+    poses = joined.scene.poses
+    way = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
+    second = 1 + int(np.searchsorted(way, 0.02 * way[-1]))
+    return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
+
+
+def _solution(
+    recording: Recording,
+    config: Config,
+    origin: GeodeticPoint | None,
+    fixes: Fixes,
+    joined: Joined,
+    smoothed: Smoothed,
+    seconds: Seconds,
+    warnings: tuple[str, ...],
+) -> Solution:
+    kept = np.flatnonzero(np.isfinite(smoothed.sigma_px))
+    row_of = np.full(len(smoothed.points), -1)
+    row_of[kept] = np.arange(len(kept))
+    observations = smoothed.observations
+    rotation_sigma, position_sigma = _world_sigmas(smoothed.poses, smoothed.covariance)
+    t_s, antenna = joined.scene.t_s, recording.rig.camera_p_antenna
+    log = recording.gps
+    table = fix_table(log, fixes, t_s, smoothed.poses, antenna, config.gps.model) if log else None
+    return Solution(
+        world_origin=origin,
+        georeferenced=joined.georeferenced,
+        t_s=t_s,
+        world_T_camera=smoothed.poses,
+        sigma_rotation_rad=rotation_sigma,
+        sigma_position_m=position_sigma,
+        state=joined.state,
+        camera=recording.camera,
+        camera_p_antenna=antenna,
+        landmarks=Landmarks(smoothed.points[kept], smoothed.sigma_px[kept], joined.gray[kept]),
+        observations=Observations(observations.frame, row_of[observations.landmark], observations.uv_px),
+        gps=log,
+        fixes=table,
+        report=smoothed.report,
+        seconds=dict(seconds.by_stage),
+        warnings=warnings,
+        config=config.model_dump(mode="json"),
+    )
+
+
+def _world_sigmas(poses: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations (F, 3) of rotation and position about and along world axes."""
+    R = poses[:, :3, :3]
+
+    def sigma(block: FloatArray) -> FloatArray:
+        world = R @ block @ R.transpose(0, 2, 1)
+        return np.asarray(np.sqrt(np.diagonal(world, axis1=1, axis2=2)))
+
+    return sigma(covariance[:, :3, :3]), sigma(covariance[:, 3:, 3:])

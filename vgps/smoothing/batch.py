@@ -1,0 +1,160 @@
+"""Stage D, Kume 2010: everything at once, reliabilities included, by batch Levenberg-Marquardt."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from factors import stages
+from vgps.config import Config
+from vgps.errors import GeometryError
+from vgps.geometry import triangulate
+from vgps.model import BoolArray, FloatArray, Observations, SolverReport
+from vgps.smoothing.assembly import (
+    Scene,
+    build_problem,
+    gps_and_motion,
+    select_observations,
+)
+from vgps.smoothing.bundle import BundleProblem, cost_terms
+from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.schur import SolverSettings, pose_covariances, solve
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What stage D found.
+
+    Attributes:
+        poses: (F, 4, 4) and their ``covariance`` (F, 6, 6) in the camera's tangent [rotation; translation],
+            NaN if the system does not determine them.
+        points: (L, 3) and reliabilities ``sigma_px`` (L,), NaN for features that were left out.
+        observations: Those that took part.
+        report: Cost per term before and after, iterations, why it stopped.
+        warnings: In words.
+    """
+
+    poses: FloatArray
+    covariance: FloatArray
+    points: FloatArray
+    sigma_px: FloatArray
+    observations: Observations
+    report: SolverReport
+    warnings: tuple[str, ...]
+
+
+def optimise_batch(
+    scene: Scene,
+    K: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    fixed: BoolArray | None = None,
+) -> Smoothed:
+    """Minimise the energy (11) over all poses and features, in a few rounds.
+
+    Between rounds sightings are judged anew, features that lost their place are triangulated again (19) and
+    reliabilities (13) are recomputed. The first round raises the exponent of the GPS walls in stages.
+
+    Args:
+        scene: All frames, posed, and all features with their sightings.
+        K: (3, 3).
+        fixes: All fixes.
+        camera_p_antenna: (3,) metres.
+        config: Weights, rounds and GPS model.
+        fixed: (F,) frames to hold, where no fix ties the scene.
+
+    Raises:
+        GeometryError: No step lowers the cost of a start that is no minimum.
+    """
+    current, iterations = scene, 0
+    for round_ in range(config.batch.rounds):
+        for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
+            problem, sigma, kept = _problem(current, K, fixes, camera_p_antenna, config, n, fixed)
+            result = solve(problem, _settings(config), config.batch.solver)
+            if result.stuck and round_ == 0:
+                raise GeometryError(
+                    f"the optimiser made no step: {result.report.stop_reason}",
+                    remedy="check the camera's calibration, the GPS log and their clocks",
+                )
+            iterations += result.report.iterations
+            current = replace(
+                current, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark
+            )
+        if round_ < config.batch.rounds - 1:
+            current = _retriangulated(current, K, sigma, config)
+    after = result.problem
+    report, warnings = _report(scene, after, iterations, result.report.stop_reason)
+    covariance, doubts = _covariance(after)
+    return Smoothed(
+        after.world_T_camera,
+        covariance,
+        after.world_p_landmark,
+        sigma,
+        kept.observations,
+        report,
+        (*warnings, *doubts),
+    )
+
+
+def _settings(config: Config) -> SolverSettings:
+    return SolverSettings(
+        max_iterations=config.batch.iterations, relative_tolerance=config.batch.relative_tolerance
+    )
+
+
+def _problem(
+    scene: Scene,
+    K: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    n: int,
+    fixed: BoolArray | None,
+) -> tuple[BundleProblem, FloatArray, Scene]:
+    kept, sigma = select_observations(scene, K, config)
+    graph = gps_and_motion(kept, fixes, camera_p_antenna, config, n)
+    problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
+    return problem, sigma, kept
+
+
+def _retriangulated(scene: Scene, K: FloatArray, sigma_px: FloatArray, config: Config) -> Scene:
+    """Features that were left out get a new chance from the improved poses."""
+    out = np.isnan(sigma_px)
+    rows = np.flatnonzero(out[scene.observations.landmark])
+    rows = rows[np.argsort(scene.observations.landmark[rows], kind="stable")]
+    landmark, start, count = np.unique(
+        scene.observations.landmark[rows], return_index=True, return_counts=True
+    )
+    if len(landmark) == 0:
+        return scene
+    enough = np.repeat(count, count) >= config.mapping.min_views
+    rows, landmark = rows[enough], landmark[count >= config.mapping.min_views]
+    start = np.searchsorted(scene.observations.landmark[rows], landmark)
+    if len(landmark) == 0:
+        return scene
+    found, _ = triangulate(
+        K, scene.poses[scene.observations.frame[rows]], scene.observations.uv_px[rows], start
+    )
+    points = scene.points.copy()
+    points[landmark] = found
+    return replace(scene, points=points)
+
+
+def _report(
+    start: Scene, after: BundleProblem, iterations: int, reason: str
+) -> tuple[SolverReport, tuple[str, ...]]:
+    """Costs of the final problem at the start of D and at its end."""
+    before = cost_terms(replace(after, world_T_camera=start.poses, world_p_landmark=start.points))
+    cost_after = cost_terms(after)
+    warnings: tuple[str, ...] = ()
+    if sum(cost_after.values()) > sum(before.values()):
+        warnings = ("stage D ended at a higher cost than it began with, after outliers had been dropped",)
+    return SolverReport(before, cost_after, iterations, reason), warnings
+
+
+def _covariance(problem: BundleProblem) -> tuple[FloatArray, tuple[str, ...]]:
+    try:
+        return pose_covariances(problem), ()
+    except GeometryError as error:
+        unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
+        return unknown, (f"no standard deviations: {error}",)
