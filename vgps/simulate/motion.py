@@ -1,0 +1,128 @@
+"""A smooth camera motion whose pose and angular rate are exact at every time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_simpson
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from vgps.model import FloatArray
+from vgps.simulate.scene import SceneConfig
+
+# Camera axes (x right, y down, z forward) in a world where the camera looks east and stands upright.
+_EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_GRID_S = 0.005
+_KNOT_S = 0.05
+_MARGIN_S = 1.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Cubic splines over time of east, north, up [m] and yaw, pitch, roll [rad].
+
+    ``world_R_camera = Rz(yaw) E Rx(pitch) Rz(roll)``: yaw counts from east to north, pitch lifts the view,
+    roll turns about the viewing axis, and E looks east. The splines are the truth, not a sampling of it.
+    """
+
+    spline: CubicSpline
+
+    def poses(self, t_s: FloatArray) -> FloatArray:
+        """world_T_camera, (N, 4, 4), at (N,) seconds since the first frame."""
+        values = self.spline(t_s)
+        pose = np.tile(np.eye(4), (len(t_s), 1, 1))
+        pose[:, :3, 3] = values[:, :3]
+        pose[:, :3, :3] = (
+            _about_z(values[:, 3]) @ _EAST_R_CAMERA @ _about_x(values[:, 4]) @ _about_z(values[:, 5])
+        )
+        return pose
+
+    def rates(self, t_s: FloatArray) -> FloatArray:
+        """(N, 3) angular rate of the camera in its own axes, rad/s, from the splines' derivatives."""
+        _, pitch, roll = self.spline(t_s)[:, 3:].T
+        yaw_rate, pitch_rate, roll_rate = self.spline(t_s, 1)[:, 3:].T
+        zero = np.zeros_like(pitch)
+        up = np.stack([zero, -yaw_rate, zero], axis=-1)  # camera y points down
+        back = np.swapaxes(_about_x(pitch), 1, 2) @ up[..., None]
+        back[:, 0, 0] += pitch_rate
+        rate = np.swapaxes(_about_z(roll), 1, 2) @ back
+        rate[:, 2, 0] += roll_rate
+        return np.asarray(rate[..., 0])
+
+
+def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
+    """The scene's motion: its path at its speed, and bobbing, shaking, looking around and spinning on top."""
+    t = np.arange(-_MARGIN_S, config.speed[-1][0] + _MARGIN_S, _GRID_S)
+    east, north, heading, speed = _travel(config, t)
+    step = 2 * np.pi * config.bob_hz * t
+    pace = speed / max(v for _, v in config.speed)  # who stands still neither bobs nor shakes
+    sway = 0.6 * config.bob_m * pace * np.sin(step / 2 + 0.4)
+    wobble = np.deg2rad(config.sway_deg) * pace
+    slow = np.deg2rad(config.look_deg) * np.stack([_wander(t, rng, 4.0, 12.0) for _ in range(3)])
+    quick = np.deg2rad(config.shake_deg) * pace * np.stack([_wander(t, rng, 0.4, 1.2) for _ in range(3)])
+    yaw = heading + slow[0] + 0.3 * quick[0] + wobble * np.sin(step / 2) + _spin(t, config)
+    pitch = np.deg2rad(config.pitch_deg) + 0.6 * slow[1] + quick[1] + 0.6 * wobble * np.sin(step + 0.9)
+    roll = 0.4 * slow[2] + quick[2] + wobble * np.sin(step / 2 + 1.7)
+    up = config.eye_m + config.bob_m * pace * np.sin(step) + 0.3 * quick[1]
+    east, north = east - sway * np.sin(heading), north + sway * np.cos(heading)
+    every = round(_KNOT_S / _GRID_S)
+    return Motion(CubicSpline(t[::every], np.stack([east, north, up, yaw, pitch, roll], axis=-1)[::every]))
+
+
+def center_line(config: SceneConfig, before_m: float, after_m: float) -> FloatArray:
+    """(N, 4) distance, east, north [m], heading [rad] each metre along the path, straight beyond its ends."""
+    t = np.arange(-_MARGIN_S, config.speed[-1][0] + _GRID_S, _GRID_S)
+    east, north, heading, speed = _travel(config, t)
+    distance = _integral(speed)
+    inside = t >= 0
+    along = np.arange(-before_m, distance[-1] + after_m)
+    beyond = along - np.clip(along, 0.0, distance[-1])
+    moving = np.concatenate([[True], np.diff(distance[inside]) > 1e-9])
+    line = [np.interp(along, distance[inside][moving], x[inside][moving]) for x in (east, north, heading)]
+    return np.stack(
+        [along, line[0] + beyond * np.cos(line[2]), line[1] + beyond * np.sin(line[2]), line[2]], axis=-1
+    )
+
+
+def _travel(config: SceneConfig, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """East, north, heading and speed over the grid of times, without a walker's or a vehicle's own motion."""
+    knots_t, knots_v = np.array(config.speed).T
+    speed = PchipInterpolator(knots_t, knots_v)(np.clip(t, knots_t[0], knots_t[-1]))
+    distance = _integral(speed)
+    heading = np.zeros_like(t)
+    for start, length, angle in config.turns:
+        heading += np.deg2rad(angle) * _smooth_step((distance - start) / length)
+    return _integral(speed * np.cos(heading)), _integral(speed * np.sin(heading)), heading, speed
+
+
+def _integral(rate: FloatArray) -> FloatArray:
+    """Integral over the grid, zero at the time of the first frame."""
+    total: FloatArray = np.asarray(cumulative_simpson(rate, dx=_GRID_S, initial=0.0))
+    return np.asarray(total - total[round(_MARGIN_S / _GRID_S)])
+
+
+def _smooth_step(x: FloatArray) -> FloatArray:
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+def _wander(t: FloatArray, rng: np.random.Generator, shortest_s: float, longest_s: float) -> FloatArray:
+    """A smooth quasi-periodic signal of amplitude about 1 with periods in the given range."""
+    periods = np.geomspace(shortest_s, longest_s, 3) * rng.uniform(0.9, 1.1, 3)
+    phases = rng.uniform(0, 2 * np.pi, 3)
+    return np.asarray(np.sum(np.sin(2 * np.pi * t[:, None] / periods + phases), axis=1) / 2)
+
+
+def _spin(t: FloatArray, config: SceneConfig) -> FloatArray:
+    begin = config.speed[-1][0] / 4
+    rate = np.deg2rad(config.spin_deg_s) * np.sin(2 * np.pi * (t - begin) / config.spin_period_s)
+    return _integral(rate * _smooth_step((t - begin) / config.spin_period_s))
+
+
+def _about_x(angle: FloatArray) -> FloatArray:
+    c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
+    return np.stack([one, zero, zero, zero, c, -s, zero, s, c], axis=-1).reshape(-1, 3, 3)
+
+
+def _about_z(angle: FloatArray) -> FloatArray:
+    c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
+    return np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)

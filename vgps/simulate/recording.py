@@ -1,0 +1,183 @@
+"""A simulated recording on disk: the same files a user has, and the exact truth."""
+
+import shutil
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import yaml
+
+from vgps.errors import RunFolderError
+from vgps.model import Trajectory
+from vgps.simulate.motion import Motion, build_motion
+from vgps.simulate.render import Picture, Renderer
+from vgps.simulate.scene import SceneConfig, scene_config
+from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
+from vgps.simulate.street import build_world
+from vgps.writers.tum import write_tum
+
+FILES = (
+    *("video.mp4", "camera.yaml", "rig.yaml", "gps.nmea", "gyro.csv", "truth.tum"),
+    *("fix_errors.csv", "simulation.yaml"),
+)
+_MARK = "simulation.yaml"  # the file by which a recording is known to be made here
+_THREADS = 2
+_AHEAD = 6
+
+
+def simulate(
+    out: Path,
+    scene: str | SceneConfig = "walk",
+    seed: int = 0,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> None:
+    """Make a recording with exact truth: a rendered video, camera, rig, fixes, gyro and poses.
+
+    Args:
+        out: The recording folder. An earlier simulation under that name is replaced.
+        scene: A name of ``SCENES`` or a scene of one's own.
+        seed: Every random choice follows from it; the same seed gives the same bytes.
+        on_frame: Told after each frame how many are done, and of how many.
+
+    Raises:
+        ConfigError: There is no scene of that name.
+        RunFolderError: ``out`` holds something else than an earlier simulation, or cannot be written.
+    """
+    config = scene_config(scene) if isinstance(scene, str) else scene
+    motion_rng, world_rng, gps_rng, gyro_rng = (np.random.default_rng([seed, k]) for k in range(4))
+    with _new_folder(out) as folder:
+        motion = build_motion(config, motion_rng)
+        renderer = Renderer(build_world(config, world_rng), motion, config, seed)
+        _write_camera(folder / "camera.yaml", config, renderer)
+        _write_rig(folder / "rig.yaml", config)
+        fixes = simulate_fixes(motion, config, gps_rng)
+        (folder / "gps.nmea").write_bytes(nmea(fixes, config))
+        _write_fix_errors(folder / "fix_errors.csv", fixes)
+        _write_gyro(folder / "gyro.csv", motion, config, gyro_rng)
+        t = np.arange(config.frames) / config.fps
+        write_tum(Trajectory(t, motion.poses(t)), folder / "truth.tum")
+        made_of = {
+            "scene": scene if isinstance(scene, str) else "custom",
+            "seed": seed,
+            "config": repr(config),
+        }
+        (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
+        write_video(folder / "video.mp4", _rendered(renderer, config.frames), config, on_frame)
+
+
+def write_video(
+    path: Path,
+    pictures: Iterator[Picture],
+    config: SceneConfig,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> None:
+    """Encode as H.264, frame i at exactly ``i / fps`` seconds; one encoder thread, so that bytes repeat."""
+    with av.open(path, "w") as container:
+        stream = container.add_stream(
+            "libx264", rate=config.fps, options={"crf": str(config.crf), "preset": "veryfast"}
+        )
+        stream.width, stream.height, stream.pix_fmt = config.width, config.height, "yuv420p"
+        stream.codec_context.thread_count = 1
+        stream.codec_context.time_base = Fraction(1, config.fps)
+        for index, picture in enumerate(pictures):
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            frame.pts, frame.time_base = index, Fraction(1, config.fps)
+            container.mux(stream.encode(frame))
+            if on_frame:
+                on_frame(index + 1, config.frames)
+        container.mux(stream.encode(None))
+
+
+def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
+    """The frames in order, a few rendered ahead."""
+    with ThreadPoolExecutor(_THREADS) as pool:
+        pending: deque[Future[Picture]] = deque()
+        for index in range(frames):
+            pending.append(pool.submit(renderer.frame, index))
+            if len(pending) >= _AHEAD:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+
+
+def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
+    K = renderer.K
+    fields = {
+        "model": "pinhole",
+        "width": config.width,
+        "height": config.height,
+        **{"fx": float(K[0, 0]), "fy": float(K[1, 1]), "cx": float(K[0, 2]), "cy": float(K[1, 2])},
+    }
+    path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+
+
+def _write_rig(path: Path, config: SceneConfig) -> None:
+    fields = {
+        "camera_p_antenna": list(config.camera_p_antenna),
+        "video_start_utc": config.start_utc,
+        "world_origin": list(config.world_origin),
+        "gyro_R_camera": np.round(gyro_R_camera(config.gyro), 12).tolist(),
+        "exposure_s": config.exposure_s,
+    }
+    path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+
+
+def _write_gyro(path: Path, motion: Motion, config: SceneConfig, rng: np.random.Generator) -> None:
+    t, rate = simulate_gyro(motion, config, rng)
+    head = "t_s,wx_rad_s,wy_rad_s,wz_rad_s"
+    np.savetxt(path, np.column_stack([t, rate]), "%.6f", ",", header=head, comments="", encoding="utf-8")
+
+
+def _write_fix_errors(path: Path, fixes: SimulatedFixes) -> None:
+    lines = ["t_s,fix_class,east_m,north_m,up_m,outlier"]
+    for t, fix_class, error, outlier in zip(
+        fixes.t_s, fixes.fix_class, fixes.error_m, fixes.outlier, strict=True
+    ):
+        lines.append(f"{t:.2f},{fix_class},{error[0]:.4f},{error[1]:.4f},{error[2]:.4f},{int(outlier)}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def _new_folder(out: Path) -> Iterator[Path]:
+    """A temporary sibling of ``out`` that takes its name when the block ends well."""
+    out = out.resolve()
+    try:
+        _check(out)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
+        try:
+            folder = scratch / "recording"
+            folder.mkdir()
+            yield folder
+            if out.exists():
+                out.rename(scratch / "earlier")
+            folder.rename(out)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"cannot be written ({error.strerror})",
+            file=out,
+            remedy="check permissions and space, or name another --out",
+        ) from error
+
+
+def _check(out: Path) -> None:
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
+    found = {entry.name for entry in out.iterdir()}
+    if found and (_MARK not in found or found - set(FILES)):
+        raise RunFolderError(
+            "holds files that no simulation made",
+            file=out,
+            expected="an empty folder or an earlier simulation",
+            remedy="name another --out; nothing was overwritten",
+        )

@@ -1,0 +1,60 @@
+"""Textures filtered for the distance and the slant at which they are seen."""
+
+import math
+
+import cv2
+import numpy as np
+
+from vgps.model import FloatArray
+from vgps.simulate.textures import Image
+
+_LAID_TEXELS = 1024
+_SHARPNESS = 0.7  # share of the texels per pixel that is kept: samples lie half a pixel apart
+
+
+class Ripmap:
+    """A texture at sizes halved in width and height independently, each made when first asked for.
+
+    A texture that does not repeat has a transparent rim of one texel, so that its edges fall where they
+    belong. Small sizes of one that does are laid out side by side, since filtering across the border is slow.
+    """
+
+    def __init__(self, image: Image, repeats: bool) -> None:
+        self.height, self.width = image.shape[:2]
+        self.repeats = repeats
+        self._image = image
+        self._levels: dict[tuple[int, int], Image] = {}
+
+    def level(
+        self, texels_per_px_u: float, texels_per_px_v: float
+    ) -> tuple[Image, FloatArray, tuple[int, int]]:
+        """The size for that density, the (3, 3) map from texture to texels, and how often it is laid out."""
+        key = (_octave(texels_per_px_u, self.width), _octave(texels_per_px_v, self.height))
+        w, h = max(1, self.width >> key[0]), max(1, self.height >> key[1])
+        laid = (max(1, _LAID_TEXELS // w), max(1, _LAID_TEXELS // h)) if self.repeats else (1, 1)
+        if key not in self._levels:
+            small = np.asarray(cv2.resize(self._image, (w, h), interpolation=cv2.INTER_AREA), np.uint8)
+            self._levels[key] = np.tile(small, (laid[1], laid[0], 1)) if self.repeats else _rimmed(small)
+        rim = -0.5 if self.repeats else 0.5
+        return self._levels[key], np.array([[w, 0, rim], [0, h, rim], [0, 0, 1.0]]), laid
+
+    def density(self, H: FloatArray, u: float, v: float) -> tuple[float, float, tuple[float, float]]:
+        """Texture coordinates at a pixel, and texels per pixel along both axes, in the densest direction."""
+        (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = H.tolist()
+        c = c0 * u + c1 * v + c2
+        a, b = (a0 * u + a1 * v + a2) / c, (b0 * u + b1 * v + b2) / c
+        along_u = math.hypot(a0 - a * c0, a1 - a * c1) / abs(c)
+        along_v = math.hypot(b0 - b * c0, b1 - b * c1) / abs(c)
+        return a, b, (along_u * self.width, along_v * self.height)
+
+
+def _rimmed(image: Image) -> Image:
+    image = np.asarray(cv2.copyMakeBorder(image, 1, 1, 1, 1, cv2.BORDER_REPLICATE), np.uint8)
+    image[[0, -1], :, 3] = 0
+    image[:, [0, -1], 3] = 0
+    return image
+
+
+def _octave(texels_per_px: float, size: int) -> int:
+    """How often to halve a size so that about a texel falls on a sample, keeping at least four texels."""
+    return min(max(0, round(math.log2(max(texels_per_px * _SHARPNESS, 1e-9)))), max(0, size.bit_length() - 3))

@@ -1,0 +1,154 @@
+"""The GPS receiver and the gyro of a simulated recording: exact values, and errors that are known."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+
+import numpy as np
+from pynmeagps import GET, NMEAMessage
+from scipy.spatial.transform import Rotation
+
+from vgps.geodesy import to_geodetic
+from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint
+from vgps.simulate.motion import Motion
+from vgps.simulate.scene import FixErrors, GyroConfig, SceneConfig
+
+GEOID_SEPARATION_M = 37.0
+_QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5}
+
+
+@dataclass(frozen=True)
+class SimulatedFixes:
+    """Fixes and what is wrong with them, ENU metres.
+
+    Attributes:
+        t_s: (N,) seconds since the first frame, whole hundredths as NMEA writes them.
+        world_p_antenna: (N, 3) where the antenna is.
+        error_m: (N, 3) measured minus true.
+        outlier: (N,) which ones were thrown off.
+    """
+
+    t_s: FloatArray
+    fix_class: tuple[FixClass, ...]
+    world_p_antenna: FloatArray
+    error_m: FloatArray
+    outlier: BoolArray
+
+
+def simulate_fixes(motion: Motion, config: SceneConfig, rng: np.random.Generator) -> SimulatedFixes:
+    """The scene's fixes: the antenna through the lever arm at each fix's own time, plus errors per class."""
+    gps = config.gps
+    t = np.round(np.arange(gps.offset_s, config.duration_s, gps.interval_s), 2)
+    share = t / max(config.duration_s, 1e-9)
+    inner = (share >= gps.fix_share) & (share <= 1 - gps.fix_share)
+    classes = tuple(gps.middle_class if middle else FixClass.RTK_FIX for middle in inner)
+    pose = motion.poses(t)
+    antenna = pose[:, :3, :3] @ np.array(config.camera_p_antenna) + pose[:, :3, 3]
+    error = np.zeros((len(t), 3))
+    for begin, end in _stretches(classes):
+        error[begin:end] = gauss_markov(end - begin, gps.interval_s, gps.errors[classes[begin]], rng)
+    outlier = np.zeros(len(t), bool)
+    outlier[rng.permutation(len(t))[: round(gps.outliers * len(t))]] = True
+    direction, reach = rng.uniform(0, 2 * np.pi, len(t)), rng.uniform(*gps.outlier_m, len(t))
+    jump = np.stack([np.cos(direction), np.sin(direction), rng.normal(0, 0.7, len(t))], axis=-1)
+    return SimulatedFixes(t, classes, antenna, error + outlier[:, None] * reach[:, None] * jump, outlier)
+
+
+def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.random.Generator) -> FloatArray:
+    """(count, 3) of a stationary first-order Gauss-Markov process about a random bias, metres ENU."""
+    sigma = np.array([errors.sigma_h_m, errors.sigma_h_m, errors.sigma_v_m])
+    bias = np.array([errors.bias_h_m, errors.bias_h_m, errors.bias_v_m]) * rng.standard_normal(3)
+    kept = np.exp(-interval_s / errors.correlation_s)
+    state = rng.standard_normal((count, 3))
+    for k in range(1, count):
+        state[k] = kept * state[k - 1] + np.sqrt(1 - kept**2) * state[k]
+    return bias + sigma * state
+
+
+def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:
+    """GGA, GST and ZDA of every fix."""
+    places = to_geodetic(config.world_origin, fixes.world_p_antenna + fixes.error_m)
+    sentences = []
+    for t, fix_class, place in zip(fixes.t_s, fixes.fix_class, places, strict=True):
+        utc = config.start_utc + timedelta(seconds=float(t))
+        errors = config.gps.errors[fix_class]
+        sentences += [_gga(utc, GeodeticPoint(*place), fix_class, errors), _gst(utc, errors), _zda(utc)]
+    return b"".join(sentence.serialize() for sentence in sentences)
+
+
+def simulate_gyro(
+    motion: Motion, config: SceneConfig, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """(N,) times, (N, 3) rates [rad/s] in the gyro's axes: the exact rate, a walking bias, white noise."""
+    gyro = config.gyro
+    t = (
+        -gyro.margin_s
+        + np.arange(round((config.duration_s + 2 * gyro.margin_s) * gyro.rate_hz) + 1) / gyro.rate_hz
+    )
+    steps = gyro.bias_walk_rad_s_sqrt_s / np.sqrt(gyro.rate_hz) * rng.standard_normal((len(t), 3))
+    bias = gyro.bias_rad_s * rng.standard_normal(3) + np.cumsum(steps, axis=0)
+    white = gyro.noise_rad_s * rng.standard_normal((len(t), 3))
+    return t, motion.rates(t) @ gyro_R_camera(gyro).T + bias + white
+
+
+def gyro_R_camera(gyro: GyroConfig) -> FloatArray:
+    """(3, 3) rotation from camera axes to the gyro's."""
+    return Rotation.from_euler("xyz", gyro.mount_deg, degrees=True).as_matrix()
+
+
+def _stretches(classes: tuple[FixClass, ...]) -> list[tuple[int, int]]:
+    changes = [k for k in range(1, len(classes)) if classes[k] != classes[k - 1]]
+    edges = [0, *changes, len(classes)]
+    return list(pairwise(edges))
+
+
+def _gga(utc: datetime, place: GeodeticPoint, fix_class: FixClass, errors: FixErrors) -> NMEAMessage:
+    return NMEAMessage(
+        "GN",
+        "GGA",
+        GET,
+        hpnmeamode=True,
+        time=utc.time(),
+        lat=place.latitude_deg,
+        NS="N" if place.latitude_deg >= 0 else "S",
+        lon=place.longitude_deg,
+        EW="E" if place.longitude_deg >= 0 else "W",
+        quality=_QUALITY[fix_class],
+        numSV=errors.satellites,
+        HDOP=errors.hdop,
+        alt=round(place.height_m - GEOID_SEPARATION_M, 4),
+        altUnit="M",
+        sep=GEOID_SEPARATION_M,
+        sepUnit="M",
+        diffAge=1.0,
+        diffStation="0000",
+    )
+
+
+def _gst(utc: datetime, errors: FixErrors) -> NMEAMessage:
+    east, north, up = errors.reported_m
+    return NMEAMessage(
+        *("GN", "GST", GET),
+        time=utc.time(),
+        rangeRms="",
+        stdMajor="",
+        stdMinor="",
+        orient="",
+        stdLat=north,
+        stdLong=east,
+        stdAlt=up,
+    )
+
+
+def _zda(utc: datetime) -> NMEAMessage:
+    return NMEAMessage(
+        "GN",
+        "ZDA",
+        GET,
+        time=utc.time(),
+        day=f"{utc.day:02d}",
+        month=f"{utc.month:02d}",
+        year=utc.year,
+        ltzh="00",
+        ltzn="00",
+    )
