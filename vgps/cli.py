@@ -1,0 +1,151 @@
+"""The command line: arguments only; each verb calls one function that a script can call too.
+
+Exit codes: 0 done, 2 bad input (one line on standard error), 1 a fault of the program.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import cyclopts
+from cyclopts import App, Parameter
+from rich.console import Console
+
+import vgps.simulate
+from vgps.config import GpsModel, read_config
+from vgps.demo import demo as run_demo
+from vgps.errors import VgpsError
+from vgps.evaluate import as_json, as_table, evaluate_run
+from vgps.model import Solution
+from vgps.offline import smooth as smooth_recording
+from vgps.progress import TerminalProgress
+from vgps.readers.recording import open_recording
+from vgps.writers.export import export as export_run
+from vgps.writers.run_folder import check_writable, write_run
+
+app = App(name="vgps", help="The pose of every frame of a video in world coordinates, from video and GPS.")
+_BAD_INPUT = 2
+
+
+@app.command
+def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
+    """Simulate a short recording, smooth it, evaluate it against its truth, and say where the results are.
+
+    Args:
+        out: Folder for the recording and the run.
+        seed: Of the simulated world and its GPS errors.
+    """
+    solution, evaluation = run_demo(out, seed, TerminalProgress())
+    console = Console()
+    _summary(console, solution, out / "run")
+    console.print(as_table(evaluation, "against the simulation's exact truth"))
+    console.print(f"recording: {out / 'recording'}\nresults:   {out / 'run'}", highlight=False)
+
+
+@app.command
+def smooth(
+    recording: Path,
+    *,
+    out: Path,
+    gps: str | None = None,
+    gps_model: GpsModel | None = None,
+    survey: Path | None = None,
+    config: Path | None = None,
+    camera: str | None = None,
+    rig: str | None = None,
+    control_points: str | None = None,
+    seed: int | None = None,
+) -> None:
+    """Smooth a recording: the pose of every frame, in world coordinates.
+
+    Args:
+        recording: Folder with video, camera.yaml, rig.yaml and GPS log, or a video with these beside it.
+        out: Run folder to write.
+        gps: GPS log, a path or a name inside the folder.
+        gps_model: How a fix acts on the path; a cylinder around it by default.
+        survey: YAML with the region r_m, h_m of each fix class.
+        config: YAML that overrides the defaults.
+        camera: Another camera.yaml, a path or a name inside the folder.
+        rig: Another rig.yaml, a path or a name inside the folder.
+        control_points: Another control_points.csv, a path or a name inside the folder.
+        seed: Of every random choice.
+    """
+    check_writable(out)
+    settings = read_config(config).with_gps(gps_model, survey)
+    if seed is not None:
+        settings = settings.model_copy(update={"seed": seed})
+    opened = open_recording(recording, gps=gps, camera=camera, rig=rig, control_points=control_points)
+    solution = smooth_recording(opened, settings, TerminalProgress())
+    write_run(solution, out)
+    _summary(Console(), solution, out)
+
+
+@app.command
+def evaluate(
+    run: Path, *, truth: Path, as_json_text: Annotated[bool, Parameter(name="--json", negative="")] = False
+) -> None:
+    """Unaligned errors of a run against a truth.
+
+    Args:
+        run: Run folder.
+        truth: TUM file, world_T_camera in ENU; a rig.yaml beside it names its origin and clock.
+        as_json_text: Print JSON instead of a table.
+    """
+    evaluation = evaluate_run(run, truth)
+    if as_json_text:
+        print(json.dumps(as_json(evaluation), indent=2))
+    else:
+        Console().print(as_table(evaluation, str(run)))
+
+
+@app.command
+def simulate(*, out: Path, scene: str = "walk", seed: int = 0) -> None:
+    """Make a recording with exact truth: video, GPS, gyro, calibration.
+
+    Args:
+        out: Recording folder to write.
+        scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin.
+        seed: Of the world and of the sensors' errors.
+    """
+    vgps.simulate.simulate(out, scene, seed)
+    Console().print(f"wrote {out}", highlight=False)
+
+
+@app.command
+def export(run: Path, *, to: str, out: Path) -> None:
+    """Write a run in another format.
+
+    Args:
+        run: Run folder.
+        to: tum or ply.
+        out: File to write.
+    """
+    export_run(run, to, out)
+    Console().print(f"wrote {out}", highlight=False)
+
+
+def _summary(console: Console, solution: Solution, out: Path) -> None:
+    for warning in solution.warnings:
+        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
+    frames, seconds = len(solution.t_s), sum(solution.seconds.values())
+    used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
+    logged = 0 if solution.gps is None else len(solution.gps)
+    console.print(
+        f"{frames} frames posed, {used} of {logged} fixes used, {seconds:.1f} s "
+        f"({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def main() -> None:
+    """Run a verb; a user's mistake is one line and exit code 2."""
+    try:
+        app(exit_on_error=False, print_error=False)
+    except (VgpsError, cyclopts.CycloptsError) as error:
+        print("vgps: " + " ".join(str(error).split()), file=sys.stderr)
+        sys.exit(_BAD_INPUT)
+    except KeyboardInterrupt:
+        print("vgps: interrupted, nothing written", file=sys.stderr)
+        sys.exit(130)

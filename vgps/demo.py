@@ -1,0 +1,27 @@
+"""The main job on a recording made on the spot, so that a stranger sees it work."""
+
+from pathlib import Path
+
+from vgps.config import Config
+from vgps.evaluate import Evaluation, evaluate_run
+from vgps.model import Solution
+from vgps.offline import Progress, smooth
+from vgps.readers.recording import open_recording
+from vgps.simulate import simulate
+from vgps.writers.run_folder import write_run
+
+
+def demo(out: Path, seed: int, progress: Progress) -> tuple[Solution, Evaluation]:
+    """Simulate, smooth, evaluate.
+
+    Args:
+        out: Gets ``recording`` and ``run``.
+        seed: Of the world, the sensors' errors and the front end.
+        progress: Shows how far it is.
+    """
+    recording, run = out / "recording", out / "run"
+    progress.say("simulating a recording")
+    simulate(recording, "demo", seed)
+    solution = smooth(open_recording(recording), Config(seed=seed), progress)
+    write_run(solution, run)
+    return solution, evaluate_run(run, recording / "truth.tum")

@@ -1,0 +1,26 @@
+"""Progress on a terminal: a bar over frames and a word on what is being done."""
+
+from collections.abc import Iterable, Iterator
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from vgps.model import Frame
+
+
+class TerminalProgress:
+    """Shows progress on standard error; silent where that is no terminal."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+
+    def track(self, frames: Iterable[Frame], total: int) -> Iterator[Frame]:
+        """The same frames, with a bar."""
+        columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
+            yield from bar.track(frames, total=total)
+
+    def say(self, what: str) -> None:
+        """A stage begins."""
+        if self._console.is_terminal:
+            self._console.print(f"[dim]{what}[/dim]")
