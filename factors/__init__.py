@@ -3,6 +3,7 @@
 from factors.custom import POINT3, POSE3, SCALAR, Kind, Linearised, Variable, custom_factor
 from factors.gps import gps_factor, gps_factor_between
 from factors.gyro import constant_velocity_factor
+from factors.level import level_factor
 from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
 from factors.reprojection import (
     Loss,
@@ -31,6 +32,7 @@ __all__ = [
     "custom_factor",
     "gps_factor",
     "gps_factor_between",
+    "level_factor",
     "projection_factor",
     "projection_noise",
     "projection_sigma_px",

@@ -86,11 +86,11 @@ class StartConfig(_Stage):
     min_travel_ratio: PositiveFloat = 4.0
     """The fixes must span this many times the median region radius before they give scale and heading."""
     min_travel_m: PositiveFloat = 3.0
-    straight_ratio: PositiveFloat = 3.0
-    """A track whose fixes leave a straight line by less than this many radii does not show the roll:
-    the camera is then taken as level."""
     level_sigma_deg: PositiveFloat = 5.0
-    """Standard deviation of the level camera's roll."""
+    """The camera is believed to be carried upright to this standard deviation of its mean roll. It matters
+    only where the fixes do not show the roll, on a straight track above all."""
+    pitch_sigma_deg: PositiveFloat = 30.0
+    """The same for its mean pitch."""
 
 
 class WindowConfig(_Stage):

@@ -32,8 +32,8 @@ def align(
     """Similarity from map to world that puts the antenna into the fixes' regions, or nothing yet.
 
     Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and position, with a loss that
-    forgives single wrong fixes. Where the fixes leave a straight line by too little, the roll about the line
-    is not observable and the camera's x axis is taken as level.
+    forgives single wrong fixes, and the belief that the camera is upright, which decides the roll where the
+    fixes lie too near to a straight line to show it.
 
     Args:
         map_T_camera: (M, 4, 4) camera poses in the map at the fixes' times.
@@ -49,30 +49,42 @@ def align(
     travel = 2.0 * float(np.median(np.linalg.norm(spread, axis=1)))
     if travel < max(config.min_travel_m, config.min_travel_ratio * radius):
         return None
-    axis = _main_axis(spread)
-    beside = spread - np.outer(spread @ axis, axis)
-    straight = float(np.sqrt(np.mean(beside**2) * 3.0)) < config.straight_ratio * float(np.median(region_m))
     start = _level_start(map_T_camera, world_p_fix)
     if start is None:
         return None
-    level_sigma = np.radians(config.level_sigma_deg) if straight else np.radians(90.0)
+    level_sigma = np.sin(np.radians([config.level_sigma_deg, config.pitch_sigma_deg]))
 
     def residual(parameters: FloatArray) -> FloatArray:
         scale, rotation, place = _unpack(parameters)
         antenna = scale * map_T_camera[:, :3, 3] @ rotation.T + place
         antenna = antenna + (rotation @ map_T_camera[:, :3, :3]) @ camera_p_antenna
         offset = (antenna - world_p_fix) / region_m
-        level = (rotation @ map_T_camera[:, :3, 0].mean(axis=0))[2] / level_sigma
+        level = (rotation @ map_T_camera[:, :3, [0, 2]].mean(axis=0))[2] / level_sigma
         return np.append(np.linalg.norm(offset, axis=1), level)
 
     best = least_squares(residual, start, loss="cauchy", f_scale=_LOSS_SCALE, x_scale="jac", max_nfev=200)
     scale, rotation, place = _unpack(best.x)
+    straight = _roll_sigma_rad(spread, region_m) > np.radians(config.level_sigma_deg)
     return Alignment(scale, rotation, place, straight)
+
+
+def _roll_sigma_rad(spread: FloatArray, region_m: FloatArray) -> float:
+    """How well fixes determine the rotation about their own main axis: their size against their distance
+    from it. Regions count as uniform distributions, of sigma r / sqrt(3)."""
+    axis = _main_axis(spread)
+    lever = np.linalg.norm(spread - np.outer(spread @ axis, axis), axis=1)
+    sigma = region_m.mean(axis=1) / np.sqrt(3.0)
+    information = float(np.sum((lever / sigma) ** 2))
+    return float(1.0 / np.sqrt(max(information, 1e-12)))
 
 
 def _unpack(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     rotation = Rotation.from_rotvec(parameters[1:4]).as_matrix()
-    return float(np.exp(np.clip(parameters[0], -50.0, 50.0))), np.asarray(rotation, np.float64), parameters[4:7]
+    return (
+        float(np.exp(np.clip(parameters[0], -50.0, 50.0))),
+        np.asarray(rotation, np.float64),
+        parameters[4:7],
+    )
 
 
 def _main_axis(spread: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from gtsam.symbol_shorthand import X
 
 from factors import (
     constant_velocity_factor,
+    level_factor,
     projection_sigma_px,
     reliability_sigma_px,
 )
@@ -18,6 +19,7 @@ from vgps.model import BoolArray, FloatArray, IntArray, Observations
 from vgps.smoothing.bundle import BundleProblem, projection_errors, whitened_robust_k
 from vgps.smoothing.fixes import Fixes, gps_graph
 
+_LEVEL_FRAMES = 20
 _POSITION_LIMIT = 1e5  # in map units: points further away are rounding
 
 
@@ -189,4 +191,15 @@ def gps_and_motion(
     """All factors on poses of a scene that lies in the world."""
     graph = gps_graph(fixes, scene.t_s, camera_p_antenna, config.gps, n)
     graph.push_back(motion_graph(scene, config))
+    graph.push_back(_upright(len(scene.t_s), config))
+    return graph
+
+
+def _upright(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:
+    """One belief in an upright camera, shared out over some frames: how it is mounted is one unknown."""
+    graph = gtsam.NonlinearFactorGraph()
+    rows = np.unique(np.linspace(0, frames - 1, _LEVEL_FRAMES).astype(int))
+    sigmas = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg]) * np.sqrt(len(rows))
+    for row in rows.tolist():
+        graph.push_back(level_factor(X(row), float(sigmas[0]), float(sigmas[1])))
     return graph
