@@ -78,10 +78,10 @@ def write_video(
     on_frame: Callable[[int, int], None] | None = None,
 ) -> None:
     """Encode as H.264, frame i at exactly ``i / fps`` seconds; one encoder thread, so that bytes repeat."""
+    # x264's macroblock tree gives other bytes each time where the frames are the same
+    options = {"crf": str(config.crf), "preset": "veryfast", "x264-params": "mbtree=0"}
     with av.open(path, "w") as container:
-        stream = container.add_stream(
-            "libx264", rate=config.fps, options={"crf": str(config.crf), "preset": "veryfast"}
-        )
+        stream = container.add_stream("libx264", rate=config.fps, options=options)
         stream.width, stream.height, stream.pix_fmt = config.width, config.height, "yuv420p"
         stream.codec_context.thread_count = 1
         stream.codec_context.time_base = Fraction(1, config.fps)
@@ -155,9 +155,7 @@ def _new_folder(out: Path) -> Iterator[Path]:
             folder = scratch / "recording"
             folder.mkdir()
             yield folder
-            if out.exists():
-                out.rename(scratch / "earlier")
-            folder.rename(out)
+            _swap(folder, out, scratch / "earlier")
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:
@@ -166,6 +164,17 @@ def _new_folder(out: Path) -> Iterator[Path]:
             file=out,
             remedy="check permissions and space, or name another --out",
         ) from error
+
+
+def _swap(new: Path, out: Path, earlier: Path) -> None:
+    if out.exists():
+        out.rename(earlier)
+    try:
+        new.rename(out)
+    except OSError:
+        if earlier.exists():
+            earlier.rename(out)
+        raise
 
 
 def _check(out: Path) -> None:

@@ -5,6 +5,7 @@ import math
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import detrend
 
 from vgps.model import FloatArray
 from vgps.simulate.motion import Motion
@@ -20,6 +21,7 @@ _BAND = 1.8  # ratio of depths within which one filtered size of a texture serve
 _COVERED = 120  # alpha; a little below one half, so that neighbours leave no gap
 _HAZE = np.array([228, 220, 212, 255], np.uint8).view(np.uint32)[0]
 _MOTION_DEPTH_M = 4.0
+_FEW = 6  # instants, up to which each is drawn at twice the size
 _Polygon = list[tuple[float, float, float]]
 
 
@@ -49,7 +51,7 @@ class Renderer:
         t, exposure = index / self._config.fps, self._config.exposure_s
         count = self.samples(t)
         times = t + exposure * ((np.arange(count) + 0.5) / count - 0.5)
-        zoom = 2 if count < 4 else 1
+        zoom = 2 if count <= _FEW else 1
         size = (self._config.width, self._config.height)
         total = np.zeros((size[1], size[0], 4), np.float32)
         for time, pose, shift in zip(times, self._motion.poses(times), _shifts(count) / zoom, strict=True):
@@ -73,7 +75,7 @@ class Renderer:
         points = np.append(_MOTION_DEPTH_M * np.linalg.inv(K) @ pixels, np.ones((1, u.size)), axis=0)
         seen = K @ (np.linalg.inv(end) @ begin @ points)[:3]
         moved = np.hypot(*(seen[:2] / np.maximum(seen[2], 0.5) - pixels[:2])).max()
-        return int(np.clip(math.ceil(moved / 1.25), 1, config.max_samples))
+        return int(np.clip(math.ceil(moved), 1, config.max_samples))
 
     def view(self, world_T_camera: FloatArray, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
         """An instant's picture, ``zoom`` times the size, rays ``shift_px`` off pixel centres."""
@@ -178,10 +180,13 @@ def _draw_band(
 
 
 def _shifts(count: int) -> FloatArray:
-    """(count, 2) offsets that cover a pixel evenly (the R2 sequence), with their mean at its centre."""
+    """(count, 2) offsets that cover a pixel evenly (the R2 sequence), without a mean or a drift over time.
+
+    A drift would lengthen or shorten the motion blur.
+    """
     golden = np.array([0.7548776662466927, 0.5698402909980532])
     shifts = (np.arange(count)[:, None] * golden) % 1.0
-    return np.asarray(shifts - shifts.mean(axis=0))
+    return np.asarray(detrend(shifts, axis=0, type="linear" if count > 2 else "constant"))
 
 
 def _frustum(K: FloatArray, width: int, height: int) -> FloatArray:
