@@ -99,6 +99,20 @@ class WindowConfig(_Stage):
     every_frames: PositiveInt = 15
     length_frames: PositiveInt = 60
     iterations: PositiveInt = 4
+    tolerated_drift: PositiveFloat = 0.02
+    """Antennas further outside their fix's region than this share of the way through the window show that
+    what is held has drifted: then the drift is taken out first."""
+
+
+class DriftConfig(_Stage):
+    """How a camera's scale and heading may drift; from knot to knot both walk at random."""
+
+    knot_frames: PositiveInt = 15
+    scale_sigma: PositiveFloat = 0.05
+    """Standard deviation of the change of the log scale from one knot to the next."""
+    rotation_sigma_deg: PositiveFloat = 0.3
+    """The same for the rotation."""
+    iterations: PositiveInt = 30
 
 
 class MotionConfig(_Stage):
@@ -171,6 +185,7 @@ class Config(_Stage):
     window: WindowConfig = WindowConfig()
     batch: BatchConfig = BatchConfig()
     motion: MotionConfig = MotionConfig()
+    drift: DriftConfig = DriftConfig()
     gps: GpsConfig = GpsConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":

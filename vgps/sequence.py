@@ -11,9 +11,10 @@ from vgps.config import Config
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
+from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.start import try_alignment
-from vgps.smoothing.window import optimise_window
+from vgps.smoothing.window import contradicts, optimise_window
 from vgps.tracking.bootstrap import TwoViewStart
 from vgps.tracking.frame_tracker import FrameTracker, Tracked
 from vgps.tracking.mapper import Mapper
@@ -172,20 +173,20 @@ class Sequence:
             note = try_alignment(growing.local_map, self.t_s, self._fixes, self._antenna, self._config)
         if note is not None:
             self.warnings.extend(note)
-            self._window(growing, len(growing.local_map.poses))
+            self._window(growing)
 
-    def _window(self, growing: _Growing, length: int | None = None) -> None:
+    def _window(self, growing: _Growing) -> None:
+        """Stage C; when the fixes contradict what was held, its drift is taken out and C is done again."""
         growing.since_window = 0
+        local_map, t_s = growing.local_map, self.t_s
+        fixes = self._fixes.until(self._times[-1])
         with self.seconds.measure("window"):
-            optimise_window(
-                growing.local_map,
-                self.t_s,
-                self._camera.K,
-                self._fixes.until(self._times[-1]),
-                self._antenna,
-                self._config,
-                length,
-            )
+            optimise_window(local_map, t_s, self._camera.K, fixes, self._antenna, self._config)
+        if local_map.aligned and contradicts(local_map, t_s, fixes, self._antenna, self._config):
+            with self.seconds.measure("drift"):
+                correct_drift(local_map, t_s, fixes, self._antenna, self._config.drift)
+            with self.seconds.measure("window"):
+                optimise_window(local_map, t_s, self._camera.K, fixes, self._antenna, self._config)
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""

@@ -14,8 +14,10 @@ from vgps.smoothing.assembly import (
     scene_of_map,
     select_observations,
 )
-from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.schur import SolverSettings, solve
+
+_CONTRADICTIONS = 2
 
 
 def optimise_window(
@@ -25,7 +27,6 @@ def optimise_window(
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
-    length: int | None = None,
 ) -> None:
     """Optimise the poses of the last frames and the features seen in them, in place.
 
@@ -39,10 +40,9 @@ def optimise_window(
         fixes: Fixes so far.
         camera_p_antenna: (3,) metres.
         config: Window, weights and GPS model.
-        length: Frames to optimise, if not the configured.
     """
     last = local_map.next_frame
-    since = max(local_map.first_posed, last - (length or config.window.length_frames))
+    since = max(local_map.first_posed, last - config.window.length_frames)
     history = local_map.views.shape[1]
     first = max(local_map.first_posed, since - history)
     scene, ids = scene_of_map(local_map, t_s, first)
@@ -64,6 +64,29 @@ def optimise_window(
     local_map.poses[first - local_map.first_frame :] = result.world_T_camera
     judged = np.isfinite(sigma)
     local_map.set_points(ids[judged], result.world_p_landmark[judged], sigma[judged])
+
+
+def contradicts(
+    local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> bool:
+    """Whether fixes of the last window lie so far off that the older frames, which were held, must be wrong.
+
+    Args:
+        local_map: Aligned, just optimised; the others as in :func:`optimise_window`.
+    """
+    first = max(local_map.first_posed, local_map.next_frame - config.window.length_frames)
+    poses, times = local_map.poses[first - local_map.first_frame :], t_s[first : local_map.next_frame]
+    if config.gps.model == "none" or len(times) < 2:
+        return False
+    placement = place(times, fixes.t_s)
+    rows = placement.inside & fixes.used
+    offset = (antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix)[rows]
+    way = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
+    beyond = np.maximum(
+        np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
+    )
+    # one wrong fix alone is no reason
+    return int((beyond > config.window.tolerated_drift * way).sum()) >= _CONTRADICTIONS
 
 
 def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
