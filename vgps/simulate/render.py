@@ -151,20 +151,9 @@ def _draw_band(
     if behind.min() > 1 / min(p[2] for p in part):
         return  # hidden
     H = H @ np.array([[1, 0, left], [0, 1, top], [0, 0, 1]])
-    u, v = sum(us) / len(us) - left, sum(vs) / len(vs) - top
-    a, b, density = texture.density(H, u, v)
-    level, to_level, laid = texture.level(*density)
-    if texture.repeats:  # by whole repetitions to where the layout's middle is
-        to_level = to_level @ np.array(
-            [[1, 0, laid[0] // 2 - math.floor(a)], [0, 1, laid[1] // 2 - math.floor(b)], [0, 0, 1]]
-        )
-    to_texel = to_level @ H
     size = (right - left, bottom - top)
-    border = cv2.BORDER_WRAP if texture.repeats else cv2.BORDER_CONSTANT
-    patch = cv2.warpPerspective(
-        level, to_texel, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=border
-    )
-    g = to_texel[2].astype(np.float32)
+    patch = texture.warped(H, size, sum(us) / len(us) - left, sum(vs) / len(vs) - top)
+    g = H[2].astype(np.float32)
     here = (g[0] * np.arange(size[0], dtype=np.float32))[None, :] + (
         g[1] * np.arange(size[1], dtype=np.float32) + g[2]
     )[:, None]

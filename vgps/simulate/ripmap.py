@@ -25,6 +25,22 @@ class Ripmap:
         self._image = image
         self._levels: dict[tuple[int, int], Image] = {}
 
+    def warped(self, H: FloatArray, size: tuple[int, int], u: float, v: float) -> Image:
+        """A picture of (width, height), filtered as fits its pixel (u, v).
+
+        ``H`` maps its pixels (u, v, 1) to texture coordinates (a, b, 1), up to scale.
+        """
+        a, b, density = self.density(H, u, v)
+        level, to_level, laid = self.level(*density)
+        if self.repeats:  # by whole repetitions to where the layout's middle is
+            columns, rows = laid[0] // 2 - math.floor(a), laid[1] // 2 - math.floor(b)
+            to_level = to_level @ np.array([[1, 0, columns], [0, 1, rows], [0, 0, 1]])
+        border = cv2.BORDER_WRAP if self.repeats else cv2.BORDER_CONSTANT
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return np.asarray(
+            cv2.warpPerspective(level, to_level @ H, size, flags=flags, borderMode=border), np.uint8
+        )
+
     def level(
         self, texels_per_px_u: float, texels_per_px_v: float
     ) -> tuple[Image, FloatArray, tuple[int, int]]:
