@@ -10,8 +10,10 @@ from vgps.interpolation import interpolate_poses
 from vgps.local_map import LocalMap, StaticTie
 from vgps.model import FloatArray, FrameState, Observations
 from vgps.smoothing.assembly import Scene
+from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.start import find_alignment
+from vgps.smoothing.window import contradicts
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ def join_maps(
     """
     warnings: list[str] = []
     for local_map in maps:
+        _pose_standing_frames(local_map)
         if not local_map.aligned:
             found = find_alignment(local_map, t_s, fixes, camera_p_antenna, config.start)
             if found is not None:
@@ -54,10 +57,22 @@ def join_maps(
         warnings.append("no fix ties the result to the world: place, heading and scale are arbitrary")
         maps[0].aligned = True
     warnings.extend(_continue_maps(maps, t_s))
+    if georeferenced and config.gps.model != "none":
+        for local_map in maps:
+            if contradicts(local_map, t_s, fixes, camera_p_antenna, config, whole=True):
+                correct_drift(local_map, t_s, fixes, camera_p_antenna, config.drift)
     poses, state = _every_frame(maps, t_s)
     scene = _scene(maps, t_s, poses)
     gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])
     return Joined(scene, state, gray, georeferenced, tuple(warnings))
+
+
+def _pose_standing_frames(local_map: LocalMap) -> None:
+    """Frames that stood still before the map began stand where their view does."""
+    for tie in local_map.static_ties:
+        row = tie.frame - local_map.first_frame
+        if np.isnan(local_map.poses[row, 0, 0]):
+            local_map.poses[row] = local_map.pose(tie.key) @ tie.key_T_frame
 
 
 def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
@@ -110,10 +125,6 @@ def _every_frame(maps: list[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tup
     poses = np.full((len(t_s), 4, 4), np.nan)
     state = [FrameState.BRIDGED] * len(t_s)
     for local_map in maps:
-        for tie in local_map.static_ties:
-            row = tie.frame - local_map.first_frame
-            if np.isnan(local_map.poses[row, 0, 0]):
-                local_map.poses[row] = local_map.pose(tie.key) @ tie.key_T_frame
         known = np.flatnonzero(np.isfinite(local_map.poses[:, 0, 0]))
         poses[known + local_map.first_frame] = local_map.poses[known]
         for frame in (known + local_map.first_frame).tolist():

@@ -67,14 +67,21 @@ def optimise_window(
 
 
 def contradicts(
-    local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    local_map: LocalMap,
+    t_s: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    whole: bool = False,
 ) -> bool:
     """Whether fixes of the last window lie so far off that the older frames, which were held, must be wrong.
 
     Args:
         local_map: Aligned, just optimised; the others as in :func:`optimise_window`.
+        whole: Ask for the whole map.
     """
-    first = max(local_map.first_posed, local_map.next_frame - config.window.length_frames)
+    begin = 0 if whole else local_map.next_frame - config.window.length_frames
+    first = max(local_map.first_posed, begin)
     poses, times = local_map.poses[first - local_map.first_frame :], t_s[first : local_map.next_frame]
     if config.gps.model == "none" or len(times) < 2:
         return False
@@ -85,8 +92,9 @@ def contradicts(
     beyond = np.maximum(
         np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
     )
+    window_way = way * min(1.0, config.window.length_frames / len(times))
     # one wrong fix alone is no reason
-    return int((beyond > config.window.tolerated_drift * way).sum()) >= _CONTRADICTIONS
+    return int((beyond > config.window.tolerated_drift * window_way).sum()) >= _CONTRADICTIONS
 
 
 def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
