@@ -7,7 +7,6 @@ Storage is LAPACK's lower band, ``ab[i - j, j] = A[i, j]``, in Fortran order: en
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
@@ -16,7 +15,15 @@ POSE = 6  # columns of a pose
 
 
 class NotPositiveDefiniteError(ArithmeticError):
-    """The matrix has no Cholesky factor."""
+    """The matrix has no Cholesky factor.
+
+    Args:
+        column: The first whose pivot is not positive.
+    """
+
+    def __init__(self, column: int) -> None:
+        self.column = column
+        super().__init__(f"the pivot of column {column} is not positive")
 
 
 @dataclass(frozen=True)
@@ -43,11 +50,9 @@ class Band:
     def block(self, rows: slice, columns: slice) -> FloatArray:
         """View of a dense block; above the diagonal and below the band it shows other entries of the band."""
         step = self.ab.itemsize
-        return as_strided(
-            self.flat[rows.start + columns.start * self.stride :],
-            (rows.stop - rows.start, columns.stop - columns.start),
-            (step, step * self.stride),
-        )
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        offset = step * (rows.start + columns.start * self.stride)
+        return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``; it must be zero above its diagonal.
@@ -67,16 +72,19 @@ class Band:
         """Add (n,) values to the diagonal."""
         self.ab[0] += values
 
-    def cholesky(self, half_bandwidth: int) -> "Band":
+    def cholesky(self, half_bandwidth: int, least_pivot: FloatArray | float = 0.0) -> "Band":
         """The factor L of L L^T, of ``half_bandwidth + 1`` stored rows.
 
         Raises:
-            NotPositiveDefiniteError: There is none.
+            NotPositiveDefiniteError: There is none, or a squared pivot is below (n,) ``least_pivot``.
         """
         compact = self.ab[: half_bandwidth + 1].copy(order="F")
         factor, info = lapack.dpbtrf(compact, lower=1, overwrite_ab=1)
-        if info != 0 or not np.all(np.isfinite(factor[0])):
-            raise NotPositiveDefiniteError(f"column {info}")
+        if info > 0:
+            raise NotPositiveDefiniteError(info - 1)
+        small = ~(factor[0] ** 2 > least_pivot)  # true of NaN as well
+        if np.any(small):
+            raise NotPositiveDefiniteError(int(np.argmax(small)))
         return Band(factor)
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -100,7 +108,9 @@ class Band:
             if following is not None:
                 below = self._below(own, len(following))
                 middle += below.T @ following @ below
-            inverse, _ = lapack.dtrtri(np.tril(self.block(own, own)), lower=1)
+            lower = self.block(own, own)
+            # beyond the band the view shows other entries
+            inverse, _ = lapack.dtrtri(np.tril(lower) - np.tril(lower, -self.stride - 1), lower=1)
             following = inverse.T @ middle @ inverse
             poses = following.reshape(len(following) // POSE, POSE, -1, POSE)
             blocks.append(np.einsum("iaib->iab", poses)[::-1])

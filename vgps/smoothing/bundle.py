@@ -159,15 +159,9 @@ def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
 
 def camera_points(problem: BundleProblem) -> FloatArray:
     """(3, N) every observation's landmark in its frame's camera axes, metres."""
-    to_point = [
-        problem.world_p_landmark[:, axis][problem.landmark]
-        - problem.world_T_camera[:, axis, 3][problem.frame]
-        for axis in range(3)
-    ]
-    R = problem.world_T_camera[:, :3, :3]
-    return np.stack(
-        [sum((R[:, i, j][problem.frame] * to_point[i] for i in range(3)), np.zeros(())) for j in range(3)]
-    )
+    T, frame = problem.world_T_camera, problem.frame
+    x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[:, i, 3][frame] for i in range(3))
+    return np.stack([T[:, 0, j][frame] * x + T[:, 1, j][frame] * y + T[:, 2, j][frame] * z for j in range(3)])
 
 
 def residuals(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:

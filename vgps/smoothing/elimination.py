@@ -58,7 +58,10 @@ class Group:
             return
         rows, columns = np.tril_indices(self.width)
         index = (POSE * self.frames[:, None] + np.arange(POSE)).ravel()
-        band.add_entries(index[rows], index[columns], square[rows, columns])
+        i, j = index[rows], index[columns]
+        # no single track is longer than the band: entries beyond it are zero, and have no place of their own
+        near = i - j < len(band.ab)
+        band.add_entries(i[near], j[near], square[rows[near], columns[near]])
 
 
 @dataclass(frozen=True)
@@ -166,8 +169,8 @@ def _pose_graph_span(problem: BundleProblem, free: IntArray) -> int:
 def _group(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
     """Longest span of a track, and (L,) the group of every landmark; 0 for those in no free frame.
 
-    Lengths are binned by powers of two from 8, first frames by a length, so a block spans at most four times
-    its tracks' lengths.
+    Lengths are binned by powers of two from 8, first frames by a quarter of a length: of the
+    gradings tried, the one that balances empty entries against the number of blocks.
     """
     seen = free >= 0
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
@@ -177,7 +180,7 @@ def _group(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, Int
     length = (last - first + 1)[tracked]
     exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
     code = np.full(landmarks, -1)
-    code[tracked] = exponent * (free.max(initial=0) + 1) + first[tracked] // 2**exponent
+    code[tracked] = exponent * (free.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
     _, group = np.unique(np.append(code, -1), return_inverse=True)
     return int(length.max(initial=0)), group[:-1]
 

@@ -22,6 +22,14 @@ _ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))  # u, v: which of them a po
 _LOWER = tuple((a, b) for a in range(POSE) for b in range(a + 1))
 
 
+def _dot(p: FloatArray, q: FloatArray, rows: tuple[int, ...] = (0, 1)) -> FloatArray:
+    """(n,) products of two arrays' rows, summed over those rows that are not zero."""
+    total: FloatArray = p[rows[0]] * q[rows[0]]
+    for row in rows[1:]:
+        total += p[row] * q[row]
+    return total
+
+
 @dataclass(frozen=True)
 class LinearChunk:
     """Whitened, reweighted Jacobians of a chunk's observations, and its landmarks' normal equations.
@@ -47,12 +55,8 @@ class LinearChunk:
 
     def pose_gradient(self, r: FloatArray) -> FloatArray:
         """(6, frames of the chunk) sums of J^T r by the poses, for any (2, n) r."""
-        return np.array(
-            [
-                np.bincount(self.chunk.frame, sum(self.jp[i, a] * r[i] for i in _ROWS[a]), self.chunk.frames)
-                for a in range(POSE)
-            ]
-        )
+        at, frames = self.chunk.frame, self.chunk.frames
+        return np.array([np.bincount(at, _dot(self.jp[:, a], r, _ROWS[a]), frames) for a in range(POSE)])
 
 
 @dataclass(frozen=True)
@@ -111,12 +115,9 @@ def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
     jp, jl = _jacobians(here, camera_p, np.where(behind, 0.0, scale))
     r = error * scale
     size = len(chunk.landmarks)
-    hessian = [
-        np.bincount(chunk.landmark, jl[0, a] * jl[0, b] + jl[1, a] * jl[1, b], size)
-        for a in range(3)
-        for b in range(a + 1)
-    ]
-    gradient = [np.bincount(chunk.landmark, jl[0, a] * r[0] + jl[1, a] * r[1], size) for a in range(3)]
+    at = chunk.landmark
+    hessian = [np.bincount(at, _dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
+    gradient = [np.bincount(at, _dot(jl[:, a], r), size) for a in range(3)]
     return LinearChunk(chunk, jp, jl, r, np.array(hessian), np.array(gradient))
 
 
@@ -150,9 +151,9 @@ def _pose_blocks(linear: LinearChunk) -> FloatArray:
     jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
     blocks = np.zeros((len(_LOWER), frames))
     for row, (a, b) in enumerate(_LOWER):
-        both = set(_ROWS[a]) & set(_ROWS[b])
-        if both:
-            blocks[row] = np.bincount(frame, sum(jp[i, a] * jp[i, b] for i in both), frames)
+        rows = tuple(i for i in _ROWS[a] if i in _ROWS[b])
+        if rows:
+            blocks[row] = np.bincount(frame, _dot(jp[:, a], jp[:, b], rows), frames)
     return blocks
 
 
@@ -262,7 +263,7 @@ def _fill(linear: LinearChunk, coupling: FloatArray, buffer: FloatArray) -> None
     for c in range(3):
         entry = chunk.entry[:, c]
         for a in range(POSE):
-            value = sum((jp[i, a] * coupling[i, c] for i in _ROWS[a]), np.zeros(()))
+            value = _dot(jp[:, a], coupling[:, c], _ROWS[a])
             buffer[a:][entry] = value if everything else value[chunk.seen]
 
 
@@ -272,9 +273,11 @@ def point_steps(linear: Linearization, pose_step: FloatArray, damping: float) ->
     for part in linear.chunks:
         chunk, jp, jl = part.chunk, part.jp, part.jl
         step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
-        r = [sum((jp[i, a] * step[a] for a in range(POSE) if i in _ROWS[a]), np.zeros(())) for i in range(2)]
+        r = np.stack(
+            [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
+        )
         size = len(chunk.landmarks)
-        moved = [np.bincount(chunk.landmark, jl[0, k] * r[0] + jl[1, k] * r[1], size) for k in range(3)]
+        moved = [np.bincount(chunk.landmark, _dot(jl[:, k], r), size) for k in range(3)]
         points = factor_points(part, damping)
         steps[:, chunk.landmarks] = -points.transposed_times(points.times(part.gradient + np.array(moved)))
     return steps

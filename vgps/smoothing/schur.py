@@ -6,10 +6,12 @@ that the band would be no band, GTSAM's optimiser is used.
 
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from vgps.errors import GeometryError
 from vgps.model import FloatArray, SolverReport
@@ -23,6 +25,8 @@ from vgps.smoothing.normal import linearize, reduce_to_poses
 __all__ = ["BundleResult", "Solver", "SolverSettings", "pose_covariances", "solve"]
 
 Solver = Literal["schur", "gtsam"]
+
+_LEAST_PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a direction that nothing determines
 
 
 @dataclass(frozen=True)
@@ -71,21 +75,20 @@ def solve(
             remedy="start from better poses, or raise the wall's exponent in stages",
         )
     structure = structure_of(problem) if solver == "schur" else None
-    if structure is not None and not structure.fits(settings.max_flops, settings.max_bytes):
-        structure = None
-    if structure is None:
-        outcome = levenberg_of_gtsam(problem, settings)
+    if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
+        with _one_blas_thread():
+            outcome = levenberg(problem, structure, settings)
     else:
-        outcome = levenberg(problem, structure, settings)
-    after = cost_terms(outcome.problem)
-    return BundleResult(
-        outcome.problem,
-        SolverReport(before, after, outcome.iterations, outcome.reason),
-        "gtsam" if structure is None else "schur",
-        outcome.converged,
-        outcome.stuck,
-        time.perf_counter() - begun,
-    )
+        solver, outcome = "gtsam", levenberg_of_gtsam(problem, settings)
+    report = SolverReport(before, cost_terms(outcome.problem), outcome.iterations, outcome.reason)
+    seconds = time.perf_counter() - begun
+    return BundleResult(outcome.problem, report, solver, outcome.converged, outcome.stuck, seconds)
+
+
+def _one_blas_thread() -> AbstractContextManager[object]:
+    """Blocks this small are not worth sharing: on busy cores, threads that wait cost fourfold."""
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits
 
 
 def _in_words(cost: Mapping[str, float]) -> str:
@@ -101,18 +104,19 @@ def pose_covariances(problem: BundleProblem) -> FloatArray:
         GeometryError: Observations and factors do not determine the poses.
     """
     structure = structure_of(problem)
-    linear = linearize(problem, all_pose_values(problem), structure)
-    band, _ = reduce_to_poses(linear, structure, 0.0)
-    covariance = np.zeros((len(structure.free), POSE, POSE))
-    try:
-        inverse = band.cholesky(structure.half_bandwidth).inverse_diagonal_blocks()
-    except NotPositiveDefiniteError as error:
-        column = int(str(error).split()[-1]) - 1
-        frame = int(np.flatnonzero(structure.free >= 0)[column // POSE])
-        raise GeometryError(
-            "nothing determines the pose",
-            place=f"frame {frame}",
-            remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
-        ) from None
-    covariance[structure.free >= 0] = inverse
+    moves = structure.free >= 0
+    covariance = np.zeros((len(moves), POSE, POSE))
+    with _one_blas_thread():
+        linear = linearize(problem, all_pose_values(problem), structure)
+        band, _ = reduce_to_poses(linear, structure, 0.0)
+        try:
+            factor = band.cholesky(structure.half_bandwidth, _LEAST_PIVOT * linear.diagonal)
+        except NotPositiveDefiniteError as error:
+            frame = int(np.flatnonzero(moves)[error.column // POSE])
+            raise GeometryError(
+                "its pose is not determined by observations and fixes",
+                place=f"frame {frame}",
+                remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
+            ) from None
+        covariance[moves] = factor.inverse_diagonal_blocks()
     return covariance
