@@ -89,6 +89,10 @@ class StartConfig(_Stage):
     level_sigma_deg: PositiveFloat = 5.0
     """The camera is believed to be carried upright to this standard deviation of its mean roll. It matters
     only where the fixes do not show the roll, on a straight track above all."""
+    min_control_travel_m: PositiveFloat = 0.5
+    """Frames posed by control points must lie this far apart before they give the scale."""
+    control_sigma_px: PositiveFloat = 1.0
+    """Standard deviation of a control point's sighting."""
     pitch_sigma_deg: PositiveFloat = 30.0
     """The same for its mean pitch."""
 

@@ -6,14 +6,16 @@ from typing import Protocol
 import numpy as np
 
 from vgps.config import Config
-from vgps.errors import GeometryError, GpsLogError
+from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
+from vgps.local_map import NO_CONTROLS
 from vgps.model import FloatArray, Frame, GeodeticPoint, Landmarks, Observations, Recording, Solution
 from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.verdicts import fix_table
+from vgps.tracking.control import world_controls
 
 
 class Progress(Protocol):
@@ -53,7 +55,8 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
     config, progress = config or Config(), progress or Silent()
     origin, fixes = world_fixes(recording, config)
     camera, antenna = recording.camera, recording.rig.camera_p_antenna
-    sequence = Sequence(camera, antenna, fixes, config)
+    controls = world_controls(recording.control_points, camera, origin) or NO_CONTROLS
+    sequence = Sequence(camera, antenna, fixes, config, controls)
     frames = _decoded(recording.video.frames(), sequence.seconds)
     for frame in progress.track(frames, len(recording.video.times_s)):
         sequence.add_frame(frame)
@@ -66,8 +69,8 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
         )
     progress.say("optimising everything (D)")
     with sequence.seconds.measure("batch"):
-        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config)
-        held = _held_frames(joined, config)
+        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, controls)
+        held = None if len(controls.frame) else _held_frames(joined, config)
         smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held)
     warnings = (*sequence.warnings, *joined.warnings, *smoothed.warnings)
     return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
@@ -79,7 +82,7 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
     Raises:
         GpsLogError: Fewer usable fixes than it takes to align, or none of a class with a region.
     """
-    log, origin = recording.gps, recording.rig.world_origin
+    log, origin = recording.gps, _given_origin(recording)
     if log is None:
         nothing = np.zeros(0)
         return origin, Fixes(
@@ -102,6 +105,26 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
         )
     position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
     return origin, Fixes(log.t_s, position, r_m, h_m, log.sigma_m, np.isfinite(r_m))
+
+
+def _given_origin(recording: Recording) -> GeodeticPoint | None:
+    """The rig's, or the first control point's.
+
+    Raises:
+        RecordingError: Control points in ENU beside a GPS log, and no origin to tell whose ENU it is.
+    """
+    points, origin = recording.control_points, recording.rig.world_origin
+    if points is None or origin is not None:
+        return origin
+    if points.geodetic:
+        return GeodeticPoint(*(float(x) for x in points.world_p_point[0]))
+    if recording.gps is not None:
+        raise RecordingError(
+            "control points in ENU without an origin",
+            file=points.source,
+            remedy="give world_origin in rig.yaml, or latitude_deg, longitude_deg, height_m",
+        )
+    return None
 
 
 def _decoded(frames: Iterator[Frame], seconds: Seconds) -> Iterator[Frame]:

@@ -9,13 +9,14 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.interpolation import interpolate_poses
-from vgps.local_map import LocalMap, StaticTie
+from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
-from vgps.smoothing.start import try_alignment
+from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
 from vgps.tracking.bootstrap import TwoViewStart
+from vgps.tracking.control import control_poses
 from vgps.tracking.frame_tracker import FrameTracker, Tracked
 from vgps.tracking.mapper import Mapper
 from vgps.tracking.relocaliser import Relocaliser
@@ -60,7 +61,16 @@ class Sequence:
         warnings: What happened on the way that a user should know.
     """
 
-    def __init__(self, camera: Camera, camera_p_antenna: FloatArray, fixes: Fixes, config: Config) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        camera_p_antenna: FloatArray,
+        fixes: Fixes,
+        config: Config,
+        controls: Controls = NO_CONTROLS,
+    ) -> None:
+        self._controls = controls
+        self._control_poses = control_poses(controls, camera.K)
         self._camera, self._antenna, self._fixes, self._config = camera, camera_p_antenna, fixes, config
         rng = np.random.default_rng(config.seed)
         self._rng = rng
@@ -170,7 +180,11 @@ class Sequence:
 
     def _align(self, growing: _Growing) -> None:
         with self.seconds.measure("align"):
-            note = try_alignment(growing.local_map, self.t_s, self._fixes, self._antenna, self._config)
+            enough = self._config.start.min_control_travel_m
+            if align_to_control(growing.local_map, self._control_poses, enough):
+                note: list[str] | None = []
+            else:
+                note = try_alignment(growing.local_map, self.t_s, self._fixes, self._antenna, self._config)
         if note is not None:
             self.warnings.extend(note)
             self._window(growing)
@@ -181,12 +195,16 @@ class Sequence:
         local_map, t_s = growing.local_map, self.t_s
         fixes = self._fixes.until(self._times[-1])
         with self.seconds.measure("window"):
-            optimise_window(local_map, t_s, self._camera.K, fixes, self._antenna, self._config)
+            optimise_window(
+                local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
+            )
         if local_map.aligned and contradicts(local_map, t_s, fixes, self._antenna, self._config):
             with self.seconds.measure("drift"):
                 correct_drift(local_map, t_s, fixes, self._antenna, self._config.drift)
             with self.seconds.measure("window"):
-                optimise_window(local_map, t_s, self._camera.K, fixes, self._antenna, self._config)
+                optimise_window(
+                    local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
+                )
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""

@@ -1,7 +1,7 @@
 """Maps and fixes as one bundle problem, over a range of frames: the energy (11) of Kume 2010."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -9,12 +9,14 @@ from gtsam.symbol_shorthand import X
 
 from factors import (
     constant_velocity_factor,
+    control_point_factor,
     level_factor,
+    projection_noise,
     projection_sigma_px,
     reliability_sigma_px,
 )
 from vgps.config import Config
-from vgps.local_map import LocalMap, StaticTie
+from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import BoolArray, FloatArray, IntArray, Observations
 from vgps.smoothing.bundle import BundleProblem, projection_errors, whitened_robust_k
 from vgps.smoothing.fixes import Fixes, gps_graph
@@ -40,15 +42,19 @@ class Scene:
     points: FloatArray
     observations: Observations
     static_ties: tuple[StaticTie, ...] = ()
+    controls: Controls = NO_CONTROLS
 
 
-def scene_of_map(local_map: LocalMap, t_s: FloatArray, first: int) -> tuple[Scene, IntArray]:
+def scene_of_map(
+    local_map: LocalMap, t_s: FloatArray, first: int, controls: Controls = NO_CONTROLS
+) -> tuple[Scene, IntArray]:
     """The frames of a map from ``first`` on, and the features behind the rows of its points.
 
     Args:
         local_map: All its frames posed.
         t_s: Times of all frames of the video so far.
         first: Index of the first frame to take.
+        controls: Sightings of known points, of all frames.
     """
     log = local_map.observations(first)
     known = np.isfinite(local_map.points[log.landmark, 0])
@@ -62,7 +68,8 @@ def scene_of_map(local_map: LocalMap, t_s: FloatArray, first: int) -> tuple[Scen
     )
     poses = local_map.poses[first - local_map.first_frame :]
     times = t_s[first : first + len(poses)]
-    return Scene(times, poses, local_map.points[ids], observations, ties), ids
+    known_points = controls.between(first, first + len(poses) - 1)
+    return Scene(times, poses, local_map.points[ids], observations, ties, known_points), ids
 
 
 def select_observations(scene: Scene, K: FloatArray, config: Config) -> tuple[Scene, FloatArray]:
@@ -90,7 +97,7 @@ def select_observations(scene: Scene, K: FloatArray, config: Config) -> tuple[Sc
 def _only(scene: Scene, mask: BoolArray) -> Scene:
     old = scene.observations
     observations = Observations(old.frame[mask], old.landmark[mask], old.uv_px[mask])
-    return Scene(scene.t_s, scene.poses, scene.points, observations, scene.static_ties)
+    return replace(scene, observations=observations)
 
 
 def _bare_problem(scene: Scene, K: FloatArray) -> BundleProblem:
@@ -186,12 +193,27 @@ def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
 
 
 def gps_and_motion(
-    scene: Scene, fixes: Fixes, camera_p_antenna: FloatArray, config: Config, n: int | None = None
+    scene: Scene,
+    K: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
     """All factors on poses of a scene that lies in the world."""
     graph = gps_graph(fixes, scene.t_s, camera_p_antenna, config.gps, n)
     graph.push_back(motion_graph(scene, config))
     graph.push_back(_upright(len(scene.t_s), config))
+    graph.push_back(_known_points(scene.controls, K, config))
+    return graph
+
+
+def _known_points(controls: Controls, K: FloatArray, config: Config) -> gtsam.NonlinearFactorGraph:
+    graph = gtsam.NonlinearFactorGraph()
+    calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
+    noise = projection_noise(config.start.control_sigma_px)
+    for frame, uv, point in zip(controls.frame.tolist(), controls.uv_px, controls.world_p_point, strict=True):
+        graph.push_back(control_point_factor(X(frame), uv, point, calibration, noise))
     return graph
 
 

@@ -112,7 +112,7 @@ def _problem(
     fixed: BoolArray | None,
 ) -> tuple[BundleProblem, FloatArray, Scene]:
     kept, sigma = select_observations(scene, K, config)
-    graph = gps_and_motion(kept, fixes, camera_p_antenna, config, n)
+    graph = gps_and_motion(kept, K, fixes, camera_p_antenna, config, n)
     problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
     return problem, sigma, kept
 

@@ -1,13 +1,13 @@
 """All maps of a video in one world, and a pose for every frame: what stage D starts from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.interpolation import interpolate_poses
-from vgps.local_map import LocalMap, StaticTie
+from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import FloatArray, FrameState, Observations
 from vgps.smoothing.assembly import Scene
 from vgps.smoothing.drift import correct_drift
@@ -28,7 +28,12 @@ class Joined:
 
 
 def join_maps(
-    maps: list[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    maps: list[LocalMap],
+    t_s: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    controls: Controls = NO_CONTROLS,
 ) -> Joined:
     """Put every map into the world, by its own fixes or by continuing its neighbour; pose every frame.
 
@@ -38,6 +43,7 @@ def join_maps(
         fixes: All fixes.
         camera_p_antenna: (3,) metres.
         config: What it takes to align.
+        controls: Sightings of known points.
 
     Raises:
         GeometryError: There are fixes, but no map could be aligned with them.
@@ -62,7 +68,7 @@ def join_maps(
             if contradicts(local_map, t_s, fixes, camera_p_antenna, config, whole=True):
                 correct_drift(local_map, t_s, fixes, camera_p_antenna, config.drift)
     poses, state = _every_frame(maps, t_s)
-    scene = _scene(maps, t_s, poses)
+    scene = replace(_scene(maps, t_s, poses), controls=controls)
     gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])
     return Joined(scene, state, gray, georeferenced, tuple(warnings))
 

@@ -1,6 +1,9 @@
 """When and how a map finds its place in the world from the fixes seen so far."""
 
+from collections.abc import Mapping
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, StartConfig
 from vgps.interpolation import interpolate_poses
@@ -39,6 +42,33 @@ def try_alignment(
         f"the track up to {t_s[-1]:.1f} s is too straight to show the camera's roll: it was started level, "
         f"with a standard deviation of {config.start.level_sigma_deg:g} degrees"
     ]
+
+
+def align_to_control(local_map: LocalMap, poses: Mapping[int, FloatArray], min_travel_m: float) -> bool:
+    """Move the map into the world by frames whose poses control points give; say whether they suffice.
+
+    Rotation is the mean over these frames, scale the ratio of their spreads.
+
+    Args:
+        local_map: Moved in place.
+        poses: (4, 4) by frame.
+        min_travel_m: The frames must lie at least this far apart.
+    """
+    frames = [f for f in sorted(poses) if local_map.first_posed <= f < local_map.next_frame]
+    frames = [f for f in frames if np.isfinite(local_map.pose(f)[0, 0])]
+    if len(frames) < 2:
+        return False
+    world = np.array([poses[f] for f in frames])
+    own = np.array([local_map.pose(f) for f in frames])
+    spread = [p[:, :3, 3] - p[:, :3, 3].mean(axis=0) for p in (world, own)]
+    if np.linalg.norm(np.ptp(world[:, :3, 3], axis=0)) < min_travel_m or np.abs(spread[1]).max() < 1e-9:
+        return False
+    rotation = Rotation.from_matrix(world[:, :3, :3] @ own[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
+    scale = float(np.linalg.norm(spread[0]) / np.linalg.norm(spread[1]))
+    place = world[:, :3, 3].mean(axis=0) - scale * rotation @ own[:, :3, 3].mean(axis=0)
+    local_map.transform(scale, rotation, place)
+    local_map.aligned = True
+    return True
 
 
 def find_alignment(

@@ -5,7 +5,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import Config
-from vgps.local_map import LocalMap
+from vgps.local_map import NO_CONTROLS, Controls, LocalMap
 from vgps.model import FloatArray
 from vgps.smoothing.assembly import (
     build_problem,
@@ -27,6 +27,7 @@ def optimise_window(
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
+    controls: Controls = NO_CONTROLS,
 ) -> None:
     """Optimise the poses of the last frames and the features seen in them, in place.
 
@@ -40,16 +41,17 @@ def optimise_window(
         fixes: Fixes so far.
         camera_p_antenna: (3,) metres.
         config: Window, weights and GPS model.
+        controls: Sightings of known points.
     """
     last = local_map.next_frame
     since = max(local_map.first_posed, last - config.window.length_frames)
     history = local_map.views.shape[1]
     first = max(local_map.first_posed, since - history)
-    scene, ids = scene_of_map(local_map, t_s, first)
+    scene, ids = scene_of_map(local_map, t_s, first, controls)
     scene, sigma = select_observations(scene, K, config)
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
-        graph = gps_and_motion(scene, fixes, camera_p_antenna, config)
+        graph = gps_and_motion(scene, K, fixes, camera_p_antenna, config)
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:

@@ -4,10 +4,10 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
+from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
-from vgps.geometry import largest_angle_rad, triangulate, world_rays
 
 _REFINE_EVERY = 5
 _REFILL_SHARE = 0.85

@@ -5,8 +5,8 @@ import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import BoolArray, FloatArray
 from vgps.geometry import MIN_DEPTH, project
+from vgps.model import BoolArray, FloatArray
 
 
 def refine_pose(
