@@ -72,7 +72,8 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, controls)
         held = None if len(controls.frame) else _held_frames(joined, config)
         smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held)
-    warnings = (*sequence.warnings, *joined.warnings, *smoothed.warnings)
+    seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
+    warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
     return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
 
 

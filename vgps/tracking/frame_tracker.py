@@ -75,7 +75,10 @@ class FrameTracker:
         return self._final_pose(local_map, tracked, tentative)
 
     def _tracked(self, match: Match) -> Tracked:
-        return Tracked(match.uv_px, undistort(self._camera, match.uv_px), match.found)
+        uv = undistort(self._camera, match.uv_px)
+        # beyond the fold of its polynomial a lens has no ray
+        seen = np.asarray(np.isfinite(uv).all(axis=1))
+        return Tracked(match.uv_px, np.where(seen[:, None], uv, 0.0), match.found & seen)
 
     def _predict(self, local_map: LocalMap, predicted: FloatArray) -> FloatArray:
         """Where to look (N, 2), in the distorted image; features without position at the typical depth."""
@@ -121,8 +124,10 @@ class FrameTracker:
         again, raw = again[inside], raw[inside]
         match = self._matcher.rematch(previous, gray, local_map.raw_uv_px[again], raw)
         raw_uv, uv_px, found = tracked.raw_uv_px.copy(), tracked.uv_px.copy(), tracked.found.copy()
-        raw_uv[again], found[again] = match.uv_px, match.found
-        uv_px[again] = undistort(self._camera, match.uv_px)
+        raw_uv[again] = match.uv_px
+        again_uv = undistort(self._camera, match.uv_px)
+        seen = np.asarray(np.isfinite(again_uv).all(axis=1))
+        uv_px[again], found[again] = np.where(seen[:, None], again_uv, 0.0), match.found & seen
         return Tracked(raw_uv, uv_px, found)
 
     def _final_pose(self, local_map: LocalMap, tracked: Tracked, tentative: FloatArray) -> Tracked:

@@ -73,5 +73,8 @@ class Mapper:
             return
         wanted = self._tracking.max_features - followed
         raw = new_corners(gray, local_map.raw_uv_px, wanted, self._tracking, self._rng)
+        uv = undistort(self._camera, raw)
+        seen = np.isfinite(uv).all(axis=1)
+        raw, uv = raw[seen], uv[seen]
         pixel = raw.astype(int)
-        local_map.add_features(raw, undistort(self._camera, raw), gray[pixel[:, 1], pixel[:, 0]])
+        local_map.add_features(raw, uv, gray[pixel[:, 1], pixel[:, 0]])

@@ -13,6 +13,8 @@ from vgps.tracking.corners import harris_maxima
 
 Float32Array = npt.NDArray[np.float32]
 
+_MAX_CORNERS = 5000  # the strongest; more are noise, and cost their square
+
 
 @dataclass(frozen=True)
 class Match:
@@ -122,7 +124,7 @@ class SsdTemplates:
         predicted_uv_px: FloatArray,
         radius_px: int,
     ) -> Match:
-        corners, _ = harris_maxima(current, self._config)
+        corners = harris_maxima(current, self._config)[0][:_MAX_CORNERS]
         best_uv, found = predicted_uv_px.copy(), np.zeros(len(uv_px), dtype=bool)
         if len(corners) == 0 or len(uv_px) == 0:
             return Match(best_uv, found)
@@ -149,8 +151,9 @@ def patches(gray: GrayImage, uv_px: FloatArray, side: int) -> Float32Array:
     u = uv_px[:, 0].astype(np.float32)[:, None, None] + offsets[None, None, :]
     v = uv_px[:, 1].astype(np.float32)[:, None, None] + offsets[None, :, None]
     shape = np.broadcast_shapes(u.shape, v.shape)
-    columns = np.broadcast_to(u, shape).reshape(-1, shape[-1])
-    rows = np.broadcast_to(v, shape).reshape(-1, shape[-1])
+    # a row of the map for each window: OpenCV allows 32767 of them
+    columns = np.broadcast_to(u, shape).reshape(shape[0], -1)
+    rows = np.broadcast_to(v, shape).reshape(shape[0], -1)
     out = cv2.remap(
         gray,
         np.ascontiguousarray(columns),

@@ -48,6 +48,10 @@ class Relocaliser:
         points = self._points[[match.queryIdx for match in good]]
         raw = np.array([keypoints[match.trainIdx].pt for match in good])
         uv = undistort(self._camera, raw)
+        seen = np.isfinite(uv).all(axis=1)
+        points, uv = points[seen], uv[seen]
+        if len(points) < self._config.min_inliers:
+            return None
         pose, _ = lmeds_pose(
             self._camera.K, points, uv, guess[None], 5 * self._config.lmeds_samples, self._rng
         )
