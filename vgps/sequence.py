@@ -190,21 +190,20 @@ class Sequence:
             self._window(growing)
 
     def _window(self, growing: _Growing) -> None:
-        """Stage C; when the fixes contradict what was held, its drift is taken out and C is done again."""
+        """Stage C; first, where the fixes contradict what will be held, its drift is taken out.
+
+        Otherwise the window would tear to reach the fixes, and the tear would stay.
+        """
         growing.since_window = 0
         local_map, t_s = growing.local_map, self.t_s
         fixes = self._fixes.until(self._times[-1])
+        with self.seconds.measure("drift"):
+            if local_map.aligned and contradicts(local_map, t_s, fixes, self._antenna, self._config):
+                correct_drift(local_map, t_s, fixes, self._antenna, self._config.drift)
         with self.seconds.measure("window"):
             optimise_window(
                 local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
             )
-        if local_map.aligned and contradicts(local_map, t_s, fixes, self._antenna, self._config):
-            with self.seconds.measure("drift"):
-                correct_drift(local_map, t_s, fixes, self._antenna, self._config.drift)
-            with self.seconds.measure("window"):
-                optimise_window(
-                    local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
-                )
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""

@@ -72,10 +72,13 @@ def scene_of_map(
     return Scene(times, poses, local_map.points[ids], observations, ties, known_points), ids
 
 
-def select_observations(scene: Scene, K: FloatArray, config: Config) -> tuple[Scene, FloatArray]:
+def select_observations(
+    scene: Scene, K: FloatArray, config: Config, tolerance: float = 1.0
+) -> tuple[Scene, FloatArray]:
     """Drop what contradicts the scene, and judge what is left.
 
-    Sightings with too large an error go, then features with too few sightings or behind a camera.
+    Sightings with too large an error go, then features with too few sightings or behind a camera. While the
+    poses are still rough a larger ``tolerance``, in ``max_reprojection_px``, keeps what holds them together.
 
     Returns:
         The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) pixels,
@@ -83,7 +86,7 @@ def select_observations(scene: Scene, K: FloatArray, config: Config) -> tuple[Sc
     """
     problem = _bare_problem(scene, K)
     error, behind = projection_errors(problem)
-    good = ~behind & (np.linalg.norm(error, axis=1) < config.mapping.max_reprojection_px)
+    good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
     views = np.bincount(scene.observations.landmark[good], minlength=len(scene.points))
     good &= views[scene.observations.landmark] >= config.mapping.min_views

@@ -19,6 +19,8 @@ from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.schur import SolverSettings, pose_covariances, solve
 
+_FIRST_TOLERANCE = 5.0
+
 
 @dataclass(frozen=True)
 class Smoothed:
@@ -69,7 +71,10 @@ def optimise_batch(
     current, iterations = scene, 0
     for round_ in range(config.batch.rounds):
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
-            problem, sigma, kept = _problem(current, K, fixes, camera_p_antenna, config, n, fixed)
+            tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
+            kept, sigma = select_observations(current, K, config, tolerance)
+            graph = gps_and_motion(kept, K, fixes, camera_p_antenna, config, n)
+            problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
             result = solve(problem, _settings(config), config.batch.solver)
             if result.stuck and round_ == 0:
                 raise GeometryError(
@@ -100,21 +105,6 @@ def _settings(config: Config) -> SolverSettings:
     return SolverSettings(
         max_iterations=config.batch.iterations, relative_tolerance=config.batch.relative_tolerance
     )
-
-
-def _problem(
-    scene: Scene,
-    K: FloatArray,
-    fixes: Fixes,
-    camera_p_antenna: FloatArray,
-    config: Config,
-    n: int,
-    fixed: BoolArray | None,
-) -> tuple[BundleProblem, FloatArray, Scene]:
-    kept, sigma = select_observations(scene, K, config)
-    graph = gps_and_motion(kept, K, fixes, camera_p_antenna, config, n)
-    problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
-    return problem, sigma, kept
 
 
 def _retriangulated(scene: Scene, K: FloatArray, sigma_px: FloatArray, config: Config) -> Scene:

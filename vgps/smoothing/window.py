@@ -17,8 +17,6 @@ from vgps.smoothing.assembly import (
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.schur import SolverSettings, solve
 
-_CONTRADICTIONS = 2
-
 
 def optimise_window(
     local_map: LocalMap,
@@ -76,10 +74,10 @@ def contradicts(
     config: Config,
     whole: bool = False,
 ) -> bool:
-    """Whether fixes of the last window lie so far off that the older frames, which were held, must be wrong.
+    """Whether fixes of the last window lie so far off that the older frames must be wrong as well.
 
     Args:
-        local_map: Aligned, just optimised; the others as in :func:`optimise_window`.
+        local_map: Aligned; the others as in :func:`optimise_window`.
         whole: Ask for the whole map.
     """
     begin = 0 if whole else local_map.next_frame - config.window.length_frames
@@ -95,8 +93,7 @@ def contradicts(
         np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
     )
     window_way = way * min(1.0, config.window.length_frames / len(times))
-    # one wrong fix alone is no reason
-    return int((beyond > config.window.tolerated_drift * window_way).sum()) >= _CONTRADICTIONS
+    return bool((beyond > config.window.tolerated_drift * window_way).any())
 
 
 def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
