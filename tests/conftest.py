@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from recordings import small_recording
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +15,9 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder}; name their folder in VGPS_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small simulated recording with truth; copy it before you change it."""
+    return small_recording(tmp_path_factory.mktemp("recording") / "walk")

@@ -1,0 +1,23 @@
+"""Small simulated recordings, made once for all tests that smooth."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from vgps.simulate import SCENES, GpsConfig, SceneConfig, simulate
+
+SMALL: SceneConfig = replace(
+    SCENES["demo"],
+    width=320,
+    height=240,
+    focal_px=260.0,
+    speed=((0.0, 1.5), (6.0, 1.5)),
+    turns=((2.0, 3.0, 50.0),),
+    gps=GpsConfig(fix_share=0.5),
+    texture_scale=0.5,
+)
+
+
+def small_recording(folder: Path) -> Path:
+    """Six seconds of walking round a corner, every fix RTK-fix."""
+    simulate(folder, SMALL, seed=3)
+    return folder

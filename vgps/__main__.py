@@ -1,0 +1,5 @@
+"""``python -m vgps`` is ``vgps``."""
+
+from vgps.cli import main
+
+main()
