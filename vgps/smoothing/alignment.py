@@ -64,7 +64,8 @@ def align(
 
     best = least_squares(residual, start, loss="cauchy", f_scale=_LOSS_SCALE, x_scale="jac", max_nfev=200)
     scale, rotation, place = _unpack(best.x)
-    straight = _roll_sigma_rad(spread, region_m) > np.radians(config.level_sigma_deg)
+    path = scale * map_T_camera[:, :3, 3]
+    straight = _roll_sigma_rad(path - path.mean(axis=0), region_m) > np.radians(config.level_sigma_deg)
     return Alignment(scale, rotation, place, straight)
 
 
