@@ -230,9 +230,10 @@ def test_never_worse_than_the_start(solver: str, seed: int) -> None:
     assert sum(result.report.cost_after.values()) == pytest.approx(total(result.problem))
 
 
-def test_from_the_minimum_it_says_so() -> None:
-    best = solve(drive()[0], TIGHT).problem
-    again = solve(best)
+@pytest.mark.parametrize("solver", ["schur", "gtsam"])
+def test_from_the_minimum_it_says_so(solver: str) -> None:
+    best = solve(drive()[0], TIGHT, "gtsam").problem
+    again = solve(best, solver=solver)
     assert again.converged and not again.stuck
     assert "converged" in again.report.stop_reason
     assert total(again.problem) <= total(best)
@@ -251,10 +252,11 @@ def lying_factor() -> gtsam.NonlinearFactorGraph:
     return graph
 
 
-def test_no_step_at_all_is_said_aloud() -> None:
+@pytest.mark.parametrize("solver", ["schur", "gtsam"])
+def test_no_step_at_all_is_said_aloud(solver: str) -> None:
     problem, _ = drive(frames=10, landmarks=40)
     problem = replace(only(problem, np.zeros(len(problem.frame), dtype=bool)), pose_graph=lying_factor())
-    result = solve(problem)
+    result = solve(problem, solver=solver)
     assert result.stuck and not result.converged
     assert result.report.iterations == 0
     assert "no step lowers the cost" in result.report.stop_reason

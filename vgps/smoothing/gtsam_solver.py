@@ -5,7 +5,7 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from vgps.smoothing.bundle import BundleProblem, to_graph
-from vgps.smoothing.levenberg import Outcome, SolverSettings
+from vgps.smoothing.levenberg import LIGHT_DAMPING, Outcome, SolverSettings
 
 
 def levenberg_of_gtsam(problem: BundleProblem, settings: SolverSettings) -> Outcome:
@@ -21,7 +21,9 @@ def levenberg_of_gtsam(problem: BundleProblem, settings: SolverSettings) -> Outc
         return Outcome(problem, 0, f"GTSAM gave up: {str(error).strip().splitlines()[0]}", False, True)
     end, iterations = graph.error(result), optimizer.iterations()
     if not end < start:
-        return Outcome(problem, iterations, "no step lowers the cost", False, True)
+        minimum = optimizer.lambda_() <= LIGHT_DAMPING  # else the damping rose in vain
+        reason = "converged: the start is a minimum" if minimum else "no step lowers the cost"
+        return Outcome(problem, 0, reason, minimum, not minimum)
     full = iterations >= settings.max_iterations
     reason = (
         f"stopped after {iterations} iterations" if full else "converged: GTSAM's tolerances were reached"

@@ -12,7 +12,7 @@ from vgps.smoothing.bundle import BundleProblem, all_pose_values, video_cost
 from vgps.smoothing.elimination import Structure
 from vgps.smoothing.normal import Linearization, linearize, point_steps, reduce_to_poses
 
-_LIGHT = 1e-2  # damping that leaves a step nearly a Gauss-Newton step, so that a short one means a minimum
+LIGHT_DAMPING = 1e-2  # leaves a step nearly a Gauss-Newton step: a short one then means a minimum
 _SMALL_STEPS = 3  # in succession that end the search even under heavy damping
 
 
@@ -91,7 +91,7 @@ def levenberg(problem: BundleProblem, structure: Structure, settings: SolverSett
             return _ended(better.problem, iteration, decrease, vain, used)
         small_steps = small_steps + 1 if decrease <= _tolerance(state.cost, settings) else 0
         state, damping = better, max(used / settings.lambda_factor, settings.lambda_least)
-        if small_steps == _SMALL_STEPS or (small_steps and used <= _LIGHT):
+        if small_steps == _SMALL_STEPS or (small_steps and used <= LIGHT_DAMPING):
             return _ended(state.problem, iteration + 1, decrease, True, used)
     reason = f"stopped after {settings.max_iterations} iterations"
     return Outcome(state.problem, settings.max_iterations, reason, False, False)
@@ -123,7 +123,7 @@ def _search(
         vain = step is not None and step.promised <= _tolerance(state.cost, settings)
         better = None if step is None else _try(state, structure, step, settings)
         if better is not None or vain:
-            return better or state, damping, vain and damping <= _LIGHT
+            return better or state, damping, vain and damping <= LIGHT_DAMPING
         damping *= settings.lambda_factor
     return state, used, False
 
