@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluate import align, as_json, as_table, evaluate, evaluate_run, match, table
 from vgps.geodesy import to_enu, to_geodetic
-from vgps.model import FloatArray, GeodeticPoint, Trajectory
+from vgps.model import FloatArray, GeodeticPoint
+from vgps.solution import Trajectory
 from vgps.writers.tum import write_tum
 
 NO_LEVER = np.zeros(3)

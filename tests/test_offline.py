@@ -8,8 +8,8 @@ import pytest
 
 import vgps
 from vgps.evaluate import evaluate
-from vgps.model import FrameState
 from vgps.readers.trajectory import read_trajectory
+from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
 
 

@@ -1,9 +1,10 @@
 """The pose of every frame of a video in world coordinates, from the video and a GPS log."""
 
 from vgps.config import Config, read_config
-from vgps.model import Recording, Solution
+from vgps.model import Recording
 from vgps.offline import smooth
 from vgps.readers.recording import open_recording
+from vgps.solution import Solution
 from vgps.writers.run_folder import write_run
 
 __all__ = ["Config", "Recording", "Solution", "open_recording", "read_config", "smooth", "write_run"]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from vgps.config import Config
 from vgps.evaluate import Evaluation, evaluate_run
-from vgps.model import Solution
 from vgps.offline import Progress, smooth
 from vgps.readers.recording import open_recording
 from vgps.simulate import simulate
+from vgps.solution import Solution
 from vgps.writers.run_folder import write_run
 
 

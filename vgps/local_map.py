@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.model import BoolArray, FloatArray, IntArray, Observations
+from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solution import Observations
 
 _GROWTH = 4096
 

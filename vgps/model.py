@@ -5,12 +5,12 @@ Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x ri
 frame.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -195,115 +195,3 @@ class Recording:
     gps: GpsLog | None = None
     gyro: GyroLog | None = None
     control_points: ControlPoints | None = None
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Poses over time: ``t_s`` (N,), ``world_T_camera`` (N, 4, 4)."""
-
-    t_s: FloatArray
-    world_T_camera: FloatArray
-
-
-class FrameState(StrEnum):
-    """How a frame came by its pose."""
-
-    TRACKED = "tracked"  # from features seen in it
-    BRIDGED = "bridged"  # no usable features: from its neighbours in time and the fixes near it
-
-
-@dataclass(frozen=True)
-class Observations:
-    """Which landmark was seen where: ``frame`` (N,), ``landmark`` (N,) row of the landmarks, ``uv_px`` (N, 2)
-    in the undistorted (pinhole) image."""
-
-    frame: IntArray
-    landmark: IntArray
-    uv_px: FloatArray
-
-
-@dataclass(frozen=True)
-class Landmarks:
-    """Points of the map.
-
-    Attributes:
-        world_p_landmark: (L, 3) metres.
-        sigma_px: (L,) reliability sigma_j, Eq. (13), Kume 2010, pixels.
-        gray: (L,) luminance where it was first seen, uint8.
-    """
-
-    world_p_landmark: FloatArray
-    sigma_px: FloatArray
-    gray: npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True)
-class FixTable:
-    """One verdict per fix of the log, same order and length.
-
-    Attributes:
-        world_p_fix: (M, 3) ENU metres (NaN where the fix has no position).
-        residual_m: (M, 3) estimated antenna minus fix, east, north, up; NaN outside the video.
-        r_m, h_m: (M,) region of its class.
-        used: (M,) whether it took part in the final estimate.
-        reason: (M,) why or why not, in words.
-    """
-
-    world_p_fix: FloatArray
-    residual_m: FloatArray
-    r_m: FloatArray
-    h_m: FloatArray
-    used: BoolArray
-    reason: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class SolverReport:
-    """What the optimiser of stage D did: cost per term before and after, iterations and why it stopped."""
-
-    cost_before: Mapping[str, float]
-    cost_after: Mapping[str, float]
-    iterations: int
-    stop_reason: str
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The result of a run; everything that a run folder holds.
-
-    Attributes:
-        t_s: (F,) frame times.
-        world_T_camera: (F, 4, 4).
-        sigma_rotation_rad: (F, 3) about world east, north, up.
-        sigma_position_m: (F, 3) east, north, up.
-        state: (F,) how each frame came by its pose.
-        camera_p_antenna: (3,) the lever arm used.
-        georeferenced: False when no fix or control point tied the run to the world; then the world is the
-            first camera's neighbourhood and the scale is arbitrary.
-        seconds: Wall seconds per stage.
-        warnings: Everything a user should know before trusting the result.
-        config: The resolved configuration.
-    """
-
-    world_origin: GeodeticPoint | None
-    georeferenced: bool
-    t_s: FloatArray
-    world_T_camera: FloatArray
-    sigma_rotation_rad: FloatArray
-    sigma_position_m: FloatArray
-    state: tuple[FrameState, ...]
-    camera: Camera
-    camera_p_antenna: FloatArray
-    landmarks: Landmarks
-    observations: Observations
-    gps: GpsLog | None
-    fixes: FixTable | None
-    report: SolverReport
-    seconds: Mapping[str, float]
-    warnings: tuple[str, ...]
-    config: Mapping[str, Any]
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The poses alone."""
-        return Trajectory(self.t_s, self.world_T_camera)

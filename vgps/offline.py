@@ -9,12 +9,13 @@ from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
 from vgps.local_map import NO_CONTROLS
-from vgps.model import FloatArray, Frame, GeodeticPoint, Landmarks, Observations, Recording, Solution
+from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.verdicts import fix_table
+from vgps.solution import Landmarks, Observations, Solution
 from vgps.tracking.control import world_controls
 
 

@@ -6,18 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.model import (
-    Camera,
-    FixClass,
-    FixTable,
-    FrameState,
-    GeodeticPoint,
-    GpsLog,
-    Landmarks,
-    Observations,
-    Solution,
-    SolverReport,
-)
+from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
+from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport
 
 FRAMES, LANDMARKS, FIXES = 4, 3, 2
 

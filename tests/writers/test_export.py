@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vgps.errors import RunFolderError
-from vgps.model import Solution
+from vgps.solution import Solution
 from vgps.writers.export import FORMATS, export
 from vgps.writers.run_folder import write_run
 

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vgps.errors import RunFolderError
-from vgps.model import FixTable, Landmarks, Observations, Solution
 from vgps.readers.run_folder import read_run
+from vgps.solution import FixTable, Landmarks, Observations, Solution
 from vgps.writers import run_folder
 from vgps.writers.run_folder import FILES, check_writable, write_run
 

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.errors import TrajectoryError
-from vgps.model import FloatArray, IntArray, Trajectory
+from vgps.model import FloatArray, IntArray
+from vgps.solution import Trajectory
 
 CHI2_3_95 = 7.814727903251179  # 95 % quantile of chi-squared with three degrees of freedom
 

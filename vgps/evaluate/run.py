@@ -11,10 +11,11 @@ import numpy as np
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluate.metrics import Evaluation, evaluate
 from vgps.geodesy import enu_R_ecef, to_enu, to_geodetic
-from vgps.model import FloatArray, GeodeticPoint, Rig, Trajectory
+from vgps.model import FloatArray, GeodeticPoint, Rig
 from vgps.readers.calibration import read_rig
 from vgps.readers.run_folder import read_summary
 from vgps.readers.trajectory import read_trajectory
+from vgps.solution import Trajectory
 
 _SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
 _log = logging.getLogger(__name__)

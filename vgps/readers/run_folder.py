@@ -13,18 +13,8 @@ import numpy.typing as npt
 import yaml
 
 from vgps.errors import RunFolderError
-from vgps.model import (
-    Camera,
-    FixClass,
-    FixTable,
-    FrameState,
-    GeodeticPoint,
-    GpsLog,
-    Landmarks,
-    Observations,
-    Solution,
-    SolverReport,
-)
+from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
+from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _REMEDY = "run vgps smooth again"

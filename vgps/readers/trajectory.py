@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.errors import TrajectoryError
-from vgps.model import Trajectory
 from vgps.readers.table import read_bytes
+from vgps.solution import Trajectory
 
 _COLUMNS = 8
 

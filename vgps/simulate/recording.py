@@ -14,12 +14,12 @@ import numpy as np
 import yaml
 
 from vgps.errors import RunFolderError
-from vgps.model import Trajectory
 from vgps.simulate.motion import Motion, build_motion
 from vgps.simulate.render import Picture, Renderer
 from vgps.simulate.scene import SceneConfig, scene_config
 from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
 from vgps.simulate.street import build_world
+from vgps.solution import Trajectory
 from vgps.writers.tum import write_tum
 
 FILES = (

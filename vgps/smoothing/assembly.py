@@ -17,9 +17,10 @@ from factors import (
 )
 from vgps.config import Config
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
-from vgps.model import BoolArray, FloatArray, IntArray, Observations
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.bundle import BundleProblem, projection_errors, whitened_robust_k
 from vgps.smoothing.fixes import Fixes, gps_graph
+from vgps.solution import Observations
 
 _LEVEL_FRAMES = 20
 _POSITION_LIMIT = 1e5  # in map units: points further away are rounding

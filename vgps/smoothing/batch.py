@@ -8,7 +8,7 @@ from factors import stages
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
-from vgps.model import BoolArray, FloatArray, Observations, SolverReport
+from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.assembly import (
     Scene,
     build_problem,
@@ -18,6 +18,7 @@ from vgps.smoothing.assembly import (
 from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.schur import SolverSettings, pose_covariances, solve
+from vgps.solution import Observations, SolverReport
 
 _FIRST_TOLERANCE = 5.0
 

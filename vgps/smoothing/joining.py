@@ -8,12 +8,13 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
-from vgps.model import FloatArray, FrameState, Observations
+from vgps.model import FloatArray
 from vgps.smoothing.assembly import Scene
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.start import find_alignment
 from vgps.smoothing.window import contradicts
+from vgps.solution import FrameState, Observations
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from vgps.errors import GeometryError
-from vgps.model import FloatArray, SolverReport
+from vgps.model import FloatArray
 from vgps.smoothing.band import POSE, NotPositiveDefiniteError
 from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
 from vgps.smoothing.levenberg import SolverSettings, levenberg
 from vgps.smoothing.normal import linearize, reduce_to_poses
+from vgps.solution import SolverReport
 
 __all__ = ["BundleResult", "Solver", "SolverSettings", "pose_covariances", "solve"]
 

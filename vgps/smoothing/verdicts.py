@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from vgps.model import FixTable, FloatArray, GpsLog
+from vgps.model import FloatArray, GpsLog
 from vgps.smoothing.fixes import Fixes, antenna_at, place
+from vgps.solution import FixTable
 
 
 def fix_table(

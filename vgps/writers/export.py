@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from vgps.errors import RunFolderError
-from vgps.model import Solution
 from vgps.readers.run_folder import read_run
+from vgps.solution import Solution
 from vgps.writers.placing import new_file
 from vgps.writers.ply import write_ply
 from vgps.writers.tum import write_tum

@@ -42,7 +42,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import Solution
+from vgps.solution import Solution
 
 
 def write_measurements(solution: Solution, out: Path) -> None:

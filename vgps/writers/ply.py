@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.model import GeodeticPoint, Landmarks, Observations
+from vgps.model import GeodeticPoint
+from vgps.solution import Landmarks, Observations
 
 PROPERTIES = {
     "x": "double",

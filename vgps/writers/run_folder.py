@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vgps.model import FrameState, Solution
+from vgps.solution import FrameState, Solution
 from vgps.writers.measurements import write_measurements
 from vgps.writers.placing import check_writable, new_folder
 from vgps.writers.ply import write_ply

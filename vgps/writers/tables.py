@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.geodesy import heading_deg, to_geodetic
-from vgps.model import FixTable, FloatArray, GpsLog, Solution
+from vgps.model import FloatArray, GpsLog
+from vgps.solution import FixTable, Solution
 from vgps.writers.tum import quaternion
 
 Columns = Mapping[str, Iterable[object]]

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.model import FloatArray, Trajectory
+from vgps.model import FloatArray
+from vgps.solution import Trajectory
 
 HEADER = "t_s x y z qx qy qz qw  (world_T_camera, world is ENU in metres; camera x right, y down, z forward)"
 

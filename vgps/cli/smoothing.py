@@ -1,31 +1,18 @@
-"""The command line: arguments only; each verb calls one function that a script can call too.
+"""Verbs that turn a recording into a run."""
 
-Exit codes: 0 done, 2 bad input (one line on standard error), 1 a fault of the program.
-"""
-
-import json
-import sys
 from pathlib import Path
-from typing import Annotated
 
-import cyclopts
-from cyclopts import App, Parameter
 from rich.console import Console
 
-import vgps.simulate
+from vgps.cli.app import app
 from vgps.config import GpsModel, read_config
 from vgps.demo import demo as run_demo
-from vgps.errors import VgpsError
-from vgps.evaluate import as_json, as_table, evaluate_run
-from vgps.model import Solution
+from vgps.evaluate import as_table
 from vgps.offline import smooth as smooth_recording
 from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
-from vgps.writers.export import export as export_run
+from vgps.solution import Solution
 from vgps.writers.run_folder import check_writable, write_run
-
-app = App(name="vgps", help="The pose of every frame of a video in world coordinates, from video and GPS.")
-_BAD_INPUT = 2
 
 
 @app.command
@@ -81,50 +68,6 @@ def smooth(
     _summary(Console(), solution, out)
 
 
-@app.command
-def evaluate(
-    run: Path, *, truth: Path, as_json_text: Annotated[bool, Parameter(name="--json", negative="")] = False
-) -> None:
-    """Unaligned errors of a run against a truth.
-
-    Args:
-        run: Run folder.
-        truth: TUM file, world_T_camera in ENU; a rig.yaml beside it names its origin and clock.
-        as_json_text: Print JSON instead of a table.
-    """
-    evaluation = evaluate_run(run, truth)
-    if as_json_text:
-        print(json.dumps(as_json(evaluation), indent=2))
-    else:
-        Console().print(as_table(evaluation, str(run)))
-
-
-@app.command
-def simulate(*, out: Path, scene: str = "walk", seed: int = 0) -> None:
-    """Make a recording with exact truth: video, GPS, gyro, calibration.
-
-    Args:
-        out: Recording folder to write.
-        scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin.
-        seed: Of the world and of the sensors' errors.
-    """
-    vgps.simulate.simulate(out, scene, seed)
-    Console().print(f"wrote {out}", highlight=False)
-
-
-@app.command
-def export(run: Path, *, to: str, out: Path) -> None:
-    """Write a run in another format.
-
-    Args:
-        run: Run folder.
-        to: tum or ply.
-        out: File to write.
-    """
-    export_run(run, to, out)
-    Console().print(f"wrote {out}", highlight=False)
-
-
 def _summary(console: Console, solution: Solution, out: Path) -> None:
     for warning in solution.warnings:
         console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
@@ -137,15 +80,3 @@ def _summary(console: Console, solution: Solution, out: Path) -> None:
         highlight=False,
         soft_wrap=True,
     )
-
-
-def main() -> None:
-    """Run a verb; a user's mistake is one line and exit code 2."""
-    try:
-        app(exit_on_error=False, print_error=False)
-    except (VgpsError, cyclopts.CycloptsError) as error:
-        print("vgps: " + " ".join(str(error).split()), file=sys.stderr)
-        sys.exit(_BAD_INPUT)
-    except KeyboardInterrupt:
-        print("vgps: interrupted, nothing written", file=sys.stderr)
-        sys.exit(130)

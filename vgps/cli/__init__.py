@@ -1,0 +1,26 @@
+"""The command line: arguments only; each verb calls one function that a script can call too.
+
+Exit codes: 0 done, 2 bad input (one line on standard error), 1 a fault of the program.
+"""
+
+import sys
+
+import cyclopts
+
+from vgps.cli import exchanging, judging, smoothing  # noqa: F401  (a verb exists once its module is imported)
+from vgps.cli.app import app
+from vgps.errors import VgpsError
+
+_BAD_INPUT = 2
+
+
+def main() -> None:
+    """Run a verb; a user's mistake is one line and exit code 2."""
+    try:
+        app(exit_on_error=False, print_error=False)
+    except (VgpsError, cyclopts.CycloptsError) as error:
+        print("vgps: " + " ".join(str(error).split()), file=sys.stderr)
+        sys.exit(_BAD_INPUT)
+    except KeyboardInterrupt:
+        print("vgps: interrupted, nothing written", file=sys.stderr)
+        sys.exit(130)
