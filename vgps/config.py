@@ -119,6 +119,25 @@ class DriftConfig(_Stage):
     iterations: PositiveInt = 30
 
 
+class JudgeConfig(_Stage):
+    """What is believed of fixes before the video has spoken."""
+
+    enabled: bool = True
+    """Whether fixes are judged at all; `cauchy` is robust by itself and never is."""
+    outlier_share: PositiveFloat = 0.05
+    """Prior probability that a fix is wrong altogether."""
+    lower_share: PositiveFloat = 0.02
+    """Prior probability that an RTK-fix has the error of an RTK-float."""
+    tail_share: PositiveFloat = 0.05
+    """Share of a class that lies outside its region by nature: what a survey drops."""
+    tail_size: PositiveFloat = 2.0
+    """These lie in a cylinder so many times the size."""
+    outlier_radius_m: PositiveFloat = 50.0
+    """A wrong fix lies anywhere within this distance."""
+    path_tolerance: PositiveFloat = 0.02
+    """The path may be wrong by this share of the way between two knots of its drift."""
+
+
 class MotionConfig(_Stage):
     """What is assumed of the camera's motion, used only where frames have no features of their own."""
 
@@ -190,6 +209,7 @@ class Config(_Stage):
     batch: BatchConfig = BatchConfig()
     motion: MotionConfig = MotionConfig()
     drift: DriftConfig = DriftConfig()
+    judge: JudgeConfig = JudgeConfig()
     gps: GpsConfig = GpsConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":

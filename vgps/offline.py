@@ -12,7 +12,7 @@ from vgps.local_map import NO_CONTROLS
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
-from vgps.smoothing.fixes import Fixes, place, region_sizes
+from vgps.smoothing.fixes import Fixes, fixes_in_world, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.verdicts import fix_table
 from vgps.solution import Landmarks, Observations, Solution
@@ -72,7 +72,7 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
     with sequence.seconds.measure("batch"):
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, controls)
         held = None if len(controls.frame) else _held_frames(joined, config)
-        smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held)
+        smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held, joined.judgement)
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
     warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
     return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
@@ -86,11 +86,8 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
     """
     log, origin = recording.gps, _given_origin(recording)
     if log is None:
-        nothing = np.zeros(0)
-        return origin, Fixes(
-            nothing, np.zeros((0, 3)), nothing, nothing, np.zeros((0, 3)), np.zeros(0, dtype=bool)
-        )
-    r_m, h_m = region_sizes(log.fix_class, config.gps)
+        return origin, Fixes.none()
+    r_m, _ = region_sizes(log.fix_class, config.gps)
     usable = np.isfinite(r_m) & place(recording.video.times_s, log.t_s).inside
     if usable.sum() < config.start.min_fixes:
         classes = ", ".join(sorted(set(log.fix_class)))
@@ -106,7 +103,7 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
             float(log.latitude_deg[first]), float(log.longitude_deg[first]), float(log.height_m[first])
         )
     position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    return origin, Fixes(log.t_s, position, r_m, h_m, log.sigma_m, np.isfinite(r_m))
+    return origin, fixes_in_world(log, position, config.gps)
 
 
 def _given_origin(recording: Recording) -> GeodeticPoint | None:
@@ -166,7 +163,7 @@ def _solution(
     rotation_sigma, position_sigma = _world_sigmas(smoothed.poses, smoothed.covariance)
     t_s, antenna = joined.scene.t_s, recording.rig.camera_p_antenna
     log = recording.gps
-    table = fix_table(log, fixes, t_s, smoothed.poses, antenna, config.gps.model) if log else None
+    table = fix_table(log, fixes, smoothed.judgement, t_s, smoothed.poses, antenna, config) if log else None
     return Solution(
         world_origin=origin,
         georeferenced=joined.georeferenced,

@@ -13,6 +13,7 @@ from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.judging import Judgement, judge_on_path, judges
 from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
 from vgps.tracking.bootstrap import TwoViewStart
@@ -59,6 +60,7 @@ class Sequence:
         t_s: Times of the frames so far.
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: What happened on the way that a user should know.
+        judgement: Of all fixes, as far as they have been judged.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class Sequence:
         self.maps: list[LocalMap] = []
         self.warnings: list[str] = []
         self.seconds = Seconds()
+        self.judgement = Judgement.none(len(fixes))
 
     @property
     def t_s(self) -> FloatArray:
@@ -196,14 +199,33 @@ class Sequence:
         """
         growing.since_window = 0
         local_map, t_s = growing.local_map, self.t_s
-        fixes = self._fixes.until(self._times[-1])
         with self.seconds.measure("drift"):
-            if local_map.aligned and contradicts(local_map, t_s, fixes, self._antenna, self._config):
-                correct_drift(local_map, t_s, fixes, self._antenna, self._config.drift)
+            if local_map.aligned and self._contradicted(local_map):
+                self._judge(local_map)
+                if self._contradicted(local_map):
+                    correct_drift(local_map, t_s, self._believed(), self._antenna, self._config.drift)
+        fixes = self._believed()
         with self.seconds.measure("window"):
             optimise_window(
                 local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
             )
+
+    def _believed(self) -> Fixes:
+        """The fixes so far, as they are judged."""
+        return self.judgement.applied(self._fixes).until(self._times[-1])
+
+    def _contradicted(self, local_map: LocalMap) -> bool:
+        return contradicts(local_map, self.t_s, self._believed(), self._antenna, self._config)
+
+    def _judge(self, local_map: LocalMap) -> None:
+        """All fixes since the map began, anew: what came later may reverse a verdict."""
+        if not judges(self._config):
+            return
+        first = local_map.first_posed
+        poses = local_map.poses[first - local_map.first_frame :]
+        times = self.t_s[first : first + len(poses)]
+        found = judge_on_path(poses, times, self._fixes, self._antenna, self._config)
+        self.judgement = self.judgement.updated(found)
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""

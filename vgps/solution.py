@@ -54,6 +54,15 @@ class Landmarks:
     gray: npt.NDArray[np.uint8]
 
 
+class Verdict(StrEnum):
+    """What was made of a fix."""
+
+    USED = "used"
+    DOWN_CLASSED = "down-classed"  # used with the region of the class below its own
+    REJECTED = "rejected"  # it contradicts the video and the other fixes
+    NOT_USED = "not used"  # it could not take part, good or bad
+
+
 @dataclass(frozen=True)
 class FixTable:
     """One verdict per fix of the log, same order and length.
@@ -61,17 +70,24 @@ class FixTable:
     Attributes:
         world_p_fix: (M, 3) ENU metres (NaN where the fix has no position).
         residual_m: (M, 3) estimated antenna minus fix, east, north, up; NaN outside the video.
-        r_m, h_m: (M,) region of its class.
-        used: (M,) whether it took part in the final estimate.
-        reason: (M,) why or why not, in words.
+        r_m, h_m: (M,) region that it was given: of its class, or of the class below if it was down-classed.
+        probability: (M,) of being what its class says; NaN where it was not judged.
+        verdict: (M,).
+        reason: (M,) why, in words.
     """
 
     world_p_fix: FloatArray
     residual_m: FloatArray
     r_m: FloatArray
     h_m: FloatArray
-    used: BoolArray
+    probability: FloatArray
+    verdict: tuple[Verdict, ...]
     reason: tuple[str, ...]
+
+    @property
+    def used(self) -> BoolArray:
+        """(M,) whether a fix took part in the final estimate."""
+        return np.array([verdict in {Verdict.USED, Verdict.DOWN_CLASSED} for verdict in self.verdict], bool)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
-from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport
+from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport, Verdict
 
 FRAMES, LANDMARKS, FIXES = 4, 3, 2
 
@@ -44,7 +44,8 @@ def _fixes() -> FixTable:
         residual_m=np.array([[0.03, -0.04, 0.1], [np.nan] * 3]),
         r_m=np.array([0.1, 2.4]),
         h_m=np.array([0.05, 6.5]),
-        used=np.array([True, False]),
+        probability=np.array([0.99, np.nan]),
+        verdict=(Verdict.USED, Verdict.NOT_USED),
         reason=("inside its region", "outside the video, after its end"),
     )
 

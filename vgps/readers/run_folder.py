@@ -14,7 +14,7 @@ import yaml
 
 from vgps.errors import RunFolderError
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
-from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport
+from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport, Verdict
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _REMEDY = "run vgps smooth again"
@@ -153,6 +153,7 @@ def _fixes(arrays: Arrays) -> FixTable | None:
     if not part:
         return None
     part["reason"] = tuple(part["reason"].tolist())
+    part["verdict"] = tuple(map(Verdict, part["verdict"].tolist()))
     return FixTable(**part)
 
 

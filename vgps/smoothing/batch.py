@@ -16,7 +16,8 @@ from vgps.smoothing.assembly import (
     select_observations,
 )
 from vgps.smoothing.bundle import BundleProblem, cost_terms
-from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.fixes import Fixes, antenna_at, place
+from vgps.smoothing.judging import Judgement, judges, probabilities
 from vgps.smoothing.schur import SolverSettings, pose_covariances, solve
 from vgps.solution import Observations, SolverReport
 
@@ -32,6 +33,7 @@ class Smoothed:
             NaN if the system does not determine them.
         points: (L, 3) and reliabilities ``sigma_px`` (L,), NaN for features that were left out.
         observations: Those that took part.
+        judgement: Of the fixes.
         report: Cost per term before and after, iterations, why it stopped.
         warnings: In words.
     """
@@ -41,6 +43,7 @@ class Smoothed:
     points: FloatArray
     sigma_px: FloatArray
     observations: Observations
+    judgement: Judgement
     report: SolverReport
     warnings: tuple[str, ...]
 
@@ -52,11 +55,12 @@ def optimise_batch(
     camera_p_antenna: FloatArray,
     config: Config,
     fixed: BoolArray | None = None,
+    judgement: Judgement | None = None,
 ) -> Smoothed:
     """Minimise the energy (11) over all poses and features, in a few rounds.
 
-    Between rounds sightings are judged anew, features that lost their place are triangulated again (19) and
-    reliabilities (13) are recomputed. The first round raises the exponent of the GPS walls in stages.
+    Between rounds sightings and fixes are judged anew, features that lost their place are triangulated again
+    (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS walls in stages.
 
     Args:
         scene: All frames, posed, and all features with their sightings.
@@ -65,16 +69,18 @@ def optimise_batch(
         camera_p_antenna: (3,) metres.
         config: Weights, rounds and GPS model.
         fixed: (F,) frames to hold, where no fix ties the scene.
+        judgement: Of the fixes, to begin with.
 
     Raises:
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
     current, iterations = scene, 0
+    judgement = judgement or Judgement.none(len(fixes))
     for round_ in range(config.batch.rounds):
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
             tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
             kept, sigma = select_observations(current, K, config, tolerance)
-            graph = gps_and_motion(kept, K, fixes, camera_p_antenna, config, n)
+            graph = gps_and_motion(kept, K, judgement.applied(fixes), camera_p_antenna, config, n)
             problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
             result = solve(problem, _settings(config), config.batch.solver)
             if result.stuck and round_ == 0:
@@ -88,6 +94,7 @@ def optimise_batch(
             )
         if round_ < config.batch.rounds - 1:
             current = _retriangulated(current, K, sigma, config)
+            judgement = judgement.updated(_judged(current, fixes, camera_p_antenna, config))
     after = result.problem
     report, warnings = _report(scene, after, iterations, result.report.stop_reason)
     covariance, doubts = _covariance(after)
@@ -97,9 +104,20 @@ def optimise_batch(
         after.world_p_landmark,
         sigma,
         kept.observations,
+        judgement,
         report,
         (*warnings, *doubts),
     )
+
+
+def _judged(scene: Scene, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Judgement:
+    placement = place(scene.t_s, fixes.t_s)
+    judged = fixes.used & placement.inside
+    if not judges(config) or not judged.any():
+        return Judgement.none(len(fixes))
+    offset = antenna_at(scene.poses, placement, camera_p_antenna) - fixes.world_p_fix
+    offset[~judged] = np.nan
+    return probabilities(offset, fixes, config)
 
 
 def _settings(config: Config) -> SolverSettings:

@@ -1,6 +1,6 @@
 """GPS fixes as the smoother sees them: where, at what time between frames, and with which penalty."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import gtsam
 import numpy as np
@@ -8,9 +8,11 @@ from gtsam.symbol_shorthand import X
 
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between
 from vgps.config import GpsConfig
-from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
+# wrong integer ambiguities leave a fix with the error of a float
+_MAY_BE = {FixClass.RTK_FIX: FixClass.RTK_FLOAT}
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class Fixes:
         t_s: (M,) on the video's clock.
         world_p_fix: (M, 3) ENU metres.
         r_m, h_m: (M,) the region of each fix's class; NaN where the class has none.
+        lower_r_m, lower_h_m: (M,) the region of the class that a fix of its class may really be; NaN if none.
         sigma_m: (M, 3) the receiver's own standard deviations, NaN where it gave none.
         used: (M,) whether a fix takes part.
     """
@@ -29,6 +32,8 @@ class Fixes:
     world_p_fix: FloatArray
     r_m: FloatArray
     h_m: FloatArray
+    lower_r_m: FloatArray
+    lower_h_m: FloatArray
     sigma_m: FloatArray
     used: BoolArray
 
@@ -41,14 +46,13 @@ class Fixes:
 
     def where(self, mask: BoolArray) -> "Fixes":
         """Those that ``mask`` (M,) names."""
-        return Fixes(
-            self.t_s[mask],
-            self.world_p_fix[mask],
-            self.r_m[mask],
-            self.h_m[mask],
-            self.sigma_m[mask],
-            self.used[mask],
-        )
+        return Fixes(**{column.name: getattr(self, column.name)[mask] for column in fields(self)})
+
+    @classmethod
+    def none(cls) -> "Fixes":
+        """No fix at all."""
+        n, points = np.zeros(0), np.zeros((0, 3))
+        return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool))
 
 
 def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
@@ -57,6 +61,20 @@ def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[Fl
     r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
     h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
     return r_m, h_m
+
+
+def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> Fixes:
+    """The fixes of a log with the regions of their classes; those of a class without one are not used.
+
+    Args:
+        log: As read.
+        world_p_fix: (M, 3) its positions, ENU metres.
+        config: Regions.
+    """
+    r_m, h_m = region_sizes(log.fix_class, config)
+    lower = tuple(_MAY_BE.get(name, FixClass.UNKNOWN) for name in log.fix_class)
+    lower_r_m, lower_h_m = region_sizes(lower, config)
+    return Fixes(log.t_s, world_p_fix, r_m, h_m, lower_r_m, lower_h_m, log.sigma_m, np.isfinite(r_m))
 
 
 @dataclass(frozen=True)
@@ -69,17 +87,18 @@ class Placement:
     inside: BoolArray
 
 
-def place(frame_t_s: FloatArray, fix_t_s: FloatArray) -> Placement:
+def place(frame_t_s: FloatArray, fix_t_s: FloatArray, beyond: bool = False) -> Placement:
     """Put fixes between frames by their own time.
 
     Args:
         frame_t_s: (F,) strictly increasing, F >= 2.
         fix_t_s: (M,).
+        beyond: Let alpha leave [0, 1] for fixes outside the video, instead of clipping it.
     """
     frame = np.clip(np.searchsorted(frame_t_s, fix_t_s, side="right") - 1, 0, len(frame_t_s) - 2)
     alpha = (fix_t_s - frame_t_s[frame]) / (frame_t_s[frame + 1] - frame_t_s[frame])
     inside = (alpha >= 0.0) & (alpha <= 1.0)
-    return Placement(frame, np.clip(alpha, 0.0, 1.0), inside)
+    return Placement(frame, alpha if beyond else np.clip(alpha, 0.0, 1.0), inside)
 
 
 def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from vgps.model import FloatArray
 from vgps.smoothing.assembly import Scene
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.judging import Judgement, judge_on_path, judges
 from vgps.smoothing.start import find_alignment
 from vgps.smoothing.window import contradicts
 from vgps.solution import FrameState, Observations
@@ -19,9 +20,11 @@ from vgps.solution import FrameState, Observations
 
 @dataclass(frozen=True)
 class Joined:
-    """The scene, the state of each frame (F,), luminance of the features (L,) uint8, and warnings."""
+    """The scene, the state of each frame (F,), luminance of the features (L,) uint8, the judgement of the
+    fixes that it was bent by, and warnings."""
 
     scene: Scene
+    judgement: Judgement
     state: tuple[FrameState, ...]
     gray: np.ndarray
     georeferenced: bool
@@ -64,14 +67,18 @@ def join_maps(
         warnings.append("no fix ties the result to the world: place, heading and scale are arbitrary")
         maps[0].aligned = True
     warnings.extend(_continue_maps(maps, t_s))
+    judgement = Judgement.none(len(fixes))
+    if georeferenced and judges(config):
+        judgement = judge_on_path(_every_frame(maps, t_s)[0], t_s, fixes, camera_p_antenna, config)
+    believed = judgement.applied(fixes)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
-            if contradicts(local_map, t_s, fixes, camera_p_antenna, config, whole=True):
-                correct_drift(local_map, t_s, fixes, camera_p_antenna, config.drift)
+            if contradicts(local_map, t_s, believed, camera_p_antenna, config, whole=True):
+                correct_drift(local_map, t_s, believed, camera_p_antenna, config.drift)
     poses, state = _every_frame(maps, t_s)
     scene = replace(_scene(maps, t_s, poses), controls=controls)
     gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])
-    return Joined(scene, state, gray, georeferenced, tuple(warnings))
+    return Joined(scene, judgement, state, gray, georeferenced, tuple(warnings))
 
 
 def _pose_standing_frames(local_map: LocalMap) -> None:

@@ -2,42 +2,84 @@
 
 import numpy as np
 
-from vgps.model import FloatArray, GpsLog
+from vgps.config import Config
+from vgps.model import FixClass, FloatArray, GpsLog
 from vgps.smoothing.fixes import Fixes, antenna_at, place
-from vgps.solution import FixTable
+from vgps.smoothing.judging import Judgement
+from vgps.solution import FixTable, Verdict
 
 
 def fix_table(
-    log: GpsLog, fixes: Fixes, t_s: FloatArray, poses: FloatArray, camera_p_antenna: FloatArray, model: str
+    log: GpsLog,
+    fixes: Fixes,
+    judgement: Judgement,
+    t_s: FloatArray,
+    poses: FloatArray,
+    camera_p_antenna: FloatArray,
+    config: Config,
 ) -> FixTable:
     """The table behind ``gps.csv``.
 
     Args:
         log: The fixes as read.
-        fixes: The same fixes in the world, with what was used.
+        fixes: The same fixes in the world.
+        judgement: Of these.
         t_s: (F,) frame times, ``poses`` (F, 4, 4): the result.
         camera_p_antenna: (3,) metres.
-        model: Name of the GPS model.
+        config: Names the GPS model.
     """
     placement = place(t_s, fixes.t_s)
     residual = antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix
     residual[~placement.inside] = np.nan
-    used = fixes.used & placement.inside & (model != "none")
-    reasons = []
-    for row in range(len(fixes)):
-        if np.isnan(fixes.r_m[row]):
-            reasons.append(f"not used: class {log.fix_class[row]} has no region")
-        elif not placement.inside[row]:
-            reasons.append("not used: outside the video")
-        elif model == "none":
-            reasons.append("not used: the GPS model is none")
-        else:
-            reasons.append(_in_words(residual[row], fixes.r_m[row], fixes.h_m[row]))
-    return FixTable(fixes.world_p_fix, residual, fixes.r_m, fixes.h_m, used, tuple(reasons))
+    believed = judgement.applied(fixes)
+    verdicts, reasons = [], []
+    for row, fix_class in enumerate(log.fix_class):
+        why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
+        if why_not:
+            verdicts.append(Verdict.NOT_USED)
+            reasons.append(f"not used: {why_not}")
+            continue
+        verdicts.append(_verdict(judgement, row))
+        where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
+        reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row))
+    return FixTable(
+        fixes.world_p_fix,
+        residual,
+        believed.r_m,
+        believed.h_m,
+        judgement.own,
+        tuple(verdicts),
+        tuple(reasons),
+    )
 
 
-def _in_words(residual: FloatArray, r_m: float, h_m: float) -> str:
+def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> str:
+    if np.isnan(r_m):
+        return f"class {fix_class} has no region"
+    if not inside:
+        return "outside the video"
+    return "the GPS model is none" if config.gps.model == "none" else ""
+
+
+def _verdict(judgement: Judgement, row: int) -> Verdict:
+    if judgement.rejected[row]:
+        return Verdict.REJECTED
+    return Verdict.DOWN_CLASSED if judgement.lowered[row] else Verdict.USED
+
+
+def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
     horizontal, vertical = float(np.hypot(residual[0], residual[1])) / r_m, abs(float(residual[2])) / h_m
     if horizontal <= 1.0 and vertical <= 1.0:
-        return "used: the antenna lies in its region"
-    return f"used: the antenna lies outside its region, {horizontal:.1f} r and {vertical:.1f} h away"
+        return "the antenna lies in its region"
+    return f"the antenna lies outside its region, {horizontal:.1f} r and {vertical:.1f} h away"
+
+
+def _in_words(verdict: Verdict, fix_class: FixClass, where: str, judgement: Judgement, row: int) -> str:
+    own, lower = judgement.own[row], judgement.lower[row]
+    if verdict == Verdict.REJECTED:
+        return (
+            f"rejected: {where}, by the video and the other fixes; an outlier with p = {1 - own - lower:.4f}"
+        )
+    if verdict == Verdict.DOWN_CLASSED:
+        return f"down-classed: not as good as {fix_class} says, p = {lower:.4f}; in the class below {where}"
+    return f"used: {where}"

@@ -25,8 +25,9 @@ gps.correction_age_s            (M,)         NaN where unknown
 gps.line                        (M,)         line of the log
 fixes.world_p_fix               (M, 3)       the fixes in ENU metres
 fixes.residual_m                (M, 3)       estimated antenna minus fix, east, north, up
-fixes.r_m, fixes.h_m            (M,)         region of the fix's class
-fixes.used                      (M,)         whether the fix took part
+fixes.r_m, fixes.h_m            (M,)         region that the fix was given
+fixes.probability               (M,)         of being what its class says
+fixes.verdict                   (M,)         used, down-classed, rejected, not used
 fixes.reason                    (M,)         why or why not
 =============================== ============ ============================================================
 
@@ -64,6 +65,7 @@ def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     if solution.gps is not None:
         yield "gps.fix_class", _words(solution.gps.fix_class)
     if solution.fixes is not None:
+        yield "fixes.verdict", _words(solution.fixes.verdict)
         yield "fixes.reason", _words(solution.fixes.reason)
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, GpsLog
-from vgps.solution import FixTable, Solution
+from vgps.solution import FixTable, Solution, Verdict
 from vgps.writers.tum import quaternion
 
 Columns = Mapping[str, Iterable[object]]
@@ -69,6 +69,8 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
         "r_m": _numbers(table.r_m, 6),
         "h_m": _numbers(table.h_m, 6),
         "used": ["yes" if used else "no" for used in table.used],
+        "verdict": map(str, table.verdict),
+        "probability": _numbers(table.probability, 6),
         "reason": table.reason,
     }
     _write(columns, out)
@@ -88,8 +90,8 @@ def _heading(solution: Solution) -> FloatArray:
 
 def _no_verdicts(count: int) -> FixTable:
     unknown = np.full((count, 3), np.nan)
-    unused = np.zeros(count, dtype=np.bool_)
-    return FixTable(unknown, unknown, unknown[:, 0], unknown[:, 0], unused, ("",) * count)
+    column = unknown[:, 0]
+    return FixTable(unknown, unknown, column, column, column, (Verdict.NOT_USED,) * count, ("",) * count)
 
 
 def _enu(name: str, values: FloatArray) -> dict[str, list[str]]:
