@@ -1,7 +1,7 @@
 """GTSAM factors for cameras with GPS: usable without vgps, on gtsam and numpy alone."""
 
-from factors.custom import POINT3, POSE3, SCALAR, Kind, Linearised, Variable, custom_factor
-from factors.gps import gps_factor, gps_factor_between
+from factors.custom import POINT3, POSE3, SCALAR, VECTOR1, VECTOR3, Kind, Linearised, Variable, custom_factor
+from factors.gps import gps_factor, gps_factor_between, gps_factor_calibrating
 from factors.gyro import constant_velocity_factor
 from factors.level import level_factor
 from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
@@ -18,6 +18,8 @@ __all__ = [
     "POINT3",
     "POSE3",
     "SCALAR",
+    "VECTOR1",
+    "VECTOR3",
     "WALL_LIMIT",
     "Cylinder",
     "Ellipsoid",
@@ -32,6 +34,7 @@ __all__ = [
     "custom_factor",
     "gps_factor",
     "gps_factor_between",
+    "gps_factor_calibrating",
     "level_factor",
     "projection_factor",
     "projection_noise",

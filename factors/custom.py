@@ -29,6 +29,10 @@ POSE3 = Kind(gtsam.Values.atPose3, 6)
 """``gtsam.Pose3``, tangent [rotation; translation] in its own axes, chart ``T * Expmap(xi)``."""
 POINT3 = Kind(gtsam.Values.atPoint3, 3)
 """A point or vector (3,)."""
+VECTOR1 = Kind(gtsam.Values.atVector, 1)
+"""A vector (1,)."""
+VECTOR3 = Kind(gtsam.Values.atVector, 3)
+"""A vector (3,)."""
 SCALAR = Kind(gtsam.Values.atDouble, 1)
 """A float."""
 

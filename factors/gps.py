@@ -7,7 +7,7 @@ antenna is a known point in the camera frame, Eq. (17), Kume 2010. Penalties: :m
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, FloatArray, Linearised, Variable, custom_factor
+from factors.custom import POSE3, VECTOR1, VECTOR3, FloatArray, Linearised, Variable, custom_factor
 from factors.penalties import Penalty
 
 
@@ -72,6 +72,54 @@ def gps_factor_between(
         return residual, [jacobian_pose @ pose_by_a, jacobian_pose @ pose_by_b]
 
     return custom_factor(penalty.noise_model(), [Variable(key_a, POSE3), Variable(key_b, POSE3)], error)
+
+
+def gps_factor_calibrating(
+    key_a: int,
+    key_b: int,
+    key_lag: int,
+    key_antenna: int,
+    times_s: tuple[float, float, float],
+    fix_world: FloatArray,
+    penalty: Penalty,
+) -> gtsam.CustomFactor:
+    """A fix whose clock lags by an unknown time, of an antenna whose place on the camera is unknown.
+
+    Residual (3,): as :func:`gps_factor_between`, at ``alpha = (t_fix - lag - t_a) / (t_b - t_a)``, which may
+    leave 0..1: the motion between the frames goes on. Jacobians: (3, 6) to T_a and to T_b; (3, 1) to the lag,
+    minus the antenna's velocity; (3, 3) to the antenna, the rotation.
+
+    Args:
+        key_a, key_b: Keys of the two frames' poses.
+        key_lag: Key of a vector (1,), seconds.
+        key_antenna: Key of a vector (3,), the antenna in the camera frame, metres.
+        times_s: Of the two frames, and of the fix by its own clock.
+        fix_world: (3,) the fix, ENU metres.
+        penalty: What an offset costs.
+
+    Raises:
+        ValueError: The frames are not in order of time, or the fix is not three finite numbers.
+    """
+    t_a, t_b, t_fix = times_s
+    if not t_a < t_b:
+        raise ValueError(f"frames at {t_a} and {t_b} s, expected the earlier one first")
+    fix = _point(fix_world, "fix_world")
+
+    def error(
+        world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, lag: FloatArray, antenna: FloatArray
+    ) -> Linearised:
+        alpha = (t_fix - float(lag[0]) - t_a) / (t_b - t_a)
+        pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
+        world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
+        residual, jacobian_pose = _at(world_T_camera, fix, antenna, penalty)
+        # the pose moves by its own axes' twist Log(T_a^-1 T_b) from a to b
+        twist = gtsam.Pose3.Logmap(world_T_a.between(world_T_b))
+        by_lag = -(jacobian_pose @ twist)[:, None] / (t_b - t_a)
+        # a translation of the camera and a shift of the antenna in its axes are the same
+        return residual, [jacobian_pose @ pose_by_a, jacobian_pose @ pose_by_b, by_lag, jacobian_pose[:, 3:]]
+
+    variables = [Variable(key_a, POSE3), Variable(key_b, POSE3), Variable(key_lag, VECTOR1)]
+    return custom_factor(penalty.noise_model(), [*variables, Variable(key_antenna, VECTOR3)], error)
 
 
 def _at(

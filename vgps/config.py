@@ -138,6 +138,31 @@ class JudgeConfig(_Stage):
     """The path may be wrong by this share of the way between two knots of its drift."""
 
 
+class SensorsConfig(_Stage):
+    """The GPS's clock and the lever arm, where they are not known well enough."""
+
+    lag_s: float = 0.0
+    """Positions are this much older than their time stamps say, as far as known."""
+    estimate_lag: Literal["auto", "yes", "no"] = "auto"
+    """Estimate the lag with the poses; auto keeps what it finds only if it cannot be chance."""
+    lag_sigma_s: PositiveFloat = 0.5
+    """Standard deviation of the lag before anything was seen."""
+    trusted_lag_s: PositiveFloat = 0.02
+    """Auto: clocks agree to this standard deviation where nothing is wrong; exposure and rounding of time
+    stamps leave as much."""
+    significant: PositiveFloat = 3.0
+    """Auto: a lag is kept if it exceeds so many standard deviations."""
+    estimate_antenna: bool = False
+    """Estimate the antenna's place on the camera with the poses."""
+    antenna_sigma_m: PositiveFloat = 0.5
+    """Standard deviation of the lever arm before anything was seen."""
+
+    @property
+    def lag_prior_s(self) -> float:
+        """Prior standard deviation of what is still unknown of the lag; 0 if it is held."""
+        return 0.0 if self.estimate_lag == "no" else self.lag_sigma_s
+
+
 class MotionConfig(_Stage):
     """What is assumed of the camera's motion, used only where frames have no features of their own."""
 
@@ -210,6 +235,7 @@ class Config(_Stage):
     motion: MotionConfig = MotionConfig()
     drift: DriftConfig = DriftConfig()
     judge: JudgeConfig = JudgeConfig()
+    sensors: SensorsConfig = SensorsConfig()
     gps: GpsConfig = GpsConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":

@@ -14,8 +14,9 @@ from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, fixes_in_world, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps
+from vgps.smoothing.sensors import Sensors
 from vgps.smoothing.verdicts import fix_table
-from vgps.solution import Landmarks, Observations, Solution
+from vgps.solution import Landmarks, Observations, SensorReport, Solution
 from vgps.tracking.control import world_controls
 
 
@@ -72,7 +73,8 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
     with sequence.seconds.measure("batch"):
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, controls)
         held = None if len(controls.frame) else _held_frames(joined, config)
-        smoothed = optimise_batch(joined.scene, camera.K, fixes, antenna, config, held, joined.judgement)
+        sensors = Sensors.begin(antenna, config.sensors)
+        smoothed = optimise_batch(joined.scene, camera.K, fixes, sensors, config, held, joined.judgement)
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
     warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
     return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
@@ -161,10 +163,11 @@ def _solution(
     row_of[kept] = np.arange(len(kept))
     observations = smoothed.observations
     rotation_sigma, position_sigma = _world_sigmas(smoothed.poses, smoothed.covariance)
-    t_s, antenna = joined.scene.t_s, recording.rig.camera_p_antenna
-    log = recording.gps
-    table = fix_table(log, fixes, smoothed.judgement, t_s, smoothed.poses, antenna, config) if log else None
+    t_s, log, sensors = joined.scene.t_s, recording.gps, smoothed.sensors
+    antenna, in_time = sensors.camera_p_antenna, fixes.earlier(sensors.lag_s)
+    table = fix_table(log, in_time, smoothed.judgement, t_s, smoothed.poses, antenna, config) if log else None
     return Solution(
+        recording=recording.path,
         world_origin=origin,
         georeferenced=joined.georeferenced,
         t_s=t_s,
@@ -178,6 +181,9 @@ def _solution(
         observations=Observations(observations.frame, row_of[observations.landmark], observations.uv_px),
         gps=log,
         fixes=table,
+        sensors=SensorReport(
+            sensors.lag_s, float(smoothed.lag_sigma_s[0]), tuple(smoothed.antenna_sigma_m.tolist())
+        ),
         report=smoothed.report,
         seconds=dict(seconds.by_stage),
         warnings=warnings,

@@ -203,7 +203,7 @@ class Sequence:
             if local_map.aligned and self._contradicted(local_map):
                 self._judge(local_map)
                 if self._contradicted(local_map):
-                    correct_drift(local_map, t_s, self._believed(), self._antenna, self._config.drift)
+                    correct_drift(local_map, t_s, self._believed(), self._antenna, self._config)
         fixes = self._believed()
         with self.seconds.measure("window"):
             optimise_window(

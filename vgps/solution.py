@@ -6,6 +6,7 @@ Frames, times and names as in :mod:`vgps.model`.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,21 @@ class FixTable:
 
 
 @dataclass(frozen=True)
+class SensorReport:
+    """What was found of the GPS's clock and lever arm.
+
+    Attributes:
+        lag_s: Positions were taken to be this much older than their time stamps; and its standard deviation
+            ``lag_sigma_s``, NaN where it was not estimated.
+        antenna_sigma_m: (3,) standard deviations of the lever arm, NaN where it was not estimated.
+    """
+
+    lag_s: float
+    lag_sigma_s: float
+    antenna_sigma_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class SolverReport:
     """What the optimiser of stage D did: cost per term before and after, iterations and why it stopped."""
 
@@ -105,12 +121,13 @@ class Solution:
     """The result of a run; everything that a run folder holds.
 
     Attributes:
+        recording: What it was made from, if it is known.
         t_s: (F,) frame times.
         world_T_camera: (F, 4, 4).
         sigma_rotation_rad: (F, 3) about world east, north, up.
         sigma_position_m: (F, 3) east, north, up.
         state: (F,) how each frame came by its pose.
-        camera_p_antenna: (3,) the lever arm used.
+        camera_p_antenna: (3,) the lever arm used, as given or as estimated.
         georeferenced: False when no fix or control point tied the run to the world; then the world is the
             first camera's neighbourhood and the scale is arbitrary.
         seconds: Wall seconds per stage.
@@ -118,6 +135,7 @@ class Solution:
         config: The resolved configuration.
     """
 
+    recording: Path | None
     world_origin: GeodeticPoint | None
     georeferenced: bool
     t_s: FloatArray
@@ -131,6 +149,7 @@ class Solution:
     observations: Observations
     gps: GpsLog | None
     fixes: FixTable | None
+    sensors: SensorReport
     report: SolverReport
     seconds: Mapping[str, float]
     warnings: tuple[str, ...]

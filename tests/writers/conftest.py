@@ -7,7 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
-from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport, Verdict
+from vgps.solution import (
+    FixTable,
+    FrameState,
+    Landmarks,
+    Observations,
+    SensorReport,
+    Solution,
+    SolverReport,
+    Verdict,
+)
 
 FRAMES, LANDMARKS, FIXES = 4, 3, 2
 
@@ -54,6 +63,7 @@ def _fixes() -> FixTable:
 def solution() -> Solution:
     """Four frames, three landmarks (one never seen), two fixes (one unused), an ü, and NaN here and there."""
     return Solution(
+        recording=Path("rec/wälk"),
         world_origin=GeodeticPoint(49.011, 8.4165, 163.0),
         georeferenced=True,
         t_s=np.array([0.0, 0.1, 0.2, 1 / 3]),
@@ -73,6 +83,7 @@ def solution() -> Solution:
         ),
         gps=_gps(),
         fixes=_fixes(),
+        sensors=SensorReport(0.125, float("nan"), (0.01, 0.02, float("nan"))),
         report=SolverReport(
             {"video": 12.5, "gps": 3.0}, {"video": 1.25, "gps": float("nan")}, 7, "cost no longer decreases"
         ),

@@ -14,7 +14,16 @@ import yaml
 
 from vgps.errors import RunFolderError
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
-from vgps.solution import FixTable, FrameState, Landmarks, Observations, Solution, SolverReport, Verdict
+from vgps.solution import (
+    FixTable,
+    FrameState,
+    Landmarks,
+    Observations,
+    SensorReport,
+    Solution,
+    SolverReport,
+    Verdict,
+)
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _REMEDY = "run vgps smooth again"
@@ -107,6 +116,7 @@ def _read_config(file: Path) -> dict[str, Any]:
 def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:
     origin = summary["world_origin"]
     return Solution(
+        recording=None if summary["recording"] is None else Path(summary["recording"]),
         world_origin=None if origin is None else GeodeticPoint(**origin),
         georeferenced=summary["georeferenced"],
         t_s=arrays["t_s"],
@@ -120,6 +130,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         observations=Observations(**_part(arrays, "observations")),
         gps=_gps(arrays, summary),
         fixes=_fixes(arrays),
+        sensors=_sensors(summary["sensors"]),
         report=_report(summary),
         seconds=summary["seconds"],
         warnings=tuple(summary["warnings"]),
@@ -155,6 +166,12 @@ def _fixes(arrays: Arrays) -> FixTable | None:
     part["reason"] = tuple(part["reason"].tolist())
     part["verdict"] = tuple(map(Verdict, part["verdict"].tolist()))
     return FixTable(**part)
+
+
+def _sensors(values: Mapping[str, Any]) -> SensorReport:
+    lag_sigma_s, sigmas = values["lag_sigma_s"], values["antenna_sigma_m"]
+    x, y, z = (math.nan if sigma is None else float(sigma) for sigma in sigmas)
+    return SensorReport(values["lag_s"], math.nan if lag_sigma_s is None else float(lag_sigma_s), (x, y, z))
 
 
 def _report(summary: Mapping[str, Any]) -> SolverReport:

@@ -1,6 +1,6 @@
 """Maps and fixes as one bundle problem, over a range of frames: the energy (11) of Kume 2010."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import gtsam
@@ -20,6 +20,7 @@ from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.bundle import BundleProblem, projection_errors, whitened_robust_k
 from vgps.smoothing.fixes import Fixes, gps_graph
+from vgps.smoothing.sensors import Sensors
 from vgps.solution import Observations
 
 _LEVEL_FRAMES = 20
@@ -124,6 +125,7 @@ def build_problem(
     pose_graph: gtsam.NonlinearFactorGraph,
     config: Config,
     fixed: BoolArray | None = None,
+    shared: Mapping[int, FloatArray] | None = None,
 ) -> BundleProblem:
     """The energy (11): reprojection weighted by (12)(13), and ``pose_graph`` for everything else.
 
@@ -134,6 +136,7 @@ def build_problem(
         pose_graph: Fixes, motion and priors.
         config: Weights and loss.
         fixed: (F,) frames to hold.
+        shared: Start of what all frames share.
     """
     observations = scene.observations
     if config.batch.weight == "per_frame":
@@ -155,6 +158,7 @@ def build_problem(
         robust_k,
         pose_graph,
         fixed,
+        shared or {},
     )
 
 
@@ -200,12 +204,12 @@ def gps_and_motion(
     scene: Scene,
     K: FloatArray,
     fixes: Fixes,
-    camera_p_antenna: FloatArray,
+    sensors: Sensors,
     config: Config,
     n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """All factors on poses of a scene that lies in the world."""
-    graph = gps_graph(fixes, scene.t_s, camera_p_antenna, config.gps, n)
+    """All factors on poses of a scene that lies in the world; the rest as for :func:`gps_graph`."""
+    graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
     graph.push_back(motion_graph(scene, config))
     graph.push_back(_upright(len(scene.t_s), config))
     graph.push_back(_known_points(scene.controls, K, config))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from factors import stages
-from vgps.config import Config
+from vgps.config import Config, SensorsConfig
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.model import BoolArray, FloatArray
@@ -18,10 +18,12 @@ from vgps.smoothing.assembly import (
 from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.judging import Judgement, judges, probabilities
-from vgps.smoothing.schur import SolverSettings, pose_covariances, solve
+from vgps.smoothing.schur import Covariances, SolverSettings, covariances, solve
+from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
 from vgps.solution import Observations, SolverReport
 
 _FIRST_TOLERANCE = 5.0
+_SEEN = 0.5  # of the prior standard deviation: what is larger was not seen
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Smoothed:
         points: (L, 3) and reliabilities ``sigma_px`` (L,), NaN for features that were left out.
         observations: Those that took part.
         judgement: Of the fixes.
+        sensors: Lag and lever arm, estimated or as they were.
+        lag_sigma_s: (1,), ``antenna_sigma_m`` (3,): their standard deviations, NaN where not estimated.
         report: Cost per term before and after, iterations, why it stopped.
         warnings: In words.
     """
@@ -44,6 +48,9 @@ class Smoothed:
     sigma_px: FloatArray
     observations: Observations
     judgement: Judgement
+    sensors: Sensors
+    lag_sigma_s: FloatArray
+    antenna_sigma_m: FloatArray
     report: SolverReport
     warnings: tuple[str, ...]
 
@@ -52,7 +59,7 @@ def optimise_batch(
     scene: Scene,
     K: FloatArray,
     fixes: Fixes,
-    camera_p_antenna: FloatArray,
+    sensors: Sensors,
     config: Config,
     fixed: BoolArray | None = None,
     judgement: Judgement | None = None,
@@ -65,8 +72,8 @@ def optimise_batch(
     Args:
         scene: All frames, posed, and all features with their sightings.
         K: (3, 3).
-        fixes: All fixes.
-        camera_p_antenna: (3,) metres.
+        fixes: All fixes, by their own clock.
+        sensors: Lag and lever arm to begin with, and whether they are estimated with the poses.
         config: Weights, rounds and GPS model.
         fixed: (F,) frames to hold, where no fix ties the scene.
         judgement: Of the fixes, to begin with.
@@ -75,13 +82,16 @@ def optimise_batch(
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
     current, iterations = scene, 0
+    remark: tuple[str, ...] = ()
     judgement = judgement or Judgement.none(len(fixes))
     for round_ in range(config.batch.rounds):
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
             tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
             kept, sigma = select_observations(current, K, config, tolerance)
-            graph = gps_and_motion(kept, K, judgement.applied(fixes), camera_p_antenna, config, n)
-            problem = build_problem(kept, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
+            in_time = judgement.applied(fixes).earlier(sensors.lag_s)
+            graph = gps_and_motion(kept, K, in_time, sensors, config, n)
+            reliability = np.nan_to_num(sigma, nan=1.0)
+            problem = build_problem(kept, K, reliability, graph, config, fixed, sensors.shared())
             result = solve(problem, _settings(config), config.batch.solver)
             if result.stuck and round_ == 0:
                 raise GeometryError(
@@ -92,30 +102,61 @@ def optimise_batch(
             current = replace(
                 current, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark
             )
+            sensors = sensors.moved(result.problem.shared)
+        if round_ == 0:
+            sensors, remark = _settled_lag(sensors, result.problem, config.sensors)
         if round_ < config.batch.rounds - 1:
             current = _retriangulated(current, K, sigma, config)
-            judgement = judgement.updated(_judged(current, fixes, camera_p_antenna, config))
+            judgement = judgement.updated(_judged(current, fixes.earlier(sensors.lag_s), sensors, config))
     after = result.problem
     report, warnings = _report(scene, after, iterations, result.report.stop_reason)
     covariance, doubts = _covariance(after)
     return Smoothed(
         after.world_T_camera,
-        covariance,
+        covariance.poses,
         after.world_p_landmark,
         sigma,
         kept.observations,
         judgement,
+        sensors,
+        _sigma(covariance, LAG),
+        _sigma(covariance, ANTENNA),
         report,
-        (*warnings, *doubts),
+        (*remark, *warnings, *doubts),
     )
 
 
-def _judged(scene: Scene, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Judgement:
+def _settled_lag(
+    sensors: Sensors, problem: BundleProblem, config: SensorsConfig
+) -> tuple[Sensors, tuple[str, ...]]:
+    """Whether the lag found in the first round is estimated on, or held at what was believed; and why."""
+    if not sensors.lag_sigma_s:
+        return sensors, ()
+    found_s = sensors.lag_s - sensors.believed_lag_s
+    if config.estimate_lag == "auto" and abs(found_s) < config.significant * config.trusted_lag_s:
+        return sensors.with_lag(sensors.believed_lag_s), ()
+    sigma_s = float(_sigma(_covariance(problem)[0], LAG)[0])
+    if not sigma_s < _SEEN * config.lag_sigma_s:
+        return sensors.with_lag(sensors.believed_lag_s), (
+            f"the motion does not show the lag between the clocks of video and GPS (standard deviation "
+            f"{sigma_s:.2f} s): it was held at {sensors.believed_lag_s:g} s; curves or braking would show it",
+        )
+    if config.estimate_lag == "auto" and abs(found_s) < config.significant * np.hypot(
+        config.trusted_lag_s, sigma_s
+    ):
+        return sensors.with_lag(sensors.believed_lag_s), ()
+    return sensors, (
+        f"the positions of the GPS log are {sensors.lag_s:.3f} s older than their time stamps say "
+        f"(standard deviation {sigma_s:.3f} s); this was corrected",
+    )
+
+
+def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Judgement:
     placement = place(scene.t_s, fixes.t_s)
     judged = fixes.used & placement.inside
     if not judges(config) or not judged.any():
         return Judgement.none(len(fixes))
-    offset = antenna_at(scene.poses, placement, camera_p_antenna) - fixes.world_p_fix
+    offset = antenna_at(scene.poses, placement, sensors.camera_p_antenna) - fixes.world_p_fix
     offset[~judged] = np.nan
     return probabilities(offset, fixes, config)
 
@@ -161,9 +202,16 @@ def _report(
     return SolverReport(before, cost_after, iterations, reason), warnings
 
 
-def _covariance(problem: BundleProblem) -> tuple[FloatArray, tuple[str, ...]]:
+def _covariance(problem: BundleProblem) -> tuple[Covariances, tuple[str, ...]]:
     try:
-        return pose_covariances(problem), ()
+        return covariances(problem), ()
     except GeometryError as error:
         unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
-        return unknown, (f"no standard deviations: {error}",)
+        return Covariances(unknown, {}), (f"no standard deviations: {error}",)
+
+
+def _sigma(covariance: Covariances, key: int) -> FloatArray:
+    """Standard deviations of a shared vector; NaN if it was not estimated."""
+    if key not in covariance.shared:
+        return np.full(3 if key == ANTENNA else 1, np.nan)
+    return np.asarray(np.sqrt(np.diagonal(covariance.shared[key])))

@@ -35,7 +35,9 @@ class BundleProblem:
         robust: Loss of the whitened error ``|uv - uv^| / sigma_px``.
         robust_k: (N,) its constant, whitened (:func:`whitened_robust_k`); inf means quadratic. Needed unless
             ``robust`` is ``none``.
-        pose_graph: Factors whose keys are all ``x<frame>``.
+        pose_graph: Factors whose keys are ``x<frame>`` or those of ``shared``.
+        shared: Vectors (d,) that all frames share, a clock's lag or a lever arm, by their key in
+            ``pose_graph``; every one occurs there.
         fixed: (F,) frames whose poses are held; absent means none.
 
     Raises:
@@ -53,6 +55,7 @@ class BundleProblem:
     robust_k: FloatArray | None = None
     pose_graph: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     fixed: BoolArray | None = None
+    shared: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)
@@ -80,18 +83,29 @@ class BundleProblem:
         """(F,) frames whose poses are held, none if ``fixed`` is absent."""
         return np.zeros(len(self.world_T_camera), dtype=bool) if self.fixed is None else self.fixed
 
-    def moved(self, world_T_camera: FloatArray, world_p_landmark: FloatArray) -> "BundleProblem":
-        """The same problem at other poses (F, 4, 4) and points (L, 3)."""
-        return replace(self, world_T_camera=world_T_camera, world_p_landmark=world_p_landmark)
+    def moved(
+        self,
+        world_T_camera: FloatArray,
+        world_p_landmark: FloatArray,
+        shared: Mapping[int, FloatArray] | None = None,
+    ) -> "BundleProblem":
+        """The same problem at other poses (F, 4, 4), points (L, 3) and shared vectors."""
+        return replace(
+            self,
+            world_T_camera=world_T_camera,
+            world_p_landmark=world_p_landmark,
+            shared=self.shared if shared is None else shared,
+        )
 
     @property
     def pose_graph_frames(self) -> IntArray:
         """Frames that occur in ``pose_graph``, ascending.
 
         Raises:
-            ValueError: A key is not of the form ``x<frame>``.
+            ValueError: A key is neither of the form ``x<frame>`` nor shared.
         """
-        keys = np.sort(np.array(self.pose_graph.keyVector(), dtype=np.int64))
+        own = [key for key in self.pose_graph.keyVector() if key not in self.shared]
+        keys = np.sort(np.array(own, dtype=np.int64))
         frames = keys - X(0)
         _check_range("frame of a pose factor", frames, len(self.world_T_camera))
         return frames
@@ -197,18 +211,25 @@ def video_cost(problem: BundleProblem) -> float:
 
 
 def pose_values(problem: BundleProblem) -> gtsam.Values:
-    """The poses that occur in ``pose_graph``."""
-    values = gtsam.Values()
+    """The poses and shared vectors that occur in ``pose_graph``."""
+    values = _shared_values(problem)
     for frame in problem.pose_graph_frames.tolist():
         values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
     return values
 
 
 def all_pose_values(problem: BundleProblem) -> gtsam.Values:
-    """Every pose, whether or not a pose factor has it."""
-    values = gtsam.Values()
+    """Every pose, whether or not a pose factor has it, and the shared vectors."""
+    values = _shared_values(problem)
     for frame, world_T_camera in enumerate(problem.world_T_camera):
         values.insert(X(frame), gtsam.Pose3(world_T_camera))
+    return values
+
+
+def _shared_values(problem: BundleProblem) -> gtsam.Values:
+    values = gtsam.Values()
+    for key, vector in problem.shared.items():
+        values.insert(key, vector)
     return values
 
 

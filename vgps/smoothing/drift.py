@@ -7,7 +7,7 @@ no later step leaves. So the path is bent first: its steps are scaled and turned
 
 import numpy as np
 
-from vgps.config import DriftConfig
+from vgps.config import Config
 from vgps.local_map import LocalMap
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.fixes import Fixes
@@ -17,7 +17,7 @@ _FINEST_M = 0.3
 
 
 def correct_drift(
-    local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: DriftConfig
+    local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> None:
     """Bend an aligned map, poses and points, towards its fixes, in place.
 
@@ -28,7 +28,7 @@ def correct_drift(
         t_s: Times of all frames of the video so far.
         fixes: Those within the map's frames take part.
         camera_p_antenna: (3,) metres.
-        config: How fast scale and rotation may drift.
+        config: How fast scale and rotation may drift, and whether the clock is known.
     """
     first = local_map.first_posed
     poses = local_map.poses[first - local_map.first_frame :]
@@ -47,7 +47,7 @@ def correct_drift(
 
 
 def bend_path(
-    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: DriftConfig
+    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> tuple[FloatArray, FloatArray]:
     """The path with its drift taken out (F, 4, 4), and the scale (F,) by which each frame's view grew.
 
@@ -55,9 +55,10 @@ def bend_path(
         poses: (F, 4, 4), ``t_s`` (F,).
         fixes: All used and within the path's time.
         camera_p_antenna: (3,) metres.
-        config: How fast scale and rotation may drift.
+        config: How fast scale and rotation may drift, and whether the clock is known.
     """
-    path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config)
+    lag_sigma_s = config.sensors.lag_prior_s
+    path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s)
     everything = np.ones(len(fixes), dtype=bool)
     return path.bent(path.settle(path.approach(everything, _FINEST_M), everything, path.regions()))
 

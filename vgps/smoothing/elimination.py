@@ -160,7 +160,8 @@ def _pose_graph_span(problem: BundleProblem, free: IntArray) -> int:
     for i in range(problem.pose_graph.size()):
         factor = problem.pose_graph.at(i)
         if factor is not None:
-            frames = free[np.array(factor.keys(), dtype=np.int64) - X(0)]
+            own = [key - X(0) for key in list(factor.keys()) if key not in problem.shared]
+            frames = free[np.array(own, dtype=np.int64)]
             frames = frames[frames >= 0]
             span = max(span, int(np.ptp(frames)) + 1 if len(frames) else 0)
     return span
@@ -204,6 +205,7 @@ def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, part: IntArr
         sigma_px=problem.sigma_px[part],
         robust_k=None if problem.robust_k is None else problem.robust_k[part],
         pose_graph=gtsam.NonlinearFactorGraph(),
+        shared={},
     )
     rows, landmark = np.unique(landmarks, return_inverse=True)
     seen = np.flatnonzero(free[frame] >= 0)

@@ -1,14 +1,15 @@
 """GPS fixes as the smoother sees them: where, at what time between frames, and with which penalty."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
-from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between
+from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between, gps_factor_calibrating
 from vgps.config import GpsConfig
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
+from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
 
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
 # wrong integer ambiguities leave a fix with the error of a float
@@ -43,6 +44,10 @@ class Fixes:
     def until(self, t_s: float) -> "Fixes":
         """Those taken by the time ``t_s``."""
         return self.where(self.t_s <= t_s)
+
+    def earlier(self, lag_s: float) -> "Fixes":
+        """At their times less a lag."""
+        return replace(self, t_s=self.t_s - lag_s)
 
     def where(self, mask: BoolArray) -> "Fixes":
         """Those that ``mask`` (M,) names."""
@@ -143,33 +148,32 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
 def gps_graph(
     fixes: Fixes,
     frame_t_s: FloatArray,
-    camera_p_antenna: FloatArray,
+    sensors: Sensors,
     config: GpsConfig,
     n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
     """The GPS term of the energy (11) over frames with keys ``x0..``.
 
     Args:
-        fixes: Those with ``used`` set and within the frames take part.
+        fixes: At their times less the lag known so far; those with ``used`` set and within the frames take
+            part.
         frame_t_s: (F,) times of the frames.
-        camera_p_antenna: (3,) metres.
+        sensors: Lever arm, and what is to be estimated with the poses.
         config: The model; none gives an empty graph.
         n: Exponent, if another than the configured.
     """
-    graph = gtsam.NonlinearFactorGraph()
+    graph = sensors.priors()
     if config.model == "none" or len(frame_t_s) < 2:
         return graph
     placement = place(frame_t_s, fixes.t_s)
     for row in np.flatnonzero(fixes.used & placement.inside).tolist():
-        frame = int(placement.frame[row])
-        graph.push_back(
-            gps_factor_between(
-                X(frame),
-                X(frame + 1),
-                float(placement.alpha[row]),
-                fixes.world_p_fix[row],
-                camera_p_antenna,
-                penalty(fixes, row, config, n),
-            )
-        )
+        a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
+        fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
+        if sensors.to_estimate:
+            times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
+            factor = gps_factor_calibrating(X(a), X(b), LAG, ANTENNA, times, fix, cost)
+        else:
+            alpha = float(placement.alpha[row])
+            factor = gps_factor_between(X(a), X(b), alpha, fix, sensors.camera_p_antenna, cost)
+        graph.push_back(factor)
     return graph

@@ -49,6 +49,8 @@ def _gtsam_parameters(
     for frame in range(len(problem.world_T_camera)):
         if values.exists(X(frame)):
             ordering.push_back(X(frame))
+    for key in sorted(problem.shared):
+        ordering.push_back(key)
     parameters.setOrdering(ordering)
     return parameters
 
@@ -60,4 +62,5 @@ def _with_values(problem: BundleProblem, values: gtsam.Values) -> BundleProblem:
             world_T_camera[frame] = values.atPose3(X(frame)).matrix()
     for landmark in np.unique(problem.landmark).tolist():
         world_p_landmark[landmark] = values.atPoint3(L(landmark))
-    return problem.moved(world_T_camera, world_p_landmark)
+    shared = {key: values.atVector(key) for key in problem.shared}
+    return problem.moved(world_T_camera, world_p_landmark, shared)

@@ -74,7 +74,7 @@ def join_maps(
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
             if contradicts(local_map, t_s, believed, camera_p_antenna, config, whole=True):
-                correct_drift(local_map, t_s, believed, camera_p_antenna, config.drift)
+                correct_drift(local_map, t_s, believed, camera_p_antenna, config)
     poses, state = _every_frame(maps, t_s)
     scene = replace(_scene(maps, t_s, poses), controls=controls)
     gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])

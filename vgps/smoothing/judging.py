@@ -80,7 +80,8 @@ def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m:
         tolerance_m: How far off the path itself may be.
     """
     own, lower, bad = _log_likelihoods(offset, fixes, config, tolerance_m)
-    total = np.logaddexp(np.logaddexp(own, lower), bad)
+    with np.errstate(invalid="ignore"):  # what has no region has no likelihood
+        total = np.logaddexp(np.logaddexp(own, lower), bad)
     return Judgement(np.exp(own - total), np.where(np.isnan(total), np.nan, np.exp(lower - total)))
 
 
@@ -139,19 +140,26 @@ def judge_on_path(
     judged = fixes.used & place(t_s, fixes.t_s).inside
     if judged.sum() < 2:
         return Judgement.none(len(fixes))
-    path = FlexiblePath(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift)
-    found = _judge(path, fixes.where(judged), _tolerance(poses, path.knots, config), config)
+    clocks = {0.0, config.sensors.lag_prior_s}  # in step, or not
+    paths = [
+        FlexiblePath(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift, lag_sigma_s)
+        for lag_sigma_s in sorted(clocks)
+    ]
+    found = _judge(paths, fixes.where(judged), _tolerance(poses, paths[0].knots, config), config)
     out = Judgement.none(len(fixes))
     out.own[judged], out.lower[judged] = found.own, found.lower
     return out
 
 
-def _judge(path: FlexiblePath, fixes: Fixes, tolerance_m: float, config: Config) -> Judgement:
-    """The more likely of two ends: from the path as it is, and from coarse fits to all fixes."""
-    starts = path.start, path.approach(np.ones(len(fixes), dtype=bool), tolerance_m)
-    ends = [_settled(path, start, fixes, tolerance_m, config) for start in starts]
-    energies = [_energy(path, end, fixes, tolerance_m, config) for end in ends]
-    return probabilities(path.offsets(ends[int(np.argmin(energies))]), fixes, config, tolerance_m)
+def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: Config) -> Judgement:
+    """At the most likely of several ends: from the path as it is, and from coarse fits to all fixes."""
+    ends = []
+    for path in paths:
+        for start in (path.start, path.approach(np.ones(len(fixes), dtype=bool), tolerance_m)):
+            end = _settled(path, start, fixes, tolerance_m, config)
+            ends.append((_energy(path, end, fixes, tolerance_m, config), path.offsets(end)))
+    _, offset = min(ends, key=lambda end: end[0])
+    return probabilities(offset, fixes, config, tolerance_m)
 
 
 def _settled(

@@ -66,10 +66,12 @@ class _State:
 
 @dataclass(frozen=True)
 class _Step:
-    """Steps of all poses (F, 6) and points (L, 3), and the decrease that the linear model promises."""
+    """Steps of all poses (F, 6), points (L, 3) and what is shared (s,); the decrease that the linear model
+    promises."""
 
     poses: FloatArray
     points: FloatArray
+    shared: FloatArray
     promised: float
 
 
@@ -135,19 +137,20 @@ def _tolerance(cost: float, settings: SolverSettings) -> float:
 def _step(linear: Linearization, structure: Structure, damping: float) -> _Step | None:
     band, gradient = reduce_to_poses(linear, structure, damping)
     try:
-        free_step = -band.cholesky(structure.half_bandwidth).solve(gradient)
+        factor = band.cholesky(structure.half_bandwidth)
     except NotPositiveDefiniteError:
         return None
+    free_step, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
     poses = np.zeros((len(structure.free), POSE))
     poses[structure.free >= 0] = free_step.reshape(-1, POSE)
     points = point_steps(linear, poses, damping)
-    slope = float(linear.gradient @ free_step)
-    damped = float(linear.diagonal @ free_step**2)
+    slope = float(linear.gradient @ free_step + linear.border.gradient @ shared)
+    damped = float(linear.diagonal @ free_step**2 + linear.border.diagonal @ shared**2)
     for part in linear.chunks:
         step = points[:, part.chunk.landmarks]
         slope += float(np.sum(part.gradient * step))
         damped += float(np.sum(part.diagonal * step**2))
-    return _Step(poses, points.T, 0.5 * (damping * damped - slope))
+    return _Step(poses, points.T, shared, 0.5 * (damping * damped - slope))
 
 
 def _try(state: _State, structure: Structure, step: _Step, settings: SolverSettings) -> _State | None:
@@ -157,9 +160,15 @@ def _try(state: _State, structure: Structure, step: _Step, settings: SolverSetti
     delta = gtsam.VectorValues()
     for frame in np.flatnonzero(structure.free >= 0).tolist():
         delta.insert(X(frame), step.poses[frame])
+    at = 0
+    for key in sorted(state.problem.shared):
+        size = len(state.problem.shared[key])
+        delta.insert(key, step.shared[at : at + size])
+        at += size
     values = state.values.retract(delta)
     points = state.problem.world_p_landmark + step.points
-    problem = state.problem.moved(_poses(values, state.problem), points)
+    shared = {key: values.atVector(key) for key in state.problem.shared}
+    problem = state.problem.moved(_poses(values, state.problem), points, shared)
     trial = _State(problem, values, _cost(problem, values, structure))
     good = np.isfinite(trial.cost) and state.cost - trial.cost > max(settings.least_gain * step.promised, 0.0)
     return trial if good else None

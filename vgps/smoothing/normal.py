@@ -15,8 +15,8 @@ from vgps.model import FloatArray
 from vgps.smoothing.band import POSE, Band
 from vgps.smoothing.bundle import BundleProblem, camera_points, residuals, robust_weight
 from vgps.smoothing.elimination import Chunk, Structure
+from vgps.smoothing.pose_normal import MIN_DIAGONAL, Border, pose_graph_normal
 
-MIN_DIAGONAL = 1e-6  # damped at least as if the diagonal were this, GTSAM's default
 _PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a point seen along one ray
 _ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))  # u, v: which of them a pose coordinate moves
 _LOWER = tuple((a, b) for a in range(POSE) for b in range(a + 1))
@@ -68,12 +68,14 @@ class Linearization:
         hessian: Lower triangle of the poses' part, (6 n_free, 6 n_free).
         gradient: (6 n_free,).
         landmarks: L, of the problem.
+        border: Of what all frames share.
     """
 
     chunks: tuple[LinearChunk, ...]
     hessian: sparse.coo_array
     gradient: FloatArray
     landmarks: int
+    border: Border
 
     @property
     def diagonal(self) -> FloatArray:
@@ -100,10 +102,10 @@ def linearize(problem: BundleProblem, values: gtsam.Values, structure: Structure
         gradient[:, frames] += linear.pose_gradient(linear.r)
         chunks.append(linear)
     moves = structure.free >= 0
-    hessian, own_gradient = _pose_graph_normal(problem, values, structure)
+    hessian, own_gradient, border = pose_graph_normal(problem, values, structure)
     total = (hessian + _block_diagonal(blocks[:, moves])).tocoo()
     total_gradient = gradient[:, moves].T.ravel() + own_gradient
-    return Linearization(tuple(chunks), total, total_gradient, len(problem.world_p_landmark))
+    return Linearization(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
 
 
 def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
@@ -163,27 +165,6 @@ def _block_diagonal(blocks: FloatArray) -> sparse.csr_array:
     at = POSE * np.arange(n)
     index = ((at + rows[:, None]).ravel(), (at + columns[:, None]).ravel())
     return sparse.csr_array((blocks.ravel(), index), shape=(POSE * n, POSE * n))
-
-
-def _pose_graph_normal(
-    problem: BundleProblem, values: gtsam.Values, structure: Structure
-) -> tuple[sparse.csr_array, FloatArray]:
-    """Lower triangle of J^T J, and J^T r, of the pose factors, linearised by GTSAM."""
-    n = POSE * structure.n_free
-    frames = problem.pose_graph_frames
-    if not len(frames):
-        return sparse.csr_array((n, n)), np.zeros(n)
-    row, column, value = problem.pose_graph.linearize(values).sparseJacobian_()
-    # one-based; the columns follow the keys in ascending order, the right-hand side is the last
-    row, column = row.astype(np.int64) - 1, column.astype(np.int64) - 1
-    right = column == POSE * len(frames)
-    b = np.zeros(int(row.max(initial=-1)) + 1)
-    b[row[right]] = value[right]
-    number = structure.free[frames]
-    target = POSE * number[np.minimum(column // POSE, len(frames) - 1)] + column % POSE
-    keep = ~right & (target >= 0)
-    A = sparse.csr_array((value[keep], (row[keep], target[keep])), shape=(len(b), n))
-    return sparse.tril(A.T @ A, format="csr"), -(A.T @ b)
 
 
 @dataclass(frozen=True)

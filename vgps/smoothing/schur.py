@@ -23,7 +23,15 @@ from vgps.smoothing.levenberg import SolverSettings, levenberg
 from vgps.smoothing.normal import linearize, reduce_to_poses
 from vgps.solution import SolverReport
 
-__all__ = ["BundleResult", "Solver", "SolverSettings", "pose_covariances", "solve"]
+__all__ = [
+    "BundleResult",
+    "Covariances",
+    "Solver",
+    "SolverSettings",
+    "covariances",
+    "pose_covariances",
+    "solve",
+]
 
 Solver = Literal["schur", "gtsam"]
 
@@ -96,20 +104,31 @@ def _in_words(cost: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())
 
 
-def pose_covariances(problem: BundleProblem) -> FloatArray:
-    """(F, 6, 6) marginal covariances of the poses in the body tangent [rotation; translation], rad and m.
+@dataclass(frozen=True)
+class Covariances:
+    """Marginal covariances.
 
-    The inverse of the reduced matrix, only its blocks on the diagonal; held frames have zero.
+    Attributes:
+        poses: (F, 6, 6) in the body tangent [rotation; translation], rad and m; held frames have zero.
+        shared: (d, d) by key.
+    """
+
+    poses: FloatArray
+    shared: Mapping[int, FloatArray]
+
+
+def covariances(problem: BundleProblem) -> Covariances:
+    """Marginals of the poses and of what they share: blocks of the inverse of the reduced matrix.
 
     Raises:
         GeometryError: Observations and factors do not determine the poses.
     """
     structure = structure_of(problem)
     moves = structure.free >= 0
-    covariance = np.zeros((len(moves), POSE, POSE))
+    poses = np.zeros((len(moves), POSE, POSE))
     with _one_blas_thread():
         linear = linearize(problem, all_pose_values(problem), structure)
-        band, _ = reduce_to_poses(linear, structure, 0.0)
+        band, gradient = reduce_to_poses(linear, structure, 0.0)
         try:
             factor = band.cholesky(structure.half_bandwidth, _LEAST_PIVOT * linear.diagonal)
         except NotPositiveDefiniteError as error:
@@ -119,5 +138,20 @@ def pose_covariances(problem: BundleProblem) -> FloatArray:
                 place=f"frame {frame}",
                 remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
             ) from None
-        covariance[moves] = factor.inverse_diagonal_blocks()
-    return covariance
+        poses[moves] = factor.inverse_diagonal_blocks()
+        if not problem.shared:
+            return Covariances(poses, {})
+        _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
+    of_shared: FloatArray = np.linalg.inv(complement).astype(np.float64)
+    rows = by_shared.reshape(structure.n_free, POSE, -1)
+    poses[moves] += rows @ of_shared @ rows.transpose(0, 2, 1)
+    blocks, at = {}, 0
+    for key in sorted(problem.shared):
+        own = slice(at, at + len(problem.shared[key]))
+        blocks[key], at = of_shared[own, own], own.stop
+    return Covariances(poses, blocks)
+
+
+def pose_covariances(problem: BundleProblem) -> FloatArray:
+    """(F, 6, 6) of :func:`covariances`."""
+    return covariances(problem).poses

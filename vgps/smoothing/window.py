@@ -16,6 +16,7 @@ from vgps.smoothing.assembly import (
 )
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.schur import SolverSettings, solve
+from vgps.smoothing.sensors import Sensors
 
 
 def optimise_window(
@@ -49,7 +50,7 @@ def optimise_window(
     scene, sigma = select_observations(scene, K, config)
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
-        graph = gps_and_motion(scene, K, fixes, camera_p_antenna, config)
+        graph = gps_and_motion(scene, K, fixes, Sensors.known(camera_p_antenna), config)
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:

@@ -59,6 +59,7 @@ def write_run(solution: Solution, out: Path) -> None:
 def summarise(solution: Solution) -> dict[str, Any]:
     """``solution.json`` as a dict: what a person or a script asks of a run first."""
     return {
+        "recording": None if solution.recording is None else str(solution.recording),
         "world_origin": solution.world_origin._asdict() if solution.world_origin is not None else None,
         "georeferenced": solution.georeferenced,
         "counts": _counts(solution),
@@ -72,6 +73,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "warnings": list(solution.warnings),
         "camera": asdict(solution.camera),
         "camera_p_antenna": solution.camera_p_antenna,
+        "sensors": asdict(solution.sensors),
         "gps": None
         if solution.gps is None
         else {"source": str(solution.gps.source), "skipped": list(solution.gps.skipped)},
