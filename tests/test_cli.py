@@ -148,3 +148,12 @@ def test_nothing_else_is_overwritten(recording, tmp_path, monkeypatch, capsys):
     code, _, err = run(monkeypatch, capsys, "smooth", recording, "--out", precious)
     assert code == 2 and "thesis" in err
     assert (precious / "chapter1.txt").read_text() == "words"
+
+
+def test_survey(data_dir, tmp_path, monkeypatch, capsys):
+    log, out = data_dir / "survey/stationary.nmea", tmp_path / "receiver.yaml"
+    code, text, _ = run(monkeypatch, capsys, "survey", log, "--out", out)
+    assert code == 0 and "rtk_float" in text and "survey longer" in text
+    assert out.is_file() and out.with_suffix(".png").is_file()
+    code, _, err = run(monkeypatch, capsys, "survey", log, "--out", out, "--truth", "1,2")
+    assert code == 2 and "LATITUDE,LONGITUDE,HEIGHT" in err and err.count("\n") == 1

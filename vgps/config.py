@@ -184,7 +184,7 @@ class BatchConfig(_Stage):
     """Huber's constant on a reprojection error, in pixels, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"
     """Eq. (12) divides by the number of features in the frame; per_observation does not."""
-    video_sigma_scale: PositiveFloat = 4.0
+    video_sigma_scale: PositiveFloat = 8.0
     """Pixel sigmas are multiplied by this: tracks drift together, so their errors are not independent."""
 
 

@@ -13,7 +13,7 @@ from factors import Gaussian, gps_factor_calibrating
 from vgps.config import SensorsConfig
 from vgps.smoothing.bundle import cost_terms, to_graph
 from vgps.smoothing.schur import SolverSettings, covariances, solve
-from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
+from vgps.smoothing.sensors import ANTENNA, LAG, Lag, Sensors
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 INTERVAL_S = 0.1
@@ -23,7 +23,8 @@ TRUE_LAG_S = 0.06
 def scene(lag_prior_s=0.5, antenna_prior_m=0.5, frames=60):
     """A winding drive with fixes whose stamps are late; lag and lever arm unknown."""
     problem, poses = drive(frames, 400, seed=3, disturbed=0.2)
-    sensors = Sensors(0.0, TRUE_ANTENNA + 0.2, lag_prior_s, antenna_prior_m, 0.0, TRUE_ANTENNA + 0.2)
+    wrong = TRUE_ANTENNA + 0.2
+    sensors = Sensors(0.0, wrong, Lag(0.0, lag_prior_s), wrong, antenna_prior_m)
     graph, penalty = sensors.priors(), Gaussian((0.02, 0.02, 0.02))
     for i in range(1, frames - 2):
         at, to = gtsam.Pose3(poses[i]), gtsam.Pose3(poses[i + 1])

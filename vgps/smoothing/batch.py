@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from factors import stages
-from vgps.config import Config, SensorsConfig
+from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.model import BoolArray, FloatArray
@@ -18,12 +18,12 @@ from vgps.smoothing.assembly import (
 from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.judging import Judgement, judges, probabilities
+from vgps.smoothing.lag import settle_lag
 from vgps.smoothing.schur import Covariances, SolverSettings, covariances, solve
 from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
 from vgps.solution import Observations, SolverReport
 
 _FIRST_TOLERANCE = 5.0
-_SEEN = 0.5  # of the prior standard deviation: what is larger was not seen
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,10 @@ def optimise_batch(
     remark: tuple[str, ...] = ()
     judgement = judgement or Judgement.none(len(fixes))
     for round_ in range(config.batch.rounds):
+        # the path of the first round shows the lag better than the start
+        if round_ < 2:
+            believed = judgement.applied(fixes)
+            sensors, remark = settle_lag(sensors, current.poses, scene.t_s, believed, config.sensors)
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
             tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
             kept, sigma = select_observations(current, K, config, tolerance)
@@ -103,8 +107,6 @@ def optimise_batch(
                 current, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark
             )
             sensors = sensors.moved(result.problem.shared)
-        if round_ == 0:
-            sensors, remark = _settled_lag(sensors, result.problem, config.sensors)
         if round_ < config.batch.rounds - 1:
             current = _retriangulated(current, K, sigma, config)
             judgement = judgement.updated(_judged(current, fixes.earlier(sensors.lag_s), sensors, config))
@@ -123,31 +125,6 @@ def optimise_batch(
         _sigma(covariance, ANTENNA),
         report,
         (*remark, *warnings, *doubts),
-    )
-
-
-def _settled_lag(
-    sensors: Sensors, problem: BundleProblem, config: SensorsConfig
-) -> tuple[Sensors, tuple[str, ...]]:
-    """Whether the lag found in the first round is estimated on, or held at what was believed; and why."""
-    if not sensors.lag_sigma_s:
-        return sensors, ()
-    found_s = sensors.lag_s - sensors.believed_lag_s
-    if config.estimate_lag == "auto" and abs(found_s) < config.significant * config.trusted_lag_s:
-        return sensors.with_lag(sensors.believed_lag_s), ()
-    sigma_s = float(_sigma(_covariance(problem)[0], LAG)[0])
-    if not sigma_s < _SEEN * config.lag_sigma_s:
-        return sensors.with_lag(sensors.believed_lag_s), (
-            f"the motion does not show the lag between the clocks of video and GPS (standard deviation "
-            f"{sigma_s:.2f} s): it was held at {sensors.believed_lag_s:g} s; curves or braking would show it",
-        )
-    if config.estimate_lag == "auto" and abs(found_s) < config.significant * np.hypot(
-        config.trusted_lag_s, sigma_s
-    ):
-        return sensors.with_lag(sensors.believed_lag_s), ()
-    return sensors, (
-        f"the positions of the GPS log are {sensors.lag_s:.3f} s older than their time stamps say "
-        f"(standard deviation {sigma_s:.3f} s); this was corrected",
     )
 
 

@@ -15,44 +15,50 @@ _HELD = 1e-6  # prior sigma of what is not to be estimated
 
 
 @dataclass(frozen=True)
+class Lag:
+    """Positions are ``lag_s`` older than their time stamps say, and the standard deviation ``sigma_s``."""
+
+    lag_s: float
+    sigma_s: float
+
+
+@dataclass(frozen=True)
 class Sensors:
-    """Clock and lever arm, with standard deviations before anything was seen.
+    """Clock and lever arm, with standard deviations before the optimiser saw anything.
 
     Attributes:
         lag_s: Positions are this much older than their time stamps say.
         camera_p_antenna: (3,) metres.
-        lag_sigma_s: 0 holds the lag.
-        antenna_sigma_m: 0 holds the lever arm.
-        believed_lag_s, believed_antenna: What the standard deviations are about.
+        prior_lag: What is believed of the lag; a sigma of 0 holds it.
+        prior_antenna: (3,) what is believed of the lever arm.
+        antenna_sigma_m: How much; 0 holds it.
     """
 
     lag_s: float
     camera_p_antenna: FloatArray
-    lag_sigma_s: float
-    antenna_sigma_m: float
-    believed_lag_s: float
-    believed_antenna: FloatArray
+    prior_lag: Lag
+    prior_antenna: FloatArray
+    antenna_sigma_m: float = 0.0
 
     @classmethod
     def known(cls, camera_p_antenna: FloatArray, lag_s: float = 0.0) -> "Sensors":
         """Nothing to estimate."""
-        return cls(lag_s, camera_p_antenna, 0.0, 0.0, lag_s, camera_p_antenna)
+        return cls(lag_s, camera_p_antenna, Lag(lag_s, 0.0), camera_p_antenna)
 
     @classmethod
     def begin(cls, camera_p_antenna: FloatArray, config: SensorsConfig) -> "Sensors":
-        """What is to be estimated, from what is known."""
+        """The lag as configured, held so far; the lever arm, to be estimated if that is asked for."""
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
-        antenna = camera_p_antenna
-        return cls(config.lag_s, antenna, config.lag_prior_s, antenna_sigma_m, config.lag_s, antenna)
+        return replace(cls.known(camera_p_antenna, config.lag_s), antenna_sigma_m=antenna_sigma_m)
 
-    def with_lag(self, lag_s: float) -> "Sensors":
-        """With a lag that is not estimated any further."""
-        return replace(self, lag_s=lag_s, lag_sigma_s=0.0)
+    def with_lag(self, lag: Lag) -> "Sensors":
+        """From another lag on."""
+        return replace(self, lag_s=lag.lag_s, prior_lag=lag)
 
     @property
     def to_estimate(self) -> bool:
         """Whether anything is unknown."""
-        return self.lag_sigma_s > 0.0 or self.antenna_sigma_m > 0.0
+        return self.prior_lag.sigma_s > 0.0 or self.antenna_sigma_m > 0.0
 
     def shared(self) -> dict[int, FloatArray]:
         """Start of the shared vectors: how much the lag (1,) is still to change, and the antenna (3,)."""
@@ -62,17 +68,16 @@ class Sensors:
         """What was believed before."""
         graph = gtsam.NonlinearFactorGraph()
         if self.to_estimate:
-            lag = gtsam.noiseModel.Isotropic.Sigma(1, self.lag_sigma_s or _HELD)
+            lag = gtsam.noiseModel.Isotropic.Sigma(1, self.prior_lag.sigma_s or _HELD)
             antenna = gtsam.noiseModel.Isotropic.Sigma(3, self.antenna_sigma_m or _HELD)
-            missing = self.believed_lag_s - self.lag_s if self.lag_sigma_s else 0.0
-            graph.push_back(gtsam.PriorFactorVector(LAG, np.array([missing]), lag))
-            graph.push_back(gtsam.PriorFactorVector(ANTENNA, self.believed_antenna, antenna))
+            graph.push_back(gtsam.PriorFactorVector(LAG, np.array([self.prior_lag.lag_s - self.lag_s]), lag))
+            graph.push_back(gtsam.PriorFactorVector(ANTENNA, self.prior_antenna, antenna))
         return graph
 
     def moved(self, shared: Mapping[int, FloatArray]) -> "Sensors":
         """With what the optimiser found."""
         if not shared:
             return self
-        lag = self.lag_s + (float(shared[LAG][0]) if self.lag_sigma_s else 0.0)
+        lag_s = self.lag_s + (float(shared[LAG][0]) if self.prior_lag.sigma_s else 0.0)
         antenna = shared[ANTENNA] if self.antenna_sigma_m else self.camera_p_antenna
-        return replace(self, lag_s=lag, camera_p_antenna=antenna)
+        return replace(self, lag_s=lag_s, camera_p_antenna=antenna)

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from synthetic_fixes import T_S, fixes_at, path, poses
+
+from vgps.config import SensorsConfig
+from vgps.smoothing.lag import lag_by_differences, settle_lag
+from vgps.smoothing.sensors import Lag, Sensors
+
+BELIEVED = Lag(0.0, 0.5)
+NONE = np.zeros(3)
+SENSORS = Sensors.known(NONE)
+
+
+def late(lag_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
+    """Fixes whose stamps are later than their positions."""
+    fixes = fixes_at(t_s, 2.4, 6.5, offset=offset)
+    return type(fixes)(t_s + lag_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
+
+
+def wander(seed, n=19):
+    """Metres of error that change by centimetres a second."""
+    steps = np.random.default_rng(seed).normal(0, 0.08, (n, 3))
+    return np.array([1.5, -1.0, 4.0]) + np.cumsum(steps, axis=0)
+
+
+@pytest.mark.parametrize("lag_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
+def test_a_lag_is_found_under_a_bias_that_wanders(lag_s):
+    found = lag_by_differences(poses(path(T_S)), T_S, late(lag_s, wander(0)), NONE, BELIEVED)
+    assert abs(found.lag_s - lag_s) < 4 * found.sigma_s and found.sigma_s < 0.1
+
+
+def test_the_sigma_is_the_scatter_over_many_logs():
+    logs = [late(0.2, wander(seed)) for seed in range(60)]
+    found = [lag_by_differences(poses(path(T_S)), T_S, log, NONE, BELIEVED) for log in logs]
+    scatter = np.std([one.lag_s for one in found])
+    assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
+
+
+def test_one_jump_of_the_receiver_does_not_matter():
+    offset = wander(1)
+    offset[9:] += [6.0, 4.0, 0.0]
+    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, offset), NONE, BELIEVED)
+    assert abs(found.lag_s - 0.37) < 0.1
+
+
+def test_a_straight_at_constant_speed_keeps_what_is_believed_and_says_so():
+    t_s = np.arange(0.05, 19.0)
+    fixes = fixes_at(t_s, 2.4, 6.5)
+    line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
+    fixes = type(fixes)(
+        t_s + 0.37,
+        np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1),
+        *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
+    )
+    sensors, remark = settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_lag="yes"))
+    assert sensors.lag_s == 0.0 and "does not show the lag" in remark[0]
+    assert settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig()) == (SENSORS, ())
+
+
+def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
+    for lag_s, kept in ((0.37, True), (0.03, False)):
+        sensors, remark = settle_lag(SENSORS, poses(path(T_S)), T_S, late(lag_s, wander(2)), SensorsConfig())
+        assert bool(sensors.lag_s) == bool(remark) == kept
+    off = SensorsConfig(estimate_lag="no")
+    assert settle_lag(SENSORS, poses(path(T_S)), T_S, late(0.37), off) == (SENSORS, ())
+
+
+def test_too_few_fixes_tell_nothing():
+    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
+    assert found == BELIEVED

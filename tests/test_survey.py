@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from vgps.config import read_survey
+from vgps.errors import GpsLogError
+from vgps.geodesy import to_geodetic
+from vgps.model import FixClass, GeodeticPoint
+from vgps.survey import SurveyOptions, least_ellipsoid, region, survey_logs
+from vgps.survey.output import as_tables, plot_survey, write_survey
+from vgps.survey.regions import correlation_time, outside
+
+ORIGIN = GeodeticPoint(35.0, 139.0, 40.0)
+errors = arrays(np.float64, st.tuples(st.integers(1, 60), st.just(3)), elements=st.floats(-20, 20))
+
+
+def csv_log(path, offsets, classes, t_s=None):
+    """A log in CSV of a receiver at ORIGIN with these errors."""
+    place = to_geodetic(ORIGIN, np.asarray(offsets, float))
+    t_s = np.arange(len(place)) if t_s is None else t_s
+    rows = [f"{t},{p[0]:.12f},{p[1]:.12f},{p[2]:.6f},{c}" for t, p, c in zip(t_s, place, classes, strict=True)]
+    path.write_text("t_s,latitude_deg,longitude_deg,height_m,class\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_the_worst_of_each_is_dropped_on_its_own():
+    own = np.array([[3.0, 4.0, 0.0], [0.0, 1.0, 9.0], [0.6, 0.8, -2.0], [0.0, 0.0, 1.0]])
+    assert region(own, 0.0) == (5.0, 9.0)
+    assert region(own, 0.25) == (1.0, 2.0)
+    assert outside(own, 1.0, 2.0) == 2
+
+
+@given(errors, st.floats(0, 0.9), st.floats(0.1, 10))
+def test_a_region_grows_with_its_errors_and_not_with_what_is_dropped(own, drop, scale):
+    r_m, h_m = region(own, drop)
+    assert np.allclose(region(scale * own, drop), (scale * r_m, scale * h_m))
+    assert np.allclose(region(own[::-1], drop), (r_m, h_m))
+    assert r_m <= region(own, 0.0)[0] and h_m <= region(own, 0.0)[1]
+    assert outside(own, r_m, h_m) <= 2 * int(drop * len(own))
+
+
+@given(errors, st.integers(0, 10))
+@settings(deadline=None)
+def test_the_ellipsoid_drops_as_asked_and_none_tried_is_smaller(own, dropped):
+    dropped = min(dropped, len(own) - 1)
+    found = least_ellipsoid(own, dropped)
+    rho, z = np.hypot(own[:, 0], own[:, 1]), np.abs(own[:, 2])
+    reach = np.hypot(rho / found.alpha_m, z / found.beta_m)
+    assert np.count_nonzero(reach > 1 + 1e-6) <= dropped
+    for ratio in np.geomspace(0.05, 20, 25):
+        alpha = np.sort(np.hypot(rho, z / ratio))[len(own) - dropped - 1]
+        assert found.alpha_m**2 * found.beta_m <= max(alpha, 1e-9) ** 3 * ratio * (1 + 1e-6)
+
+
+def test_correlation_time_of_a_gauss_markov_process():
+    """Its autocorrelation is exp(-|lag| / T), whose integral is 2 T."""
+    rng, keep = np.random.default_rng(0), np.exp(-1 / 10)
+    x = np.zeros((40_000, 3))
+    for i in range(1, len(x)):
+        x[i] = keep * x[i - 1] + rng.normal(0, np.sqrt(1 - keep**2), 3)
+    t_s = np.arange(len(x), dtype=float)
+    assert correlation_time(t_s, x) == pytest.approx(20.0, rel=0.2)
+    thinned = rng.random(len(x)) < 0.6
+    assert correlation_time(t_s[thinned], x[thinned]) == pytest.approx(20.0, rel=0.25)
+    assert correlation_time(t_s, rng.normal(size=x.shape)) == pytest.approx(1.0, rel=0.2)
+
+
+def test_a_bias_is_one_error_however_long_it_is_measured():
+    t_s = np.arange(300.0)
+    assert correlation_time(t_s, np.full((300, 3), 2.0)) > 250.0
+
+
+def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
+    rng = np.random.default_rng(1)
+    fix = rng.normal(0, 0.01, (200, 3))
+    float_ = rng.normal(0, 1.0, (200, 3)) + [0.0, 0.0, 3.0]
+    logs = [
+        csv_log(tmp_path / "a.csv", fix, ["rtk_fix"] * 200),
+        csv_log(tmp_path / "b.csv", float_, ["rtk_float"] * 200),
+    ]
+    options = SurveyOptions(speed_m_s=1.2, vertical_speed_m_s=0.3, frame_rate=15.0)
+    found = survey_logs(logs, options)
+    assert np.abs(np.subtract(found.truth, ORIGIN)).max() < 0.01
+    by_class = {one.fix_class: one for one in found.classes}
+    expected = region(float_ - fix.mean(axis=0), 0.05)
+    assert by_class[FixClass.RTK_FLOAT].r_m == pytest.approx(expected[0] + 1.2 / 30, abs=1e-4)
+    assert by_class[FixClass.RTK_FLOAT].h_m == pytest.approx(expected[1] + 0.3 / 30, abs=1e-4)
+    write_survey(found, options, tmp_path / "s.yaml")
+    regions = read_survey(tmp_path / "s.yaml")
+    assert regions[FixClass.RTK_FLOAT].r_m == pytest.approx(by_class[FixClass.RTK_FLOAT].r_m, abs=1e-4)
+    assert yaml.safe_load((tmp_path / "s.yaml").read_text())["rtk_fix"]["epochs"] == 200
+    plot_survey(found, tmp_path / "s.png")
+    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+    assert len(as_tables(found, options)) == 2
+
+
+def test_without_a_fix_the_truth_must_be_given(tmp_path):
+    log = csv_log(tmp_path / "a.csv", np.ones((30, 3)), ["rtk_float"] * 30)
+    with pytest.raises(GpsLogError, match="--truth"):
+        survey_logs([log])
+    found = survey_logs([log], SurveyOptions(truth=ORIGIN))
+    assert found.classes[0].r_m == pytest.approx(np.sqrt(2.0), abs=1e-3)
+    assert "30 epochs are worth" in found.warnings[-1]
+
+
+def test_a_receiver_that_moves_is_told(tmp_path):
+    walk = np.arange(60)[:, None] * [1.0, 0.0, 0.0]
+    with pytest.raises(GpsLogError, match="moved"):
+        survey_logs([csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)])
+
+
+@pytest.mark.parametrize("options", [{"drop": 1.0}, {"drop": -0.1}, {"frame_rate": 0.0}])
+def test_impossible_options_are_refused(options):
+    with pytest.raises(GpsLogError):
+        SurveyOptions(**options)
+
+
+def test_the_real_receiver(data_dir):
+    found = {one.fix_class: one for one in survey_logs([data_dir / "survey/stationary.nmea"]).classes}
+    fix, float_ = found[FixClass.RTK_FIX], found[FixClass.RTK_FLOAT]
+    assert (fix.epochs, float_.epochs, found[FixClass.SINGLE].epochs) == (316, 289, 9)
+    assert fix.r_m == pytest.approx(0.02, abs=0.01) and fix.h_m == pytest.approx(0.02, abs=0.01)
+    assert float_.r_m == pytest.approx(2.4, abs=0.1) and float_.h_m == pytest.approx(6.5, abs=0.3)
+    assert float_.independent < 20 < fix.independent

@@ -1,0 +1,86 @@
+"""A survey as a file for ``smooth --survey``, as tables and as plots."""
+
+from pathlib import Path
+
+import yaml
+from rich.table import Table
+
+from vgps.errors import GpsLogError
+from vgps.survey.survey import Survey, SurveyOptions
+from vgps.writers.placing import new_file
+
+_COLOURS = {"rtk_fix": "#2a9d8f", "rtk_float": "#e9a23b", "single": "#c8553d"}
+
+
+def write_survey(survey: Survey, options: SurveyOptions, out: Path) -> None:
+    """Write the regions per class as YAML, to a tenth of a millimetre; beside them how they came about."""
+    document: dict[str, object] = {
+        str(one.fix_class): {
+            "r_m": round(one.r_m, 4),
+            "h_m": round(one.h_m, 4),
+            "alpha_m": round(one.ellipsoid.alpha_m, 4),
+            "beta_m": round(one.ellipsoid.beta_m, 4),
+            "epochs": one.epochs,
+            "independent_epochs": round(one.independent, 1),
+            "correlation_s": round(one.correlation_s, 1),
+        }
+        for one in survey.classes
+    }
+    truth = dict(zip(("latitude_deg", "longitude_deg", "height_m"), survey.truth, strict=True))
+    document["survey"] = {"drop": options.drop, "truth": truth, "warnings": list(survey.warnings)}
+    with new_file(out) as scratch:
+        scratch.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+
+
+def as_tables(survey: Survey, options: SurveyOptions) -> list[Table]:
+    """Tables 4 and 5 of Kume 2010, in metres."""
+    dropped = f"worst {100 * options.drop:g} % dropped"
+    cylinders = Table(
+        "class", "epochs", "independent", "all: horiz / vert [m]", f"{dropped}: r / h [m]", title="Cylinders"
+    )
+    ellipsoids = Table("class", "alpha [m]", "beta [m]", "correlation [s]", title="Least ellipsoids")
+    for one in survey.classes:
+        largest = f"{one.largest_m[0]:.3f} / {one.largest_m[1]:.3f}"
+        cylinders.add_row(
+            one.fix_class,
+            str(one.epochs),
+            f"{one.independent:.0f}",
+            largest,
+            f"{one.r_m:.3f} / {one.h_m:.3f}",
+        )
+        ellipsoids.add_row(
+            one.fix_class,
+            f"{one.ellipsoid.alpha_m:.3f}",
+            f"{one.ellipsoid.beta_m:.3f}",
+            f"{one.correlation_s:.0f}",
+        )
+    return [cylinders, ellipsoids]
+
+
+def plot_survey(survey: Survey, out: Path) -> None:
+    """The scatter of every class, Figs 10 and 11 of Kume 2010: from above with r, and over time with h."""
+    from matplotlib.figure import Figure  # noqa: PLC0415  (slow to import, and only plots need it)
+
+    if not survey.classes:
+        raise GpsLogError("no class to plot")
+    figure = Figure(figsize=(9.0, 3.6 * len(survey.classes)), layout="constrained")
+    axes = figure.subplots(len(survey.classes), 2, squeeze=False)
+    for (above, height), one in zip(axes, survey.classes, strict=True):
+        rows = [name is one.fix_class for name in survey.fix_class]
+        errors, colour = survey.errors_m[rows], _COLOURS.get(one.fix_class, "#5a6acf")
+        above.plot(errors[:, 0], errors[:, 1], ".", color=colour, ms=4, alpha=0.6)
+        above.add_patch(_circle(one.r_m))
+        above.plot(0, 0, "k+", ms=10)
+        above.set(xlabel="east [m]", ylabel="north [m]", title=f"{one.fix_class}, r = {one.r_m:.3f} m")
+        above.set_aspect("equal", adjustable="datalim")
+        height.plot(survey.t_s[rows], errors[:, 2], ".", color=colour, ms=4, alpha=0.6)
+        height.axhspan(-one.h_m, one.h_m, color="k", alpha=0.08)
+        height.set(xlabel="time [s]", ylabel="up [m]", title=f"{one.epochs} epochs, h = {one.h_m:.3f} m")
+    with new_file(out) as scratch:
+        figure.savefig(scratch, dpi=110, format=out.suffix.removeprefix(".") or "png")
+
+
+def _circle(radius: float) -> object:
+    from matplotlib.patches import Circle  # noqa: PLC0415
+
+    return Circle((0.0, 0.0), radius, fill=False, color="k", lw=1.2)

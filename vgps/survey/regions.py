@@ -1,0 +1,123 @@
+"""Errors of one fix class in, its cylinder, its ellipsoid and its correlation out: pure functions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from vgps.model import FixClass, FloatArray
+
+_RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, tried before refining
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """Semi-axes of an ellipsoid of revolution about the vertical, alpha and beta of Eq. (22), Kume 2010."""
+
+    alpha_m: float
+    beta_m: float
+
+
+@dataclass(frozen=True)
+class ClassSurvey:
+    """What a survey says of one fix class.
+
+    Attributes:
+        fix_class: Which.
+        epochs: Fixes of that class.
+        r_m, h_m: Radius r(p) and half height h(p) of its cylinder, the worst share dropped, motion included.
+        largest_m: Largest horizontal and vertical error of all epochs.
+        ellipsoid: Of least volume, dropping as many epochs as the cylinder does.
+        correlation_s: Integral of the error's autocorrelation: so long the error stays what it is.
+        independent: Epochs that many independent errors would be worth.
+    """
+
+    fix_class: FixClass
+    epochs: int
+    r_m: float
+    h_m: float
+    largest_m: tuple[float, float]
+    ellipsoid: Ellipsoid
+    correlation_s: float
+    independent: float
+
+
+def region(errors_m: FloatArray, drop: float) -> tuple[float, float]:
+    """Largest horizontal and largest vertical error that remain when the worst share of each is dropped.
+
+    Table 4, Kume 2010.
+
+    Args:
+        errors_m: (N, 3) east, north, up, N >= 1.
+        drop: Share to drop, of each on its own, 0 <= drop < 1.
+    """
+    horizontal = np.sort(np.hypot(errors_m[:, 0], errors_m[:, 1]))
+    vertical = np.sort(np.abs(errors_m[:, 2]))
+    kept = len(errors_m) - int(drop * len(errors_m))
+    return float(horizontal[kept - 1]), float(vertical[kept - 1])
+
+
+def outside(errors_m: FloatArray, r_m: float, h_m: float) -> int:
+    """Errors (N, 3) that lie outside a cylinder."""
+    beyond = np.hypot(errors_m[:, 0], errors_m[:, 1]) > r_m
+    return int(np.count_nonzero(beyond | (np.abs(errors_m[:, 2]) > h_m)))
+
+
+def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
+    """The ellipsoid of least volume about the truth that leaves ``dropped`` errors outside.
+
+    Table 5, Kume 2010. For every ratio of the axes the smallest ellipsoid follows from sorting; the ratio is
+    searched on a grid and refined.
+
+    Args:
+        errors_m: (N, 3) east, north, up; N > dropped.
+        dropped: How many may lie outside.
+    """
+    rho2 = errors_m[:, 0] ** 2 + errors_m[:, 1] ** 2
+    z2 = errors_m[:, 2] ** 2
+    kept = len(errors_m) - dropped
+
+    def alpha(ratio: float) -> float:
+        # two cylinders' walls may leave the last point at the centre: never a flat ellipsoid
+        reached = np.partition(rho2 + z2 / ratio**2, kept - 1)[kept - 1]
+        return float(np.sqrt(max(reached, 1e-18)))
+
+    def volume(log_ratio: float) -> float:
+        ratio = float(np.exp(log_ratio))
+        return float(3.0 * np.log(alpha(ratio)) + log_ratio)
+
+    volumes = [volume(x) for x in np.log(_RATIOS)]
+    best = int(np.argmin(volumes))
+    ends = np.log(_RATIOS[[max(best - 1, 0), min(best + 1, len(_RATIOS) - 1)]])
+    refined = minimize_scalar(volume, bounds=(float(ends[0]), float(ends[1])), method="bounded")
+    log_ratio = float(refined.x) if refined.fun < volumes[best] else float(np.log(_RATIOS[best]))
+    ratio = float(np.exp(log_ratio))
+    return Ellipsoid(alpha(ratio), ratio * alpha(ratio))
+
+
+def correlation_time(t_s: FloatArray, errors_m: FloatArray) -> float:
+    """Integral of the autocorrelation of an error about zero, up to where it first vanishes, seconds.
+
+    A first-order Gauss-Markov process of time constant T gives 2 T. A bias that never changes gives the
+    length of the log.
+
+    Args:
+        t_s: (N,) in order; gaps are bridged by comparing errors by their lag in time.
+        errors_m: (N, 3) from the truth, not from their mean.
+    """
+    if len(t_s) < 3:
+        return 0.0
+    step = float(np.median(np.diff(t_s)))
+    slot = np.round((t_s - t_s[0]) / step).astype(np.int64)
+    series = np.zeros((int(slot[-1]) + 1, 3))
+    present = np.zeros(len(series))
+    series[slot], present[slot] = errors_m, 1.0
+    size = 2 * len(series)
+    power = np.sum(np.abs(np.fft.rfft(series, size, axis=0)) ** 2, axis=1)
+    products = np.fft.irfft(power, size)[: len(series)]
+    pairs = np.round(np.fft.irfft(np.abs(np.fft.rfft(present, size)) ** 2, size)[: len(series)])
+    # beyond half the log too few pairs tell anything
+    lags = np.flatnonzero(pairs[: max(len(series) // 2, 2)] > 0)
+    correlation = products[lags] / pairs[lags] / max(products[0] / pairs[0], 1e-18)
+    end = int(np.argmax(correlation <= 0.0)) if np.any(correlation <= 0.0) else len(correlation)
+    return step * float(1.0 + 2.0 * correlation[1:end].sum())
