@@ -251,6 +251,10 @@ class Config(_Stage):
             changes["regions"] = read_survey(survey)
         return self.model_copy(update={"gps": self.gps.model_copy(update=changes)})
 
+    def with_seed(self, seed: int | None) -> "Config":
+        """The same configuration with another seed, if one is given."""
+        return self if seed is None else self.model_copy(update={"seed": seed})
+
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
     try:

@@ -1,6 +1,7 @@
 """The main job: stages A to C over the whole video, then D over everything."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
-from vgps.local_map import NO_CONTROLS
+from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
@@ -43,6 +44,17 @@ class Silent:
         """As in :class:`Progress`."""
 
 
+@dataclass(frozen=True)
+class FrontEnd:
+    """What stages A to C leave to D; ``sequence`` holds the maps."""
+
+    recording: Recording
+    origin: GeodeticPoint | None
+    fixes: Fixes
+    controls: Controls
+    sequence: Sequence
+
+
 def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
     """The pose of every frame of a recording, in world coordinates.
 
@@ -55,6 +67,18 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
         VgpsError: The recording does not determine the answer.
     """
     config, progress = config or Config(), progress or Silent()
+    front = track_and_map(recording, config, progress)
+    progress.say("optimising everything (D)")
+    return optimise_all(front, config)
+
+
+def track_and_map(recording: Recording, config: Config, progress: Progress) -> FrontEnd:
+    """Stages A to C over all frames.
+
+    Raises:
+        GpsLogError: Too few usable fixes.
+        GeometryError: Nothing to begin a map with.
+    """
     origin, fixes = world_fixes(recording, config)
     camera, antenna = recording.camera, recording.rig.camera_p_antenna
     controls = world_controls(recording.control_points, camera, origin) or NO_CONTROLS
@@ -69,15 +93,27 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
             expected=f"two views with {config.start.min_inliers} common features and "
             f"{config.start.min_flow_px:g} px between them",
         )
-    progress.say("optimising everything (D)")
+    return FrontEnd(recording, origin, fixes, controls, sequence)
+
+
+def optimise_all(front: FrontEnd, config: Config) -> Solution:
+    """Stage D on the maps of a front end, which are moved in place.
+
+    Raises:
+        GeometryError: No map can be aligned with the fixes, or the optimiser cannot leave its start.
+    """
+    recording, sequence, fixes = front.recording, front.sequence, front.fixes
+    antenna = recording.rig.camera_p_antenna
     with sequence.seconds.measure("batch"):
-        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, controls)
-        held = None if len(controls.frame) else _held_frames(joined, config)
+        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls)
+        held = None if len(front.controls.frame) else _held_frames(joined, config)
         sensors = Sensors.begin(antenna, config.sensors)
-        smoothed = optimise_batch(joined.scene, camera.K, fixes, sensors, config, held, joined.judgement)
+        smoothed = optimise_batch(
+            joined.scene, recording.camera.K, fixes, sensors, config, held, joined.judgement
+        )
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
     warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
-    return _solution(recording, config, origin, fixes, joined, smoothed, sequence.seconds, warnings)
+    return _solution(recording, config, front.origin, fixes, joined, smoothed, sequence.seconds, warnings)
 
 
 def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:

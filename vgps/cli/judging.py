@@ -8,9 +8,14 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from vgps.cli.app import app
+from vgps.compare import compare as compare_models
+from vgps.compare import write_comparison
+from vgps.config import read_config
 from vgps.errors import ConfigError
-from vgps.evaluate import as_json, as_table, evaluate_run
+from vgps.evaluate import as_json, as_table, evaluate_run, table
 from vgps.model import GeodeticPoint
+from vgps.progress import TerminalProgress
+from vgps.readers.recording import open_recording
 from vgps.survey import SurveyOptions, survey_logs
 from vgps.survey.output import as_tables, plot_survey, write_survey
 
@@ -31,6 +36,36 @@ def evaluate(
         print(json.dumps(as_json(evaluation), indent=2))
     else:
         Console().print(as_table(evaluation, str(run)))
+
+
+@app.command
+def compare(
+    recording: Path,
+    *,
+    truth: Path,
+    out: Path,
+    gps: str | None = None,
+    survey: Path | None = None,
+    config: Path | None = None,
+    seed: int | None = None,
+) -> None:
+    """Every GPS model side by side: methods A to D of the thesis, the cylinder, and a robust Gaussian.
+
+    Args:
+        recording: Folder with video, camera.yaml, rig.yaml and GPS log.
+        truth: TUM file, world_T_camera in ENU; a rig.yaml beside it names its origin and clock.
+        out: Folder for comparison.html and comparison.json.
+        gps: GPS log, a path or a name inside the folder.
+        survey: YAML with the region r_m, h_m of each fix class.
+        config: YAML that overrides the defaults.
+        seed: Of every random choice.
+    """
+    settings = read_config(config).with_gps(None, survey).with_seed(seed)
+    found = compare_models(open_recording(recording, gps=gps), truth, settings, TerminalProgress())
+    page, data = write_comparison(found, out)
+    console = Console()
+    console.print(table(list(found.evaluations.items()), str(recording)))
+    console.print(f"wrote {page} and {data}", highlight=False)
 
 
 @app.command
@@ -62,8 +97,8 @@ def survey(
     write_survey(found, options, out)
     plot_survey(found, picture)
     console = Console()
-    for table in as_tables(found, options):
-        console.print(table)
+    for rendered in as_tables(found, options):
+        console.print(rendered)
     for warning in found.warnings:
         console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
     console.print(f"wrote {out} and {picture}", highlight=False)

@@ -59,9 +59,7 @@ def smooth(
         seed: Of every random choice.
     """
     check_writable(out)
-    settings = read_config(config).with_gps(gps_model, survey)
-    if seed is not None:
-        settings = settings.model_copy(update={"seed": seed})
+    settings = read_config(config).with_gps(gps_model, survey).with_seed(seed)
     opened = open_recording(recording, gps=gps, camera=camera, rig=rig, control_points=control_points)
     solution = smooth_recording(opened, settings, TerminalProgress())
     write_run(solution, out)

@@ -121,8 +121,8 @@ def optimise_batch(
         kept.observations,
         judgement,
         sensors,
-        _sigma(covariance, LAG),
-        _sigma(covariance, ANTENNA),
+        _sigma(covariance, LAG, sensors.prior_lag.sigma_s == 0.0),
+        _sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report,
         (*remark, *warnings, *doubts),
     )
@@ -187,8 +187,8 @@ def _covariance(problem: BundleProblem) -> tuple[Covariances, tuple[str, ...]]:
         return Covariances(unknown, {}), (f"no standard deviations: {error}",)
 
 
-def _sigma(covariance: Covariances, key: int) -> FloatArray:
+def _sigma(covariance: Covariances, key: int, held: bool) -> FloatArray:
     """Standard deviations of a shared vector; NaN if it was not estimated."""
-    if key not in covariance.shared:
+    if key not in covariance.shared or held:
         return np.full(3 if key == ANTENNA else 1, np.nan)
     return np.asarray(np.sqrt(np.diagonal(covariance.shared[key])))

@@ -1,0 +1,107 @@
+"""A comparison as one HTML page, JSON, and the plots of Figs 15 and 16, Kume 2010."""
+
+import base64
+import io
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vgps.compare.methods import Comparison
+from vgps.evaluate import as_json as evaluation_as_json
+from vgps.writers.placing import new_file
+
+_COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Errors of every method, and the ratios of their means to methods B and C."""
+    methods: dict[str, Any] = {}
+    for name, evaluation in comparison.evaluations.items():
+        methods[name] = {**evaluation_as_json(evaluation), "seconds": comparison.seconds[name]}
+    return {"recording": str(comparison.recording), "methods": methods, "ratios": ratios(comparison)}
+
+
+def ratios(comparison: Comparison) -> dict[str, dict[str, float]]:
+    """Mean antenna error, which the thesis has, of each method over that of B and of C, where these ran."""
+    means = {name: e.antenna_position_m.mean for name, e in comparison.evaluations.items()}
+    bases = {base: mean for name, mean in means.items() for base in "BC" if name.startswith(f"{base} ")}
+    return {
+        name: {f"to_{base}": mean / reference for base, reference in bases.items()}
+        for name, mean in means.items()
+    }
+
+
+def write_comparison(comparison: Comparison, out: Path) -> tuple[Path, Path]:
+    """Write ``comparison.html`` and ``comparison.json`` into the folder ``out``; their paths."""
+    page, data = out / "comparison.html", out / "comparison.json"
+    template = Environment(autoescape=True).from_string(
+        files("vgps.compare").joinpath("page.html.j2").read_text(encoding="utf-8")
+    )
+    html = template.render(
+        recording=comparison.recording.name,
+        rows=[(name, e, comparison.seconds[name]) for name, e in comparison.evaluations.items()],
+        ratios=ratios(comparison),
+        errors=_embedded(_errors(comparison)),
+        paths=_embedded(_paths(comparison)),
+    )
+    with new_file(page) as scratch:
+        scratch.write_text(html, encoding="utf-8")
+    with new_file(data) as scratch:
+        scratch.write_text(json.dumps(as_json(comparison), indent=2) + "\n", encoding="utf-8")
+    return page, data
+
+
+def _embedded(figure: Figure) -> str:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=110)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _coloured(comparison: Comparison) -> list[tuple[str, str]]:
+    return [(name, _COLOURS[k % len(_COLOURS)]) for k, name in enumerate(comparison.evaluations)]
+
+
+def _errors(comparison: Comparison) -> Figure:
+    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for name, colour in _coloured(comparison):
+        evaluation = comparison.evaluations[name]
+        error = np.linalg.norm(evaluation.camera_error_m, axis=1)
+        axes.plot(evaluation.t_s, error, color=colour, label=name, lw=1.2)
+    axes.set(xlabel="time [s]", ylabel="camera error, unaligned [m]", yscale="log")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def _paths(comparison: Comparison) -> Figure:
+    figure = Figure(figsize=(9.5, 8.0), layout="constrained")
+    above, side = figure.subplots(2, 1, height_ratios=[3, 1])
+    true = comparison.truth.world_T_camera[:, :3, 3]
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(true, axis=0), axis=1))])
+    at = np.interp(next(iter(comparison.evaluations.values())).t_s, comparison.truth.t_s, way)
+    _line(above, true, "truth", "k", 2.0)
+    side.plot(way, true[:, 2], color="k", lw=2.0)
+    fixes = comparison.world_p_fix
+    above.plot(fixes[:, 0], fixes[:, 1], "+", color="#444444", ms=6, label="fixes")
+    for name, colour in _coloured(comparison):
+        path = comparison.paths[name]
+        _line(above, path, name, colour, 1.1)
+        if len(path) == len(at):
+            side.plot(at, path[:, 2], color=colour, lw=1.1)
+    above.set(xlabel="east [m]", ylabel="north [m]", aspect="equal")
+    above.legend(fontsize=8)
+    side.set(xlabel="way [m]", ylabel="up [m]")
+    for axes in (above, side):
+        axes.grid(alpha=0.3)
+    return figure
+
+
+def _line(axes: Axes, path: np.ndarray, name: str, colour: str, width: float) -> None:
+    axes.plot(path[:, 0], path[:, 1], color=colour, lw=width, label=name)
