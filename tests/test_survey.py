@@ -21,7 +21,9 @@ def csv_log(path, offsets, classes, t_s=None):
     """A log in CSV of a receiver at ORIGIN with these errors."""
     place = to_geodetic(ORIGIN, np.asarray(offsets, float))
     t_s = np.arange(len(place)) if t_s is None else t_s
-    rows = [f"{t},{p[0]:.12f},{p[1]:.12f},{p[2]:.6f},{c}" for t, p, c in zip(t_s, place, classes, strict=True)]
+    rows = [
+        f"{t},{p[0]:.12f},{p[1]:.12f},{p[2]:.6f},{c}" for t, p, c in zip(t_s, place, classes, strict=True)
+    ]
     path.write_text("t_s,latitude_deg,longitude_deg,height_m,class\n" + "\n".join(rows) + "\n")
     return path
 
@@ -76,7 +78,7 @@ def test_a_bias_is_one_error_however_long_it_is_measured():
 def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
     rng = np.random.default_rng(1)
     fix = rng.normal(0, 0.01, (200, 3))
-    float_ = rng.normal(0, 1.0, (200, 3)) + [0.0, 0.0, 3.0]
+    float_ = rng.normal([0.0, 0.0, 3.0], 1.0, (200, 3))
     logs = [
         csv_log(tmp_path / "a.csv", fix, ["rtk_fix"] * 200),
         csv_log(tmp_path / "b.csv", float_, ["rtk_float"] * 200),
