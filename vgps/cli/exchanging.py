@@ -28,8 +28,8 @@ def export(run: Path, *, to: str, out: Path) -> None:
 
     Args:
         run: Run folder.
-        to: tum or ply.
-        out: File to write.
+        to: colmap (a folder), nerfstudio, tum, kitti, geojson, kml or ply.
+        out: File or folder to write.
     """
     export_run(run, to, out)
     Console().print(f"wrote {out}", highlight=False)

@@ -6,7 +6,12 @@ from pathlib import Path
 from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
 from vgps.solution import Solution
-from vgps.writers.placing import new_file
+from vgps.writers.colmap import FILES as COLMAP_FILES
+from vgps.writers.colmap import write_colmap
+from vgps.writers.kitti import write_kitti
+from vgps.writers.maps import write_geojson, write_kml
+from vgps.writers.nerfstudio import write_nerfstudio
+from vgps.writers.placing import new_file, new_folder
 from vgps.writers.ply import write_ply
 from vgps.writers.tum import write_tum
 
@@ -19,18 +24,32 @@ def _ply(solution: Solution, out: Path) -> None:
     write_ply(solution.landmarks, solution.observations, solution.world_origin, out)
 
 
-FORMATS: dict[str, Callable[[Solution, Path], None]] = {"tum": _tum, "ply": _ply}
+FORMATS: dict[str, Callable[[Solution, Path], None]] = {
+    "tum": _tum,
+    "ply": _ply,
+    "kitti": write_kitti,
+    "nerfstudio": write_nerfstudio,
+    "geojson": write_geojson,
+    "kml": write_kml,
+    "colmap": write_colmap,
+}
 
 
 def export(run: Path, to: str, out: Path) -> None:
-    """Export the run folder ``run`` in the format ``to``, one of :data:`FORMATS`, to the file ``out``.
+    """Export the run folder ``run`` in the format ``to``, one of :data:`FORMATS`.
+
+    Args:
+        run: A run folder.
+        to: ``colmap`` makes a folder, everything else a file.
+        out: Its name.
 
     Raises:
-        RunFolderError: The run cannot be read, the format is unknown, or ``out`` cannot be written.
+        RunFolderError: The run cannot be read or does not suit the format, the format is unknown, or ``out``
+            cannot be written.
     """
     write = FORMATS.get(to)
     if write is None:
         raise RunFolderError(f"unknown format {to!r}", expected="one of " + ", ".join(sorted(FORMATS)))
     solution = read_run(run)
-    with new_file(out) as scratch:
+    with new_folder(out, COLMAP_FILES) if to == "colmap" else new_file(out) as scratch:
         write(solution, scratch)

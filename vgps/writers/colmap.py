@@ -1,0 +1,107 @@
+"""A COLMAP sparse model in its text format, for COLMAP, Gaussian splatting and whatever else reads it.
+
+The camera and the pixels are those of the original images where COLMAP has the lens model (pinhole, opencv,
+fisheye); Tsai's it does not have: then they are those of the undistorted image. COLMAP's pixel centres lie at
+a half, OpenCV's at whole numbers. The world is the run's, ENU in metres, whose origin ``origin.json`` gives.
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from vgps.camera import distort
+from vgps.model import Camera, FloatArray, IntArray
+from vgps.solution import Solution
+from vgps.writers.tum import quaternion
+
+FILES = ("cameras.txt", "images.txt", "points3D.txt", "origin.json")
+IMAGE_NAME = "frame_{:06d}.jpg"
+_CENTRE = 0.5
+
+
+def write_colmap(solution: Solution, folder: Path) -> None:
+    """Write cameras, images and points with their tracks, and the origin.
+
+    Every posed frame is an image, named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
+    frame_%06d.jpg`` names it.
+
+    Args:
+        solution: A run.
+        folder: An empty folder.
+    """
+    seen = solution.observations
+    uv = seen.uv_px if solution.camera.model == "tsai" else distort(solution.camera, seen.uv_px)
+    good = np.flatnonzero(np.isfinite(uv).all(axis=1))
+    order = good[np.argsort(seen.frame[good], kind="stable")]
+    frame, landmark, uv = seen.frame[order], seen.landmark[order], uv[order]
+    begins: IntArray = np.searchsorted(frame, np.arange(len(solution.t_s) + 1)).astype(np.int64)
+    place = np.arange(len(frame), dtype=np.int64) - begins[frame]  # of a sighting among those of its image
+    _write(folder / "cameras.txt", [_camera_line(solution.camera)])
+    _write(folder / "images.txt", _image_lines(solution, landmark, uv, begins))
+    _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
+    origin = None if solution.world_origin is None else solution.world_origin._asdict()
+    about = {"world_origin": origin, "axes": "east, north, up", "georeferenced": solution.georeferenced}
+    (folder / "origin.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+
+
+def colmap_camera(camera: Camera) -> tuple[str, list[float]]:
+    """COLMAP's model name and parameters of a camera."""
+    pinhole = [camera.fx, camera.fy, camera.cx + _CENTRE, camera.cy + _CENTRE]
+    k = list(camera.distortion)
+    if camera.model == "fisheye":
+        return "OPENCV_FISHEYE", [*pinhole, *k]
+    if camera.model == "opencv" and any(k[4:]):
+        return "FULL_OPENCV", [*pinhole, *k, *[0.0] * (8 - len(k))]
+    if camera.model == "opencv":
+        return "OPENCV", [*pinhole, *k[:4]]
+    return "PINHOLE", pinhole
+
+
+def _camera_line(camera: Camera) -> str:
+    name, parameters = colmap_camera(camera)
+    return f"1 {name} {camera.width} {camera.height} " + " ".join(f"{x:.17g}" for x in parameters)
+
+
+def _image_lines(solution: Solution, landmark: IntArray, uv: FloatArray, begins: IntArray) -> Iterable[str]:
+    camera_T_world: FloatArray = np.linalg.inv(solution.world_T_camera).astype(np.float64)
+    turns = quaternion(camera_T_world)
+    for f, (q, t) in enumerate(zip(turns, camera_T_world[:, :3, 3], strict=True)):
+        numbers = " ".join(f"{x:.17g}" for x in (q[3], *q[:3], *t))
+        yield f"{f + 1} {numbers} 1 {IMAGE_NAME.format(f)}"
+        rows = range(int(begins[f]), int(begins[f + 1]))
+        yield " ".join(
+            f"{uv[row, 0] + _CENTRE:.6f} {uv[row, 1] + _CENTRE:.6f} {int(landmark[row]) + 1}" for row in rows
+        )
+
+
+def _point_lines(
+    solution: Solution, frame: IntArray, landmark: IntArray, place: IntArray, error_px: FloatArray
+) -> Iterable[str]:
+    points, gray = solution.landmarks.world_p_landmark, solution.landmarks.gray
+    by_point = np.argsort(landmark, kind="stable")
+    begins = np.searchsorted(landmark[by_point], np.arange(len(points) + 1))
+    for j, (point, shade) in enumerate(zip(points, gray.tolist(), strict=True)):
+        rows = by_point[begins[j] : begins[j + 1]]
+        if len(rows) == 0:
+            continue
+        track = " ".join(f"{frame[row] + 1} {place[row]}" for row in rows.tolist())
+        where = " ".join(f"{x:.17g}" for x in point)
+        yield f"{j + 1} {where} {shade} {shade} {shade} {error_px[rows].mean():.6f} {track}"
+
+
+def _errors(solution: Solution) -> FloatArray:
+    """(N,) reprojection errors in the undistorted image, pixels."""
+    seen, camera = solution.observations, solution.camera
+    pose = solution.world_T_camera[seen.frame]
+    offset = solution.landmarks.world_p_landmark[seen.landmark] - pose[:, :3, 3]
+    p = (offset[:, None, :] @ pose[:, :3, :3])[:, 0]
+    depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
+    uv = p[:, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    return np.asarray(np.linalg.norm(uv - seen.uv_px, axis=1))
+
+
+def _write(file: Path, lines: Iterable[str]) -> None:
+    with file.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(line + "\n" for line in lines)

@@ -1,0 +1,53 @@
+"""``transforms.json`` as nerfstudio and Instant NGP read it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import RunFolderError
+from vgps.solution import Solution
+from vgps.writers.colmap import IMAGE_NAME, colmap_camera
+
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # their camera: x right, y up, z backward
+_LENS = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"), "PINHOLE": ()}
+
+
+def write_nerfstudio(solution: Solution, out: Path) -> None:
+    """Write intrinsics and a pose per frame; images are ``images/frame_000000.jpg`` and so on beside it.
+
+    The world stays ENU, z up, in metres; it is not normalised, so that results keep their place and scale.
+
+    Raises:
+        RunFolderError: nerfstudio has no such lens model.
+    """
+    name, parameters = colmap_camera(solution.camera)
+    if name == "FULL_OPENCV" and not any(parameters[9:]):
+        lens = dict(zip(("k1", "k2", "p1", "p2", "k3"), parameters[4:9], strict=True))
+        name = "OPENCV"
+    elif name in _LENS and solution.camera.model != "tsai":
+        lens = dict(zip(_LENS[name], parameters[4:], strict=True))
+    else:
+        raise RunFolderError(
+            f"nerfstudio has no lens model for {solution.camera.model} with these coefficients",
+            expected="pinhole, opencv with at most five, or fisheye",
+            remedy="undistort the images first",
+        )
+    poses = solution.world_T_camera @ _OPENGL
+    frames = [
+        {"file_path": "images/" + IMAGE_NAME.format(f), "transform_matrix": pose, "t_s": t_s}
+        for f, (pose, t_s) in enumerate(zip(poses.tolist(), solution.t_s.tolist(), strict=True))
+    ]
+    document = {
+        "camera_model": "OPENCV" if name == "PINHOLE" else name,
+        "w": solution.camera.width,
+        "h": solution.camera.height,
+        "fl_x": parameters[0],
+        "fl_y": parameters[1],
+        "cx": parameters[2],
+        "cy": parameters[3],
+        **lens,
+        "world_origin": None if solution.world_origin is None else solution.world_origin._asdict(),
+        "frames": frames,
+    }
+    out.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
