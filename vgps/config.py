@@ -86,6 +86,8 @@ class StartConfig(_Stage):
     min_travel_ratio: PositiveFloat = 4.0
     """The fixes must span this many times the median region radius before they give scale and heading."""
     min_travel_m: PositiveFloat = 3.0
+    least_travel_ratio: PositiveFloat = 1.0
+    """At the end of a video that never spans enough this many must do, and the result is said to be poor."""
     level_sigma_deg: PositiveFloat = 5.0
     """The camera is believed to be carried upright to this standard deviation of its mean roll. It matters
     only where the fixes do not show the roll, on a straight track above all."""

@@ -101,9 +101,9 @@ def test_longitudes_beyond_180_come_back(log):
     [
         (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
-        (b"hello\n", "no GPS log of a known format; expected NMEA"),
-        (b"\xb5\x62\x01\x07" * 50, "UBX without NMEA"),
-        (b'<?xml version="1.0"?><gpx></gpx>', "GPX and KML lack the fix class"),
+        (b"hello\n", "no GPS log of a known format; expected UBX"),
+        (b"\xb5\x62\x01\x03" * 50, "UBX without NAV-PVT"),
+        (b'<?xml version="1.0"?><gpx></gpx>', "0 track points, none with a time"),
         (gga("120000", quality=0).encode(), r"no fix with a position \(1 epochs without a fix passed over\)"),
         (gga("120000", quality=6).encode(), "none of 1 fixes has a known class; expected rtk_fix, rtk_float"),
         (gga("120000").replace("*", "*0").encode(), "no fix with a position .*damaged"),
@@ -159,10 +159,10 @@ def test_the_real_logs(data_dir):
 
 
 def test_one_walk_as_ubx_and_as_pos_agrees(data_dir):
-    """The NMEA between the UBX messages records the same epochs as the .pos, leap seconds included."""
+    """The receiver's messages are of the same epochs as the .pos, leap seconds included."""
     rig = Rig(video_start_utc=datetime(2025, 8, 28, 17, 30, tzinfo=UTC))
     mixed, pos = (read_gps_log(data_dir / "rtk_walk" / name, rig) for name in ("gnss.ubx", "gnss.pos"))
-    assert gps_format(mixed.source) == "nmea"
+    assert gps_format(mixed.source) == "ubx"
     np.testing.assert_allclose(mixed.t_s, pos.t_s, atol=2e-3)
     assert mixed.fix_class == pos.fix_class
     np.testing.assert_allclose(mixed.latitude_deg, pos.latitude_deg, atol=1e-7)

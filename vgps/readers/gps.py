@@ -10,10 +10,13 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, GpsLog, Rig
 from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
+from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
+from vgps.readers.gpx import looks_like_gpx, read_gpx
 from vgps.readers.nmea import looks_like_nmea, read_nmea
 from vgps.readers.rtklib import looks_like_pos, read_pos
 from vgps.readers.table import read_bytes
+from vgps.readers.ubx import looks_like_ubx, read_ubx
 
 _SAME_TIME_S = 1e-6
 
@@ -26,6 +29,8 @@ class _Format:
 
 
 _FORMATS = (
+    _Format("ubx", looks_like_ubx, lambda data, _: read_ubx(data)),
+    _Format("gpx", looks_like_gpx, read_gpx),
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
     _Format("pos", looks_like_pos, read_pos),
     _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
@@ -33,7 +38,7 @@ _FORMATS = (
 
 
 def gps_format(path: str | Path) -> str | None:
-    """``nmea``, ``pos`` or ``csv`` as the content tells; None for anything else."""
+    """``ubx``, ``gpx``, ``nmea``, ``pos`` or ``csv`` as the content tells; None for anything else."""
     try:
         data = Path(path).read_bytes()
     except OSError:
@@ -42,7 +47,7 @@ def gps_format(path: str | Path) -> str | None:
 
 
 def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
-    """Read a GPS log in NMEA, RTKLIB ``.pos`` or CSV, whatever its suffix.
+    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, CSV, or a GoPro's video, whatever its suffix.
 
     Args:
         path: The file.
@@ -57,16 +62,7 @@ def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
             on UTC while the rig has no ``video_start_utc``.
     """
     path = Path(path)
-    data = read_bytes(path, GpsLogError)
-    form = next((form for form in _FORMATS if form.matches(data)), None)
-    if form is None:
-        raise GpsLogError(
-            "no GPS log of a known format",
-            file=path,
-            expected="NMEA with GGA sentences, an RTKLIB .pos, or a CSV with latitude_deg and longitude_deg",
-            remedy=_remedy(data),
-        )
-    raw = form.read(data, path)
+    raw = _read(path)
     notes = list(raw.notes)
     fixes = _in_order(_with_position(raw.fixes, notes), notes)
     if not fixes:
@@ -78,6 +74,30 @@ def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
             expected=", ".join(kind for kind in FixClass if kind is not FixClass.UNKNOWN),
         )
     return _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+
+
+def _read(path: Path) -> RawLog:
+    if looks_like_video(_head(path)):
+        return read_gopro_gps(path)
+    data = read_bytes(path, GpsLogError)
+    form = next((form for form in _FORMATS if form.matches(data)), None)
+    if form is None:
+        raise GpsLogError(
+            "no GPS log of a known format",
+            file=path,
+            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, a GoPro video, or a CSV with "
+            "latitude_deg and longitude_deg",
+            remedy=_remedy(data),
+        )
+    return form.read(data, path)
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(16)
+    except OSError:
+        return b""  # told by who reads it whole
 
 
 def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
@@ -105,10 +125,10 @@ def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
 
 
 def _remedy(data: bytes) -> str | None:
-    if b"<gpx" in data[:2000] or b"<kml" in data[:2000]:
-        return "GPX and KML lack the fix class; give the receiver's NMEA log"
+    if b"<kml" in data[:2000]:
+        return "KML lacks times; give the receiver's own log"
     if data.count(b"\xb5\x62") > len(data) / 2000:
-        return "UBX without NMEA; write GGA sentences as well, or convert it with RTKLIB to .pos"
+        return "UBX without NAV-PVT; switch that message on, or convert it with RTKLIB to .pos"
     return None
 
 

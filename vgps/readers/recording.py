@@ -8,6 +8,8 @@ from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, V
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import read_control_points
 from vgps.readers.frame_times import FRAME_TIMES
+from vgps.readers.gopro import read_gopro_gyro
+from vgps.readers.gpmf import blocks
 from vgps.readers.gps import check_overlap, gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder, list_images
@@ -56,7 +58,7 @@ def open_recording(
         camera=lens,
         rig=mount,
         gps=_gps(folder, gps, video, mount),
-        gyro=_gyro(folder, mount),
+        gyro=_gyro(folder, video, mount),
         control_points=_control_points(points, video) if points else None,
     )
 
@@ -136,7 +138,7 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig) -> GpsLog 
     if name is None:
         logs = find_gps_logs(folder)
         if not logs:
-            return None
+            return _gopro_gps(video, rig)
         if len(logs) > 1:
             candidates = ", ".join(log.name for log in logs)
             raise GpsLogError(
@@ -152,9 +154,20 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig) -> GpsLog 
     return log
 
 
-def _gyro(folder: Path, rig: Rig) -> GyroLog | None:
+def _gyro(folder: Path, video: Video, rig: Rig) -> GyroLog | None:
     file = folder / "gyro.csv"
-    return read_gyro(file, video_start_s=rig.video_start_s) if file.is_file() else None
+    if file.is_file():
+        return read_gyro(file, video_start_s=rig.video_start_s)
+    return read_gopro_gyro(video.path) if video.path.is_file() else None
+
+
+def _gopro_gps(video: Video, rig: Rig) -> GpsLog | None:
+    """What the video itself knows of its place, if it is a GoPro's."""
+    if not video.path.is_file() or ("GPS5" not in (sensors := blocks(video.path)) and "GPS9" not in sensors):
+        return None
+    log = read_gps_log(video.path, rig)
+    check_overlap(log, video.times_s, rig)
+    return log
 
 
 def _control_points(file: Path, video: Video) -> ControlPoints:

@@ -88,7 +88,9 @@ class Band:
         return Band(factor)
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """(n,) x of L L^T x = right, self being L."""
+        """x of L L^T x = right, self being L; right (n,) or (n, k)."""
+        if right.size == 0:
+            return right
         x, _ = lapack.dpbtrs(self.ab, right, lower=1)
         return np.asarray(x).reshape(right.shape)
 

@@ -61,9 +61,10 @@ def join_maps(
                 local_map.transform(found.scale, found.world_R_map, found.world_p_map)
                 local_map.aligned = True
     georeferenced = any(local_map.aligned for local_map in maps)
+    if not georeferenced and fixes.used.any():
+        warnings.append(_align_at_last(maps, t_s, fixes, camera_p_antenna, config))
+        georeferenced = True
     if not georeferenced:
-        if fixes.used.any():
-            raise _not_aligned(fixes, config)
         warnings.append("no fix ties the result to the world: place, heading and scale are arbitrary")
         maps[0].aligned = True
     warnings.extend(_continue_maps(maps, t_s))
@@ -81,6 +82,30 @@ def join_maps(
     return Joined(scene, judgement, state, gray, georeferenced, tuple(warnings))
 
 
+def _align_at_last(
+    maps: list[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> str:
+    """Put the longest map into the world by fixes that hardly suffice; what to know about it."""
+    start = config.start.model_copy(update={"min_travel_ratio": config.start.least_travel_ratio})
+    longest = max(maps, key=lambda local_map: len(local_map.poses))
+    found = find_alignment(longest, t_s, fixes, camera_p_antenna, start)
+    if found is None:
+        raise _not_aligned(fixes, config)
+    longest.transform(found.scale, found.world_R_map, found.world_p_map)
+    longest.aligned = True
+    span, radius = _span(fixes)
+    return (
+        f"the fixes span {span:.1f} m, each good to {radius:.1f} m: scale and heading are poorly known, "
+        f"which a way of {config.start.min_travel_ratio * radius:.0f} m or control points would show"
+    )
+
+
+def _span(fixes: Fixes) -> tuple[float, float]:
+    """Extent of the used fixes, and their median radius, metres."""
+    extent = float(np.linalg.norm(np.ptp(fixes.world_p_fix[fixes.used], axis=0)))
+    return extent, float(np.median(fixes.r_m[fixes.used]))
+
+
 def _pose_standing_frames(local_map: LocalMap) -> None:
     """Frames that stood still before the map began stand where their view does."""
     for tie in local_map.static_ties:
@@ -90,12 +115,10 @@ def _pose_standing_frames(local_map: LocalMap) -> None:
 
 
 def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
-    spread = fixes.world_p_fix[fixes.used]
-    span = float(np.linalg.norm(np.ptp(spread, axis=0)))
-    radius = float(np.median(fixes.r_m[fixes.used]))
-    needed = max(config.start.min_travel_m, config.start.min_travel_ratio * radius)
+    span, radius = _span(fixes)
+    needed = max(config.start.min_travel_m, config.start.least_travel_ratio * radius)
     return GeometryError(
-        f"the {len(spread)} usable fixes span {span:.1f} m: too little for scale and heading",
+        f"the {fixes.used.sum()} usable fixes span {span:.1f} m: too little for scale and heading",
         expected=f"{config.start.min_fixes} fixes or more that span {needed:.1f} m while tracking holds",
         remedy="record a longer way, or give control points",
     )
