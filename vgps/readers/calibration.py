@@ -1,4 +1,4 @@
-"""``camera.yaml`` and ``rig.yaml``.
+"""``camera.yaml`` and ``rig.yaml``; other programs' calibrations are in ``calibration_formats.py``.
 
 camera.yaml: ``model`` (pinhole, opencv, fisheye, tsai), ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy``
 in pixels, ``distortion`` (opencv: k1, k2, p1, p2[, k3[, k4, k5, k6]]; fisheye: k1..k4; tsai: kappa1 [mm^-2],
@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from vgps.errors import CalibrationError
 from vgps.model import Camera, FloatArray, GeodeticPoint, Rig
+from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_text
 from vgps.readers.table import read_bytes
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -82,14 +83,19 @@ F = TypeVar("F", bound=_Fields)
 
 
 def read_camera(path: str | Path) -> Camera:
-    """Read ``camera.yaml``.
+    """Read ``camera.yaml``, OpenCV's FileStorage, Kalibr's ``camchain.yaml`` or COLMAP's ``cameras.txt``.
+
+    The content tells which. COLMAP's principal point is moved by half a pixel to this project's pixels.
 
     Raises:
-        CalibrationError: missing file, no YAML, a missing, unknown or impossible field, or a number of
-            coefficients that the lens model does not have.
+        CalibrationError: missing file, no known format, a missing, unknown or impossible field, a number of
+            coefficients that the lens model does not have, or several cameras.
     """
     path = Path(path)
-    content = _mapping(path)
+    content = camera_from_text(read_bytes(path, CalibrationError), path)
+    if content is None:
+        content = _mapping(path)
+        content = camera_from_kalibr(content, path) or content
     if "focal_mm" in content:
         return _validated(_TsaiFields, content, path).camera()
     camera = _validated(_CameraFields, content, path).camera()
