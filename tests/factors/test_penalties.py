@@ -59,6 +59,8 @@ def test_walls_are_equations_16_and_22_below_the_limit(offset, n, omega):
 
 @given(walls, offsets)
 def test_the_walls_jacobian(wall, offset):
+    # a difference across the kink of the slope at zero shows half the step; zero itself is tested below
+    assume(wall.n == 1 or (np.hypot(*offset[:2]) > 1e-4 and abs(offset[2]) > 1e-4))
     residual, jacobian = wall.residual(offset)
     step = 1e-6
     numerical = np.column_stack(
