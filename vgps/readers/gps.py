@@ -9,6 +9,7 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, GpsLog, Rig
+from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -33,12 +34,13 @@ _FORMATS = (
     _Format("gpx", looks_like_gpx, read_gpx),
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
     _Format("pos", looks_like_pos, read_pos),
+    _Format("srt", looks_like_srt, read_dji_srt),
     _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
 )
 
 
 def gps_format(path: str | Path) -> str | None:
-    """``ubx``, ``gpx``, ``nmea``, ``pos`` or ``csv`` as the content tells; None for anything else."""
+    """``ubx``, ``gpx``, ``nmea``, ``pos``, ``srt`` or ``csv`` as the content tells; None if none."""
     try:
         data = Path(path).read_bytes()
     except OSError:
@@ -47,7 +49,7 @@ def gps_format(path: str | Path) -> str | None:
 
 
 def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
-    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, CSV, or a GoPro's video, whatever its suffix.
+    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, DJI subtitles, CSV, or a GoPro's video; content tells.
 
     Args:
         path: The file.
@@ -85,8 +87,8 @@ def _read(path: Path) -> RawLog:
         raise GpsLogError(
             "no GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, a GoPro video, or a CSV with "
-            "latitude_deg and longitude_deg",
+            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, DJI subtitles, a GoPro video, or a CSV "
+            "with latitude_deg and longitude_deg",
             remedy=_remedy(data),
         )
     return form.read(data, path)

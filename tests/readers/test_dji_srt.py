@@ -1,0 +1,162 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vgps.errors import GpsLogError
+from vgps.model import FixClass, Rig
+from vgps.readers.dji_srt import read_dji_srt
+from vgps.readers.gps import gps_format, read_gps_log
+
+NEW = (
+    "[iso : 100] [shutter : 1/1000.0] [fnum : 280] [latitude: {}] [longitude: {}] [rel_alt: {} abs_alt: {}] "
+)
+WORDS = '<font size="28">SrtCnt : 1, DiffTime : 33ms\n2024-05-31 14:43:55.123\n{}</font>'
+
+
+def clock(t_s: float) -> str:
+    ms = round(t_s * 1000)
+    return f"{ms // 3_600_000:02}:{ms // 60_000 % 60:02}:{ms // 1000 % 60:02},{ms % 1000:03}"
+
+
+def subtitles(texts, step_s=1 / 30, start_s=0.0):
+    times = [start_s + step_s * index for index in range(len(texts) + 1)]
+    return "".join(
+        f"{n}\n{clock(a)} --> {clock(b)}\n{text}\n\n"
+        for n, (a, b, text) in enumerate(zip(times, times[1:], texts, strict=False), 1)
+    )
+
+
+@pytest.fixture
+def read(tmp_path):
+    def written(text, name="DJI_0001.SRT", rig=Rig()):  # noqa: B008 - never changed
+        file = tmp_path / name
+        file.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_gps_log(file, rig)
+
+    return written
+
+
+def test_the_new_form_by_hand(read, tmp_path):
+    places = [(48.1, 11.5, 10.1, 530.2), (48.1, 11.5, 10.1, 530.2), (48.10001, 11.5, 10.3, 530.4)]
+    found = read(subtitles([WORDS.format(NEW.format(*place)) for place in places], 0.25))
+    assert gps_format(tmp_path / "DJI_0001.SRT") == "srt"
+    # the second subtitle repeats the first one's position
+    np.testing.assert_allclose(found.t_s, [0.0, 0.5])
+    np.testing.assert_allclose(found.latitude_deg, [48.1, 48.10001])
+    np.testing.assert_allclose(found.longitude_deg, [11.5, 11.5])
+    np.testing.assert_allclose(found.height_m, [530.2, 530.4])
+    assert found.fix_class == (FixClass.SINGLE, FixClass.SINGLE)
+    assert found.line.tolist() == [1, 3]
+    assert found.skipped == (
+        "heights are above the sea and taken as ellipsoidal: they may be off by 100 m",
+        "1 subtitles that repeat a position passed over",
+    )
+
+
+def test_spellings_of_other_drones(read):
+    """The Mavic 2 misspells, spaces, and gives one altitude."""
+    found = read(subtitles(["[latitude : -22.5] [longtitude : 114.0] [altitude: 88.5]"]))
+    assert (found.latitude_deg[0], found.longitude_deg[0], found.height_m[0]) == (-22.5, 114.0, 88.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "height"),
+    [
+        (
+            "HOME(149.0251,-20.2532) 2017.08.05 14:11:51\nGPS(149.0251,-20.2533,16) BAROMETER:1.9\nISO:100",
+            16.0,
+        ),
+        ("F/3.5, SS 1000, ISO 100, EV 0, GPS (149.0251, -20.2533, 16), D 20.07m, H 4.30m, H.S 0.00m/s", 16.0),
+        ("GPS(149.0251,-20.2533,123.4M)", 123.4),
+    ],
+)
+def test_the_old_form_has_the_longitude_first(read, text, height):
+    found = read(subtitles([text]))
+    assert (found.latitude_deg[0], found.longitude_deg[0]) == (-20.2533, 149.0251)
+    assert found.height_m[0] == pytest.approx(height)
+
+
+def test_old_heights_change_with_the_barometer(read):
+    """Whole numbers cannot show a climb; the barometer's changes are kept at their median's level."""
+    rows = [(16, 1.0), (16, 2.5), (17, 3.0)]
+    found = read(subtitles([f"GPS(8.4,49.{k},{alt}) BAROMETER:{b}" for k, (alt, b) in enumerate(rows)]))
+    np.testing.assert_allclose(found.height_m, [15.0, 16.5, 17.0])
+    assert "counts satellites on some drones" in found.skipped[0]
+
+
+def test_a_drone_that_stands_still_has_a_fix_a_second(read):
+    found = read(subtitles([NEW.format(48, 11, 1, 2)] * 36, 0.1))
+    np.testing.assert_allclose(found.t_s, [0, 1, 2, 3], atol=1e-9)
+
+
+def test_heights_above_the_take_off_are_told(read):
+    found = read(subtitles(["[latitude: 48] [longitude: 11] [rel_alt: 3.5]"]))
+    assert found.height_m[0] == 3.5
+    assert found.skipped == ("heights are above the place of take-off and taken as ellipsoidal",)
+
+
+def test_subtitles_before_the_first_fix_are_passed_over(read):
+    texts = [
+        "[latitude: 0.000000] [longitude: 0.000000] [abs_alt: 5]",
+        "[iso : 100]",
+        NEW.format(48, 11, 1, 2),
+    ]
+    found = read(subtitles(texts, 0.5))
+    assert found.t_s.tolist() == [1.0]
+    assert "2 subtitles without a position passed over" in found.skipped
+
+
+def test_hours_and_a_byte_order_mark(read):
+    found = read(b"\xef\xbb\xbf" + subtitles([NEW.format(48, 11, 1, 2)], start_s=3725.25).encode())
+    assert found.t_s.tolist() == [3725.25]
+
+
+def test_a_truncated_file_keeps_what_is_whole(read):
+    text = subtitles([NEW.format(48 + k / 1000, 11, 1, 2) for k in range(5)])
+    found = read(text[: text.index("[latitude: 48.004")])
+    assert len(found) == 4
+    assert "1 subtitles without a position passed over" in found.skipped
+
+
+@pytest.mark.parametrize(
+    "text", [subtitles(["Hello", "[iso : 100]"]), subtitles(["GPS(n/a,n/a,n/a)"]), subtitles([""])]
+)
+def test_subtitles_without_positions_are_told(read, text):
+    with pytest.raises(
+        GpsLogError, match=r"DJI_0001\.SRT: \d subtitles, none with a position; expected a DJI"
+    ):
+        read(text)
+
+
+def test_a_place_off_the_globe_is_dropped_and_told(read):
+    with pytest.raises(GpsLogError, match="1 fixes without a possible position dropped"):
+        read(subtitles(["GPS(49.0,118.4,16)"]))  # latitude first
+
+
+degrees = st.decimals(-89, 89, places=6)
+
+
+@given(
+    st.lists(
+        st.tuples(degrees, degrees, st.decimals(-100, 9000, places=3)), min_size=1, max_size=8, unique=True
+    )
+)
+def test_what_is_written_comes_back(places):
+    moving = [place for place in places if place[:2] != (0, 0)]
+    if len({place[:2] for place in moving}) < max(len(moving), 1):
+        return
+    raw = read_dji_srt(
+        subtitles([NEW.format(*place[:2], "1.000", place[2]) for place in moving]).encode(), "a"
+    )
+    got = [(fix.latitude_deg, fix.longitude_deg, fix.height_m) for fix in raw.fixes]
+    assert got == [tuple(map(float, place)) for place in moving]
+
+
+@given(st.text(max_size=300))
+def test_any_text_is_read_or_told(text):
+    try:
+        raw = read_dji_srt(("1\n00:00:00,000 --> 00:00:01,000\n" + text).encode(), "a")
+    except GpsLogError:
+        return
+    assert all(fix.t_s >= 0 for fix in raw.fixes)

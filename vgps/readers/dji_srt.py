@@ -1,0 +1,134 @@
+"""The subtitles that a DJI drone writes beside its video: position and height, stamped with the video's time.
+
+Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 530.2]`` (some spell
+``longtitude``, some give one ``altitude``), older ones ``GPS(11.5,48.1,530) BAROMETER:10.1`` with the
+longitude first.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import srt
+
+from vgps.errors import GpsLogError
+from vgps.model import FixClass, FloatArray
+from vgps.readers.fixes import Clock, Fix, RawLog
+
+_NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
+_LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?itude{_NUMBER}")
+_GPS = re.compile(r"GPS\s*:?\s*\(([^()]*)\)")
+_ABSOLUTE = re.compile(rf"(?:abs_alt|\baltitude){_NUMBER}")
+_RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
+_TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
+_STILL_S = 1.0  # a position that stays longer than this is a new fix and not the old one shown again
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A subtitle's position; heights are NaN where it does not say them."""
+
+    number: int
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    absolute_m: float
+    relative_m: float
+    old: bool
+
+
+def looks_like_srt(data: bytes) -> bool:
+    """Whether the file begins with a subtitle's times."""
+    return _TIMES.search(data[:400]) is not None
+
+
+def read_dji_srt(data: bytes, path: Path) -> RawLog:
+    """Fixes of a drone's subtitles, on the video's clock; ``line`` counts the subtitles.
+
+    There is a subtitle for every frame, and a new position every few frames: only subtitles with a new one
+    are fixes, or one a second where the drone stands still. Every fix is single. Heights are ``abs_alt``, which
+    is above the sea and taken as ellipsoidal. With the older ``GPS(...)`` their changes come from the barometer
+    and their level from the third number. Both are told in the notes.
+
+    Raises:
+        GpsLogError: no subtitle with a position.
+    """
+    subtitles = list(srt.parse(data.decode("utf-8-sig", errors="replace"), ignore_errors=True))
+    found = [_row(number, subtitle) for number, subtitle in enumerate(subtitles, 1)]
+    rows = [row for row in found if row is not None]
+    if not rows:
+        raise GpsLogError(
+            f"{len(subtitles)} subtitles, none with a position",
+            file=path,
+            expected="a DJI drone's, with [latitude: ...] [longitude: ...] or GPS(longitude,latitude,...)",
+            remedy="switch on video captions on the drone and fly with GPS",
+        )
+    height, notes = _heights(rows)
+    new = _new(rows)
+    fixes = [
+        Fix(row.t_s, row.latitude_deg, row.longitude_deg, h, FixClass.SINGLE, row.number)
+        for row, h, keep in zip(rows, height.tolist(), new, strict=True)
+        if keep
+    ]
+    if len(rows) < len(found):
+        notes.append(f"{len(found) - len(rows)} subtitles without a position passed over")
+    if len(fixes) < len(rows):
+        notes.append(f"{len(rows) - len(fixes)} subtitles that repeat a position passed over")
+    return RawLog(Clock.VIDEO, fixes, notes)
+
+
+def _row(number: int, subtitle: srt.Subtitle) -> _Row | None:
+    text = subtitle.content
+    latitude, longitude, absolute = _number(_LATITUDE, text), _number(_LONGITUDE, text), np.nan
+    old = _GPS.search(text)
+    if old is not None:
+        parts = [_float(part) for part in old[1].split(",")]
+        longitude, latitude, absolute = (*parts, np.nan, np.nan, np.nan)[:3]
+    else:
+        absolute = _number(_ABSOLUTE, text)
+    if np.isnan(latitude) or np.isnan(longitude) or latitude == longitude == 0.0:
+        return None
+    t_s = subtitle.start.total_seconds()
+    return _Row(number, t_s, latitude, longitude, absolute, _number(_RELATIVE, text), old is not None)
+
+
+def _float(text: str) -> float:
+    try:
+        return float(text.strip().removesuffix("M"))
+    except ValueError:
+        return np.nan
+
+
+def _number(pattern: re.Pattern[str], text: str) -> float:
+    match = pattern.search(text)
+    return np.nan if match is None else float(match[match.lastindex or 0])
+
+
+def _heights(rows: list[_Row]) -> tuple[FloatArray, list[str]]:
+    """(N,) heights, and what is to be said of them."""
+    absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
+    both = np.isfinite(absolute) & np.isfinite(relative)
+    if not np.isfinite(absolute).any():
+        return relative, ["heights are above the place of take-off and taken as ellipsoidal"]
+    if both.all() and all(row.old for row in rows) and np.all(absolute == np.round(absolute)):
+        level = float(np.median(absolute - relative))
+        return relative + level, [
+            "heights are the barometer's, their level the third number of GPS(...), which counts satellites "
+            "on some drones: they may be off by hundreds of metres"
+        ]
+    return absolute, ["heights are above the sea and taken as ellipsoidal: they may be off by 100 m"]
+
+
+def _new(rows: list[_Row]) -> list[bool]:
+    """Which rows give a position that the last kept one did not, or keep it for a second."""
+    kept: _Row | None = None
+    new = []
+    for row in rows:
+        same = kept is not None and (row.latitude_deg, row.longitude_deg) == (
+            kept.latitude_deg,
+            kept.longitude_deg,
+        )
+        new.append(kept is None or not same or row.t_s - kept.t_s >= _STILL_S)
+        kept = row if new[-1] else kept
+    return new
