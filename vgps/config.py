@@ -182,6 +182,9 @@ class BatchConfig(_Stage):
     """Outliers are dropped and reliabilities (13) recomputed between rounds."""
     iterations: PositiveInt = 25
     relative_tolerance: PositiveFloat = 1e-5
+    """The last round ends once a step lowers the cost by no more than this share of it."""
+    early_tolerance: PositiveFloat = 1e-3
+    """The same for the rounds before, after which everything is judged anew."""
     robust_px: PositiveFloat = 1.0
     """Huber's constant on a reprojection error, in pixels, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"

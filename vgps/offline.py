@@ -18,6 +18,7 @@ from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.sensors import Sensors
 from vgps.smoothing.verdicts import fix_table
 from vgps.solution import Landmarks, Observations, SensorReport, Solution
+from vgps.threads import one_blas_thread
 from vgps.tracking.control import world_controls
 
 
@@ -84,8 +85,9 @@ def track_and_map(recording: Recording, config: Config, progress: Progress) -> F
     controls = world_controls(recording.control_points, camera, origin) or NO_CONTROLS
     sequence = Sequence(camera, antenna, fixes, config, controls)
     frames = _decoded(recording.video.frames(), sequence.seconds)
-    for frame in progress.track(frames, len(recording.video.times_s)):
-        sequence.add_frame(frame)
+    with one_blas_thread():
+        for frame in progress.track(frames, len(recording.video.times_s)):
+            sequence.add_frame(frame)
     if not sequence.maps:
         raise GeometryError(
             "the camera hardly moves, or too little is seen, to begin a map",
@@ -104,7 +106,7 @@ def optimise_all(front: FrontEnd, config: Config) -> Solution:
     """
     recording, sequence, fixes = front.recording, front.sequence, front.fixes
     antenna = recording.rig.camera_p_antenna
-    with sequence.seconds.measure("batch"):
+    with one_blas_thread(), sequence.seconds.measure("batch"):
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls)
         held = None if len(front.controls.frame) else _held_frames(joined, config)
         sensors = Sensors.begin(antenna, config.sensors)

@@ -96,7 +96,8 @@ def optimise_batch(
             graph = gps_and_motion(kept, K, in_time, sensors, config, n)
             reliability = np.nan_to_num(sigma, nan=1.0)
             problem = build_problem(kept, K, reliability, graph, config, fixed, sensors.shared())
-            result = solve(problem, _settings(config), config.batch.solver)
+            last = round_ == config.batch.rounds - 1
+            result = solve(problem, _settings(config, last), config.batch.solver)
             if result.stuck and round_ == 0:
                 raise GeometryError(
                     f"the optimiser made no step: {result.report.stop_reason}",
@@ -138,10 +139,9 @@ def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Jud
     return probabilities(offset, fixes, config)
 
 
-def _settings(config: Config) -> SolverSettings:
-    return SolverSettings(
-        max_iterations=config.batch.iterations, relative_tolerance=config.batch.relative_tolerance
-    )
+def _settings(config: Config, last: bool) -> SolverSettings:
+    tolerance = config.batch.relative_tolerance if last else config.batch.early_tolerance
+    return SolverSettings(max_iterations=config.batch.iterations, relative_tolerance=tolerance)
 
 
 def _retriangulated(scene: Scene, K: FloatArray, sigma_px: FloatArray, config: Config) -> Scene:

@@ -6,12 +6,10 @@ that the band would be no band, GTSAM's optimiser is used.
 
 import time
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from vgps.errors import GeometryError
 from vgps.model import FloatArray
@@ -22,6 +20,7 @@ from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
 from vgps.smoothing.levenberg import SolverSettings, levenberg
 from vgps.smoothing.normal import linearize, reduce_to_poses
 from vgps.solution import SolverReport
+from vgps.threads import one_blas_thread
 
 __all__ = [
     "BundleResult",
@@ -85,19 +84,13 @@ def solve(
         )
     structure = structure_of(problem) if solver == "schur" else None
     if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
-        with _one_blas_thread():
+        with one_blas_thread():
             outcome = levenberg(problem, structure, settings)
     else:
         solver, outcome = "gtsam", levenberg_of_gtsam(problem, settings)
     report = SolverReport(before, cost_terms(outcome.problem), outcome.iterations, outcome.reason)
     seconds = time.perf_counter() - begun
     return BundleResult(outcome.problem, report, solver, outcome.converged, outcome.stuck, seconds)
-
-
-def _one_blas_thread() -> AbstractContextManager[object]:
-    """Blocks this small are not worth sharing: on busy cores, threads that wait cost fourfold."""
-    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
-    return limits
 
 
 def _in_words(cost: Mapping[str, float]) -> str:
@@ -126,7 +119,7 @@ def covariances(problem: BundleProblem) -> Covariances:
     structure = structure_of(problem)
     moves = structure.free >= 0
     poses = np.zeros((len(moves), POSE, POSE))
-    with _one_blas_thread():
+    with one_blas_thread():
         linear = linearize(problem, all_pose_values(problem), structure)
         band, gradient = reduce_to_poses(linear, structure, 0.0)
         try:
