@@ -1,105 +1,210 @@
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
+from gpmf_bytes import KINDS, device, encode, entry, nest, stream, structures, telemetry, text
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vgps.errors import GpsLogError, RecordingError
-from vgps.readers.gopro import gopro_speeds, read_gopro_gps, read_gopro_gyro
-from vgps.readers.gpmf import Block, blocks, numbers, parse, payloads, sample_times
-from vgps.readers.gps import read_gps_log
-from vgps.readers.recording import open_recording
+from vgps.errors import RecordingError
+from vgps.readers.gopro import read_gopro_gyro
+from vgps.readers.gpmf import Block, Packet, collect, numbers, packets, parse, read_gpmf, sample_times
 
-KINDS = {"b": "b", "B": "B", "s": "h", "S": "H", "l": "i", "L": "I", "f": "f", "d": "d", "j": "q", "J": "Q"}
-
-
-def encode(key, kind, rows):
-    """One entry, as the camera writes it."""
-    if kind == "":
-        body, size, count = b"".join(rows), 1, len(b"".join(rows))
-    else:
-        width = len(rows[0]) if rows else 1
-        body = b"".join(struct.pack(f">{width}{KINDS[kind]}", *row) for row in rows)
-        size, count = width * struct.calcsize(KINDS[kind]), len(rows)
-    header = struct.pack(">4sBBH", key.encode(), ord(kind) if kind else 0, size, count)
-    return header + body + b"\0" * (-len(body) % 4)
+LIMITS = {"b": 7, "B": 8, "s": 15, "S": 16, "l": 31, "L": 32, "j": 53, "J": 53}
+keys = st.text("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", min_size=4, max_size=4)
 
 
-rows_of_shorts = st.integers(1, 4).flatmap(
-    lambda k: st.lists(
-        st.lists(st.integers(-(2**15), 2**15 - 1), min_size=k, max_size=k), min_size=1, max_size=9
+@st.composite
+def tables(draw):
+    """A kind and rows of numbers that it can hold, and that a float64 holds exactly."""
+    kind = draw(st.sampled_from(sorted(LIMITS)))
+    low = 0 if kind.isupper() else -(2 ** LIMITS[kind])
+    numbers_of_kind = st.integers(low, 2 ** LIMITS[kind] - 1)
+    width = draw(st.integers(1, 5))
+    return kind, draw(
+        st.lists(st.lists(numbers_of_kind, min_size=width, max_size=width), min_size=1, max_size=9)
     )
-)
 
 
-@given(rows_of_shorts)
-def test_what_is_encoded_comes_back(rows):
-    (entry,) = parse(encode("GYRO", "s", rows))
-    assert (entry.key, entry.kind, entry.count) == ("GYRO", "s", len(rows))
-    np.testing.assert_array_equal(numbers(entry), rows)
+@given(st.lists(st.tuples(keys, tables()), max_size=5))
+def test_what_is_encoded_comes_back(content):
+    data = b"".join(encode(key, kind, rows) for key, (kind, rows) in content)
+    found = list(parse(data))
+    assert [(e.key, e.kind, e.count) for e in found] == [(k, t[0], len(t[1])) for k, t in content]
+    for e, (_, (_, rows)) in zip(found, content, strict=True):
+        np.testing.assert_array_equal(numbers(e), rows)
 
 
-@given(rows_of_shorts, st.integers(0, 200))
-def test_a_truncated_payload_is_told_or_ends(rows, cut):
-    data = encode("STRM", "", [encode("STMP", "J", [[1]]), encode("GYRO", "s", rows)])
+@given(st.text("bBsSlLjJ", min_size=1, max_size=6), st.integers(1, 4), st.data())
+def test_structures_of_several_types_come_back(types, count, data):
+    row = st.tuples(*(st.integers(0, 2 ** min(7, LIMITS[letter]) - 1) for letter in types))
+    rows = data.draw(st.lists(row, min_size=count, max_size=count))
+    (found,) = parse(structures("DATA", types, rows))
+    np.testing.assert_array_equal(numbers(found, types), rows)
+
+
+@given(st.lists(st.floats(width=32, allow_nan=False), min_size=1, max_size=6))
+def test_floats_come_back(row):
+    (found,) = parse(encode("MTRX", "f", [row]))
+    np.testing.assert_array_equal(numbers(found), [row])
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_read_or_refused(data):
+    """Entries tile what is read; the only refusal is a ValueError, which the video's reader counts."""
     try:
-        for entry in parse(data[:cut]):
-            list(parse(entry.data))
+        found = list(parse(data))
     except ValueError as error:
         assert "are left" in str(error)
+        return
+    assert sum(8 + -(-len(e.data) // 4) * 4 for e in found) <= len(data) + 3
+    assert collect(Path("v.mp4"), [Packet(data, 0.0, 1.0)]).damaged <= 1
 
 
-def test_complex_structures_are_read_by_their_type():
+@given(tables(), st.integers(0, 200))
+def test_a_truncated_payload_is_told_or_ends(table, cut):
+    data = nest("STRM", encode("STMP", "J", [[1]]), encode("GYRO", *table))
+    try:
+        for outer in parse(data[:cut]):
+            list(parse(outer.data))
+    except ValueError as error:
+        assert "are left" in str(error)
+    else:
+        assert cut < 8 or cut >= len(data.rstrip(b"\0")) - 8
+
+
+def test_padding_ends_a_payload_and_an_odd_length_is_padded():
+    data = text("STNM", "abcde") + encode("TSMP", "L", [[7]]) + b"\0" * 12 + encode("LOST", "L", [[1]])
+    assert [(e.key, e.data) for e in parse(data)] == [("STNM", b"abcde"), ("TSMP", b"\0\0\0\x07")]
+
+
+def test_structures_by_hand_and_those_that_do_not_fit():
     body = struct.pack(">iH", -7, 9) * 2
-    (entry,) = parse(struct.pack(">4sBBH", b"GPS9", ord("?"), 6, 2) + body)
-    np.testing.assert_array_equal(numbers(entry, "lS"), [[-7, 9], [-7, 9]])
+    (found,) = parse(entry("GPS9", "?", body, 6, 2))
+    np.testing.assert_array_equal(numbers(found, "lS"), [[-7, 9], [-7, 9]])
     with pytest.raises(ValueError, match="has 6 bytes"):
-        numbers(entry, "lL")
+        numbers(found, "lL")
     with pytest.raises(ValueError, match="expected numbers"):
-        numbers(entry, "lF")
+        numbers(found, "lF")
+    (array,) = parse(structures("DATA", "fffL", [[1, 2, 3, 4]]))
+    np.testing.assert_array_equal(numbers(array, "f[3]L"), [[1, 2, 3, 4]])
+
+
+def test_samples_are_scaled_one_scale_for_all_or_one_each():
+    scaled = telemetry(
+        device(
+            "Camera",
+            stream(encode("GYRO", "s", [[100, 200, 300]]), encode("SCAL", "s", [[100]])),
+            stream(encode("GPS5", "l", [[100, 200]]), encode("SCAL", "l", [[10], [100]])),
+        )
+    )
+    assert scaled.device == "Camera"
+    np.testing.assert_array_equal(scaled.sensors["GYRO"][0].samples, [[1, 2, 3]])
+    np.testing.assert_array_equal(scaled.sensors["GPS5"][0].samples, [[10, 2]])
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        stream(encode("GPS5", "l", [[1, 2, 3]]), encode("SCAL", "l", [[10], [100]])),
+        stream(encode("GPS5", "l", [[1, 2, 3]]), encode("SCAL", "l", [[0]])),
+        nest("STRM", encode("GPS5", "l", [[1, 2, 3]])[:-4]),
+    ],
+)
+def test_a_damaged_payload_is_counted_and_the_others_are_kept(bad):
+    good = stream(encode("GYRO", "s", [[1, 2, 3]]))
+    found = telemetry(device("Camera", good), device("Camera", bad, good), device("Camera", good))
+    assert found.damaged == 1
+    assert [block.start_s for block in found.sensors["GYRO"]] == [0.0, 2.0]
+
+
+def test_text_and_unknown_types_are_left_out():
+    found = telemetry(
+        device("Camera", stream(text("NOTE", "hello")), stream(entry("DATE", "U", b"x" * 16, 16, 1)))
+    )
+    assert found.sensors == {} and found.damaged == 0
+
+
+def blocks(*rows: tuple[float, int, float]) -> list[Block]:
+    """Of (stamp, samples, start), each shown for a second."""
+    return [Block(stamp, np.zeros((n, 1)), start_s=start) for stamp, n, start in rows]
 
 
 def test_samples_lie_evenly_between_the_stamps_of_payloads():
-    sensor = [Block(stamp, np.zeros((n, 1)), {}) for stamp, n in ((1.0, 4), (3.0, 2), (4.0, 2))]
-    np.testing.assert_allclose(sample_times(sensor), [1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5])
+    sensor = blocks((10.1, 4, 0.0), (11.3, 2, 1.0), (12.1, 2, 2.0))
+    first_frame = Block(10.0, np.zeros((30, 1)))
+    np.testing.assert_allclose(
+        sample_times(sensor, first_frame), [0.1, 0.4, 0.7, 1.0, 1.3, 1.7, 2.1, 2.5], atol=1e-12
+    )
+    # without a stream per frame, stamps are laid on the container's times: here 10.1, 10.3, 10.1 ahead
+    np.testing.assert_allclose(sample_times(sensor)[[0, 4, 6]], [0.0, 1.2, 2.0], atol=1e-12)
 
 
-def test_a_video_without_metadata_is_told(recording):
-    video = recording / "video.mp4"
-    assert payloads(video) == [] and read_gopro_gyro(video) is None
-    with pytest.raises(GpsLogError, match="a video without GoPro metadata"):
-        read_gopro_gps(video)
-    with pytest.raises(GpsLogError, match="without GoPro metadata"):
-        read_gps_log(video)
+def test_a_video_cut_at_its_beginning_keeps_its_clock():
+    """The first payload is shown before the first frame that is left; SHUT starts with it."""
+    sensor = blocks((10.1, 2, -0.4), (11.1, 2, 0.6))
+    first_frame = Block(10.0, np.zeros((30, 1)), start_s=-0.4)
+    np.testing.assert_allclose(sample_times(sensor, first_frame), [-0.3, 0.2, 0.7, 1.2], atol=1e-12)
+
+
+@pytest.mark.parametrize("stamps", [(np.nan, np.nan), (10.0, np.nan), (10.0, 0.1)])
+def test_without_stamps_or_with_stamps_that_begin_anew_samples_are_spread(stamps):
+    sensor = blocks((stamps[0], 4, 0.0), (stamps[1], 2, 1.0))
+    np.testing.assert_allclose(sample_times(sensor), [0, 0.25, 0.5, 0.75, 1.0, 1.5])
+
+
+def test_a_lost_payload_does_not_stretch_the_one_before_it():
+    sensor = blocks((10.0, 4, 0.0), (11.0, 4, 1.0), (15.0, 4, 5.0))
+    times = sample_times(sensor)
+    np.testing.assert_allclose(times[4:9], [1.0, 1.25, 1.5, 1.75, 5.0], atol=1e-12)
+
+
+def test_a_payload_without_samples_takes_no_time():
+    sensor = blocks((10.0, 2, 0.0), (11.0, 0, 1.0), (12.0, 2, 2.0))
+    np.testing.assert_allclose(sample_times(sensor), [0.0, 0.5, 2.0, 2.5], atol=1e-12)
 
 
 def test_a_file_that_is_no_video_is_told(tmp_path):
     broken = tmp_path / "v.mp4"
     broken.write_bytes(b"\0\0\0\x18ftypmp42" + b"\0" * 40)
-    with pytest.raises(RecordingError, match=r"v\.mp4"):
-        payloads(broken)
+    with pytest.raises(RecordingError, match=r"v\.mp4: cannot be read"):
+        packets(broken)
 
 
-def test_the_real_walk_has_its_own_gps_and_gyro_on_the_clock_of_the_video(data_dir):
-    opened = open_recording(data_dir / "gopro_walk")
-    assert opened.gps is not None and opened.gyro is not None
-    assert len(opened.video.times_s) == 315 and len(opened.gps) == 191
-    assert abs(opened.gps.t_s[0]) < 0.1 and abs(opened.gps.t_s[-1] - opened.video.times_s[-1]) < 0.1
-    assert np.median(np.diff(opened.gps.t_s)) == pytest.approx(1 / 18.2, rel=0.05)
-    assert np.median(np.diff(opened.gyro.t_s)) == pytest.approx(1 / 197, rel=0.05)
-    assert opened.gps.hdop[0] == 1.54
-    # the step of a walk: positions agree with the Doppler speeds
-    t_s, speed = gopro_speeds(data_dir / "gopro_walk/video.mp4")
-    north = np.radians(opened.gps.latitude_deg) * 6371e3
-    east = np.radians(opened.gps.longitude_deg) * 6371e3 * np.cos(np.radians(opened.gps.latitude_deg[0]))
-    way = np.hypot(north[-1] - north[0], east[-1] - east[0])
-    assert way == pytest.approx(np.trapezoid(speed, t_s), rel=0.15)
+def test_a_video_of_another_camera_has_no_telemetry(recording):
+    found = read_gpmf(recording / "video.mp4")
+    assert found.sensors == {} and found.device == ""
 
 
 def test_every_sensor_of_the_real_walk_is_found(data_dir):
-    found = blocks(data_dir / "gopro_walk/video.mp4")
-    assert {"ACCL", "GYRO", "SHUT", "GPS5", "GRAV"} <= set(found)
-    assert sum(len(block.samples) for block in found["SHUT"]) == 316
-    gravity = np.concatenate([block.samples for block in found["ACCL"]]).mean(axis=0)
+    found = read_gpmf(data_dir / "gopro_walk/video.mp4")
+    assert found.device == "GoPro Max" and found.damaged == 0
+    assert {"ACCL", "GYRO", "SHUT", "GPS5", "GRAV"} <= set(found.sensors)
+    assert sum(len(block.samples) for block in found.sensors["SHUT"]) == 316
+    gravity = np.concatenate([block.samples for block in found.sensors["ACCL"]]).mean(axis=0)
     assert np.linalg.norm(gravity) == pytest.approx(9.8, abs=0.5)
+
+
+@pytest.mark.parametrize("key", ["GPS5", "GYRO", "SHUT", "MAGN", "CORI", "WRGB"])
+def test_gopros_own_parser_reads_the_same(data_dir, key):
+    oracle = pytest.importorskip("py_gpmf_parser", reason="GoPro's own parser is the oracle; pip install it")
+    video = data_dir / "gopro_walk/video.mp4"
+    theirs = oracle.GoProTelemetryExtractor(str(video))
+    theirs.open_source()
+    values, times = theirs.extract_data(key)
+    theirs.close_source()
+    found = read_gpmf(video)
+    ours = np.concatenate([block.samples for block in found.sensors[key]])
+    if key == "GYRO":  # it turns XzY, the order of the file, to ORIO's ZXY; our reader to X, Y, Z
+        gyro = read_gopro_gyro(found)
+        assert gyro is not None
+        ours = gyro.rate_rad_s[:, [2, 0, 1]]
+    np.testing.assert_allclose(ours, values, rtol=1e-6, atol=1e-9)
+    at = sample_times(found.sensors[key], found.sensors["SHUT"][0])
+    # it lays the first stamp as we do, and spreads the others over their payloads
+    assert at[0] == pytest.approx(times[0], abs=2e-3)
+    np.testing.assert_allclose(at, times, atol=0.1)
+
+
+assert set(LIMITS) < set(KINDS)

@@ -47,9 +47,9 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     """Fixes of a drone's subtitles, on the video's clock; ``line`` counts the subtitles.
 
     There is a subtitle for every frame, and a new position every few frames: only subtitles with a new one
-    are fixes, or one a second where the drone stands still. Every fix is single. Heights are ``abs_alt``, which
-    is above the sea and taken as ellipsoidal. With the older ``GPS(...)`` their changes come from the barometer
-    and their level from the third number. Both are told in the notes.
+    are fixes, or one a second where the drone stands still. Every fix is single. Heights are ``abs_alt``,
+    which is above the sea and taken as ellipsoidal. With the older ``GPS(...)`` their changes come from the
+    barometer and their level from the third number. Both are told in the notes.
 
     Raises:
         GpsLogError: no subtitle with a position.

@@ -4,18 +4,25 @@ The format is described at https://github.com/gopro/gpmf-parser: a key of four l
 structure and their number, then big-endian data padded to four bytes. Type 0 holds more of the same.
 """
 
+import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
+from av.stream import Discard
 
 from vgps.errors import RecordingError
 from vgps.model import FloatArray
 
 _HEADER = struct.Struct(">4sBBH")
+_REPEATED = re.compile(r"(.)\[(\d+)\]")  # "f[3]" stands for "fff" in a TYPE
+_TOLERANCE_S = 0.5  # between a stamp and its packet's time; beyond it the stamps begin anew (joined clips)
+_TRACK = ("GoPro MET", "gpmd")
 _NUMBERS = {
     "b": "i1", "B": "u1", "s": ">i2", "S": ">u2", "l": ">i4", "L": ">u4",
     "j": ">i8", "J": ">u8", "f": ">f4", "d": ">f8",
@@ -41,11 +48,40 @@ class Block:
         stamp_s: Time of its first sample (STMP), seconds on the camera's clock; NaN if there is none.
         samples: (n, k) scaled values; (n,) structures of one value too are (n, 1).
         about: The other entries of the sensor's stream: fix, dilution, axes.
+        start_s, duration_s: When the video's container shows the payload, from the first frame on.
     """
 
     stamp_s: float
     samples: FloatArray
-    about: dict[str, Entry]
+    about: dict[str, Entry] = field(default_factory=dict)
+    start_s: float = 0.0
+    duration_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A payload and when the container shows it, seconds from the video's first frame on."""
+
+    data: bytes
+    start_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What a GoPro video says of itself.
+
+    Attributes:
+        path: The video.
+        device: The camera's name (DVNM), "" if it gives none.
+        sensors: Blocks of every sensor, payload after payload, by key (``GPS5``, ``GYRO``, ``SHUT``...).
+        damaged: How many payloads were cut short or malformed; what stood before the damage is kept.
+    """
+
+    path: Path
+    device: str = ""
+    sensors: dict[str, list[Block]] = field(default_factory=dict)
+    damaged: int = 0
 
 
 def parse(data: bytes) -> Iterator[Entry]:
@@ -76,85 +112,146 @@ def numbers(entry: Entry, structure: str = "") -> FloatArray:
     Raises:
         ValueError: The type is none of numbers, or the structure has another size.
     """
-    letters = structure if entry.kind == "?" else entry.kind
+    letters = _REPEATED.sub(lambda match: match[1] * int(match[2]), structure)
+    letters = letters if entry.kind == "?" else entry.kind
     if not letters or any(letter not in _NUMBERS for letter in letters):
         raise ValueError(f"{entry.key} has type {letters or entry.kind!r}, expected numbers")
-    if entry.kind == "?":
-        dtype = np.dtype([(str(k), _NUMBERS[letter]) for k, letter in enumerate(letters)])
-        if dtype.itemsize != entry.size:
-            raise ValueError(f"{entry.key} has {entry.size} bytes, its type {letters} has {dtype.itemsize}")
-        rows = np.frombuffer(entry.data, dtype, entry.count)
-        return np.stack([rows[name].astype(np.float64) for name in rows.dtype.names or ()], axis=1)
-    values = np.frombuffer(entry.data, _NUMBERS[letters])
-    return values.astype(np.float64).reshape(entry.count, -1)
+    width = len(letters) if entry.kind == "?" else max(1, entry.size // np.dtype(_NUMBERS[letters]).itemsize)
+    dtype = np.dtype([(str(k), _NUMBERS[letters[k % len(letters)]]) for k in range(width)])
+    if dtype.itemsize != entry.size and entry.count:
+        raise ValueError(f"{entry.key} has {entry.size} bytes, its type {letters} has {dtype.itemsize}")
+    rows = np.frombuffer(entry.data, dtype, entry.count)
+    columns = [rows[name].astype(np.float64) for name in dtype.names or ()]
+    return np.stack(columns, axis=1)
 
 
-def payloads(video: Path) -> list[bytes]:
-    """The payloads of a video's GPMF track in order; none if it has no such track.
+def packets(video: Path) -> list[Packet]:
+    """The packets of a video's GPMF track in order; none if it has no such track.
 
     Raises:
         RecordingError: The video cannot be read.
     """
     try:
         with av.open(str(video)) as container:
-            tracks = [s for s in container.streams if "GoPro MET" in s.metadata.get("handler_name", "")]
-            if not tracks:
+            track = next((stream for stream in container.streams if _is_gpmf(stream)), None)
+            if track is None:
                 return []
-            return [bytes(packet) for packet in container.demux(tracks[0]) if packet.size]
+            for stream in container.streams:
+                if stream.index != track.index:
+                    stream.discard = Discard.all  # so that the pictures are not read from the disk
+            first = _first_frame_s(container)
+            return [
+                Packet(
+                    bytes(packet),
+                    float((packet.pts or 0) * packet.time_base) - first,
+                    float((packet.duration or 0) * packet.time_base),
+                )
+                for packet in container.demux(track)
+                if packet.size
+            ]
     except (av.FFmpegError, OSError) as error:
         raise RecordingError(f"cannot be read ({error})", file=video) from error
 
 
-def blocks(video: Path) -> dict[str, list[Block]]:
-    """What every sensor of a GoPro video says, payload after payload, by its key (``GPS5``, ``GYRO``...).
+def _is_gpmf(stream: Any) -> bool:
+    names = stream.metadata.get("handler_name", ""), getattr(stream, "codec_tag", None) or ""
+    return stream.type == "data" and any(name in text for name in _TRACK for text in names)
+
+
+def _first_frame_s(container: Any) -> float:
+    """When the container shows the first frame; an edit list may put it off zero."""
+    stream = next(iter(container.streams.video), None)
+    if stream is None or stream.start_time is None:
+        return 0.0
+    return float(stream.start_time * stream.time_base)
+
+
+def read_gpmf(video: str | Path) -> Telemetry:
+    """All that the sensors of a GoPro video say; no sensors if the video is no GoPro's.
 
     Streams that hold no numbers are left out.
 
     Raises:
-        RecordingError: The video cannot be read, or its metadata are damaged.
+        RecordingError: The video cannot be read.
     """
-    found: dict[str, list[Block]] = {}
-    for number, payload in enumerate(payloads(video)):
+    return collect(Path(video), packets(Path(video)))
+
+
+def collect(video: Path, payloads: list[Packet]) -> Telemetry:
+    """What the payloads of a video say, see `read_gpmf`."""
+    sensors: dict[str, list[Block]] = {}
+    device, damaged = "", 0
+    for packet in payloads:
         try:
-            for device in parse(payload):
-                for stream in (entry for entry in parse(device.data) if entry.key == "STRM"):
-                    _add(found, list(parse(stream.data)))
-        except ValueError as error:
-            raise RecordingError(
-                f"damaged GoPro metadata ({error})", file=video, place=f"payload {number}"
-            ) from error
-    return found
+            for entry in parse(packet.data):
+                for inner in parse(entry.data) if entry.key == "DEVC" else ():
+                    if inner.key == "DVNM":
+                        device = device or inner.data.decode("latin-1").strip("\0 ")
+                    elif inner.key == "STRM":
+                        _add(sensors, list(parse(inner.data)), packet)
+        except ValueError:
+            damaged += 1
+    return Telemetry(video, device, sensors, damaged)
 
 
-def _add(found: dict[str, list[Block]], entries: list[Entry]) -> None:
+def _add(sensors: dict[str, list[Block]], entries: list[Entry], packet: Packet) -> None:
+    """Add a stream; its last entry holds the samples, those before it say how they are meant."""
     if not entries:
         return
     *about, last = entries
     known = {entry.key: entry for entry in about}
-    structure = known["TYPE"].data.decode("latin-1") if "TYPE" in known else ""
+    structure = known["TYPE"].data.decode("latin-1").strip("\0") if "TYPE" in known else ""
     try:
         values = numbers(last, structure)
     except ValueError:
-        return
+        return  # text, or a type of another maker
     if "SCAL" in known:
-        values = values / numbers(known["SCAL"]).ravel()
-    stamp_s = float(numbers(known["STMP"])[0, 0]) * 1e-6 if "STMP" in known else float("nan")
-    found.setdefault(last.key, []).append(Block(stamp_s, values, known))
+        scale = numbers(known["SCAL"]).ravel()
+        if len(scale) not in {1, values.shape[1]} or not scale.all():
+            raise ValueError(f"{last.key} has {values.shape[1]} columns and {len(scale)} scales")
+        values = values / scale
+    stamp_s = float(numbers(known["STMP"])[0, 0]) * 1e-6 if known.get("STMP") else float("nan")
+    block = Block(stamp_s, values, known, packet.start_s, packet.duration_s)
+    sensors.setdefault(last.key, []).append(block)
 
 
-def sample_times(sensor: list[Block]) -> FloatArray:
-    """Times of all samples of a sensor, seconds on the camera's clock.
+def sample_times(sensor: list[Block], first_frame: Block | None = None) -> FloatArray:
+    """(N,) times of all samples of a sensor, seconds from the video's first frame on.
 
-    Each payload stamps its first sample; the others lie evenly between that and the next payload's, those of
-    the last payload at the rate of the one before.
+    STMP stamps the first sample of a payload, the others lie evenly up to the next payload's stamp, those of
+    the last payload at the rate before it. Where stamps are missing, or begin anew, the samples are spread
+    over the time for which the container shows the payload: right to a few tenths of a second.
 
     Args:
-        sensor: Its blocks, every one stamped.
+        sensor: Its blocks, in order.
+        first_frame: The first block of a stream with a sample per frame (SHUT): its stamp is the first
+            frame's. Without it the stamps are laid on the containers' times, on the whole.
     """
-    stamps = [block.stamp_s for block in sensor]
     counts = [len(block.samples) for block in sensor]
-    steps = [(b - a) / n if n else 0.0 for a, b, n in zip(stamps, stamps[1:], counts, strict=False)]
-    steps.append(steps[-1] if steps else 1.0 / max(counts[-1], 1))
-    return np.concatenate(
-        [stamp + step * np.arange(n) for stamp, step, n in zip(stamps, steps, counts, strict=True)]
-    )
+    stamps = np.array([block.stamp_s for block in sensor])
+    starts = np.array([block.start_s for block in sensor])
+    ahead = stamps - starts
+    if not np.isfinite(ahead).all() or np.ptp(ahead) > _TOLERANCE_S:
+        firsts, steps = (
+            starts,
+            [block.duration_s / max(n, 1) for block, n in zip(sensor, counts, strict=True)],
+        )
+    else:
+        lead = float(np.median(ahead))
+        frame = np.nan if first_frame is None else first_frame.stamp_s - first_frame.start_s
+        firsts = stamps - (frame if abs(frame - lead) < _TOLERANCE_S else lead)
+        steps = _steps(sensor, firsts, counts)
+    each = zip(firsts.tolist(), steps, counts, strict=True)
+    return np.concatenate([first + step * np.arange(n) for first, step, n in each])
+
+
+def _steps(sensor: list[Block], firsts: FloatArray, counts: list[int]) -> list[float]:
+    """Time between the samples of each payload: up to the next one; before a gap and at the end as before."""
+    steps: list[float] = []
+    step = sensor[0].duration_s / max(counts[0], 1)
+    for index, (block, following) in enumerate(pairwise(sensor)):
+        gap = abs(following.start_s - block.start_s - block.duration_s) > _TOLERANCE_S
+        if counts[index] and not gap:
+            step = float(firsts[index + 1] - firsts[index]) / counts[index]
+        steps.append(step)
+    return [*steps, step]

@@ -12,6 +12,7 @@ from vgps.model import FixClass, FloatArray, GpsLog, Rig
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
+from vgps.readers.gpmf import read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gpx import looks_like_gpx, read_gpx
 from vgps.readers.nmea import looks_like_nmea, read_nmea
@@ -80,15 +81,15 @@ def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
 
 def _read(path: Path) -> RawLog:
     if looks_like_video(_head(path)):
-        return read_gopro_gps(path)
+        return read_gopro_gps(read_gpmf(path))
     data = read_bytes(path, GpsLogError)
     form = next((form for form in _FORMATS if form.matches(data)), None)
     if form is None:
         raise GpsLogError(
             "no GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, DJI subtitles, a GoPro video, or a CSV "
-            "with latitude_deg and longitude_deg",
+            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, DJI subtitles, a GoPro video, or "
+            "a CSV with latitude_deg and longitude_deg",
             remedy=_remedy(data),
         )
     return form.read(data, path)

@@ -1,20 +1,25 @@
 """A recording: a folder of files under known names, or a video with the others beside it."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from vgps.errors import CalibrationError, GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, Video
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import read_control_points
 from vgps.readers.frame_times import FRAME_TIMES
-from vgps.readers.gopro import read_gopro_gyro
-from vgps.readers.gpmf import blocks
+from vgps.readers.gopro import GYRO_R_CAMERA, gopro_exposures, gps_stream, read_gopro_gps, read_gopro_gyro
+from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps import check_overlap, gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder, list_images
 from vgps.readers.video import VideoFile
 
+log = logging.getLogger(__name__)
+_CAMERAS = ("camera.yaml", "camera.yml", "camera.xml", "camera.json", "camchain.yaml", "cameras.txt")
 _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
 PathLike = str | Path
 
@@ -31,12 +36,15 @@ def open_recording(
 
     Args:
         path: A folder with ``video.mp4`` (.mov, .avi, or a folder of images with ``frame_times.csv``),
-            ``camera.yaml`` and, optional, ``rig.yaml``, ``gps.*``, ``gyro.csv``, ``control_points.csv``;
-            or a video, or a folder of images, with the others beside it.
+            ``camera.yaml`` (or a calibration of OpenCV's, Kalibr's or COLMAP's: ``camera.yml``, ``.xml``,
+            ``.json``, ``camchain.yaml``, ``cameras.txt``) and, optional, ``rig.yaml``, ``gps.*``,
+            ``gyro.csv``, ``control_points.csv``; or a video, or a folder of images, with the others beside
+            it.
         gps, camera, rig, control_points: Other files than these; a path, or a name inside the folder.
 
     Returns:
-        The recording, every stream on the video's clock.
+        The recording, every stream on the video's clock. What no file gives, a GoPro's video does: its GPS,
+        gyro, gyro_R_camera and the median exposure.
 
     Raises:
         RecordingError: no video, or a file that is named and missing.
@@ -45,20 +53,23 @@ def open_recording(
     """
     path = Path(path)
     folder, video = _video(path)
-    lens = _camera(_given(folder, camera, "camera.yaml"), folder, video)
+    lens = _camera(_given(folder, camera, *_CAMERAS), folder, video)
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig()
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
         # times measured elsewhere are on the clock of gyro.csv
         mount = replace(mount, video_start_s=video.start_s)
+    telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
+    gyro = _gyro(folder, mount, telemetry)
+    mount = _with_gopro(mount, telemetry, gyro)
     points = _given(folder, control_points, "control_points.csv")
     return Recording(
         path=path,
         video=video,
         camera=lens,
         rig=mount,
-        gps=_gps(folder, gps, video, mount),
-        gyro=_gyro(folder, video, mount),
+        gps=_gps(folder, gps, video, mount, telemetry),
+        gyro=gyro,
         control_points=_control_points(points, video) if points else None,
     )
 
@@ -106,10 +117,10 @@ def _video_file(path: Path) -> VideoFile:
     return VideoFile(path, table if table.is_file() else None)
 
 
-def _given(folder: Path, name: PathLike | None, default: str) -> Path | None:
-    """The file that is named, else the default if it is there."""
+def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
+    """The file that is named, else the first of the defaults that is there."""
     if name is None:
-        return folder / default if (folder / default).is_file() else None
+        return next((folder / default for default in defaults if (folder / default).is_file()), None)
     for file in (folder / name, Path(name)):
         if file.is_file():
             return file
@@ -121,7 +132,8 @@ def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
         raise RecordingError(
             "no camera.yaml",
             file=folder,
-            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion)",
+            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion), or name another "
+            "program's with --camera",
         )
     camera = read_camera(file)
     if (camera.width, camera.height) != (video.width, video.height):
@@ -134,11 +146,11 @@ def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
     return camera
 
 
-def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig) -> GpsLog | None:
+def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
     if name is None:
-        logs = find_gps_logs(folder)
+        logs = find_gps_logs(folder) or _of_the_video(video, telemetry)
         if not logs:
-            return _gopro_gps(video, rig)
+            return None
         if len(logs) > 1:
             candidates = ", ".join(log.name for log in logs)
             raise GpsLogError(
@@ -146,28 +158,39 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig) -> GpsLog 
             )
         file = logs[0]
     else:
-        given = _given(folder, name, "")
+        given = _given(folder, name)
         assert given is not None
         file = given
-    log = read_gps_log(file, rig)
-    check_overlap(log, video.times_s, rig)
-    return log
+    fixes = read_gps_log(file, rig)
+    check_overlap(fixes, video.times_s, rig)
+    return fixes
 
 
-def _gyro(folder: Path, video: Video, rig: Rig) -> GyroLog | None:
+def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
+    """What belongs to the video itself: a GoPro's GPS within it, a drone's subtitles beside it."""
+    if gps_stream(telemetry) is not None:
+        if read_gopro_gps(telemetry).fixes:
+            return [video.path]
+        log.warning("%s: the camera's GPS never had a fix; going on without GPS", video.path)
+    beside = [video.path.with_suffix(suffix) for suffix in (".srt", ".SRT")]
+    return [file for file in beside if gps_format(file) == "srt"][:1]
+
+
+def _gyro(folder: Path, rig: Rig, telemetry: Telemetry) -> GyroLog | None:
     file = folder / "gyro.csv"
     if file.is_file():
         return read_gyro(file, video_start_s=rig.video_start_s)
-    return read_gopro_gyro(video.path) if video.path.is_file() else None
+    return read_gopro_gyro(telemetry)
 
 
-def _gopro_gps(video: Video, rig: Rig) -> GpsLog | None:
-    """What the video itself knows of its place, if it is a GoPro's."""
-    if not video.path.is_file() or ("GPS5" not in (sensors := blocks(video.path)) and "GPS9" not in sensors):
-        return None
-    log = read_gps_log(video.path, rig)
-    check_overlap(log, video.times_s, rig)
-    return log
+def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
+    """The rig with what a GoPro knows and no file says."""
+    exposures = gopro_exposures(telemetry)
+    if rig.exposure_s is None and exposures is not None:
+        rig = replace(rig, exposure_s=float(np.median(exposures[1])))
+    if rig.gyro_R_camera is None and gyro is not None and gyro.source == telemetry.path:
+        rig = replace(rig, gyro_R_camera=GYRO_R_CAMERA)
+    return rig
 
 
 def _control_points(file: Path, video: Video) -> ControlPoints:

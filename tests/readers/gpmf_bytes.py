@@ -1,0 +1,66 @@
+"""A tiny writer of GPMF, https://github.com/gopro/gpmf-parser, for payloads that tests know by heart."""
+
+import struct
+from pathlib import Path
+
+from vgps.readers.gpmf import Packet, Telemetry, collect
+
+KINDS = {"b": "b", "B": "B", "s": "h", "S": "H", "l": "i", "L": "I", "f": "f", "d": "d", "j": "q", "J": "Q"}
+
+
+def entry(key: str, kind: str, data: bytes, size: int, count: int) -> bytes:
+    header = struct.pack(">4sBBH", key.encode("latin-1"), ord(kind) if kind else 0, size, count)
+    return header + data + b"\0" * (-len(data) % 4)
+
+
+def encode(key: str, kind: str, rows: list[list[float]]) -> bytes:
+    """An entry of numbers, a row a structure."""
+    width = len(rows[0]) if rows else 1
+    body = b"".join(struct.pack(f">{width}{KINDS[kind]}", *row) for row in rows)
+    return entry(key, kind, body, width * struct.calcsize(KINDS[kind]), len(rows))
+
+
+def structures(key: str, types: str, rows: list[list[float]]) -> bytes:
+    """The entry of type "?" whose TYPE is given elsewhere."""
+    form = ">" + "".join(KINDS[letter] for letter in types)
+    return entry(
+        key, "?", b"".join(struct.pack(form, *row) for row in rows), struct.calcsize(form), len(rows)
+    )
+
+
+def text(key: str, content: str) -> bytes:
+    return entry(key, "c", content.encode("latin-1"), 1, len(content))
+
+
+def nest(key: str, *inner: bytes) -> bytes:
+    data = b"".join(inner)
+    return entry(key, "", data, 1, len(data))
+
+
+def device(name: str, *streams: bytes) -> bytes:
+    return nest("DEVC", encode("DVID", "L", [[1]]), text("DVNM", name), *streams)
+
+
+def stream(last: bytes, *about: bytes, stamp_us: int | None = None) -> bytes:
+    stamp = [] if stamp_us is None else [encode("STMP", "J", [[stamp_us]])]
+    return nest("STRM", *stamp, *about, last)
+
+
+def gps5(rows: list[tuple[float, ...]], fix: int = 3, dop: int = 154, stamp_us: int | None = None) -> bytes:
+    """Rows of degrees, degrees, metres and two speeds, as a HERO writes them."""
+    scale = [10_000_000, 10_000_000, 1000, 1000, 100]
+    integers = [[round(x * s) for x, s in zip(row, scale, strict=True)] for row in rows]
+    about = (
+        encode("GPSF", "L", [[fix]]),
+        text("GPSU", "241231235959.500"),
+        encode("GPSP", "S", [[dop]]),
+        encode("SCAL", "l", [[s] for s in scale]),
+    )
+    return stream(encode("GPS5", "l", integers), *about, stamp_us=stamp_us)
+
+
+def telemetry(*payloads: bytes, duration_s: float = 1.0, starts_s: list[float] | None = None) -> Telemetry:
+    """The payloads as a video that shows each for a second would give them."""
+    starts = starts_s or [duration_s * index for index in range(len(payloads))]
+    packed = [Packet(data, start, duration_s) for data, start in zip(payloads, starts, strict=True)]
+    return collect(Path("walk.mp4"), packed)
