@@ -11,6 +11,7 @@ import numpy as np
 
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
+from vgps.solution import Verdict
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -33,10 +34,17 @@ def main() -> None:
         for name in sorted(set(solution.gps.fix_class)):
             rows = np.array([fix == name for fix in solution.gps.fix_class])
             colour = COLOURS.get(name, "tab:red")
-            fixes = solution.fixes.world_p_fix[rows]
-            above.plot(fixes[:, 0], fixes[:, 1], "x", c=colour, label=f"{name} fix and its region")
-            for centre, r_m in zip(fixes, solution.fixes.r_m[rows], strict=True):
+            used = rows & solution.fixes.used
+            fixes = solution.fixes.world_p_fix[used]
+            above.plot(fixes[:, 0], fixes[:, 1], "x", c=colour, ms=4, label=f"{name} fix and its region")
+            for centre, r_m in zip(fixes, solution.fixes.r_m[used], strict=True):
                 above.add_patch(plt.Circle(centre[:2], r_m, fill=False, ec=colour, lw=0.5, alpha=0.5))
+        rejected = np.array([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
+        if rejected.any():
+            wrong, residual = solution.fixes.world_p_fix[rejected], solution.fixes.residual_m[rejected]
+            for fix, offset in zip(wrong, residual, strict=True):
+                above.plot(*np.stack([fix, fix + offset])[:, :2].T, "-", c="tab:red", lw=0.8)
+            above.plot(wrong[:, 0], wrong[:, 1], "X", c="tab:red", ms=6, label="rejected fix")
     above.plot(path[:, 0], path[:, 1], c="tab:blue", label="estimated camera path")
     margin = 3.0 + 0.05 * np.ptp(path[:, :2], axis=0).max()
     low, high = path[:, :2].min(axis=0) - margin, path[:, :2].max(axis=0) + margin

@@ -168,6 +168,13 @@ class LocalMap:
         """(4, 4) pose of a frame of this map."""
         return np.asarray(self.poses[frame - self.first_frame])
 
+    def pose_standing_frames(self) -> None:
+        """Frames that stood still before the map began stand where their view does."""
+        for tie in self.static_ties:
+            row = tie.frame - self.first_frame
+            if np.isnan(self.poses[row, 0, 0]):
+                self.poses[row] = self.pose(tie.key) @ tie.key_T_frame
+
     def view_poses(self) -> tuple[FloatArray, BoolArray]:
         """(H, 4, 4) poses of the views and (H,) whether each view exists and is posed."""
         row = self.view_frames - self.first_frame

@@ -120,6 +120,7 @@ class Sequence:
             growing.started = self._start.try_start(local_map)
             self._mapper.refill(local_map, frame.gray)
         if growing.started:
+            local_map.pose_standing_frames()
             self._window(growing)
         return growing
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
-from vgps.smoothing.alignment import align
+from vgps.smoothing.alignment import _travel, align
 from vgps.smoothing.fixes import place
 
 ANTENNA = np.array([0.1, -0.9, -0.3])
@@ -56,3 +56,12 @@ def test_fixes_lie_between_frames_by_their_own_time():
     assert placement.inside.tolist() == [False, True, True, True, True, False]
     assert placement.frame[1:5].tolist() == [0, 1, 1, 1]
     np.testing.assert_allclose(placement.alpha[1:5], [0.0, 0.0, 0.75, 1.0])
+
+
+def test_a_stop_does_not_hide_the_way_and_one_wrong_fix_makes_none():
+    way = np.stack([np.linspace(0, 20, 11), np.zeros(11), np.zeros(11)], axis=1)
+    stop = np.tile(way[-1:], (40, 1))
+    assert _travel(np.concatenate([way, stop]), 1.0) > 8.0
+    wrong = np.array([[50.0, 0.0, 0.0]])
+    assert _travel(np.concatenate([stop, stop + 0.1, wrong]), 1.0) < 0.5
+    assert _travel(way[:3], 1.0) == 4.0

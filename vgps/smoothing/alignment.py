@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from vgps.config import StartConfig
 from vgps.model import FloatArray
 
+_PLACES = 6
 _LOSS_SCALE = 1.0  # in region sizes: beyond its region a fix counts less and less
 
 
@@ -44,9 +45,8 @@ def align(
     """
     if len(world_p_fix) < config.min_fixes:
         return None
-    spread = world_p_fix - np.median(world_p_fix, axis=0)
     radius = float(np.median(region_m[:, 0]))
-    travel = 2.0 * float(np.median(np.linalg.norm(spread, axis=1)))
+    travel = _travel(world_p_fix, max(radius, config.min_travel_m / 4.0))
     if travel < max(config.min_travel_m, config.min_travel_ratio * radius):
         return None
     start = _level_start(map_T_camera, world_p_fix)
@@ -91,6 +91,14 @@ def _unpack(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
 def _main_axis(spread: FloatArray) -> FloatArray:
     _, _, right = np.linalg.svd(spread, full_matrices=False)
     return np.asarray(right[0])
+
+
+def _travel(world_p_fix: FloatArray, cell_m: float) -> float:
+    """How far the fixes spread, single wrong ones forgiven; where the camera stood counts once."""
+    places = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
+    if len(places) < _PLACES:  # beside a stop, wrong fixes might be half of them
+        places = world_p_fix
+    return 2.0 * float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
 
 
 def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArray | None:

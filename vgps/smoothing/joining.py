@@ -54,7 +54,7 @@ def join_maps(
     """
     warnings: list[str] = []
     for local_map in maps:
-        _pose_standing_frames(local_map)
+        local_map.pose_standing_frames()
         if not local_map.aligned:
             found = find_alignment(local_map, t_s, fixes, camera_p_antenna, config.start)
             if found is not None:
@@ -104,14 +104,6 @@ def _span(fixes: Fixes) -> tuple[float, float]:
     """Extent of the used fixes, and their median radius, metres."""
     extent = float(np.linalg.norm(np.ptp(fixes.world_p_fix[fixes.used], axis=0)))
     return extent, float(np.median(fixes.r_m[fixes.used]))
-
-
-def _pose_standing_frames(local_map: LocalMap) -> None:
-    """Frames that stood still before the map began stand where their view does."""
-    for tie in local_map.static_ties:
-        row = tie.frame - local_map.first_frame
-        if np.isnan(local_map.poses[row, 0, 0]):
-            local_map.poses[row] = local_map.pose(tie.key) @ tie.key_T_frame
 
 
 def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
