@@ -1,4 +1,4 @@
-"""GPX tracks: what phones, watches and loggers write."""
+"""GPX tracks: of phones, watches and loggers, and of receivers' programs, which name RTK classes."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,18 @@ from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, Fix, RawLog, unix_s
 
-_CLASSES = {"2d": FixClass.SINGLE, "3d": FixClass.SINGLE, "pps": FixClass.SINGLE, "dgps": FixClass.DGPS}
+# <fix> as GPX 1.1 knows it (none, 2d, 3d, dgps, pps), and as programs for RTK receivers write it
+_CLASSES = {
+    **dict.fromkeys(("2d", "3d", "3", "2", "pps", "gps", "single", "autonomous"), FixClass.SINGLE),
+    **dict.fromkeys(("dgps", "dgnss", "differential"), FixClass.DGPS),
+    **dict.fromkeys(("sbas", "waas", "egnos"), FixClass.SBAS),
+    "ppp": FixClass.PPP,
+    **dict.fromkeys(("rtk", "rtk_fix", "rtk_fixed", "fixed", "fix"), FixClass.RTK_FIX),
+    **dict.fromkeys(("rtk_float", "frtk", "float"), FixClass.RTK_FLOAT),
+}
+_NO_FIX = {"none", "no_fix", "0"}
+_FIX = re.compile(r"<((?:\w+:)?fix)(?:\s[^>]*)?>\s*([^<]*?)\s*</\1\s*>", re.IGNORECASE)
+_POINT = re.compile(r"<trkpt\b")
 
 
 def looks_like_gpx(data: bytes) -> bool:
@@ -20,16 +31,19 @@ def looks_like_gpx(data: bytes) -> bool:
 
 
 def read_gpx(data: bytes, path: Path) -> RawLog:
-    """Points of all tracks, in UTC.
+    """Points of all tracks, in UTC; ``line`` counts the points.
 
-    GPX knows no RTK: a point says dgps or is taken as single. ``ele`` is the height above the geoid where
-    ``geoidheight`` stands beside it; else it is taken as ellipsoidal, with a note.
+    A point's class is that of its ``<fix>``, ``rtk`` and ``rtk_float`` too, which GPX itself does not know;
+    without one it is single. ``ele`` is above the geoid where ``geoidheight`` stands beside it; else it is
+    taken as ellipsoidal, with a note.
 
     Raises:
         GpsLogError: The file is no GPX, or no point has a time.
     """
     try:
-        document = gpxpy.parse(data.decode("utf-8-sig"))
+        text = data.decode("utf-8-sig")
+        classes, text = _classes(text)
+        document = gpxpy.parse(text)
     except (GPXException, UnicodeDecodeError, ValueError) as error:
         raise GpsLogError(f"damaged GPX ({error})", file=path, remedy="export the track again") from error
     points = [point for track in document.tracks for segment in track.segments for point in segment.points]
@@ -38,18 +52,27 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
         raise GpsLogError(
             f"{len(points)} track points, none with a time",
             file=path,
-            expected="a recorded track, no route",
+            expected="a recorded track (trk with time), no route and no waypoints",
         )
-    notes = []
-    if len(timed) < len(points):
-        notes.append(f"{len(points) - len(timed)} points without a time passed over")
-    if any(point.geoid_height is None for _, point in timed):
-        notes.append("heights without geoidheight are taken as ellipsoidal: they may be off by 100 m")
-    fixes = [_fix(point, number) for number, point in timed if point.type_of_gpx_fix != "none"]
-    return RawLog(Clock.UTC, fixes, notes)
+    named = [(number, point, classes.get(number, "3d")) for number, point in timed]
+    fixes = [_fix(point, number, name) for number, point, name in named if name not in _NO_FIX]
+    return RawLog(Clock.UTC, fixes, _notes(points, named, len(fixes)))
 
 
-def _fix(point: GPXTrackPoint, number: int) -> Fix:
+def _classes(text: str) -> tuple[dict[int, str], str]:
+    """The ``<fix>`` of each track point, counted from 1, and the text without them.
+
+    gpxpy refuses a whole file for one fix that GPX does not know.
+    """
+    starts = [match.start() for match in _POINT.finditer(text)]
+    found = {
+        int(np.searchsorted(starts, match.start())): re.sub(r"[\s-]+", "_", match[2].lower())
+        for match in _FIX.finditer(text)
+    }
+    return found, _FIX.sub("", text)
+
+
+def _fix(point: GPXTrackPoint, number: int, name: str) -> Fix:
     assert point.time is not None
     height = np.nan if point.elevation is None else point.elevation + (point.geoid_height or 0.0)
     return Fix(
@@ -57,7 +80,7 @@ def _fix(point: GPXTrackPoint, number: int) -> Fix:
         latitude_deg=point.latitude,
         longitude_deg=point.longitude,
         height_m=height,
-        fix_class=_CLASSES.get(point.type_of_gpx_fix or "3d", FixClass.SINGLE),
+        fix_class=_CLASSES.get(name, FixClass.UNKNOWN),
         line=number,
         hdop=_number(point.horizontal_dilution),
         satellites=_number(point.satellites),
@@ -67,3 +90,14 @@ def _fix(point: GPXTrackPoint, number: int) -> Fix:
 
 def _number(value: float | int | None) -> float:
     return np.nan if value is None else float(value)
+
+
+def _notes(points: list[GPXTrackPoint], named: list[tuple[int, GPXTrackPoint, str]], fixes: int) -> list[str]:
+    notes = []
+    if len(named) < len(points):
+        notes.append(f"{len(points) - len(named)} points without a time passed over")
+    if fixes < len(named):
+        notes.append(f"{len(named) - fixes} points without a fix passed over")
+    if any(point.elevation is not None and point.geoid_height is None for _, point, _ in named):
+        notes.append("heights without geoidheight are taken as ellipsoidal: they may be off by 100 m")
+    return notes

@@ -1,19 +1,43 @@
-"""u-blox binary logs: NAV-PVT is the fix, with its class and its own accuracy; the rest is passed over."""
+"""u-blox binary logs: NAV-PVT is the fix, with its class and its own accuracy; the rest is passed over.
 
-import io
-import logging
+NAV-HPPOSLLH refines the position of the same epoch to 0.1 mm, NAV-DOP gives its HDOP. NMEA, RTCM and raw
+measurements between them are not looked at: an epoch that also has a GGA is one fix.
+"""
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from pyubx2 import UBX_PROTOCOL, UBXReader
+from pyubx2 import UBXMessageError, UBXParseError, UBXReader, UBXStreamError, UBXTypeError
 
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, Fix, RawLog, unix_s
 
 _NAV_PVT = b"\xb5\x62\x01\x07"
+_MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and their length
+_TOW_AT = {"NAV-PVT": 0, "NAV-HPPOSLLH": 4, "NAV-DOP": 0}  # where in the payload the time of week stands
+_ERRORS = (UBXMessageError, UBXParseError, UBXStreamError, UBXTypeError, ValueError, struct.error)
+_HALF_WEEK_MS = 302_400_000
+_FRAME = 8  # bytes around a payload
 _GNSS_3D, _GNSS_2D, _GNSS_AND_DEAD_RECKONING = 3, 2, 4
+_FIXED, _FLOAT = 2, 1
 _HORIZONTAL = 2.0**-0.5  # of a horizontal accuracy, on each axis
+
+_Epoch = tuple[int, int]  # weeks since the log's first, time of week in ms
+
+
+@dataclass
+class _Reading:
+    """Messages by epoch, and what had to be passed over."""
+
+    fixes: list[tuple[_Epoch, Any, int]] = field(default_factory=list)
+    precise: dict[_Epoch, Any] = field(default_factory=dict)
+    dilution: dict[_Epoch, Any] = field(default_factory=dict)
+    damaged: int = 0
 
 
 def looks_like_ubx(data: bytes) -> bool:
@@ -24,50 +48,86 @@ def looks_like_ubx(data: bytes) -> bool:
 def read_ubx(data: bytes) -> RawLog:
     """Fixes of the NAV-PVT messages, in UTC, heights ellipsoidal; ``line`` counts these messages.
 
-    Carrier solutions are RTK classes, differential ones DGPS. Positions have the message's seven digits, a
-    centimetre. Damaged messages are passed over.
+    Carrier solutions are RTK classes, differential ones DGPS. ``sigma_m`` is hAcc, split evenly on east and
+    north, and vAcc. ``hdop`` is NAV-DOP's, or without it NAV-PVT's PDOP, which is never smaller. Damaged
+    messages are passed over and counted.
     """
-    fixes, number, undated = [], 0, 0
-    level = logging.getLogger("pyubx2").level
-    logging.getLogger("pyubx2").setLevel(logging.CRITICAL)  # it logs each damaged message
-    try:
-        for _, message in UBXReader(io.BytesIO(data), protfilter=UBX_PROTOCOL, quitonerror=0):
-            if message is None or message.identity != "NAV-PVT":
-                continue
+    reading = _read(data)
+    fixes, undated, unresolved, lost = [], 0, 0, 0
+    for epoch, message, number in reading.fixes:
+        if not (message.validDate and message.validTime):
+            undated += 1
+        elif not message.gnssFixOk or getattr(message, "invalidLlh", False):
+            lost += 1
+        else:
+            unresolved += not message.fullyResolved
+            fixes.append(_fix(message, number, reading.precise.get(epoch), reading.dilution.get(epoch)))
+    told = (
+        (reading.damaged, "damaged messages passed over"),
+        (undated, "messages before the receiver knew the time passed over"),
+        (lost, "messages without a fix passed over"),
+        (unresolved, "fixes before the receiver knew the leap seconds: their times may be whole seconds off"),
+    )
+    return RawLog(Clock.UTC, fixes, [f"{count} {what}" for count, what in told if count])
+
+
+def _read(data: bytes) -> _Reading:
+    reading = _Reading()
+    weeks, number = 0, 0
+    tow_before: int | None = None
+    for message in _messages(data):
+        if message is None:
+            reading.damaged += 1
+            continue
+        (tow,) = struct.unpack_from("<I", message.payload, _TOW_AT[message.identity])
+        if tow_before is not None and tow < tow_before - _HALF_WEEK_MS:
+            weeks += 1
+        tow_before = tow
+        if message.identity == "NAV-PVT":
             number += 1
-            if not (message.validDate and message.validTime):
-                undated += 1
-            elif message.gnssFixOk and not getattr(message, "invalidLlh", 0):
-                fixes.append(_fix(message, number))
-    finally:
-        logging.getLogger("pyubx2").setLevel(level)
-    notes = [f"{undated} messages before the receiver knew the time passed over"] if undated else []
-    lost = number - undated - len(fixes)
-    if lost:
-        notes.append(f"{lost} messages without a fix passed over")
-    return RawLog(Clock.UTC, fixes, notes)
+            reading.fixes.append(((weeks, tow), message, number))
+        elif message.identity == "NAV-DOP":
+            reading.dilution[weeks, tow] = message
+        elif not message.invalidLlh:
+            reading.precise[weeks, tow] = message
+    return reading
 
 
-def _fix(message: Any, number: int) -> Fix:
+def _messages(data: bytes) -> Iterator[Any | None]:
+    """NAV-PVT, NAV-HPPOSLLH and NAV-DOP messages; None for one whose length or checksum is wrong.
+
+    Only these are parsed: a log with raw measurements is ten times as long.
+    """
+    for match in _MESSAGE.finditer(data):
+        length = int.from_bytes(match[2], "little")
+        try:
+            yield UBXReader.parse(data[match.start() : match.start() + length + _FRAME])
+        except _ERRORS:
+            yield None
+
+
+def _fix(message: Any, number: int, precise: Any | None, dilution: Any | None) -> Fix:
     minute = datetime(message.year, message.month, message.day, message.hour, message.min, tzinfo=UTC)
-    horizontal_m, vertical_m = message.hAcc * 1e-3, message.vAcc * 1e-3
+    place = message if precise is None else precise
+    horizontal_m, vertical_m = place.hAcc * 1e-3, place.vAcc * 1e-3
     sigma = (horizontal_m * _HORIZONTAL, horizontal_m * _HORIZONTAL, vertical_m)
     return Fix(
         t_s=unix_s(minute) + message.second + message.nano * 1e-9,
-        latitude_deg=message.lat,
-        longitude_deg=message.lon,
-        height_m=message.height * 1e-3,
+        latitude_deg=place.lat,
+        longitude_deg=place.lon,
+        height_m=place.height * 1e-3,
         fix_class=_class(message),
         line=number,
         sigma_m=sigma if horizontal_m > 0 and vertical_m > 0 else (np.nan, np.nan, np.nan),
+        hdop=float(message.pDOP if dilution is None else dilution.hDOP),
         satellites=float(message.numSV),
     )
 
 
 def _class(message: Any) -> FixClass:
-    if message.carrSoln == 2:
+    if message.carrSoln == _FIXED:
         return FixClass.RTK_FIX
-    if message.carrSoln == 1:
+    if message.carrSoln == _FLOAT:
         return FixClass.RTK_FLOAT
     if message.fixType not in {_GNSS_2D, _GNSS_3D, _GNSS_AND_DEAD_RECKONING}:
         return FixClass.UNKNOWN

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vgps.errors import GpsLogError
+from vgps.model import FixClass
+from vgps.readers.gps import gps_format, read_gps_log
+from vgps.readers.gpx import read_gpx
+
+GPX = """<?xml version="1.0"?><gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>
+<trkpt lat="49.0" lon="8.4"><ele>100.5</ele><time>2024-12-31T23:59:59.5Z</time><geoidheight>48.0</geoidheight>
+<fix>dgps</fix><sat>9</sat><hdop>1.2</hdop></trkpt>
+<trkpt lat="49.1" lon="8.4"><ele>101</ele><time>2025-01-01T00:00:00.5Z</time></trkpt>
+<trkpt lat="49.2" lon="8.4"><ele>101</ele></trkpt>
+<trkpt lat="49.3" lon="8.4"><time>2025-01-01T00:00:01.5Z</time><fix>none</fix></trkpt>
+</trkseg></trk></gpx>"""
+
+
+def test_gpx_by_hand(tmp_path):
+    file = tmp_path / "gps.gpx"
+    file.write_text(GPX)
+    found = read_gps_log(file)
+    assert gps_format(file) == "gpx"
+    np.testing.assert_allclose(found.t_s, [0.0, 1.0])
+    np.testing.assert_allclose(found.height_m, [148.5, 101.0])
+    assert found.fix_class == (FixClass.DGPS, FixClass.SINGLE)
+    assert (found.satellites[0], found.hdop[0]) == (9, 1.2) and np.isnan(found.hdop[1])
+    assert any("without a time" in note for note in found.skipped)
+    assert any("geoidheight" in note for note in found.skipped)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (GPX[:300], "damaged GPX"),
+        ('<gpx version="1.1" creator="t"></gpx>', "0 track points"),
+        (GPX.replace("time>", "tyme>"), "none with a time"),
+    ],
+)
+def test_what_is_no_track_is_told(tmp_path, text, told):
+    file = tmp_path / "gps.gpx"
+    file.write_text(text)
+    with pytest.raises(GpsLogError, match=told):
+        read_gps_log(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("2d", FixClass.SINGLE),
+        ("pps", FixClass.SINGLE),
+        ("dgps", FixClass.DGPS),
+        ("rtk", FixClass.RTK_FIX),
+        ("RTK Fixed", FixClass.RTK_FIX),
+        ("rtk-float", FixClass.RTK_FLOAT),
+        ("float", FixClass.RTK_FLOAT),
+        ("ppp", FixClass.PPP),
+        ("sbas", FixClass.SBAS),
+        ("estimated", FixClass.UNKNOWN),
+    ],
+)
+def test_classes_that_gpx_knows_and_those_of_rtk_programs(tmp_path, name, expected):
+    file = tmp_path / "gps.gpx"
+    file.write_text(GPX.replace("<fix>dgps", f"<fix>{name}"))
+    assert read_gps_log(file).fix_class == (expected, FixClass.SINGLE)
+
+
+def test_a_class_in_a_namespace_of_its_own(tmp_path):
+    file = tmp_path / "gps.gpx"
+    own = "<extensions><u:fix>rtk</u:fix></extensions>"
+    text = GPX.replace("<fix>dgps</fix>", "").replace("</hdop>", f"</hdop>{own}")
+    file.write_text(text.replace("<gpx ", '<gpx xmlns:u="urn:u" '))
+    assert read_gps_log(file).fix_class[0] is FixClass.RTK_FIX
+
+
+def test_points_without_a_fix_are_told(tmp_path):
+    file = tmp_path / "gps.gpx"
+    file.write_text(GPX)
+    assert "1 points without a fix passed over" in read_gps_log(file).skipped
+
+
+def test_times_with_an_offset_are_put_on_utc(tmp_path):
+    file = tmp_path / "gps.gpx"
+    file.write_text(GPX.replace("2025-01-01T00:00:00.5Z", "2025-01-01T09:00:00.5+09:00"))
+    np.testing.assert_allclose(read_gps_log(file).t_s, [0.0, 1.0])
+
+
+@given(st.integers(0, len(GPX)))
+def test_a_truncated_file_is_told(cut):
+    data = GPX.encode()[:cut]
+    if data.rstrip().endswith(b"</gpx>"):
+        assert len(read_gpx(data, "a").fixes) == 2
+        return
+    with pytest.raises(GpsLogError, match="damaged GPX"):
+        read_gpx(data, "a")
