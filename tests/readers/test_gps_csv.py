@@ -39,6 +39,20 @@ def test_other_names_separators_and_comments(tmp_path):
     assert second.line == 7
 
 
+def test_names_that_loggers_use(tmp_path):
+    text = "time_utc,gps_latitude,long,elevation,undulation_m,fix_quality,num_sats,age_s,std_east_m\n"
+    (fix,) = read(tmp_path, text + "2024-05-06T07:08:09.25Z,49.2,8.1,100.5,48,5,17,1.5,0.2\n").fixes
+    assert fix[:6] == (INSTANT_S, 49.2, 8.1, 148.5, FixClass.RTK_FLOAT, 2)
+    assert (fix.satellites, fix.correction_age_s, fix.sigma_m[0]) == (17, 1.5, 0.2)
+
+
+@pytest.mark.parametrize("name", ["fix_type", "status", "fixtype"])
+def test_numbers_of_another_meaning_are_not_taken_for_the_class(tmp_path, name):
+    """u-blox's fixType 4 is dead reckoning, NMEA's quality 4 is RTK-fix."""
+    with pytest.raises(GpsLogError, match="no column fix_class"):
+        read(tmp_path, f"t_s,lat,lon,height,{name}\n0,49,8,100,4\n")
+
+
 @pytest.mark.parametrize(
     ("name", "cell"),
     [

@@ -5,16 +5,18 @@ One row per fix; column order is free, further columns are ignored, commas, semi
 =================  ==========================================================================================
 column             meaning (other names)
 =================  ==========================================================================================
-t_s                seconds since the video's first frame (time_s); or instead of it:
-utc                ISO 8601 or Unix time in s, ms, us, ns (timestamp, datetime, time, unix_s, %time)
+t_s                seconds since the video's first frame (time_s, video_time_s); or instead of it:
+utc                ISO 8601 or Unix time in s, ms, us, ns (timestamp, datetime, time, time_utc, unix_s, %time)
 latitude_deg       WGS84 degrees (latitude, lat)
-longitude_deg      WGS84 degrees (longitude, lon, lng)
-height_m           ellipsoidal height (height, ellipsoidal_height_m); or:
-altitude_m         height above the geoid (altitude, alt), with geoid_separation_m (separation_m)
+longitude_deg      WGS84 degrees (longitude, lon, lng, long)
+height_m           ellipsoidal height (height, ellipsoidal_height_m, hae_m); or:
+altitude_m         height above the geoid (altitude, alt, elevation), with geoid_separation_m (undulation_m)
 fix_class          rtk_fix, rtk_float, ppp, dgps, sbas, single, or NMEA's quality number (class, fix, quality)
-sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviations, optional
-hdop, satellites, correction_age_s              optional
+sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviations, optional (std_east_m)
+hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
 =================  ==========================================================================================
+
+A column named fix_type or status is not taken for the class: receivers number those differently.
 """
 
 from datetime import datetime
@@ -27,14 +29,16 @@ from vgps.model import FixClass, FloatArray
 from vgps.readers.fixes import NMEA_QUALITY, Clock, Fix, RawLog, damaged_lines, unix_s
 from vgps.readers.table import Table, read_table
 
-VIDEO_TIME = ("t_s", "time_s")
-UTC_TIME = ("utc", "timestamp", "datetime", "time", "unix_s", "%time")
-LATITUDE = ("latitude_deg", "latitude", "lat", "lat_deg")
-LONGITUDE = ("longitude_deg", "longitude", "lon", "lng", "lon_deg")
-HEIGHT = ("height_m", "height", "ellipsoidal_height_m")
-ALTITUDE = ("altitude_m", "altitude", "alt")
-SEPARATION = ("geoid_separation_m", "separation_m")
-FIX_CLASS = ("fix_class", "class", "fix", "quality")
+VIDEO_TIME = ("t_s", "time_s", "video_time_s")
+UTC_TIME = ("utc", "timestamp", "datetime", "time", "time_utc", "utc_time", "unix_s", "%time")
+LATITUDE = ("latitude_deg", "latitude", "lat", "lat_deg", "gps_latitude")
+LONGITUDE = ("longitude_deg", "longitude", "lon", "lng", "lon_deg", "long", "gps_longitude")
+HEIGHT = ("height_m", "height", "ellipsoidal_height_m", "ellipsoidal_height", "hae_m", "hae")
+ALTITUDE = ("altitude_m", "altitude", "alt", "alt_m", "elevation_m", "elevation", "ele", "altitude_msl_m")
+SEPARATION = ("geoid_separation_m", "separation_m", "undulation_m", "geoid_m")
+FIX_CLASS = ("fix_class", "class", "fix", "quality", "fix_quality", "gps_quality")
+SATELLITES = ("satellites", "num_sats", "num_sv", "numsv", "sats", "nsat")
+CORRECTION_AGE = ("correction_age_s", "age_s", "diff_age_s", "age")
 _NAMES = {
     **{kind.value: kind for kind in FixClass},
     "fix": FixClass.RTK_FIX,
@@ -69,8 +73,10 @@ def read_gps_csv(path: Path) -> RawLog:
     longitude = table.numbers(table.require(*LONGITUDE), lenient=True)
     height, notes = _heights(table)
     classes = [_fix_class(cell) for cell in table.text(table.require(*FIX_CLASS))]
-    sigma = np.column_stack([_optional(table, f"sigma_{axis}_m") for axis in ("east", "north", "up")])
-    others = [_optional(table, name) for name in ("hdop", "satellites", "correction_age_s")]
+    sigma = np.column_stack(
+        [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
+    )
+    others = [_optional(table, *names) for names in (("hdop",), SATELLITES, CORRECTION_AGE)]
     bad = ~np.isfinite(t_s)
     numbers = np.column_stack([t_s, latitude, longitude, height, sigma, *others]).tolist()
     fixes = [
@@ -145,7 +151,6 @@ def _fix_class(cell: str) -> FixClass | None:
     return NMEA_QUALITY.get(int(number), FixClass.UNKNOWN) if number >= 1 else None
 
 
-def _optional(table: Table, name: str) -> FloatArray:
-    if name in table.columns:
-        return table.numbers(name, lenient=True)
-    return np.full(len(table.line), np.nan)
+def _optional(table: Table, *names: str) -> FloatArray:
+    name = table.find(*names)
+    return np.full(len(table.line), np.nan) if name is None else table.numbers(name, lenient=True)
