@@ -53,7 +53,7 @@ def smooth(
         gps_model: How a fix acts on the path; a cylinder around it by default.
         survey: YAML with the region r_m, h_m of each fix class.
         config: YAML that overrides the defaults.
-        camera: Another camera.yaml, a path or a name inside the folder.
+        camera: Another camera.yaml, or OpenCV's, Kalibr's or COLMAP's; a path or a name inside the folder.
         rig: Another rig.yaml, a path or a name inside the folder.
         control_points: Another control_points.csv, a path or a name inside the folder.
         seed: Of every random choice.
