@@ -148,6 +148,7 @@ def _mapping(path: Path, *, may_be_empty: bool = False) -> dict[str, Any]:
             f"no YAML ({getattr(error, 'problem', None) or 'unreadable'})",
             file=path,
             place=f"line {mark.line + 1}" if mark else None,
+            expected="text with lines of the form 'key: value'",
         ) from error
     except ValueError as error:  # an impossible date
         raise CalibrationError(str(error), file=path) from error
