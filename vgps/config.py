@@ -181,9 +181,10 @@ class BatchConfig(_Stage):
     rounds: PositiveInt = 3
     """Outliers are dropped and reliabilities (13) recomputed between rounds."""
     iterations: PositiveInt = 25
+    """Of a round; the last may take twice as many."""
     relative_tolerance: PositiveFloat = 1e-5
     """The last round ends once a step lowers the cost by no more than this share of it."""
-    early_tolerance: PositiveFloat = 1e-3
+    early_tolerance: PositiveFloat = 3e-4
     """The same for the rounds before, after which everything is judged anew."""
     robust_px: PositiveFloat = 1.0
     """Huber's constant on a reprojection error, in pixels, before the weights of (12)."""

@@ -15,7 +15,6 @@ from vgps.sequence import Seconds, Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, fixes_in_world, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps
-from vgps.smoothing.sensors import Sensors
 from vgps.smoothing.verdicts import fix_table
 from vgps.solution import Landmarks, Observations, SensorReport, Solution
 from vgps.threads import one_blas_thread
@@ -107,9 +106,9 @@ def optimise_all(front: FrontEnd, config: Config) -> Solution:
     recording, sequence, fixes = front.recording, front.sequence, front.fixes
     antenna = recording.rig.camera_p_antenna
     with one_blas_thread(), sequence.seconds.measure("batch"):
-        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls)
+        sensors = sequence.sensors
+        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls, sensors.lag_s)
         held = None if len(front.controls.frame) else _held_frames(joined, config)
-        sensors = Sensors.begin(antenna, config.sensors)
         smoothed = optimise_batch(
             joined.scene, recording.camera.K, fixes, sensors, config, held, joined.judgement
         )

@@ -14,6 +14,8 @@ from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.judging import Judgement, judge_on_path, judges
+from vgps.smoothing.lag import settle_lag
+from vgps.smoothing.sensors import Sensors
 from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
 from vgps.tracking.bootstrap import TwoViewStart
@@ -61,6 +63,7 @@ class Sequence:
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: What happened on the way that a user should know.
         judgement: Of all fixes, as far as they have been judged.
+        sensors: The lag of the fixes as the path so far shows it, and the lever arm.
     """
 
     def __init__(
@@ -86,6 +89,7 @@ class Sequence:
         self.warnings: list[str] = []
         self.seconds = Seconds()
         self.judgement = Judgement.none(len(fixes))
+        self.sensors = Sensors.begin(camera_p_antenna, config.sensors)
 
     @property
     def t_s(self) -> FloatArray:
@@ -201,6 +205,8 @@ class Sequence:
         growing.since_window = 0
         local_map, t_s = growing.local_map, self.t_s
         with self.seconds.measure("drift"):
+            if local_map.aligned:
+                self._settle_lag(local_map)
             if local_map.aligned and self._contradicted(local_map):
                 self._judge(local_map)
                 if self._contradicted(local_map):
@@ -212,8 +218,23 @@ class Sequence:
             )
 
     def _believed(self) -> Fixes:
-        """The fixes so far, as they are judged."""
-        return self.judgement.applied(self._fixes).until(self._times[-1])
+        """The fixes so far, as they are judged, at the times at which they were true."""
+        return self.judgement.applied(self._in_time).until(self._times[-1])
+
+    @property
+    def _in_time(self) -> Fixes:
+        return self._fixes.earlier(self.sensors.lag_s)
+
+    def _path(self, local_map: LocalMap) -> tuple[FloatArray, FloatArray]:
+        """Poses of a map from its first posed frame on, and their times."""
+        first = local_map.first_posed
+        poses = local_map.poses[first - local_map.first_frame :]
+        return poses, self.t_s[first : first + len(poses)]
+
+    def _settle_lag(self, local_map: LocalMap) -> None:
+        """The clock's lag as the path so far shows it; were it left in, the window would bend to it."""
+        believed = self.judgement.applied(self._fixes)
+        self.sensors, _ = settle_lag(self.sensors, *self._path(local_map), believed, self._config.sensors)
 
     def _contradicted(self, local_map: LocalMap) -> bool:
         return contradicts(local_map, self.t_s, self._believed(), self._antenna, self._config)
@@ -222,10 +243,7 @@ class Sequence:
         """All fixes since the map began, anew: what came later may reverse a verdict."""
         if not judges(self._config):
             return
-        first = local_map.first_posed
-        poses = local_map.poses[first - local_map.first_frame :]
-        times = self.t_s[first : first + len(poses)]
-        found = judge_on_path(poses, times, self._fixes, self._antenna, self._config)
+        found = judge_on_path(*self._path(local_map), self._in_time, self._antenna, self._config)
         self.judgement = self.judgement.updated(found)
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:

@@ -39,7 +39,9 @@ def test_both_solvers_end_alike():
             MATRIX,
             fixes,
             SENSORS,
-            CONFIG.model_copy(update={"batch": BatchConfig(solver=solver, relative_tolerance=1e-10)}),
+            CONFIG.model_copy(
+                update={"batch": BatchConfig(solver=solver, relative_tolerance=1e-10, early_tolerance=1e-10)}
+            ),
         )
         for solver in ("schur", "gtsam")
     ]

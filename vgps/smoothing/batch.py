@@ -85,8 +85,8 @@ def optimise_batch(
     remark: tuple[str, ...] = ()
     judgement = judgement or Judgement.none(len(fixes))
     for round_ in range(config.batch.rounds):
-        # the path of the first round shows the lag better than the start
-        if round_ < 2:
+        # maps that were only just joined show lags that are none
+        if round_ == 1:
             believed = judgement.applied(fixes)
             sensors, remark = settle_lag(sensors, current.poses, scene.t_s, believed, config.sensors)
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
@@ -113,6 +113,8 @@ def optimise_batch(
             judgement = judgement.updated(_judged(current, fixes.earlier(sensors.lag_s), sensors, config))
     after = result.problem
     report, warnings = _report(scene, after, iterations, result.report.stop_reason)
+    if not result.converged:
+        warnings = (*warnings, f"stage D did not reach a minimum: {result.report.stop_reason}")
     covariance, doubts = _covariance(after)
     return Smoothed(
         after.world_T_camera,
@@ -140,8 +142,11 @@ def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Jud
 
 
 def _settings(config: Config, last: bool) -> SolverSettings:
-    tolerance = config.batch.relative_tolerance if last else config.batch.early_tolerance
-    return SolverSettings(max_iterations=config.batch.iterations, relative_tolerance=tolerance)
+    if last:
+        tolerance, iterations = config.batch.relative_tolerance, 2 * config.batch.iterations
+    else:
+        tolerance, iterations = config.batch.early_tolerance, config.batch.iterations
+    return SolverSettings(max_iterations=iterations, relative_tolerance=tolerance)
 
 
 def _retriangulated(scene: Scene, K: FloatArray, sigma_px: FloatArray, config: Config) -> Scene:

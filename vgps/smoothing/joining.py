@@ -38,6 +38,7 @@ def join_maps(
     camera_p_antenna: FloatArray,
     config: Config,
     controls: Controls = NO_CONTROLS,
+    lag_s: float = 0.0,
 ) -> Joined:
     """Put every map into the world, by its own fixes or by continuing its neighbour; pose every frame.
 
@@ -48,6 +49,7 @@ def join_maps(
         camera_p_antenna: (3,) metres.
         config: What it takes to align.
         controls: Sightings of known points.
+        lag_s: Of the fixes, as far as it is known.
 
     Raises:
         GeometryError: There are fixes, but no map could be aligned with them.
@@ -69,9 +71,11 @@ def join_maps(
         maps[0].aligned = True
     warnings.extend(_continue_maps(maps, t_s))
     judgement = Judgement.none(len(fixes))
+    path, _ = _every_frame(maps, t_s)
+    in_time = fixes.earlier(lag_s)
     if georeferenced and judges(config):
-        judgement = judge_on_path(_every_frame(maps, t_s)[0], t_s, fixes, camera_p_antenna, config)
-    believed = judgement.applied(fixes)
+        judgement = judge_on_path(path, t_s, in_time, camera_p_antenna, config)
+    believed = judgement.applied(in_time)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
             if contradicts(local_map, t_s, believed, camera_p_antenna, config, whole=True):
