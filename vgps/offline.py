@@ -11,7 +11,8 @@ from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
 from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
-from vgps.sequence import Seconds, Sequence
+from vgps.seconds import Seconds
+from vgps.sequence import Sequence
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, fixes_in_world, place, region_sizes
 from vgps.smoothing.joining import Joined, join_maps

@@ -1,9 +1,6 @@
 """The loop A -> B -> C over frames as they come, the same one offline and online."""
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +8,7 @@ from vgps.config import Config
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
+from vgps.seconds import Seconds
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.judging import Judgement, judge_on_path, judges
@@ -26,22 +24,6 @@ from vgps.tracking.relocaliser import Relocaliser
 
 _UNKNOWN = np.full((4, 4), np.nan)
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
-
-
-@dataclass
-class Seconds:
-    """Wall seconds per stage."""
-
-    by_stage: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def measure(self, stage: str) -> Iterator[None]:
-        """Add the time of a ``with`` block to a stage."""
-        begun = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.by_stage[stage] = self.by_stage.get(stage, 0.0) + time.perf_counter() - begun
 
 
 @dataclass
