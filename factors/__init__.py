@@ -2,7 +2,13 @@
 
 from factors.custom import POINT3, POSE3, SCALAR, VECTOR1, VECTOR3, Kind, Linearised, Variable, custom_factor
 from factors.gps import gps_factor, gps_factor_between, gps_factor_calibrating
-from factors.gyro import constant_velocity_factor
+from factors.gyro import (
+    PreintegratedRates,
+    bias_walk_factor,
+    constant_velocity_factor,
+    gyro_factor,
+    preintegrate_rates,
+)
 from factors.level import level_factor
 from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
 from factors.reprojection import (
@@ -28,14 +34,18 @@ __all__ = [
     "Linearised",
     "Loss",
     "Penalty",
+    "PreintegratedRates",
     "Variable",
+    "bias_walk_factor",
     "constant_velocity_factor",
     "control_point_factor",
     "custom_factor",
     "gps_factor",
     "gps_factor_between",
     "gps_factor_calibrating",
+    "gyro_factor",
     "level_factor",
+    "preintegrate_rates",
     "projection_factor",
     "projection_noise",
     "projection_sigma_px",
