@@ -126,6 +126,11 @@ camera_p_antenna: [0.05, -0.93, -0.32]
 video_start_utc: 2011-09-26T14:00:00.25+02:00
 world_origin: [49.011, 8.4165, 163]
 gyro_R_camera: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+gyro_rotation_sigma_deg: [0.1, 0.2, 0.3]
+gyro_time_offset_s: -0.02
+gyro_time_offset_sigma_s: 0.001
+gyro_bias_rad_s: [0.01, 0, -0.02]
+gyro_bias_sigma_rad_s: [0.001, 0.001, 0.002]
 exposure_s: 1e-2
 video_start_s: 10.5
 """,
@@ -135,6 +140,7 @@ video_start_s: 10.5
     assert read.world_origin == GeodeticPoint(49.011, 8.4165, 163.0)
     np.testing.assert_allclose(read.gyro_R_camera, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
     assert (read.exposure_s, read.video_start_s) == (0.01, 10.5)
+    assert (read.gyro_time_offset_s, read.gyro_bias_rad_s.tolist()) == (-0.02, [0.01, 0, -0.02])
 
 
 @pytest.mark.parametrize(
@@ -150,6 +156,7 @@ def test_a_rig_may_say_nothing(tmp_path):
     assert read.camera_p_antenna.tolist() == [0, 0, 0]
     assert read.video_start_utc is None
     assert read.gyro_R_camera is None
+    assert (read.gyro_time_offset_s, read.gyro_bias_rad_s.tolist()) == (0, [0, 0, 0])
 
 
 def test_a_printed_rotation_is_made_exact(tmp_path):

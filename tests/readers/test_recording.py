@@ -7,7 +7,7 @@ from clips import picture, write_clip
 from nmea_text import gga, zda
 
 from vgps.errors import CalibrationError, GpsLogError, RecordingError
-from vgps.readers.recording import find_gps_logs, open_recording
+from vgps.readers.recording import find_gps_logs, find_rig, open_recording
 
 CAMERA = "model: pinhole\nwidth: 64\nheight: 48\nfx: 50\nfy: 50\ncx: 32\ncy: 24\n"
 GYRO = "t_s,wx_rad_s,wy_rad_s,wz_rad_s\n5.0,0,0,0\n5.1,0,0,0\n"
@@ -35,6 +35,26 @@ def test_a_whole_folder(folder):
     np.testing.assert_allclose(recording.gps.t_s, [0.25], atol=1e-6)
     np.testing.assert_allclose(recording.gyro.t_s, [0, 0.1], atol=1e-9)
     assert recording.control_points.frame.tolist() == [9]
+
+
+def test_a_calibrated_gyro_is_on_the_videos_clock_and_without_bias(folder):
+    (folder / "gyro.csv").write_text(GYRO)
+    (folder / "rig.yaml").write_text(
+        "video_start_s: 5\ngyro_time_offset_s: 0.03\ngyro_bias_rad_s: [0.01, 0, -0.02]\n"
+    )
+    gyro = open_recording(folder).gyro
+    np.testing.assert_allclose(gyro.t_s, [0.03, 0.13], atol=1e-9)
+    np.testing.assert_allclose(gyro.rate_rad_s, [[-0.01, 0, 0.02]] * 2, atol=1e-12)
+
+
+def test_the_rig_that_is_read(folder):
+    assert find_rig(folder) is None
+    (folder / "rig.yaml").write_text("")
+    (folder / "mount.yaml").write_text("")
+    assert find_rig(folder / "video.mp4") == folder / "rig.yaml"
+    assert find_rig(folder, "mount.yaml") == folder / "mount.yaml"
+    with pytest.raises(RecordingError, match=r"none\.yaml: no such file"):
+        find_rig(folder, "none.yaml")
 
 
 def test_a_video_and_a_camera_are_enough(folder):

@@ -7,7 +7,9 @@ Table 2, Kume 2010: ``focal_mm``, ``ccd_mm: [width, height]``, ``scale`` (s_x), 
 ``kappa: [kappa1, kappa2]``.
 
 rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude
-[deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``exposure_s``, ``video_start_s``.
+[deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``,
+``exposure_s``, ``video_start_s``. Of a calibrated gyro it may also say, for the reader's eye alone, how well:
+``gyro_rotation_sigma_deg``, ``gyro_time_offset_sigma_s``, ``gyro_bias_sigma_rad_s``.
 """
 
 from datetime import UTC, datetime
@@ -75,6 +77,11 @@ class _RigFields(_Fields):
     video_start_utc: datetime | None = None
     world_origin: tuple[Latitude, Longitude, FiniteFloat] | None = None
     gyro_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    gyro_time_offset_s: FiniteFloat = 0.0
+    gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    gyro_rotation_sigma_deg: Vector3 | None = None
+    gyro_time_offset_sigma_s: FiniteFloat | None = None
+    gyro_bias_sigma_rad_s: Vector3 | None = None
     exposure_s: Annotated[FiniteFloat, Field(ge=0)] | None = None
     video_start_s: FiniteFloat = 0.0
 
@@ -134,6 +141,8 @@ def read_rig(path: str | Path) -> Rig:
         video_start_utc=start,
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
         gyro_R_camera=_rotation(fields.gyro_R_camera, path) if fields.gyro_R_camera else None,
+        gyro_time_offset_s=fields.gyro_time_offset_s,
+        gyro_bias_rad_s=np.array(fields.gyro_bias_rad_s),
         exposure_s=fields.exposure_s,
         video_start_s=fields.video_start_s,
     )

@@ -81,6 +81,15 @@ def find_gps_logs(folder: PathLike) -> list[Path]:
     return [file for file in named if gps_format(file) is not None or file.stem == "gps"]
 
 
+def find_rig(path: PathLike, rig: PathLike | None = None) -> Path | None:
+    """The rig.yaml that `open_recording` reads, if there is one.
+
+    Raises:
+        RecordingError: no video, or ``rig`` is named and missing.
+    """
+    return _given(_video(Path(path))[0], rig, "rig.yaml")
+
+
 def _video(path: Path) -> tuple[Path, VideoFile | ImageFolder]:
     """The folder in which the other files are, and the video."""
     if path.is_file():
@@ -178,9 +187,12 @@ def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
 
 def _gyro(folder: Path, rig: Rig, telemetry: Telemetry) -> GyroLog | None:
     file = folder / "gyro.csv"
-    if file.is_file():
-        return read_gyro(file, video_start_s=rig.video_start_s)
-    return read_gopro_gyro(telemetry)
+    given = file.is_file()
+    gyro = read_gyro(file, video_start_s=rig.video_start_s) if given else read_gopro_gyro(telemetry)
+    if gyro is None:
+        return None
+    t_s, rate = gyro.t_s + rig.gyro_time_offset_s, gyro.rate_rad_s - rig.gyro_bias_rad_s
+    return replace(gyro, t_s=t_s, rate_rad_s=rate)
 
 
 def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
