@@ -77,7 +77,7 @@ class Rig:
         video_start_utc: UTC instant of the video's first frame; absent: the log is on the video's clock.
         world_origin: Origin of the ENU world frame; absent means the first usable fix.
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
-        gyro_time_offset_s: Added to the gyro's times by the reader: its clock is this much behind the video's.
+        gyro_time_offset_s: Added to the gyro's times by the reader; its clock is behind by so much.
         gyro_bias_rad_s: (3,) taken off the gyro's rates by the reader.
         exposure_s: Exposure time of a frame.
         video_start_s: First frame's time on the clock of ``gyro.csv`` and ``truth.tum``.
@@ -127,7 +127,7 @@ class GpsLog:
 
 @dataclass(frozen=True)
 class GyroLog:
-    """Angular rates in the gyro's own axes: ``t_s`` (N,), ``rate_rad_s`` (N, 3), calibrated as the rig says."""
+    """Angular rates in the gyro's own axes: ``t_s`` (N,), ``rate_rad_s`` (N, 3), as the rig corrects."""
 
     t_s: FloatArray
     rate_rad_s: FloatArray
