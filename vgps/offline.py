@@ -226,6 +226,7 @@ def _solution(
         seconds=dict(seconds.by_stage),
         warnings=warnings,
         config=config.model_dump(mode="json"),
+        video_start_utc=recording.rig.video_start_utc,
     )
 
 

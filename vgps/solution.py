@@ -5,6 +5,7 @@ Frames, times and names as in :mod:`vgps.model`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -133,6 +134,7 @@ class Solution:
         seconds: Wall seconds per stage.
         warnings: Everything a user should know before trusting the result.
         config: The resolved configuration.
+        video_start_utc: UTC instant of the video's first frame, if the rig says it.
     """
 
     recording: Path | None
@@ -154,6 +156,7 @@ class Solution:
     seconds: Mapping[str, float]
     warnings: tuple[str, ...]
     config: Mapping[str, Any]
+    video_start_utc: datetime | None = None
 
     @property
     def trajectory(self) -> Trajectory:

@@ -5,6 +5,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +115,7 @@ def _read_config(file: Path) -> dict[str, Any]:
 
 
 def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:
-    origin = summary["world_origin"]
+    origin, start = summary["world_origin"], summary.get("video_start_utc")  # absent in older runs
     return Solution(
         recording=None if summary["recording"] is None else Path(summary["recording"]),
         world_origin=None if origin is None else GeodeticPoint(**origin),
@@ -135,6 +136,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         seconds=summary["seconds"],
         warnings=tuple(summary["warnings"]),
         config=config,
+        video_start_utc=None if start is None else datetime.fromisoformat(start),
     )
 
 

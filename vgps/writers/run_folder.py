@@ -62,6 +62,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "recording": None if solution.recording is None else str(solution.recording),
         "world_origin": solution.world_origin._asdict() if solution.world_origin is not None else None,
         "georeferenced": solution.georeferenced,
+        "video_start_utc": None if solution.video_start_utc is None else solution.video_start_utc.isoformat(),
         "counts": _counts(solution),
         "energy": {
             "before": _with_total(solution.report.cost_before),
