@@ -1,0 +1,46 @@
+"""What the database gives and the tracker matches: landmarks as they looked from a place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LandmarkViews:
+    """Views of landmarks, a row each; (A)-(D) of Matsuda 2007.
+
+    A template is a picture of a small plane through the landmark: its pixel (column, row), counted from the
+    template's middle, shows the world point ``world_p_landmark + column * world_v_column + row * world_v_row``.
+    So the two vectors hold the plane's normal (C) and the scale (D); at level k both count ``2**k`` times.
+
+    Attributes:
+        landmark: (N,) id in the database; several views of one landmark share it.
+        world_p_landmark: (N, 3) metres.
+        world_p_camera: (N, 3) from where it was seen, metres.
+        world_v_column, world_v_row: (N, 3) metres per template pixel at level 0.
+        templates: (N, levels, P, P) uint8, P odd, finest level first.
+        sigma_px: (N,) the landmark's reliability sigma_j, Eq. (13), Kume 2010.
+        position_sigma_m: (N,) how well the landmark's position is known.
+    """
+
+    landmark: IntArray
+    world_p_landmark: FloatArray
+    world_p_camera: FloatArray
+    world_v_column: FloatArray
+    world_v_row: FloatArray
+    templates: npt.NDArray[np.uint8]
+    sigma_px: FloatArray
+    position_sigma_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.landmark)
+
+    @property
+    def world_n(self) -> FloatArray:
+        """(N, 3) unit normals of the planes, towards the camera that saw them."""
+        # columns run right and rows down in the picture, so their product points away from the camera
+        normal = -np.cross(self.world_v_column, self.world_v_row)
+        return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
