@@ -12,9 +12,9 @@ from vgps.model import FloatArray, IntArray
 class LandmarkViews:
     """Views of landmarks, a row each; (A)-(D) of Matsuda 2007.
 
-    A template is a picture of a small plane through the landmark: its pixel (column, row), counted from the
-    template's middle, shows the world point ``world_p_landmark + column * world_v_column + row * world_v_row``.
-    So the two vectors hold the plane's normal (C) and the scale (D); at level k both count ``2**k`` times.
+    A template is a picture of a small plane through the landmark: its pixel (column, row), counted from its
+    middle, shows the world point ``world_p_landmark + column * world_v_column + row * world_v_row``. So the
+    two vectors hold the plane's normal (C) and the scale (D); at level k both count ``2**k`` times.
 
     Attributes:
         landmark: (N,) id in the database; several views of one landmark share it.
