@@ -228,6 +228,29 @@ class GpsConfig(_Stage):
     """r(p) and h(p) per fix class, from a survey of the receiver. Classes not named are not used."""
 
 
+class GyroCalibrationConfig(_Stage):
+    """When a gyro counts as calibrated against the video."""
+
+    least_interval_s: PositiveFloat = 0.03
+    """Frames nearer to the last one than this are passed over: a turn must rise above its error."""
+    search_s: PositiveFloat = 2.0
+    """The clocks are taken to agree to this."""
+    min_intervals: PositiveInt = 30
+    """Intervals between frames with a rotation from the video and gyro rates throughout."""
+    least_rate_deg_s: PositiveFloat = 0.5
+    """The gyro's rate must vary by this (standard deviation), else the camera hardly turned, or steadily."""
+    least_agreement: PositiveFloat = 0.85
+    """Correlation of the rates of gyro and video; less, and they do not tell of the same motion."""
+    max_rotation_sigma_deg: PositiveFloat = 2.0
+    """Above this standard deviation, about its worst axis, the sensor's rotation is not given."""
+    max_offset_sigma_s: PositiveFloat = 0.005
+    """The same for the offset between the clocks."""
+    max_bias_sigma_deg_s: PositiveFloat = 0.5
+    """The same for the bias."""
+    scale_tolerance: PositiveFloat = 0.03
+    """The video may turn by this share more or less than the gyro before the focal length is doubted."""
+
+
 class Config(_Stage):
     """Everything, one part per stage."""
 
@@ -242,6 +265,7 @@ class Config(_Stage):
     drift: DriftConfig = DriftConfig()
     judge: JudgeConfig = JudgeConfig()
     sensors: SensorsConfig = SensorsConfig()
+    gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     gps: GpsConfig = GpsConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":

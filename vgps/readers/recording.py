@@ -31,6 +31,7 @@ def open_recording(
     camera: PathLike | None = None,
     rig: PathLike | None = None,
     control_points: PathLike | None = None,
+    with_gps: bool = True,
 ) -> Recording:
     """Open a recording; the video is looked through, its frames are not decoded yet.
 
@@ -41,6 +42,7 @@ def open_recording(
             ``gyro.csv``, ``control_points.csv``; or a video, or a folder of images, with the others beside
             it.
         gps, camera, rig, control_points: Other files than these; a path, or a name inside the folder.
+        with_gps: Whether a GPS log is looked for at all.
 
     Returns:
         The recording, every stream on the video's clock. What no file gives, a GoPro's video does: its GPS,
@@ -68,7 +70,7 @@ def open_recording(
         video=video,
         camera=lens,
         rig=mount,
-        gps=_gps(folder, gps, video, mount, telemetry),
+        gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,
         gyro=gyro,
         control_points=_control_points(points, video) if points else None,
     )

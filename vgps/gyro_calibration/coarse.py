@@ -1,0 +1,94 @@
+"""Where the clocks of gyro and video may agree, and the rotation between the two: a first guess."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vgps.gyro_integration import GyroIntegral
+from vgps.model import FloatArray
+from vgps.tracking.turning import Turns
+
+_STEPS_PER_INTERVAL = 8
+_LEAST_OVERLAP = 0.5  # share of the intervals that the gyro must cover
+_CLIP = 4.0  # a rate this many times the median is a wrong rotation
+
+
+class Alignment(NamedTuple):
+    """The rotation that takes one set of rates best to another, after their means are taken off.
+
+    Attributes:
+        gyro_R_camera: (3, 3).
+        agreement: Correlation of the rates, at most 1.
+        scatter: (3,) mean products of the rates along the principal axes, gyro's times camera's, (rad/s)^2,
+            the largest first: how much the camera turned about each.
+    """
+
+    gyro_R_camera: FloatArray
+    agreement: float
+    scatter: FloatArray
+
+
+class Guess(NamedTuple):
+    """Offset to add to the gyro's times, and the second best that is not its neighbour."""
+
+    time_offset_s: float
+    alignment: Alignment
+    runner_up_s: float
+    runner_up: float
+
+
+def align_rates(
+    gyro_rates: FloatArray, camera_rates: FloatArray, weight: FloatArray | None = None
+) -> Alignment:
+    """Least squares of ``gyro - R camera`` over rotations, means free (Kabsch 1976; Umeyama 1991).
+
+    Args:
+        gyro_rates, camera_rates: (P, 3) at the same times.
+        weight: (P,), else 1.
+    """
+    weight = np.ones(len(gyro_rates)) if weight is None else weight
+    weight = weight / weight.sum()
+    g = gyro_rates - weight @ gyro_rates
+    c = camera_rates - weight @ camera_rates
+    u, scatter, vt = np.linalg.svd((weight[:, None] * g).T @ c)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    size = np.sqrt((weight @ np.sum(g**2, axis=1)) * (weight @ np.sum(c**2, axis=1)))
+    agreement = float(np.sum(scatter * sign) / max(size, 1e-300))
+    return Alignment(np.asarray((u * sign) @ vt, np.float64), agreement, np.asarray(scatter, np.float64))
+
+
+def guess_offset(turns: Turns, camera_rates: FloatArray, gyro: GyroIntegral, search_s: float) -> Guess | None:
+    """The offset within ``search_s`` at which the rates of gyro and video agree best, whatever the mount.
+
+    Args:
+        turns: Of the camera, P intervals.
+        camera_rates: (P, 3) their rates.
+        gyro: On its own clock.
+
+    Returns:
+        Nothing if no offset lets the gyro cover half of the intervals.
+    """
+    size = np.linalg.norm(camera_rates, axis=1)
+    limit = _CLIP * max(float(np.median(size)), 1e-6)
+    rates = camera_rates * np.minimum(1.0, limit / np.maximum(size, 1e-12))[:, None]
+    step = float(np.median(turns.end_s - turns.start_s)) / _STEPS_PER_INTERVAL
+    count = int(np.ceil(search_s / step))
+    offsets = step * np.arange(-count, count + 1)
+    found = [_aligned_at(turns, rates, gyro, offset) for offset in offsets]
+    agreement = np.array([-1.0 if one is None else one.agreement for one in found])
+    best = int(agreement.argmax())
+    alignment = found[best]
+    if alignment is None:
+        return None
+    peak = np.r_[False, (agreement[1:-1] > agreement[:-2]) & (agreement[1:-1] >= agreement[2:]), False]
+    peak[best] = False
+    other = int(np.where(peak, agreement, -1.0).argmax())
+    return Guess(float(offsets[best]), alignment, float(offsets[other]), float(agreement[other]))
+
+
+def _aligned_at(turns: Turns, rates: FloatArray, gyro: GyroIntegral, offset_s: float) -> Alignment | None:
+    start, end = turns.start_s - offset_s, turns.end_s - offset_s
+    covered = gyro.covers(start, end)
+    if covered.sum() < max(3.0, _LEAST_OVERLAP * len(turns)):
+        return None
+    return align_rates(gyro.mean_rates(start[covered], end[covered]), rates[covered])

@@ -1,0 +1,29 @@
+"""``rig.yaml`` with some of its keys set anew."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from vgps.readers.calibration import read_rig
+from vgps.writers.placing import new_file
+
+
+def write_rig(changes: Mapping[str, Any], out: Path, *, base: Path | None = None) -> None:
+    """Write the rig of ``base``, if there is one, with some keys set; ``base`` and ``out`` may be one file.
+
+    Comments are lost, the other keys keep their values and their order.
+
+    Raises:
+        CalibrationError: ``base`` is no rig, or what would be written is none.
+        RunFolderError: ``out`` cannot be written.
+    """
+    content: dict[str, Any] = {}
+    if base is not None:
+        read_rig(base)
+        content = yaml.safe_load(base.read_text(encoding="utf-8")) or {}
+    with new_file(out) as scratch:
+        text = yaml.safe_dump({**content, **changes}, sort_keys=False, default_flow_style=None, width=110)
+        scratch.write_text(text, encoding="utf-8")
+        read_rig(scratch)
