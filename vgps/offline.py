@@ -227,6 +227,7 @@ def _solution(
         warnings=warnings,
         config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
+        world_p_before=joined.scene.poses[:, :3, 3].copy(),
     )
 
 

@@ -135,6 +135,7 @@ class Solution:
         warnings: Everything a user should know before trusting the result.
         config: The resolved configuration.
         video_start_utc: UTC instant of the video's first frame, if the rig says it.
+        world_p_before: (F, 3) where stages A to C had left the camera; absent in older runs.
     """
 
     recording: Path | None
@@ -157,6 +158,7 @@ class Solution:
     warnings: tuple[str, ...]
     config: Mapping[str, Any]
     video_start_utc: datetime | None = None
+    world_p_before: FloatArray | None = None
 
     @property
     def trajectory(self) -> Trajectory:

@@ -89,5 +89,6 @@ def solution() -> Solution:
         ),
         seconds={"tracking": 1.5, "batch": 0.25},
         warnings=("frame 1 has too few features; für Frame 1 gilt die Brücke",),
+        world_p_before=np.arange(12.0).reshape(FRAMES, 3) / 7,
         config={"gps": {"model": "cylinder", "n": 4, "omega": 1e-8, "limit": None}, "names": ["a", "b"]},
     )

@@ -73,6 +73,16 @@ def test_a_run_without_gps_and_without_landmarks_comes_back_too(solution: Soluti
     assert [first[key] for key in ("latitude_deg", "longitude_deg", "height_m", "heading_deg")] == [""] * 4
 
 
+def test_an_older_run_without_the_path_before_the_last_stage_loads(
+    solution: Solution, tmp_path: Path
+) -> None:
+    older = dataclasses.replace(solution, world_p_before=None)
+    write_run(older, tmp_path / "run")
+    with np.load(tmp_path / "run" / "measurements.npz") as arrays:
+        assert "world_p_before" not in arrays.files
+    assert_same(read_run(tmp_path / "run"), older)
+
+
 def test_the_folder_holds_the_contract_and_nothing_else(solution: Solution, tmp_path: Path) -> None:
     write_run(solution, tmp_path / "new/run")
     assert {path.name for path in (tmp_path / "new/run").iterdir()} == set(FILES)

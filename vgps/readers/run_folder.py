@@ -137,6 +137,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         warnings=tuple(summary["warnings"]),
         config=config,
         video_start_utc=None if start is None else datetime.fromisoformat(start),
+        world_p_before=arrays.get("world_p_before"),
     )
 
 
@@ -196,6 +197,8 @@ def _check(solution: Solution, file: Path) -> None:
         "observations.landmark": (seen.landmark.shape, seen.frame.shape),
         "observations.uv_px": (seen.uv_px.shape, (*seen.frame.shape, 2)),
     }
+    if solution.world_p_before is not None:
+        shapes["world_p_before"] = (solution.world_p_before.shape, (frames, 3))
     if solution.fixes is not None:
         fixes = 0 if solution.gps is None else len(solution.gps)
         shapes["fixes.residual_m"] = (solution.fixes.residual_m.shape, (fixes, 3))

@@ -8,6 +8,7 @@ world_T_camera                  (F, 4, 4)    poses, world is ENU in metres
 sigma_rotation_rad              (F, 3)       about world east, north, up
 sigma_position_m                (F, 3)       east, north, up
 state                           (F,)         ``tracked`` or ``bridged``
+world_p_before                  (F, 3)       camera centres as stages A to C left them
 camera_p_antenna                (3,)         lever arm, metres
 landmarks.world_p_landmark      (L, 3)       metres
 landmarks.sigma_px              (L,)         reliability sigma_j, Eq. (13), Kume 2010, pixels
@@ -31,8 +32,8 @@ fixes.verdict                   (M,)         used, down-classed, rejected, not u
 fixes.reason                    (M,)         why or why not
 =============================== ============ ============================================================
 
-The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts. Intrinsics are in
-``solution.json``. No key is pickled.
+The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts, ``world_p_before`` in older
+runs. Intrinsics are in ``solution.json``. No key is pickled.
 """
 
 from collections.abc import Iterator
