@@ -1,0 +1,93 @@
+"""Table 6, Kume 2010: methods A to D, the cylinder and Cauchy on simulated walks or on a recording.
+
+python scripts/reproduce_kume_table6.py [--seeds N] [--frames F] [--jobs J] [--json OUT]
+python scripts/reproduce_kume_table6.py --recording DIR [--truth T.tum] [--gps LOG] [--seeds N]
+
+Without a recording each seed is a walk of its own, as in section 4 of the thesis: 70 m, hand-held, 720x480,
+15 frames a second, RTK-fix at both ends and RTK-float between. With one, a seed is the front end's.
+"""
+
+import argparse
+import json
+import statistics
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import vgps
+from vgps.compare import compare
+from vgps.compare.table6 import Row, antenna_errors, as_markdown
+from vgps.offline import Silent
+from vgps.simulate import SceneConfig, scene_with_errors, simulate
+
+
+def walk(given: argparse.Namespace) -> SceneConfig:
+    """The thesis's walk, or its first frames, with simulated errors or those of a receiver's log."""
+    scene = scene_with_errors("walk", given.gps_errors, given.gps_reference)
+    if given.frames is not None:
+        end_s = min(given.frames, scene.frames) / scene.fps
+        before = tuple(knot for knot in scene.speed if knot[0] < end_s)
+        scene = replace(scene, speed=(*before, (end_s, before[-1][1])))
+    return scene
+
+
+def on_walk(seed: int, given: argparse.Namespace) -> tuple[int, Row, float]:
+    """One simulated walk: its seed, its errors by method, and how long it took."""
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "walk"
+        simulate(folder, walk(given), seed)
+        config = vgps.Config(seed=seed).with_gps(None, given.survey)
+        found = compare(vgps.open_recording(folder), folder / "truth.tum", config, Silent())
+    return seed, antenna_errors(found), time.perf_counter() - begin
+
+
+def on_recording(seed: int, given: argparse.Namespace) -> tuple[int, Row, float]:
+    """One seed of the front end on a recording: the seed, the errors by method, and how long it took."""
+    begin = time.perf_counter()
+    config = vgps.Config(seed=seed).with_gps(None, given.survey)
+    truth = given.truth or given.recording / "truth.tum"
+    found = compare(vgps.open_recording(given.recording, gps=given.gps), truth, config, Silent())
+    return seed, antenna_errors(found), time.perf_counter() - begin
+
+
+def arguments() -> argparse.Namespace:
+    """What was asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--frames", type=int, help="of the walk; 1110 without it")
+    parser.add_argument("--gps-errors", type=Path, help="a log whose errors are replayed on the walk")
+    parser.add_argument("--gps-reference", type=Path, help="the better log of the same drive")
+    parser.add_argument("--recording", type=Path)
+    parser.add_argument("--truth", type=Path)
+    parser.add_argument("--gps")
+    parser.add_argument("--survey", type=Path)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--json", type=Path, help="write the errors of every seed here, as they come")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Print both tables as markdown."""
+    given = arguments()
+    rows: dict[int, Row] = {}
+    seconds = []
+    with ProcessPoolExecutor(given.jobs) as pool:
+        one = on_recording if given.recording else on_walk
+        seeds = range(given.first_seed, given.first_seed + given.seeds)
+        for seed, row, took in pool.map(one, seeds, [given] * given.seeds):
+            rows[seed] = row
+            seconds.append(took)
+            if given.json:
+                given.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    print(as_markdown(list(rows.values())))
+    print(f"\n{len(rows)} seeds, {statistics.mean(seconds):.0f} s each with {given.jobs} at a time")
+
+
+if __name__ == "__main__":
+    main()
