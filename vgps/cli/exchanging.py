@@ -10,15 +10,24 @@ from vgps.writers.export import export as export_run
 
 
 @app.command
-def simulate(*, out: Path, scene: str = "walk", seed: int = 0) -> None:
+def simulate(
+    *,
+    out: Path,
+    scene: str = "walk",
+    seed: int = 0,
+    gps_errors: Path | None = None,
+    gps_reference: Path | None = None,
+) -> None:
     """Make a recording with exact truth: video, GPS, gyro, calibration.
 
     Args:
         out: Recording folder to write.
         scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin.
         seed: Of the world and of the sensors' errors.
+        gps_errors: Log of a receiver that stands still, whose errors are replayed in place of simulated ones.
+        gps_reference: Better log of the same antenna, if that receiver moves: the truth where it is RTK-fix.
     """
-    vgps.simulate.simulate(out, scene, seed)
+    vgps.simulate.simulate(out, vgps.simulate.scene_with_errors(scene, gps_errors, gps_reference), seed)
     Console().print(f"wrote {out}", highlight=False)
 
 

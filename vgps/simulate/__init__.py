@@ -1,15 +1,25 @@
 """A world with exact truth, rendered to the same files a user has."""
 
 from vgps.simulate.motion import Motion, build_motion
+from vgps.simulate.receiver_errors import ErrorSeries, read_errors
 from vgps.simulate.recording import simulate
 from vgps.simulate.render import Renderer
-from vgps.simulate.scene import SCENES, FixErrors, GpsConfig, GyroConfig, SceneConfig, scene_config
+from vgps.simulate.scene import (
+    SCENES,
+    FixErrors,
+    GpsConfig,
+    GyroConfig,
+    SceneConfig,
+    scene_config,
+    scene_with_errors,
+)
 from vgps.simulate.street import build_world
 from vgps.simulate.world import Builder, World
 
 __all__ = [
     "SCENES",
     "Builder",
+    "ErrorSeries",
     "FixErrors",
     "GpsConfig",
     "GyroConfig",
@@ -19,6 +29,8 @@ __all__ = [
     "World",
     "build_motion",
     "build_world",
+    "read_errors",
     "scene_config",
+    "scene_with_errors",
     "simulate",
 ]

@@ -66,6 +66,7 @@ def simulate(
             "scene": scene if isinstance(scene, str) else "custom",
             "seed": seed,
             "config": repr(config),
+            **({"gps_errors": config.gps.replay.source.name} if config.gps.replay else {}),
         }
         (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
         write_video(folder / "video.mp4", _rendered(renderer, config.frames), config, on_frame)

@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from math import hypot
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
 from vgps.errors import ConfigError
 from vgps.model import FixClass, GeodeticPoint
+from vgps.simulate.receiver_errors import ErrorSeries, read_errors
 
 _ORIGIN = GeodeticPoint(34.7325, 135.7345, 120.0)
 
@@ -33,6 +36,12 @@ class FixErrors:
     hdop: float = 0.8
     satellites: int = 14
 
+    @property
+    def total_m(self) -> tuple[float, float, float]:
+        """Standard deviations of bias and process together: east, north, up."""
+        horizontal = hypot(self.sigma_h_m, self.bias_h_m)
+        return horizontal, horizontal, hypot(self.sigma_v_m, self.bias_v_m)
+
 
 # RTK-fix: between a 10 min log of a standing receiver, 316 such epochs (0.007 m per horizontal axis, 0.018 m
 # in height, correlated over 4-5 s), and the 95 % of Table 4, Kume 2010 (29 mm in the plane and 41 mm in
@@ -40,8 +49,10 @@ class FixErrors:
 # RTK-float: 289 epochs of the same log scatter by 0.87 m per horizontal axis and 2.5 m in height, 0.36 and
 # 0.42 m off the mean of its RTK-fix, with an autocorrelation of 0.5-0.8 after 5 s, 0.0-0.6 after 20 s and
 # 0.2-0.5 after 40 s, hence 25 s. Part of it is constant while the ambiguities float on the same values; the
-# two parts below add up to 0.87 and 2.5 m. Single: nine epochs of the log, rounded up. The reported sigmas
-# are as optimistic as in that log.
+# two parts below add up to 0.87 and 2.5 m. scripts/fit_gps_errors.py fits 0.97, 0.84, 2.54 m and 23, 13, 36 s
+# (east, north, up) to that log, but 0.13, 0.19, 0.42 m and 670, 68, 201 s to another receiver's RTK-float on
+# a drive: what a receiver is worth its own logs say, hence ``GpsConfig.replay``. Single: nine epochs of the
+# log, rounded up. The reported sigmas are as optimistic as in that log.
 FIX_ERRORS: Mapping[FixClass, FixErrors] = MappingProxyType(
     {
         FixClass.RTK_FIX: FixErrors(0.010, 0.020, 5.0),
@@ -64,6 +75,7 @@ class GpsConfig:
         outliers: Share of fixes thrown far off, whatever their class says.
         outlier_m: Smallest and largest horizontal distance by which.
         errors: Error model per class.
+        replay: Errors of a real receiver instead, for the classes that its log has.
     """
 
     interval_s: float = 1.0
@@ -73,6 +85,7 @@ class GpsConfig:
     outliers: float = 0.0
     outlier_m: tuple[float, float] = (8.0, 40.0)
     errors: Mapping[FixClass, FixErrors] = field(default_factory=lambda: FIX_ERRORS)
+    replay: ErrorSeries | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -206,3 +219,22 @@ def scene_config(name: str) -> SceneConfig:
     if name not in SCENES:
         raise ConfigError(f"unknown scene {name!r}", expected="one of " + ", ".join(SCENES), place="--scene")
     return SCENES[name]
+
+
+def scene_with_errors(name: str, log: Path | None = None, reference: Path | None = None) -> SceneConfig:
+    """The scene of that name, with the errors of a real receiver if a log is given.
+
+    Args:
+        name: One of ``SCENES``.
+        log, reference: As :func:`vgps.simulate.receiver_errors.read_errors` has them.
+
+    Raises:
+        ConfigError: There is no such scene, or a reference without a log.
+        GpsLogError: A log cannot be read, or tells no errors.
+    """
+    scene = scene_config(name)
+    if log is None:
+        if reference is not None:
+            raise ConfigError("a reference without a log of errors", place="--gps-reference")
+        return scene
+    return replace(scene, gps=replace(scene.gps, replay=read_errors(log, reference)))

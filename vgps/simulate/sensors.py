@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from vgps.geodesy import to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint
 from vgps.simulate.motion import Motion
-from vgps.simulate.scene import FixErrors, GyroConfig, SceneConfig
+from vgps.simulate.receiver_errors import replay
+from vgps.simulate.scene import FixErrors, GpsConfig, GyroConfig, SceneConfig
 
 GEOID_SEPARATION_M = 37.0
 _QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5}
@@ -25,6 +26,7 @@ class SimulatedFixes:
         t_s: (N,) seconds since the first frame, whole hundredths as NMEA writes them.
         world_p_antenna: (N, 3) where the antenna is.
         error_m: (N, 3) measured minus true.
+        reported_m: (N, 3) what the receiver claims: sigma east, north, up.
         outlier: (N,) which ones were thrown off.
     """
 
@@ -32,6 +34,7 @@ class SimulatedFixes:
     fix_class: tuple[FixClass, ...]
     world_p_antenna: FloatArray
     error_m: FloatArray
+    reported_m: FloatArray
     outlier: BoolArray
 
 
@@ -44,14 +47,15 @@ def simulate_fixes(motion: Motion, config: SceneConfig, rng: np.random.Generator
     classes = tuple(gps.middle_class if middle else FixClass.RTK_FIX for middle in inner)
     pose = motion.poses(t)
     antenna = pose[:, :3, :3] @ np.array(config.camera_p_antenna) + pose[:, :3, 3]
-    error = np.zeros((len(t), 3))
+    error, reported = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for begin, end in _stretches(classes):
-        error[begin:end] = gauss_markov(end - begin, gps.interval_s, gps.errors[classes[begin]], rng)
+        error[begin:end], reported[begin:end] = _stretch(classes[begin], t[begin:end], gps, rng)
     outlier = np.zeros(len(t), bool)
     outlier[rng.permutation(len(t))[: round(gps.outliers * len(t))]] = True
     direction, reach = rng.uniform(0, 2 * np.pi, len(t)), rng.uniform(*gps.outlier_m, len(t))
     jump = np.stack([np.cos(direction), np.sin(direction), rng.normal(0, 0.7, len(t))], axis=-1)
-    return SimulatedFixes(t, classes, antenna, error + outlier[:, None] * reach[:, None] * jump, outlier)
+    error += outlier[:, None] * reach[:, None] * jump
+    return SimulatedFixes(t, classes, antenna, error, reported, outlier)
 
 
 def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.random.Generator) -> FloatArray:
@@ -69,10 +73,12 @@ def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:
     """GGA, GST and ZDA of every fix."""
     places = to_geodetic(config.world_origin, fixes.world_p_antenna + fixes.error_m)
     sentences = []
-    for t, fix_class, place in zip(fixes.t_s, fixes.fix_class, places, strict=True):
+    for t, fix_class, place, reported in zip(
+        fixes.t_s, fixes.fix_class, places, fixes.reported_m, strict=True
+    ):
         utc = config.start_utc + timedelta(seconds=float(t))
         errors = config.gps.errors[fix_class]
-        sentences += [_gga(utc, GeodeticPoint(*place), fix_class, errors), _gst(utc, errors), _zda(utc)]
+        sentences += [_gga(utc, GeodeticPoint(*place), fix_class, errors), _gst(utc, reported), _zda(utc)]
     return b"".join(sentence.serialize() for sentence in sentences)
 
 
@@ -94,6 +100,18 @@ def simulate_gyro(
 def gyro_R_camera(gyro: GyroConfig) -> FloatArray:
     """(3, 3) rotation from camera axes to the gyro's."""
     return Rotation.from_euler("xyz", gyro.mount_deg, degrees=True).as_matrix()
+
+
+def _stretch(
+    fix_class: FixClass, t_s: FloatArray, gps: GpsConfig, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Errors (N, 3) of an unbroken stretch of one class, and what the receiver claims (N, 3)."""
+    model = gps.errors[fix_class]
+    claimed = np.tile(model.reported_m, (len(t_s), 1))
+    if gps.replay is None or fix_class not in gps.replay.fix_class:
+        return gauss_markov(len(t_s), gps.interval_s, model, rng), claimed
+    error, said = replay(gps.replay.of_class(fix_class), t_s, rng)
+    return error, np.where(np.isfinite(said), said, claimed)
 
 
 def _stretches(classes: tuple[FixClass, ...]) -> list[tuple[int, int]]:
@@ -125,8 +143,8 @@ def _gga(utc: datetime, place: GeodeticPoint, fix_class: FixClass, errors: FixEr
     )
 
 
-def _gst(utc: datetime, errors: FixErrors) -> NMEAMessage:
-    east, north, up = errors.reported_m
+def _gst(utc: datetime, reported_m: FloatArray) -> NMEAMessage:
+    east, north, up = (float(sigma) for sigma in reported_m)
     return NMEAMessage(
         *("GN", "GST", GET),
         time=utc.time(),

@@ -1,0 +1,166 @@
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vgps.errors import ConfigError, GpsLogError
+from vgps.model import FixClass
+from vgps.simulate import (
+    SCENES,
+    ErrorSeries,
+    FixErrors,
+    GpsConfig,
+    build_motion,
+    read_errors,
+    scene_with_errors,
+)
+from vgps.simulate.receiver_errors import fit_gauss_markov, replay
+from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensors import SimulatedFixes, gauss_markov, nmea, simulate_fixes
+
+FIX, FLOAT = FixClass.RTK_FIX, FixClass.RTK_FLOAT
+WALK = SCENES["walk"]
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def series(count: int, fix_class: FixClass = FLOAT, step_s: float = 1.0) -> ErrorSeries:
+    """East counts the epochs, north is minus that, up is 100; the receiver says 0.5, 0.6, 0.7 m."""
+    east = np.arange(float(count))
+    error = np.column_stack([east, -east, np.full(count, 100.0)])
+    sigma = np.tile([0.5, 0.6, 0.7], (count, 1))
+    return ErrorSeries(step_s * east, error, sigma, (fix_class,) * count, Path("rover.pos"))
+
+
+def log_of(path: Path, error_m: np.ndarray, fix_class: tuple[FixClass, ...], moving: bool = False) -> Path:
+    """A log at 1 Hz of an antenna at the origin, or walking east at 1 m/s, with these errors."""
+    t = np.arange(float(len(error_m)))
+    place = np.zeros((len(t), 3))
+    place[:, 0] = t * moving
+    fixes = SimulatedFixes(t, fix_class, place, error_m, np.full((len(t), 3), 0.25), np.zeros(len(t), bool))
+    path.write_bytes(nmea(fixes, WALK))
+    return path
+
+
+@pytest.mark.parametrize(("sigma", "time_s"), [(0.7, 8.0), (2.5, 40.0)])
+def test_a_process_is_found_again(sigma: float, time_s: float) -> None:
+    error = gauss_markov(40_000, 1.0, FixErrors(sigma, sigma, time_s), rng())
+    for axis in range(3):
+        found = fit_gauss_markov(np.arange(40_000.0), error[:, axis])
+        assert found.sigma_m == pytest.approx(sigma, rel=0.1)
+        assert found.correlation_s == pytest.approx(time_s, rel=0.2)
+
+
+def test_gaps_and_other_intervals_do_not_matter() -> None:
+    t = 0.2 * np.arange(100_000)
+    error = gauss_markov(len(t), 0.2, FixErrors(1.0, 1.0, 5.0), rng())[:, 0]
+    kept = rng(1).random(len(t)) < 0.6
+    found = fit_gauss_markov(t[kept], error[kept])
+    assert found.sigma_m == pytest.approx(1.0, rel=0.1) and found.correlation_s == pytest.approx(5.0, rel=0.2)
+
+
+def test_the_doubt_is_as_large_as_the_scatter_of_short_logs() -> None:
+    model = FixErrors(1.0, 1.0, 20.0)
+    fits = [
+        fit_gauss_markov(np.arange(600.0), gauss_markov(600, 1.0, model, rng(k))[:, 0]) for k in range(60)
+    ]
+    scatter = np.std([fit.sigma_m for fit in fits])
+    assert 0.5 < np.median([fit.sigma_doubt for fit in fits]) / scatter < 1.5
+
+
+def test_a_bias_counts_and_never_ends() -> None:
+    found = fit_gauss_markov(np.arange(100.0), np.full(100, -2.0))
+    assert found.sigma_m == 2.0 and found.correlation_s > 90 and found.sigma_doubt > 0.5
+
+
+def test_errors_of_a_receiver_that_stands_are_about_its_rtk_fixes(tmp_path: Path) -> None:
+    error = np.array([[0.01, 0, 0], [-0.01, 0, 0], [2.0, -1.0, 4.0], [0, 0, 0]])
+    found = read_errors(log_of(tmp_path / "a.nmea", error, (FIX, FIX, FLOAT, FIX)))
+    np.testing.assert_allclose(found.error_m, error, atol=1e-3)
+    np.testing.assert_allclose(found.sigma_m, 0.25)
+    assert found.of_class(FLOAT).fix_class == (FLOAT,)
+    np.testing.assert_allclose(found.of_class(FLOAT).t_s - found.t_s[0], 2.0)
+
+
+def test_errors_of_a_receiver_that_moves_are_about_its_reference(tmp_path: Path) -> None:
+    error = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0], [-1.0, -2.0, -3.0]])
+    log = log_of(tmp_path / "a.nmea", error, (FLOAT, FLOAT, FIX, FLOAT), moving=True)
+    better = log_of(tmp_path / "b.nmea", np.zeros((3, 3)), (FIX, FLOAT, FIX), moving=True)
+    found = read_errors(log, better)
+    np.testing.assert_allclose(found.error_m, error[[0, 2]], atol=1e-3)
+    assert found.fix_class == (FLOAT, FIX)
+
+
+def test_a_reference_of_another_day_is_told(tmp_path: Path) -> None:
+    log = log_of(tmp_path / "a.nmea", np.zeros((3, 3)), (FIX,) * 3)
+    later = replace(WALK, start_utc=WALK.start_utc + timedelta(days=3))
+    t = np.arange(3.0)
+    fixes = SimulatedFixes(t, (FIX,) * 3, np.zeros((3, 3)), np.zeros((3, 3)), np.ones((3, 3)), t > 9)
+    (tmp_path / "b.nmea").write_bytes(nmea(fixes, later))
+    with pytest.raises(GpsLogError, match=r"a\.nmea: no fix at the time of an RTK-fix of the reference"):
+        read_errors(log, tmp_path / "b.nmea")
+
+
+def test_a_replay_begins_somewhere_and_goes_on() -> None:
+    error, said = replay(series(10), np.array([0.03, 1.03, 2.53]), rng())
+    steps = np.diff(error[:, 0]) % 10
+    np.testing.assert_allclose(steps[:1], 1.0)
+    np.testing.assert_allclose(error[:, 2], 100.0)
+    np.testing.assert_allclose(said, [[0.5, 0.6, 0.7]] * 3)
+    begins = {float(replay(series(10), np.array([5.0]), rng(seed))[0][0, 0]) for seed in range(60)}
+    assert begins == set(np.arange(10.0))
+
+
+def test_a_replay_keeps_the_log_s_own_pace() -> None:
+    t = np.arange(0.0, 1.0, 0.25)
+    error, _ = replay(series(50, step_s=0.5), t, rng(4))
+    np.testing.assert_allclose(np.diff(error[:, 0]), 0.5)
+
+
+def test_a_simulated_receiver_replays_the_classes_that_its_log_has() -> None:
+    config = replace(WALK, gps=GpsConfig(replay=series(100)))
+    fixes = simulate_fixes(build_motion(config, rng()), config, rng())
+    floats = np.array([one is FLOAT for one in fixes.fix_class])
+    np.testing.assert_allclose(fixes.error_m[floats, 2], 100.0)
+    np.testing.assert_allclose(fixes.reported_m[floats], np.tile([0.5, 0.6, 0.7], (floats.sum(), 1)))
+    assert np.abs(fixes.error_m[~floats]).max() < 0.2
+    np.testing.assert_allclose(fixes.reported_m[~floats][0], FIX_ERRORS[FIX].reported_m)
+
+
+def test_sigmas_that_the_log_does_not_tell_are_the_model_s() -> None:
+    silent = replace(series(100), sigma_m=np.full((100, 3), np.nan))
+    config = replace(WALK, gps=GpsConfig(replay=silent))
+    fixes = simulate_fixes(build_motion(config, rng()), config, rng())
+    claimed = {tuple(row) for row in fixes.reported_m}
+    assert claimed == {FIX_ERRORS[FIX].reported_m, FIX_ERRORS[FLOAT].reported_m}
+
+
+def test_the_defaults_are_those_of_a_real_receiver(data_dir: Path) -> None:
+    own = read_errors(data_dir / "survey/stationary.nmea").of_class(FLOAT)
+    fits = [fit_gauss_markov(own.t_s, own.error_m[:, axis]) for axis in range(3)]
+    model = FIX_ERRORS[FLOAT]
+    for fit, total in zip(fits, model.total_m, strict=True):
+        assert abs(fit.sigma_m - total) < 2 * fit.sigma_doubt * total
+    assert np.mean([fit.correlation_s for fit in fits]) == pytest.approx(model.correlation_s, rel=0.3)
+
+
+def test_a_drive_s_errors_are_those_against_its_reference(data_dir: Path) -> None:
+    found = read_errors(data_dir / "rtk_drive/solution.pos", data_dir / "rtk_drive/reference.pos")
+    assert len(found.of_class(FIX).t_s) == 1649 and len(found.of_class(FLOAT).t_s) == 2800
+    spread = np.sqrt(np.mean(found.of_class(FLOAT).error_m ** 2, axis=0))
+    np.testing.assert_allclose(spread, [0.133, 0.190, 0.422], atol=2e-3)
+
+
+def test_a_reference_alone_is_told() -> None:
+    with pytest.raises(ConfigError, match="reference without a log"):
+        scene_with_errors("walk", None, Path("b.pos"))
+
+
+def test_a_log_that_is_none_is_told(tmp_path: Path) -> None:
+    (tmp_path / "x.nmea").write_text("nothing\n")
+    with pytest.raises(GpsLogError, match=r"x\.nmea: no GPS log of a known format"):
+        scene_with_errors("walk", tmp_path / "x.nmea")
