@@ -1,0 +1,168 @@
+"""Pose of one frame from landmarks of known position, (E) of Matsuda 2007: RANSAC, linear, then refined."""
+
+from dataclasses import dataclass
+
+import cv2
+import gtsam
+import numpy as np
+
+from vgps.geometry import MIN_DEPTH, project
+from vgps.model import BoolArray, FloatArray
+
+_CONFIDENCE = 0.9999
+_LEAST = 4  # matches a linear solution needs
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """A pose with what supports it.
+
+    Attributes:
+        world_T_camera: (4, 4).
+        covariance: (6, 6) in the camera's tangent, rotation then translation.
+        inlier: (N,) matches that agree.
+    """
+
+    world_T_camera: FloatArray
+    covariance: FloatArray
+    inlier: BoolArray
+
+
+def pose_from_matches(
+    K: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    sigma_px: FloatArray,
+    limit_px: float,
+    samples: int,
+    huber_px: float,
+    guess: FloatArray | None = None,
+) -> PoseEstimate | None:
+    """Robust pose: samples with a linear solution, then least reprojection error over those that agree.
+
+    Args:
+        K: (3, 3).
+        points: (N, 3) in the world.
+        uv_px: (N, 2), undistorted.
+        sigma_px: (N,) standard deviations of the matches.
+        limit_px: A match agrees with a pose if it is this near.
+        samples: Minimal samples at most.
+        huber_px: Errors beyond this grow linearly.
+        guess: (4, 4) a pose that competes with the samples.
+
+    Returns:
+        The pose with most support, or nothing if not even a linear solution exists.
+    """
+    if len(points) < _LEAST:
+        return None
+    candidates = [] if guess is None else [guess]
+    sampled = _ransac(K, points, uv_px, limit_px, samples)
+    candidates += [] if sampled is None else [sampled]
+    best: PoseEstimate | None = None
+    for candidate in candidates:
+        found = _settle(K, candidate, points, uv_px, sigma_px, limit_px, huber_px)
+        if found is not None and (best is None or found.inlier.sum() > best.inlier.sum()):
+            best = found
+    return best
+
+
+def _ransac(
+    K: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float, samples: int
+) -> FloatArray | None:
+    # about their own middle: world coordinates of hundreds of metres cost the solver digits
+    middle = points.mean(axis=0)
+    ok, rotation, translation, inlier = cv2.solvePnPRansac(
+        points - middle,
+        uv_px,
+        K,
+        None,
+        iterationsCount=samples,
+        reprojectionError=limit_px,
+        confidence=_CONFIDENCE,
+        flags=cv2.SOLVEPNP_SQPNP,
+    )
+    if not ok or inlier is None or not np.isfinite(translation).all():
+        return None
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(rotation)[0].T
+    pose[:3, 3] = middle - pose[:3, :3] @ translation[:, 0]
+    return pose
+
+
+def _settle(
+    K: FloatArray,
+    pose: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    sigma_px: FloatArray,
+    limit_px: float,
+    huber_px: float,
+) -> PoseEstimate | None:
+    """Refine, and decide again which matches agree, until that settles."""
+    inlier = agreeing(K, pose, points, uv_px, limit_px)
+    covariance = np.full((6, 6), np.nan)
+    for _ in range(4):
+        if inlier.sum() < _LEAST:
+            return None
+        pose, covariance = refine_pose(
+            K, pose, points[inlier], uv_px[inlier], sigma_px[inlier], huber_px=huber_px
+        )
+        now = agreeing(K, pose, points, uv_px, limit_px)
+        if np.array_equal(now, inlier):
+            break
+        inlier = now
+    return PoseEstimate(pose, covariance, inlier)
+
+
+def agreeing(
+    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
+) -> BoolArray:
+    """(N,) matches within ``limit_px`` of where the pose puts them, in front of the camera."""
+    predicted, depth = project(K, world_T_camera, points)
+    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
+
+
+def refine_pose(
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    sigma_px: FloatArray,
+    *,
+    huber_px: float = 1.5,
+    iterations: int = 10,
+) -> tuple[FloatArray, FloatArray]:
+    """Least reprojection error over one pose, each match by its sigma, Huber's loss in pixels; Gauss-Newton.
+
+    Returns:
+        The pose (4, 4) and its covariance (6, 6), inflated where the errors are larger than their sigmas.
+    """
+    pose, information, spread = world_T_camera, np.eye(6), 1.0
+    for _ in range(iterations):
+        residual, jacobian = linearise(K, pose, points, uv_px)
+        size = np.linalg.norm(residual, axis=1)
+        weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / sigma_px**2
+        weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
+        information = weighted.T @ jacobian.reshape(-1, 6)
+        information += np.diag(1e-9 * np.diag(information) + 1e-9)
+        spread = float(weight @ size**2) / max(2 * len(points) - 6, 1)
+        step = -np.linalg.solve(information, weighted.T @ residual.ravel())
+        pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -10, 10)).matrix()
+        if np.abs(step).max() < 1e-7:
+            break
+    return pose, np.asarray(np.linalg.inv(information) * max(spread, 1.0))
+
+
+def linearise(
+    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6) to the pose; both zero behind the camera."""
+    camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
+    front = camera_p[:, 2] > MIN_DEPTH
+    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
+    fx, fy, zero = K[0, 0], K[1, 1], np.zeros_like(z)
+    a, b = x / z, y / z
+    by_u = np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx / z, zero, fx * a / z], axis=1)
+    by_v = np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy / z, fy * b / z], axis=1)
+    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
+    return residual * front[:, None], np.stack([by_u, by_v], axis=1) * front[:, None, None]
