@@ -18,6 +18,7 @@ from vgps.tracking.turning import Turns, frame_turns
 
 _SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
 _AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
+_UNIT = 2.0  # times too far, and no lens explains it
 _REMEDY = "pan, tilt and roll the camera, a few seconds each, slowly and not steadily"
 
 
@@ -122,7 +123,7 @@ def calibrate_from_turns(turns: Turns, gyro: GyroLog, config: GyroCalibrationCon
             remedy="check video_start_s in rig.yaml",
         )
     turns, rates = _covered(turns, rates, integral, guess.time_offset_s)
-    _check_motion(turns, integral, guess, gyro, config)
+    _check_motion(turns, rates, integral, guess, gyro, config)
     start = Mount(guess.alignment.gyro_R_camera, guess.time_offset_s, np.zeros(3))
     fit = fit_mount(turns, integral, start)
     by_gyro = _gyro_rates(turns, integral, fit.mount.time_offset_s)
@@ -151,7 +152,12 @@ def _covered(
 
 
 def _check_motion(
-    turns: Turns, gyro: GyroIntegral, guess: Guess, log: GyroLog, config: GyroCalibrationConfig
+    turns: Turns,
+    camera_rates: FloatArray,
+    gyro: GyroIntegral,
+    guess: Guess,
+    log: GyroLog,
+    config: GyroCalibrationConfig,
 ) -> None:
     if len(turns) < config.min_intervals:
         found = f"the gyro covers {len(turns)} intervals between frames"
@@ -170,6 +176,19 @@ def _check_motion(
             file=log.source,
             expected=f"at least {config.least_agreement:g}",
             remedy="check video_start_s in rig.yaml, and that the video is not stabilised; " + _REMEDY,
+        )
+    _check_unit(rates, camera_rates, guess, log)
+
+
+def _check_unit(gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, log: GyroLog) -> None:
+    spread = [np.linalg.norm(rates.std(axis=0)) for rates in (gyro_rates, camera_rates)]
+    times = float(spread[0] / (guess.alignment.agreement * spread[1]))
+    if not 1 / _UNIT < times < _UNIT:
+        raise GyroLogError(
+            f"the gyro turns {times:.3g} times as far as the video",
+            file=log.source,
+            expected="rates in rad/s" + (", not deg/s" if times > _UNIT else ""),
+            remedy="check the unit, and the focal length in camera.yaml",
         )
 
 
