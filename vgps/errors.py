@@ -70,3 +70,7 @@ class RunFolderError(VgpsError):
 
 class GeometryError(VgpsError):
     """Input whose geometry does not determine the answer: no motion, too few features, too few fixes."""
+
+
+class LandmarkDatabaseError(VgpsError):
+    """A landmark database that is absent, empty, damaged, foreign, too new, or cannot be made or written."""

@@ -1,0 +1,138 @@
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from synthetic_landmarks import CAMERA, random_contents, random_poses
+
+from vgps.landmarks.build_settings import SelectionConfig
+from vgps.landmarks.contents import LandmarkContents
+from vgps.landmarks.database import LandmarkDatabase
+from vgps.landmarks.database_writer import write_database
+from vgps.landmarks.views import LandmarkViews
+from vgps.model import Camera
+
+
+def written(folder: Path, contents: LandmarkContents) -> Path:
+    out = folder / "landmarks.vgps"
+    write_database(contents, out)
+    return out
+
+
+def assert_same_views(one: LandmarkViews, other: LandmarkViews) -> None:
+    for field in fields(LandmarkViews):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        assert a.dtype == b.dtype, field.name
+        np.testing.assert_array_equal(a, b, err_msg=field.name)
+
+
+def brute_force(
+    views: LandmarkViews, pose: np.ndarray, camera: Camera, config: SelectionConfig, max_depth_m: float
+) -> dict[int, np.ndarray]:
+    """For each landmark that is in view and was seen from near: its best view's camera; a row at a time."""
+    best: dict[int, tuple[float, np.ndarray]] = {}
+    for row in range(len(views)):
+        x, y, z = pose[:3, :3].T @ (views.world_p_landmark[row] - pose[:3, 3])
+        if not 0.1 < z <= max_depth_m:
+            continue
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+        if not (-0.5 <= u < camera.width - 0.5 and -0.5 <= v < camera.height - 0.5):
+            continue
+        here, there = pose[:3, 3], views.world_p_camera[row]
+        to_here, to_there = (eye - views.world_p_landmark[row] for eye in (here, there))
+        to_here, to_there = to_here / np.linalg.norm(to_here), to_there / np.linalg.norm(to_there)
+        angle = np.degrees(np.arccos(np.clip(to_here @ to_there, -1, 1)))
+        tilt = np.degrees(np.arccos(np.clip(to_here @ views.world_n[row], -1, 1)))
+        sides = np.linalg.norm(views.world_v_column[row]) * np.linalg.norm(views.world_v_row[row])
+        octaves = np.log2(z / np.sqrt(camera.fx * camera.fy) / np.sqrt(sides))
+        if angle > config.max_view_angle_deg or tilt > config.max_tilt_deg:
+            continue
+        if not -config.nearer_octaves <= octaves <= config.further_octaves:
+            continue
+        cost = 2 * (1 - to_here @ to_there) / np.radians(config.angle_unit_deg) ** 2
+        cost += (octaves / config.octave_unit) ** 2
+        landmark = int(views.landmark[row])
+        if landmark not in best or cost < best[landmark][0]:
+            best[landmark] = (cost, there)
+    return {landmark: camera_p for landmark, (_, camera_p) in best.items()}
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1), spread_m=st.sampled_from([1.0, 30.0, 3e5]))
+def test_a_query_finds_what_looking_at_every_view_finds(tmp_path: Path, seed: int, spread_m: float) -> None:
+    contents = random_contents(seed, landmarks=120, spread_m=spread_m)
+    rng = np.random.default_rng(seed)
+    config = SelectionConfig(max_view_angle_deg=90.0)
+    with LandmarkDatabase.open(written(tmp_path, contents), config) as database:
+        for pose in random_poses(rng, 3, 10.0):
+            # put the camera somewhere near where a landmark was seen from, so that there is something to find
+            pose[:3, 3] += contents.views.world_p_camera[rng.integers(len(contents.views))]
+            found = database.views(pose, CAMERA, max_depth_m=100.0)
+            expected = brute_force(contents.views, pose, CAMERA, config, 100.0)
+            assert found.landmark.tolist() == sorted(expected)
+            for landmark, camera_p in zip(found.landmark.tolist(), found.world_p_camera, strict=True):
+                np.testing.assert_array_equal(camera_p, expected[landmark])
+
+
+def test_the_brute_force_finds_something() -> None:
+    contents = random_contents(4, landmarks=400)
+    counts = [
+        len(brute_force(contents.views, pose, CAMERA, SelectionConfig(max_view_angle_deg=90.0), 100.0))
+        for pose in random_poses(np.random.default_rng(4), 5, 10.0)
+    ]
+    assert min(counts) > 0
+
+
+def test_everything_written_is_read_back_exactly(tmp_path: Path) -> None:
+    contents = random_contents(1, landmarks=200)
+    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+        assert (database.landmark_count, database.view_count) == (200, len(contents.views))
+        assert (database.patch_px, database.levels) == (5, 3)
+        assert database.world_origin == contents.world_origin
+        back = database.contents()
+    assert_same_views(back.views, contents.views)
+    assert back.sources == contents.sources
+    for one, other in zip(back.keyframes, contents.keyframes, strict=True):
+        for field in fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+
+
+def test_a_world_known_by_control_points_alone_has_no_origin(tmp_path: Path) -> None:
+    contents = replace(random_contents(), world_origin=None)
+    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+        assert database.world_origin is None
+
+
+def test_where_nothing_is_in_view_there_are_no_views(tmp_path: Path) -> None:
+    contents = random_contents()
+    pose = np.eye(4)
+    pose[:3, 3] = 1e6
+    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+        nothing = database.views(pose, CAMERA)
+    assert len(nothing) == 0
+    assert nothing.templates.shape == (0, 3, 5, 5) and nothing.world_n.shape == (0, 3)
+
+
+@pytest.mark.parametrize("cache_mb", [1, 256])
+def test_a_small_cache_changes_nothing(tmp_path: Path, cache_mb: int) -> None:
+    contents = random_contents(2, landmarks=3000)
+    pose = random_poses(np.random.default_rng(2), 1, 1.0)[0]
+    with LandmarkDatabase.open(written(tmp_path, contents), SelectionConfig(cache_mb=cache_mb)) as database:
+        before = database.views(pose, CAMERA)
+        assert_same_views(database.all_views(), contents.views)
+        assert_same_views(database.views(pose, CAMERA), before)
+        assert len(before) > 10
+
+
+def test_no_more_landmarks_than_asked_for(tmp_path: Path) -> None:
+    contents = random_contents(3, landmarks=4000)
+    pose = random_poses(np.random.default_rng(3), 1, 1.0)[0]
+    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+        everything = database.views(pose, CAMERA)
+        some = database.views(pose, CAMERA, max_landmarks=20)
+        assert_same_views(database.views(pose, CAMERA, max_landmarks=10_000), everything)
+    assert len(some) == 20 < len(everything)
+    rows = np.isin(everything.landmark, some.landmark)
+    np.testing.assert_array_equal(some.templates, everything.templates[rows])

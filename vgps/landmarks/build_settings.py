@@ -1,0 +1,45 @@
+"""What goes into a landmark database, and which of it suits a camera."""
+
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat, PositiveInt
+
+
+class LandmarksConfig(BaseModel):
+    """Which landmarks, views and keyframes of a run go into a database."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    patch_px: PositiveInt = 15
+    """Side of a template, odd."""
+    levels: PositiveInt = 3
+    """Scales of a template; each covers twice the width of the one before."""
+    max_views: PositiveInt = 8
+    """Places from which a landmark is kept, spread in direction and distance."""
+    min_sightings: PositiveInt = 4
+    """Landmarks seen in fewer frames are left out."""
+    max_sigma_px: PositiveFloat = 1.0
+    """Landmarks with a larger reliability sigma_j, Eq. (13) Kume 2010, are left out."""
+    max_relative_sigma: PositiveFloat = 0.1
+    """Landmarks whose position is uncertain by more than this share of their depth are left out."""
+    keyframe_every: PositiveInt = 10
+    """A keyframe for re-initialisation every so many frames of the video."""
+
+
+class SelectionConfig(BaseModel):
+    """Which views of a landmark suit a camera."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    max_view_angle_deg: PositiveFloat = 45.0
+    """A view is of use while the landmark is seen within this angle of the direction that it shows."""
+    max_tilt_deg: PositiveFloat = 75.0
+    """And while the direction to the camera is within this angle of the template's normal."""
+    nearer_octaves: NonNegativeFloat = 1.0
+    """And while the camera sees the landmark at most 2**this times larger than the view does,"""
+    further_octaves: NonNegativeFloat = 2.0
+    """or 2**this times smaller, which the coarser levels of a template serve."""
+    angle_unit_deg: PositiveFloat = 10.0
+    """The best view is nearest in direction, in this unit,"""
+    octave_unit: PositiveFloat = 0.5
+    """and in scale, in this one."""
+    cache_mb: PositiveInt = 256
+    """Memory for what was read last."""

@@ -1,0 +1,53 @@
+"""What a landmark database holds, in memory: views of landmarks, keyframes, and what they were made from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.landmarks.views import LandmarkViews
+from vgps.model import FloatArray, GeodeticPoint, GrayImage, IntArray
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A frame by which a camera without any pose finds its place again.
+
+    Attributes:
+        world_T_camera: (4, 4) its pose.
+        landmark: (N,) ids of landmarks seen in it, ``world_p_landmark`` (N, 3) where they are.
+        descriptors: (N, D) uint8, as :func:`vgps.landmarks.descriptors.describe` gives them, a row each; a
+            landmark may have several.
+        thumbnail: (h, w) the whole frame, small.
+    """
+
+    world_T_camera: FloatArray
+    landmark: IntArray
+    world_p_landmark: FloatArray
+    descriptors: npt.NDArray[np.uint8]
+    thumbnail: GrayImage
+
+
+@dataclass(frozen=True)
+class Source:
+    """A run that a database was made from: its recording, which frames gave templates, landmarks it gave."""
+
+    recording: str
+    frames: str
+    landmarks: int
+
+
+@dataclass(frozen=True)
+class LandmarkContents:
+    """Everything in a database; ids of landmarks are unique in it.
+
+    Attributes:
+        world_origin: Where the ENU frame stands; absent where the world is known by control points alone.
+        views: Sorted by landmark.
+        keyframes: Their landmarks are among those of ``views``.
+    """
+
+    world_origin: GeodeticPoint | None
+    views: LandmarkViews
+    keyframes: tuple[Keyframe, ...]
+    sources: tuple[Source, ...]

@@ -1,0 +1,100 @@
+"""Contents of a landmark database into a file, complete or not at all."""
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vgps.errors import LandmarkDatabaseError
+from vgps.landmarks.cells import Cell, group, pixel_sizes_m
+from vgps.landmarks.contents import LandmarkContents
+from vgps.landmarks.schema import (
+    APPLICATION_ID,
+    TABLES,
+    VERSION,
+    check_sum,
+    digest,
+    encode_cell,
+    encode_keyframe,
+)
+from vgps.landmarks.views import LandmarkViews
+from vgps.model import IntArray
+from vgps.writers.placing import new_file
+
+CELL_SIZE = 32  # landmarks: small cells waste less of what is read, large ones take fewer look-ups
+
+
+def write_database(contents: LandmarkContents, out: Path) -> None:
+    """Write a landmark database; the file takes its name when it is complete. Equal contents, equal bytes.
+
+    Raises:
+        LandmarkDatabaseError: There is nothing to write, or the disk refuses.
+        RunFolderError: ``out`` is a folder or cannot be written.
+    """
+    if not len(contents.views):
+        raise LandmarkDatabaseError("no landmark is left to write", file=out)
+    with new_file(out) as file:
+        connection = sqlite3.connect(file, isolation_level=None)
+        try:
+            _fill(connection, contents)
+        except sqlite3.OperationalError as error:
+            raise LandmarkDatabaseError(f"cannot be written ({error})", file=out) from error
+        finally:
+            connection.close()
+
+
+def _fill(connection: sqlite3.Connection, contents: LandmarkContents) -> None:
+    # the file has no other name yet: a journal would protect nothing
+    connection.executescript("PRAGMA page_size=16384; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;")
+    connection.executescript(f"PRAGMA application_id={APPLICATION_ID}; PRAGMA user_version={VERSION};")
+    connection.executescript(TABLES)
+    connection.execute("BEGIN")
+    for number, (cell, templates, box) in enumerate(_cells(contents.views), start=1):
+        _insert(connection, "cell", (number, *encode_cell(cell), check_sum(templates), templates))
+        _insert(connection, "cell_box", (number, *box))
+    for number, source in enumerate(contents.sources, start=1):
+        _insert(connection, "source", (number, source.recording, source.frames, source.landmarks))
+    for number, keyframe in enumerate(contents.keyframes, start=1):
+        _insert(connection, "keyframe", (number, *encode_keyframe(keyframe)))
+    _insert(connection, "meta", (*_meta(contents), ""))
+    connection.execute("UPDATE meta SET digest = ?", (digest(connection),))
+    connection.execute("COMMIT")
+
+
+def _insert(connection: sqlite3.Connection, table: str, values: tuple[Any, ...]) -> None:
+    connection.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(values))})", values)
+
+
+def _meta(contents: LandmarkContents) -> tuple[float | int | None, ...]:
+    origin = contents.world_origin or (None, None, None)
+    views = contents.views
+    count = np.unique(views.landmark, return_counts=True)[1]
+    levels, patch_px = views.templates.shape[1:3]
+    return (*origin, patch_px, levels, int(count.max()), len(count), len(views))
+
+
+def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, bytes, tuple[float, ...]]]:
+    order = np.argsort(views.landmark, kind="stable")
+    landmark, first, count = np.unique(views.landmark[order], return_index=True, return_counts=True)
+    pixel_m = pixel_sizes_m(views)[order]
+    octave = np.round(np.log2(np.maximum.reduceat(pixel_m, first))).astype(np.int64)
+    for rows in group(views.world_p_landmark[order[first]], octave, CELL_SIZE):
+        seen = _ranges(first[rows], count[rows])
+        cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[seen])
+        point, pixels = cell.numbers[:, :3], pixel_m[seen]
+        sides = np.column_stack([point.min(axis=0), point.max(axis=0)]).ravel().tolist()
+        yield cell, views.templates[order[seen]].tobytes(), (*sides, float(pixels.min()), float(pixels.max()))
+
+
+def _cell(views: LandmarkViews, landmark: IntArray, one: IntArray, count: IntArray, seen: IntArray) -> Cell:
+    numbers = [views.world_p_landmark[one], views.sigma_px[one, None], views.position_sigma_m[one, None]]
+    view_numbers = [views.world_p_camera[seen], views.world_v_column[seen], views.world_v_row[seen]]
+    return Cell(landmark, np.hstack(numbers), count, np.hstack(view_numbers))
+
+
+def _ranges(first: IntArray, count: IntArray) -> IntArray:
+    """first[0], first[0] + 1, ..., ``count[0]`` of them; then the same for the next."""
+    start = np.repeat(first - (np.cumsum(count) - count), count)
+    return np.asarray(start + np.arange(count.sum()))

@@ -1,0 +1,128 @@
+"""The landmark database as a file: SQLite with an R*Tree over cells of landmarks.
+
+Tables: ``meta`` (one row), ``source`` (a row per run), ``cell`` (landmarks and views as little-endian
+arrays), ``cell_box`` (R*Tree over east, north, up and the metres that a template's pixel covers),
+``keyframe``. An R*Tree keeps float32 and rounds boxes outwards, so none loses what is in it; the arrays keep
+float64.
+"""
+
+import hashlib
+import sqlite3
+import zlib
+
+import numpy as np
+
+from vgps.landmarks.cells import Cell
+from vgps.landmarks.contents import Keyframe
+
+APPLICATION_ID = 0x76677073  # "vgps"
+VERSION = 1
+
+TABLES = """
+CREATE TABLE meta (
+    latitude_deg REAL, longitude_deg REAL, height_m REAL,
+    patch_px INTEGER NOT NULL, levels INTEGER NOT NULL, max_views INTEGER NOT NULL,
+    landmarks INTEGER NOT NULL, views INTEGER NOT NULL, digest TEXT NOT NULL
+);
+CREATE TABLE source (id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER);
+CREATE TABLE cell (
+    id INTEGER PRIMARY KEY, landmark BLOB, numbers BLOB, views BLOB, view_numbers BLOB,
+    check_sum INTEGER, templates_check_sum INTEGER, templates BLOB
+);
+CREATE VIRTUAL TABLE cell_box USING rtree(
+    id, east_0, east_1, north_0, north_1, up_0, up_1, pixel_0, pixel_1
+);
+CREATE TABLE keyframe (
+    id INTEGER PRIMARY KEY, world_T_camera BLOB, landmark BLOB, points BLOB, descriptors BLOB,
+    width INTEGER, height INTEGER, thumbnail BLOB
+);
+"""
+CELL_COLUMNS = "landmark, numbers, views, view_numbers, check_sum"
+KEYFRAME_COLUMNS = "world_T_camera, landmark, points, descriptors, width, height, thumbnail"
+
+META_COLUMNS = "latitude_deg, longitude_deg, height_m, patch_px, levels, max_views, landmarks, views"
+
+_DIGESTED = {
+    "meta": f"SELECT {META_COLUMNS} FROM meta",
+    "source": "SELECT * FROM source ORDER BY id",
+    "cell": "SELECT * FROM cell ORDER BY id",
+    "cell_box": "SELECT * FROM cell_box ORDER BY id",
+    "keyframe": "SELECT * FROM keyframe ORDER BY id",
+}
+
+
+def digest(connection: sqlite3.Connection) -> str:
+    """SHA-256 over every value of every table, the digest itself aside."""
+    sha = hashlib.sha256()
+    for table, query in _DIGESTED.items():
+        sha.update(table.encode())
+        for row in connection.execute(query):
+            for value in row:
+                raw = value if isinstance(value, bytes) else repr(value).encode()
+                sha.update(len(raw).to_bytes(8, "little"))
+                sha.update(raw)
+    return sha.hexdigest()
+
+
+def check_sum(*parts: bytes) -> int:
+    """CRC-32 of blobs one after the other."""
+    crc = 0
+    for part in parts:
+        crc = zlib.crc32(part, crc)
+    return crc
+
+
+def encode_cell(cell: Cell) -> tuple[bytes | int, ...]:
+    """The values of :data:`CELL_COLUMNS`."""
+    blobs = (
+        cell.landmark.astype("<i8").tobytes(),
+        cell.numbers.astype("<f8").tobytes(),
+        cell.count.astype("<i8").tobytes(),
+        cell.view_numbers.astype("<f8").tobytes(),
+    )
+    return (*blobs, check_sum(*blobs))
+
+
+def decode_cell(landmark: bytes, numbers: bytes, views: bytes, view_numbers: bytes, crc: int) -> Cell:
+    """The cell again.
+
+    Raises:
+        ValueError: The blobs are not what was written.
+    """
+    if check_sum(landmark, numbers, views, view_numbers) != crc:
+        raise ValueError("check sum")
+    return Cell(
+        np.frombuffer(landmark, "<i8"),
+        np.frombuffer(numbers, "<f8").reshape(-1, 5),
+        np.frombuffer(views, "<i8"),
+        np.frombuffer(view_numbers, "<f8").reshape(-1, 9),
+    )
+
+
+def encode_keyframe(keyframe: Keyframe) -> tuple[bytes | int, ...]:
+    """The values of :data:`KEYFRAME_COLUMNS`."""
+    height, width = keyframe.thumbnail.shape
+    return (
+        keyframe.world_T_camera.astype("<f8").tobytes(),
+        keyframe.landmark.astype("<i8").tobytes(),
+        keyframe.world_p_landmark.astype("<f8").tobytes(),
+        keyframe.descriptors.tobytes(),
+        width,
+        height,
+        keyframe.thumbnail.tobytes(),
+    )
+
+
+def decode_keyframe(
+    pose: bytes, landmark: bytes, points: bytes, descriptors: bytes, width: int, height: int, thumbnail: bytes
+) -> Keyframe:
+    """The keyframe again.
+
+    Raises:
+        ValueError: The blobs do not fit each other.
+    """
+    ids = np.frombuffer(landmark, "<i8")
+    world_p = np.frombuffer(points, "<f8").reshape(len(ids), 3)
+    rows = np.frombuffer(descriptors, np.uint8).reshape(len(ids), -1 if len(ids) else 0)
+    small = np.frombuffer(thumbnail, np.uint8).reshape(height, width)
+    return Keyframe(np.frombuffer(pose, "<f8").reshape(4, 4), ids, world_p, rows, small)
