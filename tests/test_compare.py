@@ -49,7 +49,7 @@ def test_the_video_alone_begins_where_it_truly_was(comparison):
 def test_page_and_data(comparison, tmp_path):
     page, data = write_comparison(comparison, tmp_path / "deeper")
     html = page.read_text()
-    assert html.count("<tr>") == 1 + len(CHOSEN) and html.count("data:image/png;base64,") == 2
+    assert html.count("<tr>") == 1 + len(CHOSEN) and html.count("data:image/svg+xml;base64,") == 2
     assert not re.search(r"(src|href)=\"http", html)  # it stands alone
     assert json.loads(data.read_text()) == json.loads(json.dumps(as_json(comparison)))
     assert set(as_json(comparison)["methods"]["cylinder (16)"]) >= {"camera_position_m", "seconds", "nees"}

@@ -1,19 +1,16 @@
 """A comparison as one HTML page, JSON, and the plots of Figs 15 and 16, Kume 2010."""
 
-import base64
-import io
 import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vgps.compare.methods import Comparison
 from vgps.evaluate import as_json as evaluation_as_json
+from vgps.writers.page import embedded, tidy, write_page
 from vgps.writers.placing import new_file
 
 _COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
@@ -40,27 +37,17 @@ def ratios(comparison: Comparison) -> dict[str, dict[str, float]]:
 def write_comparison(comparison: Comparison, out: Path) -> tuple[Path, Path]:
     """Write ``comparison.html`` and ``comparison.json`` into the folder ``out``; their paths."""
     page, data = out / "comparison.html", out / "comparison.json"
-    template = Environment(autoescape=True).from_string(
-        files("vgps.compare").joinpath("page.html.j2").read_text(encoding="utf-8")
-    )
-    html = template.render(
-        recording=comparison.recording.name,
-        rows=[(name, e, comparison.seconds[name]) for name, e in comparison.evaluations.items()],
-        ratios=ratios(comparison),
-        errors=_embedded(_errors(comparison)),
-        paths=_embedded(_paths(comparison)),
-    )
-    with new_file(page) as scratch:
-        scratch.write_text(html, encoding="utf-8")
+    values = {
+        "recording": comparison.recording.name,
+        "rows": [(name, e, comparison.seconds[name]) for name, e in comparison.evaluations.items()],
+        "ratios": ratios(comparison),
+        "errors": embedded(_errors(comparison)),
+        "paths": embedded(_paths(comparison)),
+    }
+    write_page("vgps.compare", values, page)
     with new_file(data) as scratch:
         scratch.write_text(json.dumps(as_json(comparison), indent=2) + "\n", encoding="utf-8")
     return page, data
-
-
-def _embedded(figure: Figure) -> str:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
-    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _coloured(comparison: Comparison) -> list[tuple[str, str]]:
@@ -75,7 +62,7 @@ def _errors(comparison: Comparison) -> Figure:
         error = np.linalg.norm(evaluation.camera_error_m, axis=1)
         axes.plot(evaluation.t_s, error, color=colour, label=name, lw=1.2)
     axes.set(xlabel="time [s]", ylabel="camera error, unaligned [m]", yscale="log")
-    axes.grid(alpha=0.3)
+    tidy(axes)
     axes.legend(fontsize=8)
     return figure
 
@@ -98,8 +85,7 @@ def _paths(comparison: Comparison) -> Figure:
     above.set(xlabel="east [m]", ylabel="north [m]", aspect="equal")
     above.legend(fontsize=8)
     side.set(xlabel="way [m]", ylabel="up [m]")
-    for axes in (above, side):
-        axes.grid(alpha=0.3)
+    tidy(above, side)
     return figure
 
 

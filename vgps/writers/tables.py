@@ -52,9 +52,7 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
     """
     count = 0 if gps is None else len(gps)
     table = fixes if fixes is not None else _no_verdicts(count)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio_r = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
-        ratio_h = np.abs(table.residual_m[:, 2]) / table.h_m
+    ratio_r, ratio_h = region_ratios(table)
     columns = {
         "line": [] if gps is None else gps.line.tolist(),
         "t_s": [] if gps is None else _numbers(gps.t_s, 6),
@@ -74,6 +72,13 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
         "reason": table.reason,
     }
     _write(columns, out)
+
+
+def region_ratios(table: FixTable) -> tuple[FloatArray, FloatArray]:
+    """(M,) horizontal residual over r, (M,) vertical one over h, Eq. (16), Kume 2010; NaN where unknown."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        horizontal = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
+        return horizontal, np.abs(table.residual_m[:, 2]) / table.h_m
 
 
 def _globe(solution: Solution) -> FloatArray:

@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vgps.report.facts import (
+    antenna_path,
+    doubts,
+    features_per_frame,
+    outages,
+    unused_reasons,
+    verdict_counts,
+    way_m,
+)
+from vgps.solution import Verdict
+
+
+def without_gps(solution):
+    return replace(solution, gps=None, fixes=None)
+
+
+def test_verdicts_are_counted_by_class_best_first(solution):
+    counts = verdict_counts(solution)
+    assert list(counts) == ["rtk_fix", "rtk_float", "unknown"]
+    assert [counts["rtk_fix"][one] for one in Verdict] == [7, 1, 1, 0]
+    assert sum(sum(row.values()) for row in counts.values()) == len(solution.gps)
+
+
+def test_doubts_are_the_rejected_and_the_down_classed(solution):
+    rejected, lowered = doubts(solution)
+    assert (rejected.t_s, rejected.line) == (pytest.approx(3.05), 10)
+    # 20 m over r = 0.1 m, 0.5 m over h = 0.05 m
+    assert (rejected.ratio_r, rejected.ratio_h) == (pytest.approx(200.0), pytest.approx(10.0))
+    assert (lowered.verdict, lowered.fix_class) == (Verdict.DOWN_CLASSED, "rtk_fix")
+    # 0.05 m over the 2 m of the class below
+    assert lowered.ratio_r == pytest.approx(0.025) and lowered.probability == 0.875
+
+
+def test_an_outage_has_its_time_its_way_and_its_largest_sigma(solution):
+    first, last = outages(solution)
+    # fixes are 0.125 s older than their stamps: the last one before was true at 19.05 - 0.125 s
+    assert (first.begin_s, first.end_s) == (pytest.approx(18.925), pytest.approx(39.925))
+    assert first.way_m == pytest.approx(10.0 * (first.end_s - first.begin_s))
+    np.testing.assert_allclose(first.sigma_m, [0.22, 0.42, 0.82], atol=1e-9)
+    assert (last.begin_s, last.end_s) == (pytest.approx(54.925), pytest.approx(60.0))  # then none is used
+
+
+def test_short_gaps_are_no_outage(solution):
+    table = solution.fixes
+    verdict = [Verdict.USED] * len(table.verdict)
+    verdict[30] = Verdict.REJECTED  # two seconds
+    found = outages(replace(solution, fixes=replace(table, verdict=tuple(verdict))))
+    assert [round(one.end_s - one.begin_s) for one in found] == [21]
+
+
+def test_why_fixes_were_not_used(solution):
+    [(reason, count)] = unused_reasons(solution)
+    assert reason == "not used: because" and count == 6
+
+
+def test_features_ways_and_antennas(solution):
+    features = features_per_frame(solution)
+    assert features.sum() == len(solution.observations.frame) and features[1] == 0 and features[2] == 3
+    assert way_m(solution)[0] == 0.0 and way_m(solution)[-1] == pytest.approx(600.0)
+    np.testing.assert_allclose(antenna_path(solution)[10], [10.5, 0.0, 1.0])
+
+
+def test_without_a_log_there_is_nothing_to_say_of_fixes(solution):
+    alone = without_gps(solution)
+    assert verdict_counts(alone) == {} and doubts(alone) == [] and outages(alone) == []
+    assert unused_reasons(alone) == []

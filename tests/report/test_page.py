@@ -1,0 +1,156 @@
+import base64
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from vgps.cli.reporting import report
+from vgps.errors import RunFolderError
+from vgps.report import write_report
+from vgps.report.page import _number
+from vgps.report.path_picture import outside_picture
+from vgps.solution import FrameState, Landmarks, Observations
+from vgps.writers.run_folder import write_run
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Balanced(HTMLParser):
+    """Fails on tags that do not close in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def page_of(solution, tmp_path):
+    out = tmp_path / "deeper" / "report.html"
+    write_report(solution, out)
+    html = out.read_text(encoding="utf-8")
+    checker = Balanced()
+    checker.feed(html)
+    assert checker.open == []
+    return html
+
+
+@pytest.fixture(scope="module")
+def html(solution, tmp_path_factory):
+    return page_of(solution, tmp_path_factory.mktemp("page"))
+
+
+def pictures(html):
+    return [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([^\"]+)", html)]
+
+
+def test_the_page_stands_alone_and_its_pictures_parse(html):
+    assert not re.search(r"(src|href)=\"(?!data:)", html) and "<script" not in html
+    assert [ET.fromstring(one).tag for one in pictures(html)] == ["{http://www.w3.org/2000/svg}svg"] * 2
+
+
+def test_warnings_come_first_and_in_full(html, solution, tmp_path):
+    assert "the clock lags &amp; so on" in html and "gps.nmea: 2 damaged lines passed over" in html
+    assert html.index("the clock lags") < html.index('class="tiles"') < html.index("From above")
+    assert "gave no warnings" not in html
+    quiet = replace(solution, warnings=(), gps=replace(solution.gps, skipped=()))
+    assert "gave no warnings" in page_of(quiet, tmp_path)
+
+
+def test_verdicts_and_doubts_are_told(html):
+    assert "rejected: &lt;b&gt;far&lt;/b&gt; &amp; wrong" in html  # what a run says is text, never markup
+    assert html.count("down-classed: because") == 1
+    assert "<td>200</td><td>10.0</td><td>0.875</td>" in re.sub(r"\s*\n\s*", "", html)
+    assert "No fix took part from 18.9 to 39.9 s" in html
+
+
+def test_energy_timings_sensors_and_configuration(html):
+    assert "12 iterations; converged." in html and "<td>1,050</td><td>105</td>" in html
+    assert "A, tracking" in html and "20.0 s" in html and "width: 66.7%" in html
+    assert "0.125 s, standard deviation 0.014 s" in html
+    assert "0.000 -1.000 0.500 m, standard deviations 0.010 0.020 0.030 m" in html
+    assert "<details>" in html and "model: cylinder" in html
+
+
+def test_the_same_run_gives_the_same_page(html, solution, tmp_path):
+    assert page_of(solution, tmp_path) == html
+
+
+def test_a_run_without_gps(solution, tmp_path):
+    alone = replace(solution, gps=None, fixes=None, georeferenced=False, world_origin=None)
+    html = page_of(alone, tmp_path)
+    assert "no GPS log" in html and "arbitrary" in html and "Verdicts" not in html and "residual" not in html
+    assert all("nan" not in one.lower() for one in pictures(html))
+
+
+def test_a_run_without_landmarks_sigmas_or_seconds(solution, tmp_path):
+    nothing = np.zeros(0, dtype=np.int64)
+    bare = replace(
+        solution,
+        landmarks=Landmarks(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.uint8)),
+        observations=Observations(nothing, nothing, np.zeros((0, 2))),
+        sigma_position_m=np.full((len(solution.t_s), 3), np.nan),
+        sigma_rotation_rad=np.full((len(solution.t_s), 3), np.nan),
+        seconds={},
+        config={},
+    )
+    html = page_of(bare, tmp_path)
+    assert "median sigma" not in html and ">not known<" in pictures(html)[1]
+
+
+def test_a_single_frame_with_a_log_that_never_was_judged(solution, tmp_path):
+    one = replace(
+        solution,
+        t_s=solution.t_s[:1],
+        world_T_camera=solution.world_T_camera[:1],
+        sigma_position_m=solution.sigma_position_m[:1],
+        sigma_rotation_rad=solution.sigma_rotation_rad[:1],
+        state=(FrameState.BRIDGED,),
+        observations=Observations(np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((1, 2))),
+        fixes=None,
+    )
+    assert "1 of them bridged" in page_of(one, tmp_path)
+
+
+def test_fixes_far_off_do_not_shrink_the_picture_and_are_counted(solution, tmp_path):
+    far = solution.fixes.world_p_fix.copy()
+    far[3] += [0.0, 50_000.0, 0.0]
+    run = replace(solution, fixes=replace(solution.fixes, world_p_fix=far))
+    assert (outside_picture(solution), outside_picture(run)) == (0, 1)
+    assert "1 fixes lie outside" in page_of(run, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (float("nan"), "–"),
+        (0.0966, "0.0966"),
+        (12.345, "12.3"),
+        (-0.5, "-0.500"),
+        (12345.6, "12,346"),
+    ],
+)
+def test_numbers_have_three_figures(value, text):
+    assert _number(value) == text
+
+
+def test_the_verb_writes_the_page_of_a_run_folder(solution, tmp_path, capsys):
+    write_run(solution, tmp_path / "run")
+    report(tmp_path / "run", out=tmp_path / "r.html")
+    assert "spring" in (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "wrote" in capsys.readouterr().out
+
+
+def test_a_page_that_cannot_be_written_is_told(solution, tmp_path):
+    with pytest.raises(RunFolderError, match="is a folder"):
+        write_report(solution, tmp_path)
+    assert list(tmp_path.iterdir()) == []

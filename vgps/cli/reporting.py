@@ -1,0 +1,21 @@
+"""The verb that shows a run to a person."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from vgps.cli.app import app
+from vgps.readers.run_folder import read_run
+from vgps.report import write_report
+
+
+@app.command
+def report(run: Path, *, out: Path) -> None:
+    """A run as one HTML page: map, verdicts on the fixes, what to doubt, and how it was computed.
+
+    Args:
+        run: Run folder.
+        out: HTML file to write; it needs no other file.
+    """
+    write_report(read_run(run), out)
+    Console().print(f"wrote {out}", highlight=False, soft_wrap=True)
