@@ -251,6 +251,21 @@ class GyroCalibrationConfig(_Stage):
     """The video may turn by this share more or less than the gyro before the focal length is doubted."""
 
 
+class OnlineConfig(_Stage):
+    """What is special about a sequence that is fed live."""
+
+    keep_s: PositiveFloat = 120.0
+    """Path and fixes are remembered for so long: what judges late fixes and is bent when GPS returns."""
+    bridge_s: PositiveFloat = 1.0
+    """Frames without features go on at constant velocity for so long; then the camera counts as lost."""
+    blend_s: PositiveFloat = 2.0
+    """Time in which the smooth pose approaches the corrected one by all but 1/e,"""
+    blend_m_s: PositiveFloat = 1.0
+    """but never faster than this,"""
+    blend_deg_s: PositiveFloat = 5.0
+    """nor turning faster than this."""
+
+
 class Config(_Stage):
     """Everything, one part per stage."""
 
@@ -267,6 +282,7 @@ class Config(_Stage):
     sensors: SensorsConfig = SensorsConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     gps: GpsConfig = GpsConfig()
+    online: OnlineConfig = OnlineConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":
         """The same configuration with another GPS model or the regions of a survey file.

@@ -8,6 +8,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
 _GROWTH = 4096
+_ROUND = 100
 
 
 @dataclass(frozen=True)
@@ -151,9 +152,10 @@ class LocalMap:
         ids = np.arange(self._count, self._count + count)
         self._count += count
         while self._count > len(self._gray):
-            self._points = np.concatenate([self._points, np.full_like(self._points, np.nan)])
-            self._sigma_px = np.concatenate([self._sigma_px, np.full_like(self._sigma_px, np.nan)])
-            self._gray = np.concatenate([self._gray, np.zeros_like(self._gray)])
+            more = max(len(self._gray), _GROWTH)
+            self._points = np.concatenate([self._points, np.full((more, 3), np.nan)])
+            self._sigma_px = np.concatenate([self._sigma_px, np.full(more, np.nan)])
+            self._gray = np.concatenate([self._gray, np.zeros(more, dtype=np.uint8)])
         return ids
 
     def set_points(self, ids: IntArray, points: FloatArray, sigma_px: FloatArray) -> None:
@@ -181,6 +183,46 @@ class LocalMap:
         poses = self.poses[np.clip(row, 0, len(self.poses) - 1)]
         valid = (self.view_frames >= 0) & np.isfinite(poses[:, 0, 0])
         return np.where(valid[:, None, None], poses, np.eye(4)), valid
+
+    def forget(self, before_frame: int, before_view: int) -> FloatArray:
+        """Let go of poses before one frame and of sightings before another; the newest view always stays.
+
+        Ids of features are counted anew by a round number, so that what is scheduled by id stays.
+
+        Args:
+            before_frame: Not after ``before_view``.
+            before_view: Ties of standing frames before it go too.
+
+        Returns:
+            (n, 4, 4) the poses let go, from ``first_frame`` as it was on.
+        """
+        newest = int(self.view_frames[-1])
+        before_view = min(before_view, newest)
+        before_frame = max(min(before_frame, before_view), self.first_frame)
+        self._log = [entry for entry in self._log if entry[0] >= before_view]
+        self.static_ties = [
+            tie for tie in self.static_ties if tie.frame >= before_view and tie.key >= before_frame
+        ]
+        gone = self.view_frames < before_frame
+        self.view_frames = np.where(gone, -1, self.view_frames)
+        self.views[:, gone] = np.nan
+        self.bridged = {frame for frame in self.bridged if frame >= before_frame}
+        self._forget_features()
+        count = before_frame - self.first_frame
+        old, self.poses = self.poses[:count], self.poses[count:].copy()
+        self.first_frame = before_frame
+        return old
+
+    def _forget_features(self) -> None:
+        followed = [self.ids, *(ids for _, ids, _ in self._log)]
+        drop = int(min(ids.min(initial=self._count) for ids in followed)) // _ROUND * _ROUND
+        if drop == 0:
+            return
+        self._points, self._sigma_px = self._points[drop:].copy(), self._sigma_px[drop:].copy()
+        self._gray = self._gray[drop:].copy()
+        self._count -= drop
+        self.ids = self.ids - drop
+        self._log = [(frame, ids - drop, uv) for frame, ids, uv in self._log]
 
     def observations(self, since_frame: int = 0) -> Observations:
         """Every sighting from a frame on; ``landmark`` is the feature id."""

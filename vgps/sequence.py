@@ -5,17 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
+from vgps.errors import GeometryError
+from vgps.growing import GrowingRows
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.seconds import Seconds
-from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.fixes import Fixes
-from vgps.smoothing.judging import Judgement, judge_on_path, judges
-from vgps.smoothing.lag import settle_lag
+from vgps.smoothing.ledger import FixLedger
+from vgps.smoothing.refining import Refiner
 from vgps.smoothing.sensors import Sensors
-from vgps.smoothing.start import align_to_control, try_alignment
-from vgps.smoothing.window import contradicts, optimise_window
 from vgps.tracking.bootstrap import TwoViewStart
 from vgps.tracking.control import control_poses
 from vgps.tracking.frame_tracker import FrameTracker, Tracked
@@ -24,6 +23,36 @@ from vgps.tracking.relocaliser import Relocaliser
 
 _UNKNOWN = np.full((4, 4), np.nan)
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
+_MOST_FAILURES = 3  # of stage C in a row, before a map is given up
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How far back a sequence remembers: sightings and views in frames, path and fixes in seconds.
+
+    Stage C needs the sightings of a window and of the longest track before it; more changes nothing. Drift
+    and verdicts are found on the path.
+    """
+
+    view_frames: int
+    path_s: float
+
+    @classmethod
+    def of(cls, config: Config) -> "Memory":
+        """The least that leaves stage C what it needs."""
+        window = config.window
+        frames = window.length_frames + window.every_frames + config.mapping.max_track_frames
+        return cls(frames, config.online.keep_s)
+
+
+@dataclass(frozen=True)
+class Forgotten:
+    """Poses (n, 4, 4) of the frames from ``first_frame`` on, which a sequence will not change any more."""
+
+    first_frame: int
+    poses: FloatArray
+    aligned: bool
+    bridged: frozenset[int]
 
 
 @dataclass
@@ -34,6 +63,8 @@ class _Growing:
     key: GrayImage
     started: bool = False
     since_window: int = 0
+    failures: int = 0
+    moved: bool = False
     relocaliser: Relocaliser | None = None
 
 
@@ -44,8 +75,15 @@ class Sequence:
         t_s: Times of the frames so far.
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: What happened on the way that a user should know.
-        judgement: Of all fixes, as far as they have been judged.
-        sensors: The lag of the fixes as the path so far shows it, and the lever arm.
+        ledger: The fixes so far, their verdicts, their clock.
+
+    Args:
+        camera: Its lens.
+        camera_p_antenna: (3,) metres.
+        fixes: Those known from the start; more may be added at any time.
+        config: Everything.
+        controls: Sightings of known points.
+        memory: What to remember of long ago; everything if none is given.
     """
 
     def __init__(
@@ -55,10 +93,9 @@ class Sequence:
         fixes: Fixes,
         config: Config,
         controls: Controls = NO_CONTROLS,
+        memory: Memory | None = None,
     ) -> None:
-        self._controls = controls
-        self._control_poses = control_poses(controls, camera.K)
-        self._camera, self._antenna, self._fixes, self._config = camera, camera_p_antenna, fixes, config
+        self._camera, self._config, self._memory = camera, config, memory
         rng = np.random.default_rng(config.seed)
         self._rng = rng
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
@@ -66,20 +103,40 @@ class Sequence:
         self._start = TwoViewStart(camera.K, config.start, config.tracking, rng)
         self._current: _Growing | None = None
         self._next: _Growing | None = None
-        self._times: list[float] = []
+        self._times = GrowingRows()
         self.maps: list[LocalMap] = []
         self.warnings: list[str] = []
         self.seconds = Seconds()
-        self.judgement = Judgement.none(len(fixes))
-        self.sensors = Sensors.begin(camera_p_antenna, config.sensors)
+        self.ledger = FixLedger(fixes, camera_p_antenna, config)
+        poses = control_poses(controls, camera.K)
+        self._refiner = Refiner(camera.K, self.ledger, config, controls, poses, self.seconds)
 
     @property
     def t_s(self) -> FloatArray:
         """(F,) times of the frames so far."""
-        return np.array(self._times)
+        return self._times.values
+
+    @property
+    def sensors(self) -> Sensors:
+        """The lag of the fixes as the path so far shows it, and the lever arm."""
+        return self.ledger.sensors
+
+    @property
+    def current(self) -> LocalMap | None:
+        """The map that newest frames join, once it stands."""
+        return self._current.local_map if self._current is not None and self._current.started else None
+
+    def add_fixes(self, fixes: Fixes) -> None:
+        """More fixes; late ones, and in any order, land at their own times."""
+        self.ledger.add(fixes, float(self.t_s[-1]) if len(self._times) else -np.inf)
 
     def add_frame(self, frame: Frame) -> None:
-        """The next frame of the video."""
+        """The next frame of the video: its pose, then stage C if that is due."""
+        self.track_frame(frame)
+        self.refine()
+
+    def track_frame(self, frame: Frame) -> None:
+        """Stages A and B of the next frame; :meth:`refine` must come before the next one."""
         self._times.append(frame.t_s)
         if self._current is None or not self._current.started:
             self._current = self._grow_start(self._current, frame)
@@ -87,6 +144,39 @@ class Sequence:
             self._track(self._current, frame)
         if self._current is not None and self._current.started and self._current.local_map not in self.maps:
             self.maps.append(self._current.local_map)
+
+    def refine(self) -> None:
+        """Alignment and stage C, where a moving frame since the last time makes them due."""
+        growing = self._current
+        if growing is None or not growing.started or not growing.moved:
+            return
+        growing.moved = False
+        if not growing.local_map.aligned:
+            self._align(growing)
+        if growing.since_window >= self._config.window.every_frames:
+            self._window(growing)
+
+    def forget(self) -> list[Forgotten]:
+        """Let go of what lies further back than the memory, and give its poses."""
+        if self._memory is None or not len(self._times):
+            return []
+        horizon_s = float(self.t_s[-1]) - self._memory.path_s
+        current = self.current
+        gone = [_whole(local_map) for local_map in self.maps if local_map is not current]
+        self.maps = [current] if current is not None else []
+        for growing in (self._current, self._next):
+            if growing is not None:
+                part = self._oldest(growing.local_map, horizon_s)
+                gone += [part] if growing.started else []
+        self.ledger.forget(horizon_s)
+        return [part for part in gone if len(part.poses)]
+
+    def _oldest(self, local_map: LocalMap, horizon_s: float) -> Forgotten:
+        assert self._memory is not None
+        first, bridged = local_map.first_frame, frozenset(local_map.bridged)
+        before_frame = int(np.searchsorted(self.t_s, horizon_s))
+        poses = local_map.forget(before_frame, local_map.next_frame - self._memory.view_frames)
+        return Forgotten(first, poses, local_map.aligned, bridged)
 
     def _grow_start(self, growing: _Growing | None, frame: Frame) -> _Growing | None:
         """Follow features without positions until two views begin the map; start over when they are lost."""
@@ -98,7 +188,7 @@ class Sequence:
             if tracked.found.sum() < self._config.start.min_inliers:
                 return self._first_view(frame)
             local_map.append_pose(_UNKNOWN)
-            if self._standing(local_map, tracked):
+            if self._standing(local_map, tracked) and not self._stale(local_map, frame):
                 key = int(local_map.view_frames[-1])
                 local_map.static_ties.append(StaticTie(frame.index, key, np.eye(4), _STANDING_SIGMA))
                 return growing
@@ -132,17 +222,14 @@ class Sequence:
             return
         self._found_again(growing, frame, tracked.world_T_camera)
         local_map.append_pose(tracked.world_T_camera)
-        if self._standing(local_map, tracked):
+        if self._standing(local_map, tracked) and not self._stale(local_map, frame):
             self._tie(local_map, frame.index, tracked)
             return
         self._push(growing, frame, tracked)
         with self.seconds.measure("map"):
             self._mapper.update(local_map, frame.gray)
         growing.since_window += 1
-        if not local_map.aligned:
-            self._align(growing)
-        if growing.since_window >= self._config.window.every_frames:
-            self._window(growing)
+        growing.moved = True
 
     def _push(self, growing: _Growing, frame: Frame, tracked: Tracked) -> None:
         growing.local_map.push_view(frame.index, tracked.raw_uv_px, tracked.uv_px, tracked.found)
@@ -151,6 +238,11 @@ class Sequence:
     def _standing(self, local_map: LocalMap, tracked: Tracked) -> bool:
         moved = np.linalg.norm(tracked.uv_px - local_map.last_uv_px, axis=1)[tracked.found]
         return len(moved) > 0 and float(np.median(moved)) < self._config.tracking.static_px
+
+    def _stale(self, local_map: LocalMap, frame: Frame) -> bool:
+        """Whether a stop has lasted so long that its view would be forgotten."""
+        newest = int(local_map.view_frames[-1])
+        return self._memory is not None and frame.index - newest > self._memory.view_frames // 2
 
     def _tie(self, local_map: LocalMap, frame: int, tracked: Tracked) -> None:
         if tracked.world_T_camera is None or tracked.pose_sigma is None:
@@ -165,68 +257,29 @@ class Sequence:
         if not np.isfinite(before[0, 0]):
             return np.asarray(last)
         index = local_map.next_frame - 1
-        share = (t_s - self._times[index]) / (self._times[index] - self._times[index - 1])
+        share = (t_s - self.t_s[index]) / (self.t_s[index] - self.t_s[index - 1])
         return np.asarray(last @ np.linalg.inv(before) @ last) if share < 1.5 else np.asarray(last)
 
     def _align(self, growing: _Growing) -> None:
-        with self.seconds.measure("align"):
-            enough = self._config.start.min_control_travel_m
-            if align_to_control(growing.local_map, self._control_poses, enough):
-                note: list[str] | None = []
-            else:
-                note = try_alignment(growing.local_map, self.t_s, self._fixes, self._antenna, self._config)
-        if note is not None:
-            self.warnings.extend(note)
+        warnings = self._refiner.align(growing.local_map, self.t_s)
+        if warnings is not None:
+            self.warnings.extend(warnings)
             self._window(growing)
 
     def _window(self, growing: _Growing) -> None:
-        """Stage C; first, where the fixes contradict what will be held, its drift is taken out.
-
-        Otherwise the window would tear to reach the fixes, and the tear would stay.
-        """
+        """Stage C; an update that fails leaves the map as it is, a map that fails again and again ends."""
         growing.since_window = 0
-        local_map, t_s = growing.local_map, self.t_s
-        with self.seconds.measure("drift"):
-            if local_map.aligned:
-                self._settle_lag(local_map)
-            if local_map.aligned and self._contradicted(local_map):
-                self._judge(local_map)
-                if self._contradicted(local_map):
-                    correct_drift(local_map, t_s, self._believed(), self._antenna, self._config)
-        fixes = self._believed()
-        with self.seconds.measure("window"):
-            optimise_window(
-                local_map, t_s, self._camera.K, fixes, self._antenna, self._config, self._controls
-            )
-
-    def _believed(self) -> Fixes:
-        """The fixes so far, as they are judged, at the times at which they were true."""
-        return self.judgement.applied(self._in_time).until(self._times[-1])
-
-    @property
-    def _in_time(self) -> Fixes:
-        return self._fixes.earlier(self.sensors.lag_s)
-
-    def _path(self, local_map: LocalMap) -> tuple[FloatArray, FloatArray]:
-        """Poses of a map from its first posed frame on, and their times."""
-        first = local_map.first_posed
-        poses = local_map.poses[first - local_map.first_frame :]
-        return poses, self.t_s[first : first + len(poses)]
-
-    def _settle_lag(self, local_map: LocalMap) -> None:
-        """The clock's lag as the path so far shows it; were it left in, the window would bend to it."""
-        believed = self.judgement.applied(self._fixes)
-        self.sensors, _ = settle_lag(self.sensors, *self._path(local_map), believed, self._config.sensors)
-
-    def _contradicted(self, local_map: LocalMap) -> bool:
-        return contradicts(local_map, self.t_s, self._believed(), self._antenna, self._config)
-
-    def _judge(self, local_map: LocalMap) -> None:
-        """All fixes since the map began, anew: what came later may reverse a verdict."""
-        if not judges(self._config):
-            return
-        found = judge_on_path(*self._path(local_map), self._in_time, self._antenna, self._config)
-        self.judgement = self.judgement.updated(found)
+        try:
+            self.warnings.extend(self._refiner.optimise(growing.local_map, self.t_s))
+        except (GeometryError, RuntimeError, np.linalg.LinAlgError) as error:
+            growing.failures += 1
+            reason = " ".join(str(error).split())[:200]
+            self.warnings.append(f"stage C failed at {self.t_s[-1]:.2f} s and was left out: {reason}")
+        else:
+            growing.failures = 0
+        if growing.failures >= _MOST_FAILURES:
+            self.warnings.append(f"stage C failed {_MOST_FAILURES} times in a row: a new map begins")
+            self._current = None
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""
@@ -248,8 +301,8 @@ class Sequence:
         last = self._current.local_map.next_frame - 1
         begin = self._next.local_map.first_posed
         self.warnings.append(
-            f"tracking was lost after frame {last} ({self._times[last]:.2f} s) and could not be bridged; "
-            f"a new map begins at frame {begin} ({self._times[begin]:.2f} s)"
+            f"tracking was lost after frame {last} ({self.t_s[last]:.2f} s) and could not be bridged; "
+            f"a new map begins at frame {begin} ({self.t_s[begin]:.2f} s)"
         )
         self._current, self._next = self._next, None
 
@@ -260,7 +313,7 @@ class Sequence:
         last = local_map.next_frame - 1
         if frame.index == last + 1:
             return
-        t_s = np.array(self._times[last : frame.index + 1])
+        t_s = self.t_s[last : frame.index + 1]
         between = interpolate_poses(t_s[[0, -1]], np.stack([local_map.poses[-1], pose]), t_s[1:-1])
         for bridged in between:
             local_map.bridged.add(local_map.next_frame)
@@ -269,3 +322,7 @@ class Sequence:
             f"tracking was lost from frame {last + 1} to {frame.index - 1} and found again; "
             "these frames are bridged"
         )
+
+
+def _whole(local_map: LocalMap) -> Forgotten:
+    return Forgotten(local_map.first_frame, local_map.poses, local_map.aligned, frozenset(local_map.bridged))

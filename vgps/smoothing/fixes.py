@@ -53,6 +53,15 @@ class Fixes:
         """Those that ``mask`` (M,) names."""
         return Fixes(**{column.name: getattr(self, column.name)[mask] for column in fields(self)})
 
+    def joined(self, more: "Fixes") -> tuple["Fixes", IntArray]:
+        """With more fixes, in order of time, and (M + N,) the row that each had in both together."""
+        order = np.argsort(np.concatenate([self.t_s, more.t_s]), kind="stable")
+        columns = {
+            column.name: np.concatenate([getattr(self, column.name), getattr(more, column.name)])[order]
+            for column in fields(self)
+        }
+        return Fixes(**columns), order
+
     @classmethod
     def none(cls) -> "Fixes":
         """No fix at all."""

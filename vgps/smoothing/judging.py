@@ -14,7 +14,7 @@ from math import gamma
 import numpy as np
 
 from vgps.config import Config
-from vgps.model import BoolArray, FloatArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.fixes import Fixes, place
 from vgps.smoothing.flexible_path import FlexiblePath
 
@@ -54,6 +54,15 @@ class Judgement:
             sigma_m=np.where(low[:, None], np.nan, fixes.sigma_m),
             used=fixes.used & ~self.rejected,
         )
+
+    def joined(self, more: "Judgement", order: IntArray) -> "Judgement":
+        """With the judgement of more fixes, in the order of :meth:`Fixes.joined`."""
+        own, lower = np.concatenate([self.own, more.own]), np.concatenate([self.lower, more.lower])
+        return Judgement(own[order], lower[order])
+
+    def where(self, mask: BoolArray) -> "Judgement":
+        """Of those that ``mask`` (M,) names."""
+        return Judgement(self.own[mask], self.lower[mask])
 
     def updated(self, newer: "Judgement") -> "Judgement":
         """With what a newer one judged."""

@@ -16,7 +16,7 @@ from vgps.smoothing.fixes import Fixes
 def try_alignment(
     local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> list[str] | None:
-    """Move the map into the world once the newest fix makes that possible.
+    """Move the map into the world if the fixes make that possible.
 
     Args:
         local_map: Moved in place.
@@ -28,9 +28,6 @@ def try_alignment(
     Returns:
         Nothing if it stays where it is, else warnings, of which there may be none.
     """
-    new = fixes.used & (fixes.t_s > t_s[-2]) & (fixes.t_s <= t_s[-1])
-    if not new.any():
-        return None
     found = find_alignment(local_map, t_s, fixes, camera_p_antenna, config.start)
     if found is None:
         return None

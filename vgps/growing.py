@@ -1,0 +1,35 @@
+"""Rows that are added one by one and read as one array, without copying all of them each time."""
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import FloatArray
+
+_START = 256
+
+
+class GrowingRows:
+    """Float rows of one shape; memory is doubled when it is full, so adding n rows costs O(n).
+
+    Args:
+        shape: Of a row: ``()`` for numbers, ``(4, 4)`` for poses.
+    """
+
+    def __init__(self, shape: tuple[int, ...] = ()) -> None:
+        self._rows = np.zeros((_START, *shape))
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def values(self) -> FloatArray:
+        """(n, *shape) the rows so far: a view, which may be written to until the next row is added."""
+        return self._rows[: self._count]
+
+    def append(self, row: npt.ArrayLike) -> None:
+        """One more row."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[self._count] = row
+        self._count += 1
