@@ -74,3 +74,7 @@ class GeometryError(VgpsError):
 
 class LandmarkDatabaseError(VgpsError):
     """A landmark database that is absent, empty, damaged, foreign, too new, or cannot be made or written."""
+
+
+class ViewerError(VgpsError):
+    """A viewer that has nowhere to show its window, or cannot draw."""

@@ -1,0 +1,58 @@
+"""Which colour means what; RGBA, 0 to 255."""
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.model import FixClass, FloatArray
+from vgps.solution import Verdict
+
+Colour = tuple[int, int, int, int]
+Colours = npt.NDArray[np.uint8]
+
+PATH: Colour = (40, 200, 255, 255)
+BRIDGED: Colour = (255, 120, 0, 255)
+BEFORE: Colour = (190, 150, 255, 255)
+NOW: Colour = (255, 255, 255, 255)
+POSE: Colour = (40, 200, 255, 255)
+LANDMARK: Colour = (150, 150, 150, 255)
+REJECTED: Colour = (255, 40, 40, 255)
+DOWN_CLASSED: Colour = (255, 0, 220, 255)
+NOT_USED: Colour = (130, 130, 130, 255)
+CLASS: dict[FixClass, Colour] = {
+    FixClass.RTK_FIX: (60, 220, 90, 255),
+    FixClass.RTK_FLOAT: (250, 190, 40, 255),
+    FixClass.PPP: (40, 200, 180, 255),
+    FixClass.DGPS: (70, 130, 255, 255),
+    FixClass.SBAS: (160, 110, 255, 255),
+    FixClass.SINGLE: (230, 130, 170, 255),
+    FixClass.UNKNOWN: (200, 200, 200, 255),
+}
+BAD_PX = 2.0
+"""Reprojection error that is wholly red."""
+GOOD_SIGMA_PX, BAD_SIGMA_PX = 0.3, 1.5
+"""Reliability sigma_j, Eq. (13), that is wholly green, and wholly red."""
+_SCALE = np.array([[60, 220, 90], [250, 220, 40], [255, 40, 40]], dtype=float)
+
+
+def of_fix(fix_class: FixClass, verdict: Verdict) -> Colour:
+    """A fix's colour: its class's where it was used as what it says, else its verdict's."""
+    if verdict is Verdict.USED:
+        return CLASS[fix_class]
+    return {
+        Verdict.DOWN_CLASSED: DOWN_CLASSED,
+        Verdict.REJECTED: REJECTED,
+        Verdict.NOT_USED: NOT_USED,
+    }[verdict]
+
+
+def green_to_red(values: FloatArray, good: float, bad: float) -> Colours:
+    """(N, 3) green at ``good``, yellow half way, red at ``bad`` and beyond, grey for NaN."""
+    place = np.clip((values - good) / (bad - good), 0.0, 1.0)
+    known = np.nan_to_num(place)
+    mixed = np.stack([np.interp(known, [0.0, 0.5, 1.0], channel) for channel in _SCALE.T], axis=-1)
+    return np.where(np.isfinite(place)[:, None], mixed, 128.0).astype(np.uint8)
+
+
+def faint(colour: Colour, alpha: int) -> Colour:
+    """The same colour, seen through."""
+    return (*colour[:3], alpha)

@@ -1,0 +1,107 @@
+"""A run into one rerun recording: to a window, a file or a picture."""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from vgps.errors import VgpsError, ViewerError
+from vgps.model import Recording
+from vgps.solution import Solution, Verdict
+from vgps.viewer.blueprint import blueprint
+from vgps.viewer.features import log_features
+from vgps.viewer.graph import factor_graph, log_graph
+from vgps.viewer.measures import sightings
+from vgps.viewer.places import log_map
+from vgps.viewer.plots import log_plots, log_summary
+from vgps.viewer.scene import IMAGE, log_scene
+from vgps.viewer.screenshot import take_screenshot
+from vgps.viewer.sheet import Sheet
+from vgps.viewer.video import log_video
+from vgps.writers.placing import new_file
+
+_APPLICATION = "vgps"
+
+
+def show(
+    solution: Solution, recording: Recording | None, save: Path | None, screenshot: Path | None
+) -> tuple[str, ...]:
+    """As :func:`vgps.viewer.inspect_run`."""
+    if save is None and screenshot is None:
+        _check_display()
+        stream = rr.RecordingStream(_APPLICATION)
+        stream.spawn()
+        return fill(stream, solution, recording)
+    if save is not None:
+        with new_file(save) as file:
+            notes = write(file, solution, recording)
+            if screenshot is not None:
+                _draw(file, screenshot, solution)
+        return notes
+    assert screenshot is not None
+    with tempfile.TemporaryDirectory(prefix="vgps-") as folder:
+        notes = write(Path(folder) / "run.rrd", solution, recording)
+        _draw(Path(folder) / "run.rrd", screenshot, solution)
+    return notes
+
+
+def write(file: Path, solution: Solution, recording: Recording | None) -> tuple[str, ...]:
+    """Write a run as a ``.rrd`` file; returns what could not be shown."""
+    stream = rr.RecordingStream(_APPLICATION)
+    stream.save(file)
+    notes = fill(stream, solution, recording)
+    stream.flush()
+    stream.disconnect()
+    return notes
+
+
+def fill(stream: rr.RecordingStream, solution: Solution, recording: Recording | None) -> tuple[str, ...]:
+    """Log everything to a stream, layout first; returns what could not be shown."""
+    sheet, seen, notes = Sheet(stream, solution.t_s), sightings(solution), list[str]()
+    has_map = solution.world_origin is not None and solution.georeferenced
+    stream.send_blueprint(blueprint(solution, has_map))
+    log_scene(sheet, solution)
+    log_plots(sheet, solution, seen)
+    log_graph(sheet, factor_graph(solution, seen))
+    if has_map:
+        log_map(sheet, solution)
+    log_features(sheet, seen)
+    if recording is not None:
+        try:
+            notes.extend(log_video(sheet, f"{IMAGE}/video", recording.video))
+        except VgpsError as error:
+            notes.append(f"the video is not shown: {error}")
+    log_summary(sheet, solution, tuple(notes))
+    return tuple(notes)
+
+
+def shown_time_s(solution: Solution) -> float:
+    """The time of the picture: the first rejected fix within the video, else the middle of the run."""
+    table, log = solution.fixes, solution.gps
+    if table is not None and log is not None:
+        rejected = [
+            float(t)
+            for t, verdict in zip(log.t_s, table.verdict, strict=True)
+            if verdict is Verdict.REJECTED and solution.t_s[0] <= t <= solution.t_s[-1]
+        ]
+        if rejected:
+            return rejected[0]
+    return float(np.median(solution.t_s))
+
+
+def _draw(file: Path, screenshot: Path, solution: Solution) -> None:
+    with new_file(screenshot) as picture:
+        take_screenshot(file, picture, shown_time_s(solution))
+
+
+def _check_display() -> None:
+    """Raise ViewerError where no window can open."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ViewerError(
+            "no display to open a window on",
+            expected="DISPLAY or WAYLAND_DISPLAY to be set",
+            remedy="write a file with --save F.rrd (open it with: rerun F.rrd) or a picture with --screenshot F.png",
+        )

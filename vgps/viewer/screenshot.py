@@ -1,0 +1,90 @@
+"""A picture of what the viewer shows, without a window."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from vgps.errors import ViewerError
+from vgps.viewer.sheet import TIME
+
+_SIZE = "1600x1000"
+_START_S, _SETTLE_S = 60.0, 6.0
+_REMEDY = (
+    "install a Vulkan driver (apt install mesa-vulkan-drivers draws without a graphics card), or use --save"
+)
+
+
+def take_screenshot(recording: Path, out: Path, t_s: float) -> None:
+    """Draw a recording at the time ``t_s`` on the video's clock into the PNG ``out``.
+
+    Raises:
+        ViewerError: The viewer cannot draw here, or does not answer.
+    """
+    with _headless_viewer() as (client, process):
+        try:
+            client.open(str(recording))
+            client.set_time(TIME, duration=t_s, play_state="paused")
+            _settle(client)
+            client.save_screenshot(str(out))
+        except RuntimeError as error:
+            said = (
+                "ended" if process.poll() is not None else f"does not answer ({str(error).splitlines()[0]})"
+            )
+            raise ViewerError(f"the viewer {said}", file=out, remedy=_REMEDY) from error
+    if not out.is_file():
+        raise ViewerError("the viewer drew nothing", file=out, remedy=_REMEDY)
+
+
+@contextlib.contextmanager
+def _headless_viewer() -> Iterator[tuple[ViewerClient, "subprocess.Popen[bytes]"]]:
+    """A viewer without a window, and the connection to it; ended with the block."""
+    port = _free_port()
+    command = [sys.executable, "-m", "rerun_cli", "--headless", "--hide-welcome-screen"]
+    process = subprocess.Popen(
+        [*command, "--port", str(port), "--window-size", _SIZE],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "RERUN_APP_ONLY": "true"},
+        start_new_session=True,
+    )
+    try:
+        yield _connected(port, process), process
+    finally:
+        # rerun_cli is a launcher: the viewer itself is its child, in the same group
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
+
+
+def _connected(port: int, process: "subprocess.Popen[bytes]") -> ViewerClient:
+    until = time.monotonic() + _START_S
+    while time.monotonic() < until:
+        if process.poll() is not None:
+            raise ViewerError("the viewer cannot draw here", remedy=_REMEDY)
+        with contextlib.suppress(Exception):  # whatever the connection raises until the viewer listens
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            client.get_state()
+            return client
+        time.sleep(0.3)
+    raise ViewerError(f"the viewer did not start within {_START_S:g} s", remedy=_REMEDY)
+
+
+def _settle(client: ViewerClient) -> None:
+    """Wait until video, clouds and layout are drawn; the viewer does not say when."""
+    time.sleep(_SETTLE_S)
+    client.get_state()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

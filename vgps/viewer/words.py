@@ -1,0 +1,89 @@
+"""What is said of frames, landmarks and fixes when they are selected."""
+
+import numpy as np
+
+from vgps.model import FloatArray
+from vgps.solution import Solution
+from vgps.viewer.measures import Sightings
+
+_LISTED = 40  # residuals of a landmark that are spelt out
+
+
+def fix_title(solution: Solution, row: int) -> str:
+    """A fix in a line: number, line of the log, time, class, verdict."""
+    table, log = solution.fixes, solution.gps
+    assert table is not None
+    assert log is not None
+    return f"fix {row} (line {log.line[row]}) at {log.t_s[row]:.2f} s: {log.fix_class[row]}, {table.verdict[row]}"
+
+
+def fix_text(solution: Solution, row: int, term: float) -> str:
+    """Everything about the factor of a fix."""
+    table, log = solution.fixes, solution.gps
+    assert table is not None
+    assert log is not None
+    east, north, up = table.residual_m[row]
+    r_m, h_m = table.r_m[row], table.h_m[row]
+    between = int(
+        np.clip(np.searchsorted(solution.t_s, log.t_s[row], side="right") - 1, 0, len(solution.t_s) - 2)
+    )
+    return "\n".join(
+        [
+            fix_title(solution, row),
+            table.reason[row],
+            f"residual, antenna minus fix: east {east:+.3f}, north {north:+.3f}, up {up:+.3f} m",
+            f"region: r {r_m:g} m, h {h_m:g} m; residual {np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h",
+            f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
+            f"acts between frames {between} and {between + 1}",
+        ]
+    )
+
+
+def pose_text(solution: Solution, frame: int, errors_px: FloatArray, phi: float, fixes: list[int]) -> str:
+    """Everything about the factors on the pose of a frame.
+
+    Args:
+        solution: The run.
+        frame: Which.
+        errors_px: (P,) lengths of its reprojection errors.
+        phi: Its term Phi_i, Eq. (12), Kume 2010.
+        fixes: Fixes whose factors act on this pose.
+    """
+    east, north, up = solution.world_T_camera[frame, :3, 3]
+    sigma = solution.sigma_position_m[frame]
+    lines = [
+        f"frame {frame} at {solution.t_s[frame]:.3f} s, {solution.state[frame]}",
+        f"position: east {east:.3f}, north {north:.3f}, up {up:.3f} m",
+        "sigma: "
+        + ", ".join(f"{name} {s:.3f}" for name, s in zip(("east", "north", "up"), sigma, strict=True))
+        + " m",
+    ]
+    if len(errors_px):
+        rms = np.sqrt(np.mean(errors_px**2))
+        lines.append(
+            f"{len(errors_px)} projection factors: rms {rms:.2f} px, largest {errors_px.max():.2f} px, "
+            f"Phi = {phi:.3f}, Eq. (12)"
+        )
+    else:
+        lines.append("no projection factors")
+    return "\n".join([*lines, *(fix_title(solution, row) for row in fixes)])
+
+
+def landmark_text(solution: Solution, landmark: int, seen: Sightings, rows: FloatArray) -> str:
+    """Everything about the factors on a landmark: ``rows`` are its rows of the sightings."""
+    east, north, up = solution.landmarks.world_p_landmark[landmark]
+    frames, errors = seen.frame[rows], seen.error_px[rows]
+    rms = np.sqrt(np.mean(np.sum(errors**2, axis=1)))
+    residuals = [
+        f"frame {frame}: u {u:+.2f}, v {v:+.2f} px" for frame, (u, v) in zip(frames, errors, strict=True)
+    ]
+    more = [f"and {len(residuals) - _LISTED} more"] if len(residuals) > _LISTED else []
+    return "\n".join(
+        [
+            f"landmark {landmark}: east {east:.3f}, north {north:.3f}, up {up:.3f} m",
+            f"{len(frames)} projection factors in frames {frames[0]} to {frames[-1]}: rms {rms:.2f} px",
+            f"sigma_j = {solution.landmarks.sigma_px[landmark]:.2f} px, Eq. (13)",
+            *residuals[:_LISTED],
+            *more,
+        ]
+    )
