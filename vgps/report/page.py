@@ -90,9 +90,9 @@ def _tiles(solution: Solution, total_s: float) -> list[Tile]:
         tiles.append(Tile("fixes used", f"{used} of {len(solution.gps)}", note))
     sigma = solution.sigma_position_m[np.isfinite(solution.sigma_position_m).all(axis=1)]
     if len(sigma):
-        middle = np.median(sigma, axis=0)
-        values = " · ".join(_number(float(value), 2) for value in middle)
-        tiles.append(Tile(f"median sigma [{unit}]", values, "east · north · up, by itself"))
+        flat, up = np.median(np.hypot(sigma[:, 0], sigma[:, 1])), np.median(sigma[:, 2])
+        values = f"{_number(float(flat), 2)} · {_number(float(up), 2)} {unit}"
+        tiles.append(Tile("median sigma", values, "horizontal · up, as the run says"))
     tiles.append(
         Tile(
             "landmarks",

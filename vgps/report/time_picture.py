@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from vgps.report.facts import Outage, features_per_frame, judged, outages
 from vgps.report.path_picture import LOOKS, with_verdict
@@ -59,6 +60,8 @@ def _ratios(axes: Axes, solution: Solution, which: int) -> None:
             axes.plot(log.t_s[rows], ratio[rows], marker, color=colour, ms=5, label=str(verdict))
     axes.axhline(1.0, color="#444444", lw=0.9, ls="--", label="wall of the region")
     axes.set(yscale="log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _position_sigmas(axes: Axes, solution: Solution) -> None:
