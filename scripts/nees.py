@@ -1,0 +1,117 @@
+"""Are the stated standard deviations honest? NEES of poses over simulated walks with exact truth.
+
+python scripts/nees.py [--seeds N] [--jobs J] [--seconds S] [--fix-share F] [--config C.yaml]
+
+NEES is the squared error over the stated variance, summed over three axes and divided by three: 1 is honest,
+more is overconfident. Errors of neighbouring frames are alike, so a walk is worth little more than one
+sample; the scatter over seeds tells.
+"""
+
+import argparse
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import vgps
+from vgps.config import read_config
+from vgps.evaluate import match
+from vgps.model import FloatArray
+from vgps.readers.calibration import read_rig
+from vgps.readers.trajectory import read_trajectory
+from vgps.simulate import SCENES, SceneConfig, simulate
+from vgps.solution import Solution, Trajectory
+
+
+class Ratios(NamedTuple):
+    """Errors over their standard deviations, (F, 3) each: positions east, north, up; rotations about them."""
+
+    seed: int
+    position: FloatArray
+    rotation: FloatArray
+    position_m: float
+    rotation_deg: float
+
+
+def short_walk(seconds: float, fix_share: float) -> SceneConfig:
+    """A walk round a corner, in small pictures, so that many can be run."""
+    return replace(
+        SCENES["demo"],
+        speed=((0.0, 1.2), (seconds, 1.2)),
+        width=360,
+        height=240,
+        focal_px=310.0,
+        texture_scale=0.5,
+        gps=replace(SCENES["demo"].gps, fix_share=fix_share),
+    )
+
+
+def ratios(seed: int, solution: Solution, truth: Trajectory) -> Ratios:
+    """Compare poses with the truth, frame by frame, in world axes."""
+    e, t = match(solution.t_s, truth.t_s, 1e-3)
+    found, true = solution.world_T_camera[e], truth.world_T_camera[t]
+    position = found[:, :3, 3] - true[:, :3, 3]
+    turned = Rotation.from_matrix(found[:, :3, :3] @ true[:, :3, :3].transpose(0, 2, 1))
+    return Ratios(
+        seed,
+        position / solution.sigma_position_m[e],
+        turned.as_rotvec() / solution.sigma_rotation_rad[e],
+        float(np.linalg.norm(position, axis=1).mean()),
+        float(np.degrees(turned.magnitude()).mean()),
+    )
+
+
+def one(seed: int, given: argparse.Namespace) -> Ratios:
+    """Simulate, smooth and compare."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "walk"
+        simulate(folder, short_walk(given.seconds, given.fix_share), seed)
+        solution = vgps.smooth(vgps.open_recording(folder), read_config(given.config).with_seed(seed))
+        start_s = read_rig(folder / "rig.yaml").video_start_s
+        return ratios(seed, solution, read_trajectory(folder / "truth.tum", video_start_s=start_s))
+
+
+def cells(ratio: FloatArray) -> str:
+    """Mean and median of NEES, share of errors within two sigma by axis and together."""
+    nees = np.mean(ratio**2, axis=1)
+    inside = 100 * np.mean(np.abs(ratio) < 2, axis=0)
+    by_axis = " / ".join(f"{share:.0f}" for share in inside)
+    return f"{nees.mean():.2f}, {np.median(nees):.2f} | {by_axis} | {inside.mean():.0f}"
+
+
+def main() -> None:
+    """Print a markdown table, a row per seed and one for all."""
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--fix-share", type=float, default=0.2, help="RTK-fix at either end; 0.5 throughout")
+    parser.add_argument("--config", type=Path)
+    given = parser.parse_args()
+    print(
+        "| seed | quantity | mean error | NEES: mean, median | % within 2 sigma, by axis | all (honest: 95) |"
+    )
+    print("|---" * 6 + "|")
+    runs = []
+    with ProcessPoolExecutor(given.jobs) as pool:
+        seeds = range(given.first_seed, given.first_seed + given.seeds)
+        for run in pool.map(one, seeds, [given] * given.seeds):
+            runs.append(run)
+            print(f"| {run.seed} | position | {run.position_m:.3f} m | {cells(run.position)} |")
+            print(
+                f"| {run.seed} | rotation | {run.rotation_deg:.3f} deg | {cells(run.rotation)} |", flush=True
+            )
+    for name, unit in (("position", "m"), ("rotation", "deg")):
+        error = np.mean([getattr(run, f"{name}_{unit}") for run in runs])
+        together = cells(np.concatenate([getattr(run, name) for run in runs]))
+        print(f"| all | {name} | {error:.3f} {unit} | {together} |")
+
+
+if __name__ == "__main__":
+    main()
