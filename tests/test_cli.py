@@ -54,7 +54,7 @@ def test_evaluate(smoothed, recording, monkeypatch, capsys):
     assert code == 0 and "camera position [m]" in out
 
 
-@pytest.mark.parametrize("to", ["tum", "ply", "kitti", "nerfstudio", "geojson", "kml"])
+@pytest.mark.parametrize("to", ["tum", "ply", "kitti", "nerfstudio", "geojson", "kml", "gpx"])
 def test_export(smoothed, tmp_path, monkeypatch, capsys, to):
     code, _, _ = run(monkeypatch, capsys, "export", smoothed, "--to", to, "--out", tmp_path / f"x.{to}")
     assert code == 0 and (tmp_path / f"x.{to}").stat().st_size > 1000

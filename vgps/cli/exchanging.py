@@ -32,13 +32,14 @@ def simulate(
 
 
 @app.command
-def export(run: Path, *, to: str, out: Path) -> None:
+def export(run: Path, *, to: str, out: Path, geoid: float | None = None) -> None:
     """Write a run in another format.
 
     Args:
         run: Run folder.
-        to: colmap (a folder), nerfstudio, tum, kitti, geojson, kml or ply.
+        to: colmap (a folder), nerfstudio, tum, kitti, geojson, kml, gpx or ply.
         out: File or folder to write.
+        geoid: Height of the geoid above the ellipsoid there, metres; gpx and kml then have heights above it.
     """
-    export_run(run, to, out)
+    export_run(run, to, out, geoid)
     Console().print(f"wrote {out}", highlight=False)

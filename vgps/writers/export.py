@@ -1,6 +1,7 @@
 """A run folder exported to the files of other programs: one entry per format."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from vgps.errors import RunFolderError
@@ -8,6 +9,7 @@ from vgps.readers.run_folder import read_run
 from vgps.solution import Solution
 from vgps.writers.colmap import FILES as COLMAP_FILES
 from vgps.writers.colmap import write_colmap
+from vgps.writers.gpx import write_gpx
 from vgps.writers.kitti import write_kitti
 from vgps.writers.maps import write_geojson, write_kml
 from vgps.writers.nerfstudio import write_nerfstudio
@@ -31,25 +33,40 @@ FORMATS: dict[str, Callable[[Solution, Path], None]] = {
     "nerfstudio": write_nerfstudio,
     "geojson": write_geojson,
     "kml": write_kml,
+    "gpx": write_gpx,
     "colmap": write_colmap,
 }
+_ABOVE_SEA = {"gpx": write_gpx, "kml": write_kml}
 
 
-def export(run: Path, to: str, out: Path) -> None:
+def _with_geoid(to: str, geoid_m: float) -> Callable[[Solution, Path], None]:
+    if to not in _ABOVE_SEA:
+        raise RunFolderError(
+            f"heights above the geoid in {to}",
+            expected="--geoid with " + " or ".join(_ABOVE_SEA),
+            remedy=f"leave --geoid out: heights in {to} are those of the run, above the ellipsoid",
+        )
+    return partial(_ABOVE_SEA[to], geoid_m=geoid_m)
+
+
+def export(run: Path, to: str, out: Path, geoid_m: float | None = None) -> None:
     """Export the run folder ``run`` in the format ``to``, one of :data:`FORMATS`.
 
     Args:
         run: A run folder.
         to: ``colmap`` makes a folder, everything else a file.
         out: Its name.
+        geoid_m: Height of the geoid above the ellipsoid there, for heights above it in ``gpx`` and ``kml``.
 
     Raises:
-        RunFolderError: The run cannot be read or does not suit the format, the format is unknown, or ``out``
-            cannot be written.
+        RunFolderError: The run cannot be read or does not suit the format, the format is unknown or knows no
+            geoid, or ``out`` cannot be written.
     """
     write = FORMATS.get(to)
     if write is None:
         raise RunFolderError(f"unknown format {to!r}", expected="one of " + ", ".join(sorted(FORMATS)))
+    if geoid_m is not None:
+        write = _with_geoid(to, geoid_m)
     solution = read_run(run)
     with new_folder(out, COLMAP_FILES) if to == "colmap" else new_file(out) as scratch:
         write(solution, scratch)

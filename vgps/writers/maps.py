@@ -1,4 +1,4 @@
-"""The path and the fixes for maps: GeoJSON and KML, heights ellipsoidal."""
+"""The path and the fixes for maps: GeoJSON and KML."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ def write_geojson(solution: Solution, out: Path) -> None:
     Raises:
         RunFolderError: The run has no place on the globe.
     """
-    path, fixes = _on_the_globe(solution), _fix_rows(solution)
+    path, fixes = on_the_globe(solution), _fix_rows(solution)
     line = {"type": "LineString", "coordinates": np.round(path[:, [1, 0, 2]], 9).tolist()}
     features = [_feature(line, {"kind": "camera path", "t_s": np.round(solution.t_s, 6).tolist()})]
     for place, properties in fixes:
@@ -30,17 +30,26 @@ def write_geojson(solution: Solution, out: Path) -> None:
     out.write_text(text + "\n", encoding="utf-8")
 
 
-def write_kml(solution: Solution, out: Path) -> None:
+def write_kml(solution: Solution, out: Path, geoid_m: float | None = None) -> None:
     """Write the camera's path as a line, and every fix as a point coloured by its verdict.
 
-    KML's absolute heights are above the sea, the run's above the ellipsoid: both are drawn on the ground.
+    KML's absolute heights are above the sea, the run's above the ellipsoid: without the geoid both are drawn
+    on the ground.
+
+    Args:
+        solution: Of a run tied to the world.
+        out: The file.
+        geoid_m: Height of the geoid above the ellipsoid there; the path is then drawn at its height.
 
     Raises:
         RunFolderError: The run has no place on the globe.
     """
-    path, fixes = _on_the_globe(solution), _fix_rows(solution)
+    path, fixes = on_the_globe(solution), _fix_rows(solution)
     kml = simplekml.Kml(name="vgps")
+    path[:, 2] -= geoid_m or 0.0
     line = kml.newlinestring(name="camera path", coords=path[:, [1, 0, 2]].tolist())
+    if geoid_m is not None:
+        line.altitudemode = simplekml.AltitudeMode.absolute
     line.style.linestyle.color, line.style.linestyle.width = "ff9d8f2a", 3
     folder = kml.newfolder(name="fixes")
     for place, properties in fixes:
@@ -52,7 +61,12 @@ def write_kml(solution: Solution, out: Path) -> None:
     out.write_text(kml.kml(), encoding="utf-8")
 
 
-def _on_the_globe(solution: Solution) -> FloatArray:
+def on_the_globe(solution: Solution) -> FloatArray:
+    """(F, 3) latitude, longitude [deg], ellipsoidal height [m] of the camera.
+
+    Raises:
+        RunFolderError: The run has no place on the globe.
+    """
     if solution.world_origin is None or not solution.georeferenced:
         raise RunFolderError(
             "the run has no place on the globe",
