@@ -3,8 +3,20 @@
 from vgps.config import Config, read_config
 from vgps.model import Recording
 from vgps.offline import smooth
+from vgps.online import Fix, OnlineEstimate, OnlineSmoother
 from vgps.readers.recording import open_recording
 from vgps.solution import Solution
 from vgps.writers.run_folder import write_run
 
-__all__ = ["Config", "Recording", "Solution", "open_recording", "read_config", "smooth", "write_run"]
+__all__ = [
+    "Config",
+    "Fix",
+    "OnlineEstimate",
+    "OnlineSmoother",
+    "Recording",
+    "Solution",
+    "open_recording",
+    "read_config",
+    "smooth",
+    "write_run",
+]

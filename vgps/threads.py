@@ -5,11 +5,18 @@ number.
 """
 
 from contextlib import AbstractContextManager
+from functools import cache
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
+
+
+@cache
+def _controller() -> ThreadpoolController:
+    # looking for the libraries takes 7 ms, too long for every frame
+    return ThreadpoolController()
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """A context in which BLAS uses one thread; usable as a decorator too."""
-    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    """A context in which BLAS uses one thread."""
+    limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return limits

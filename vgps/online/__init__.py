@@ -1,0 +1,7 @@
+"""Poses while the video runs."""
+
+from vgps.online.estimate import OnlineEstimate, OnlineEvent, OnlineState
+from vgps.online.smoother import OnlineSmoother
+from vgps.readers.fixes import Fix
+
+__all__ = ["Fix", "OnlineEstimate", "OnlineEvent", "OnlineSmoother", "OnlineState"]

@@ -1,0 +1,108 @@
+"""What is kept of every frame and every fix for the run folder: about 100 bytes of each."""
+
+from pathlib import Path
+
+import numpy as np
+
+from vgps.growing import GrowingRows
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
+from vgps.readers.fixes import Fix
+from vgps.sequence import Forgotten
+from vgps.smoothing.judging import Judgement
+from vgps.solution import FrameState
+
+_CLASSES = tuple(FixClass)
+_UNKNOWN = np.full((3, 4), np.nan)
+
+
+class FrameArchive:
+    """A pose for every frame: as it was when it came, then as it was when it left memory."""
+
+    def __init__(self) -> None:
+        self._poses = GrowingRows((3, 4))
+        self._tracked = GrowingRows()
+
+    def append(self, world_T_camera: FloatArray, tracked: bool) -> None:
+        """The next frame; NaN if it has no pose in the world."""
+        self._poses.append(world_T_camera[:3])
+        self._tracked.append(tracked)
+
+    def settle(self, part: Forgotten) -> None:
+        """Poses as they are now; those of a map that does not lie in the world yet say nothing."""
+        if not part.aligned:
+            return
+        known = np.flatnonzero(np.isfinite(part.poses[:, 0, 0]))
+        rows = known + part.first_frame
+        self._poses.values[rows] = part.poses[known, :3]
+        self._tracked.values[rows] = [row not in part.bridged for row in rows.tolist()]
+
+    @property
+    def known(self) -> BoolArray:
+        """(F,) whether each frame has a pose in the world."""
+        return np.asarray(np.isfinite(self._poses.values[:, 0, 0]))
+
+    def poses(self) -> FloatArray:
+        """(F, 4, 4) world_T_camera, NaN where not known."""
+        out = np.tile(np.eye(4), (len(self._poses), 1, 1))
+        out[:, :3] = self._poses.values
+        return out
+
+    def states(self) -> tuple[FrameState, ...]:
+        """(F,) how each came by its pose."""
+        states = FrameState.BRIDGED, FrameState.TRACKED
+        return tuple(states[int(tracked)] for tracked in self._tracked.values)
+
+
+class FixArchive:
+    """Every fix that was added, in the order of adding, and the last verdict on each."""
+
+    def __init__(self) -> None:
+        self._rows = GrowingRows((12,))
+        self._judged = GrowingRows((2,))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def append(self, fix: Fix) -> None:
+        """One more; its time is on the video's clock."""
+        numbers = (fix.hdop, fix.satellites, fix.correction_age_s, fix.line, _CLASSES.index(fix.fix_class))
+        self._rows.append([*fix[:4], *fix.sigma_m, *numbers])
+        self._judged.append(np.nan)
+
+    def times_s(self, since: int) -> FloatArray:
+        """Times of the fixes from row ``since`` on."""
+        return self._rows.values[since:, 0]
+
+    def classes(self, rows: np.ndarray) -> tuple[FixClass, ...]:
+        """Classes of the fixes ``rows`` (M,)."""
+        return tuple(_CLASSES[int(code)] for code in self._rows.values[rows, 11])
+
+    def judge(self, number: np.ndarray, judgement: Judgement) -> None:
+        """The newest verdicts, on the fixes ``number`` (M,)."""
+        self._judged.values[number] = np.stack([judgement.own, judgement.lower], axis=1)
+
+    def log(self, source: Path, rows: slice | np.ndarray = slice(None)) -> GpsLog:
+        """These fixes in the order of ``rows``."""
+        table = self._rows.values[rows]
+        return GpsLog(
+            t_s=table[:, 0].copy(),
+            latitude_deg=table[:, 1].copy(),
+            longitude_deg=table[:, 2].copy(),
+            height_m=table[:, 3].copy(),
+            fix_class=tuple(_CLASSES[int(code)] for code in table[:, 11]),
+            sigma_m=table[:, 4:7].copy(),
+            hdop=table[:, 7].copy(),
+            satellites=table[:, 8].copy(),
+            correction_age_s=table[:, 9].copy(),
+            line=table[:, 10].astype(np.int64),
+            source=source,
+        )
+
+    def in_time_order(self) -> np.ndarray:
+        """(M,) rows in order of time."""
+        return np.argsort(self._rows.values[:, 0], kind="stable")
+
+    def judgement(self, rows: np.ndarray) -> Judgement:
+        """Of the fixes ``rows`` (M,)."""
+        own, lower = self._judged.values[rows].T
+        return Judgement(own.copy(), lower.copy())

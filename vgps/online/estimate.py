@@ -1,0 +1,62 @@
+"""What comes out of a sequence that is fed live: a pose per frame, and what happened."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from vgps.model import FloatArray, GeodeticPoint
+
+
+class OnlineState(StrEnum):
+    """How a frame came by its pose, when it came."""
+
+    STARTING = "starting"  # no map yet: the camera has not moved enough
+    UNALIGNED = "unaligned"  # tracked, but scale, heading and place are not known yet
+    TRACKED = "tracked"
+    BRIDGED = "bridged"  # no usable features: the last motion goes on for a moment
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class OnlineEvent:
+    """Something that happened, at a time of the video.
+
+    ``kind``: ``aligned`` (scale, heading and place are known), ``corrected`` (the pose was moved by fixes),
+    ``lost``, ``found``, ``fix`` (a verdict, new or changed) or ``note``.
+    """
+
+    t_s: float
+    kind: str
+    text: str
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OnlineEstimate:
+    """The pose of the newest frame.
+
+    Attributes:
+        frame: Its index.
+        t_s: Seconds since the first frame.
+        state: How it came by its pose; without ``tracked`` or ``bridged`` both poses are NaN.
+        global_T_camera: (4, 4) world_T_camera, the best estimate; it jumps when fixes correct it.
+        local_T_camera: (4, 4) world_T_camera that moves smoothly: it nears the other one at a limited speed.
+        world_origin: Of the ENU world; absent until a usable fix came.
+        events: What happened since the frame before.
+        seconds: Spent on this frame until its pose was known.
+    """
+
+    frame: int
+    t_s: float
+    state: OnlineState
+    global_T_camera: FloatArray
+    local_T_camera: FloatArray
+    world_origin: GeodeticPoint | None
+    events: tuple[OnlineEvent, ...]
+    seconds: float
+
+    @property
+    def posed(self) -> bool:
+        """Whether there is a pose in the world."""
+        return self.state in {OnlineState.TRACKED, OnlineState.BRIDGED}

@@ -1,0 +1,82 @@
+"""Estimates as JSON lines: one object per line, ``type`` pose or event; unknown numbers are null."""
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import Any, TextIO
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.geodesy import heading_deg, to_geodetic
+from vgps.model import FloatArray, GeodeticPoint
+from vgps.online.estimate import OnlineEstimate, OnlineEvent
+
+
+class JsonLines:
+    """Writes every estimate at once, so that a reader at the other end of a pipe has it.
+
+    Args:
+        stream: Text.
+        start_utc: UTC instant of the first frame, if it is known.
+    """
+
+    def __init__(self, stream: TextIO, start_utc: datetime | None = None) -> None:
+        self._stream = stream
+        self.start_utc = start_utc
+
+    def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
+        """Its events, then its pose.
+
+        Args:
+            estimate: Of a frame.
+            latency_s: From the frame's arrival until now.
+        """
+        for event in estimate.events:
+            self._line(self._event(event))
+        self._line(
+            {
+                "type": "pose",
+                "frame": estimate.frame,
+                **self._time(estimate.t_s),
+                "state": str(estimate.state),
+                "global": _pose(estimate.global_T_camera, estimate.world_origin),
+                "local": _pose(estimate.local_T_camera, estimate.world_origin),
+                "latency_s": round(latency_s, 4),
+            }
+        )
+
+    def _event(self, event: OnlineEvent) -> dict[str, Any]:
+        head = {"type": "event", **self._time(event.t_s), "event": event.kind, "text": event.text}
+        return {**head, **event.details}
+
+    def _time(self, t_s: float) -> dict[str, Any]:
+        if self.start_utc is None:
+            return {"t_s": round(t_s, 6)}
+        return {"t_s": round(t_s, 6), "utc": (self.start_utc + timedelta(seconds=t_s)).isoformat()}
+
+    def _line(self, record: Mapping[str, Any]) -> None:
+        self._stream.write(json.dumps(_finite(record), allow_nan=False) + "\n")
+        self._stream.flush()
+
+
+def _pose(world_T_camera: FloatArray, origin: GeodeticPoint | None) -> dict[str, float] | None:
+    """East, north, up, quaternion of world_R_camera, place on the globe, heading of the optical axis."""
+    if not np.isfinite(world_T_camera[0, 0]):
+        return None
+    position = world_T_camera[:3, 3]
+    quaternion = Rotation.from_matrix(world_T_camera[:3, :3]).as_quat(canonical=True)
+    out = dict(zip(("east_m", "north_m", "up_m"), np.round(position, 4).tolist(), strict=True))
+    out |= dict(zip(("qx", "qy", "qz", "qw"), np.round(quaternion, 9).tolist(), strict=True))
+    if origin is not None:
+        latitude, longitude, height = to_geodetic(origin, position).tolist()
+        out |= {"latitude_deg": round(latitude, 9), "longitude_deg": round(longitude, 9)}
+        out["height_m"] = round(height, 4)
+    return out | {"heading_deg": round(float(heading_deg(world_T_camera)), 4)}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

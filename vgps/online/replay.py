@@ -1,0 +1,73 @@
+"""A recording as if it were live."""
+
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from vgps.model import GpsLog, Recording
+from vgps.online.run import Arrived, GyroSample, Item
+from vgps.readers.fixes import Fix
+
+
+def replay(
+    recording: Recording,
+    stop: threading.Event,
+    *,
+    realtime: bool = False,
+    delay_s: float = 0.0,
+) -> Iterator[Item]:
+    """Frames, fixes and gyro samples in the order in which they would have come.
+
+    Args:
+        recording: Opened.
+        stop: Ends the waiting too.
+        realtime: At its own pace, else as fast as it is taken.
+        delay_s: Fixes come so much later than they were taken.
+    """
+    others = _others(recording, delay_s)
+    waiting = next(others, None)
+    begun_s = time.monotonic()
+    for frame in recording.video.frames():
+        while waiting is not None and waiting[0] <= frame.t_s:
+            yield waiting[1]
+            waiting = next(others, None)
+        due_s = begun_s + frame.t_s if realtime else time.monotonic()
+        if realtime and stop.wait(max(0.0, due_s - time.monotonic())):
+            return
+        yield Arrived(frame.t_s, frame.gray, due_s)
+    while waiting is not None:
+        yield waiting[1]
+        waiting = next(others, None)
+
+
+def fixes_of(log: GpsLog) -> Iterator[Fix]:
+    """The fixes of a log one by one."""
+    for row in range(len(log)):
+        yield Fix(
+            float(log.t_s[row]),
+            float(log.latitude_deg[row]),
+            float(log.longitude_deg[row]),
+            float(log.height_m[row]),
+            log.fix_class[row],
+            int(log.line[row]),
+            (float(log.sigma_m[row, 0]), float(log.sigma_m[row, 1]), float(log.sigma_m[row, 2])),
+            float(log.hdop[row]),
+            float(log.satellites[row]),
+            float(log.correction_age_s[row]),
+        )
+
+
+def _others(recording: Recording, delay_s: float) -> Iterator[tuple[float, Item]]:
+    """Fixes and gyro samples with the times at which they come."""
+    items: list[tuple[float, Item]] = []
+    if recording.gps is not None:
+        items += [(fix.t_s + delay_s, fix) for fix in fixes_of(recording.gps)]
+    if recording.gyro is not None:
+        gyro = recording.gyro
+        items += [
+            (float(t_s), GyroSample(float(t_s), np.asarray(rate)))
+            for t_s, rate in zip(gyro.t_s, gyro.rate_rad_s, strict=True)
+        ]
+    return iter(sorted(items, key=lambda item: item[0]))

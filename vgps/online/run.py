@@ -1,0 +1,83 @@
+"""Feed a smoother until its sources end or someone says stop."""
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from types import FrameType
+
+from vgps.model import FloatArray, GrayImage
+from vgps.online.estimate import OnlineEstimate
+from vgps.online.smoother import OnlineSmoother
+from vgps.readers.fixes import Fix
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """A frame: its time, its luminance (H, W), and when it came, by ``time.monotonic``."""
+
+    t_s: float
+    gray: GrayImage
+    at_s: float
+
+
+@dataclass(frozen=True)
+class GyroSample:
+    """Angular rate (3,) in the gyro's axes at a time of the video."""
+
+    t_s: float
+    rate_rad_s: FloatArray
+
+
+Item = Arrived | Fix | GyroSample
+Sink = Callable[[OnlineEstimate, float], None]
+
+
+def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
+    """Feed all items in the order in which they come.
+
+    Args:
+        feed: Frames in order of time, fixes in any.
+        smoother: Takes them.
+        sink: Told each estimate, and the seconds from the frame's arrival to its pose.
+        stop: Once set, the feeding ends.
+
+    Returns:
+        The number of frames.
+    """
+    frames = 0
+    for item in feed:
+        if isinstance(item, Fix):
+            smoother.add_fix(item)
+        elif isinstance(item, GyroSample):
+            smoother.add_gyro(item.t_s, item.rate_rad_s)
+        else:
+            estimate = smoother.add_frame(item.t_s, item.gray)
+            frames += 1
+            sink(estimate, time.monotonic() - item.at_s)
+            smoother.refine()
+        if stop.is_set():
+            break
+    return frames
+
+
+@contextlib.contextmanager
+def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """Ctrl-C and a polite kill set ``stop``, so that what was done is kept; the second Ctrl-C interrupts."""
+
+    def handle(number: int, _: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,232 @@
+"""The loop A, B, C fed live: frames and fixes as they come, a pose for every frame."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.errors import ConfigError, VideoError
+from vgps.geodesy import to_enu
+from vgps.local_map import NO_CONTROLS
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
+from vgps.offline import FrontEnd, optimise_all
+from vgps.online.archive import FixArchive, FrameArchive
+from vgps.online.estimate import OnlineEstimate, OnlineEvent
+from vgps.online.following import Follower
+from vgps.online.result import Fed, PassedVideo, solution_as_it_is
+from vgps.online.telling import VerdictTeller
+from vgps.readers.fixes import Fix
+from vgps.sequence import Forgotten, Memory, Sequence
+from vgps.smoothing.fixes import Fixes, fixes_in_world, region_sizes
+from vgps.solution import Solution
+from vgps.threads import one_blas_thread
+
+_SAME_TIME_S = 1e-6
+_FORGET_EVERY = 15  # frames
+_MOST_WARNINGS = 500  # that the result keeps
+_LIVE = Path("live")
+
+
+class OnlineSmoother:
+    """Stages A, B and C over frames as they come; stage D at the end, if everything was kept.
+
+    The pose of a frame is known after A and B; stage C runs once it is out. The cost of a frame does not grow
+    with the frames before it, nor, without ``keep_all``, does memory, but for some 100 bytes of each frame
+    and fix that the run folder is written from.
+
+    Stage C optimises the last frames with older ones held: these are its prior. When fixes contradict them,
+    after an outage above all, the drift of all that is remembered (``online.keep_s``) is taken out first.
+
+    Args:
+        camera: Its lens.
+        rig: Lever arm; ``world_origin``, else the world's origin is the first usable fix.
+        config: Defaults if none is given.
+        keep_all: Remember every sighting, for a result with stage D.
+        source: What the result is said to be made from.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        rig: Rig,
+        config: Config | None = None,
+        *,
+        keep_all: bool = False,
+        source: Path = _LIVE,
+    ) -> None:
+        self._config = config = config or Config()
+        self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
+        memory = None if keep_all else Memory.of(config)
+        self._sequence = Sequence(camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory)
+        self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
+        self._gyro: list[tuple[float, float, float, float]] = []
+        self._follower, self._teller = Follower(self._sequence, config.online), VerdictTeller()
+        self._events: list[OnlineEvent] = []
+        self._warnings: list[str] = []
+        self._estimate: OnlineEstimate | None = None
+        self._refined = 0
+        self._origin: GeodeticPoint | None = rig.world_origin
+
+    def add_fix(self, fix: Fix) -> bool:
+        """A fix, of any time: late and out of order it lands at its own.
+
+        Args:
+            fix: ``t_s`` on the video's clock, heights ellipsoidal.
+
+        Returns:
+            Whether it was taken; one without a position, or at the time of another, is not.
+        """
+        taken = np.append(self._sequence.ledger.fixes.t_s, self._fixes.times_s(self._placed))
+        if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
+            return False
+        self._fixes.append(fix)
+        self._place_fixes()
+        return True
+
+    def add_gyro(self, t_s: float, rate_rad_s: FloatArray) -> None:
+        """Angular rate (3,) in the gyro's axes: recorded alone, where everything is kept."""
+        if self._keep_all:
+            x, y, z = (float(rate) for rate in rate_rad_s)
+            self._gyro.append((t_s, x, y, z))
+
+    def add_frame(self, t_s: float, image: GrayImage) -> OnlineEstimate:
+        """The next frame: its pose. What is still due for the frames before is done first.
+
+        Args:
+            t_s: Seconds since the first frame, later than the frame before.
+            image: (H, W) luminance, uint8; it is not kept.
+
+        Raises:
+            VideoError: Another size than the camera's, or a time that is not later.
+        """
+        begun, frame = time.perf_counter(), len(self._sequence.t_s)
+        self._check(frame, t_s, image)
+        self.refine()
+        with one_blas_thread():
+            self._sequence.track_frame(Frame(frame, t_s, image))
+        self._place_fixes()
+        followed = self._follower.follow(frame)
+        self._frames.append(followed.global_T_camera, tracked=followed.state == "tracked")
+        self._note_warnings(t_s)
+        events = (*self._events, *followed.events)
+        self._events = []
+        self._estimate = OnlineEstimate(
+            frame,
+            t_s,
+            followed.state,
+            followed.global_T_camera,
+            followed.local_T_camera,
+            self._origin,
+            events,
+            time.perf_counter() - begun,
+        )
+        return self._estimate
+
+    def refine(self) -> None:
+        """Stage C, if it is due: to be called while there is nothing else to do, else it is done in time."""
+        frames = len(self._sequence.t_s)
+        if self._estimate is None or self._refined == frames:
+            return
+        self._refined = frames
+        with one_blas_thread():
+            self._sequence.refine()
+        ledger = self._sequence.ledger
+        self._fixes.judge(ledger.number, ledger.judgement)
+        self._tell_verdicts()
+        if frames % _FORGET_EVERY == 0:
+            for part in self._sequence.forget():
+                self._frames.settle(part)
+
+    def estimate(self) -> OnlineEstimate | None:
+        """The newest frame's pose, as :meth:`add_frame` gave it."""
+        return self._estimate
+
+    def finish(self, stage_d: bool = False) -> Solution:
+        """Everything as a run folder holds it; nothing may be added afterwards.
+
+        Args:
+            stage_d: Optimise everything first, as offline; needs ``keep_all``.
+
+        Raises:
+            ConfigError: Stage D is asked for, and not everything was kept.
+            GeometryError: No frame has a pose; with stage D also as :func:`vgps.smooth`.
+        """
+        if stage_d and not self._keep_all:
+            raise ConfigError("stage D without the sightings of all frames", remedy="give keep_all")
+        self.refine()
+        sequence = self._sequence
+        fed = Fed(
+            self._source,
+            self._camera,
+            self._rig,
+            self._config,
+            self._origin,
+            sequence,
+            self._frames,
+            self._fixes,
+        )
+        if stage_d and sequence.maps:
+            return optimise_all(self._front_end(fed), self._config)
+        for local_map in sequence.maps:
+            bridged = frozenset(local_map.bridged)
+            self._frames.settle(Forgotten(local_map.first_frame, local_map.poses, local_map.aligned, bridged))
+        return solution_as_it_is(fed, tuple(self._warnings))
+
+    def _front_end(self, fed: Fed) -> FrontEnd:
+        log, _ = fed.gps()
+        video = PassedVideo(self._source, fed.sequence.t_s, self._camera.width, self._camera.height)
+        samples = np.array(self._gyro).reshape(-1, 4)
+        gyro = GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None
+        rig = replace(self._rig, world_origin=self._origin)
+        recording = Recording(self._source, video, self._camera, rig, log, gyro)
+        fed.sequence.warnings[:] = self._warnings
+        return FrontEnd(recording, self._origin, fed.sequence.ledger.fixes, NO_CONTROLS, fed.sequence)
+
+    def _check(self, frame: int, t_s: float, image: GrayImage) -> None:
+        size = (self._camera.height, self._camera.width)
+        if image.shape != size or image.dtype != np.uint8:
+            raise VideoError(
+                f"a picture of shape {image.shape}, {image.dtype}",
+                place=f"frame {frame}",
+                expected=f"{size}, uint8 luminance",
+            )
+        if frame and not t_s > self._sequence.t_s[-1]:
+            last = self._sequence.t_s[-1]
+            raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
+
+    def _place_fixes(self) -> None:
+        """Fixes that came since into the world, once there is one: its origin is the first usable fix."""
+        if self._placed == len(self._fixes):
+            return
+        log = self._fixes.log(self._source, slice(self._placed, None))
+        if self._origin is None:
+            if not len(self._sequence.t_s):
+                return
+            r_m, _ = region_sizes(log.fix_class, self._config.gps)
+            usable = np.flatnonzero(np.isfinite(r_m) & (log.t_s >= self._sequence.t_s[0]))
+            if not len(usable):
+                return
+            first = usable[int(np.argmin(log.t_s[usable]))]
+            place = log.latitude_deg[first], log.longitude_deg[first], log.height_m[first]
+            self._origin = GeodeticPoint(*(float(x) for x in place))
+        position = to_enu(self._origin, log.latitude_deg, log.longitude_deg, log.height_m)
+        self._sequence.add_fixes(fixes_in_world(log, position, self._config.gps))
+        self._placed = len(self._fixes)
+
+    def _tell_verdicts(self) -> None:
+        ledger, current = self._sequence.ledger, self._sequence.current
+        if current is None or not current.aligned:
+            return
+        t_s = self._sequence.t_s
+        classes = self._fixes.classes(ledger.number)
+        since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
+        self._events += self._teller.news(ledger, classes, since_s, until_s)
+
+    def _note_warnings(self, t_s: float) -> None:
+        """New warnings become events; the result keeps the first of them."""
+        new = self._sequence.warnings[:]
+        self._sequence.warnings.clear()
+        self._events += [OnlineEvent(t_s, "note", text) for text in new]
+        self._warnings += new[: max(0, _MOST_WARNINGS - len(self._warnings))]
