@@ -1,48 +1,51 @@
 """How the viewer is laid out."""
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from vgps.model import FloatArray
 from vgps.solution import Solution
 from vgps.viewer import plots
+from vgps.viewer.chase import CHASE, chase_size_m
 from vgps.viewer.colours import BAD_PX
 from vgps.viewer.features import FEATURES, REPROJECTIONS, RESIDUALS
 from vgps.viewer.graph import GRAPH
 from vgps.viewer.places import MAP
-from vgps.viewer.scene import IMAGE, WORLD
+from vgps.viewer.scene import IMAGE, WORLD, extent_m
 from vgps.viewer.sheet import TIME
 
 _BACKGROUND = (24, 26, 32)
 
 
-def blueprint(solution: Solution, has_map: bool) -> rrb.Blueprint:
+def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> rrb.Blueprint:
     """Video and plots on the left, scene, graph, map and verdicts on the right.
 
     Args:
         solution: The run; it says from where the scene is seen at first.
         has_map: Whether there is anything on the map.
+        for_picture: Leave out the menu.
     """
-    has_fixes = solution.fixes is not None
     tabs: list[rrb.View] = [_text_view(plots.SUMMARY, "Summary")]
     if has_map:
         tabs.insert(0, rrb.MapView(origin=MAP, name="Map"))
-    if has_fixes:
-        tabs.insert(0, rrb.TextLogView(origin=plots.VERDICTS, name="Verdicts on fixes"))
+    if solution.fixes is not None:
+        tabs.insert(0, _log_view())
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_video_view(), _plot_grid(has_fixes), row_shares=[2, 5]),
+            rrb.Vertical(_video_view(), _plot_grid(solution), row_shares=[2, 5]),
             rrb.Vertical(
-                _scene_view(solution),
+                rrb.Horizontal(_scene_view(solution), _chase_view(solution), column_shares=[4, 3]),
                 rrb.Horizontal(
                     rrb.GraphView(origin=GRAPH, name="Factor graph (a sample)"),
                     rrb.Tabs(*tabs),
-                    column_shares=[3, 2],
+                    column_shares=[4, 3],
                 ),
                 row_shares=[3, 2],
             ),
-            column_shares=[9, 11],
+            column_shares=[2, 3],
         ),
+        rrb.TopPanel(state="hidden" if for_picture else "expanded"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
@@ -57,43 +60,82 @@ def _video_view() -> rrb.View:
 
 
 def _scene_view(solution: Solution) -> rrb.View:
-    hidden = [f"- /{path}" for path in (FEATURES, REPROJECTIONS, RESIDUALS)]
     eye, target = eye_above(solution)
+    return _view_3d("Scene, ENU metres", eye, target, 0.05 * extent_m(solution))
+
+
+def _chase_view(solution: Solution) -> rrb.View:
+    return _view_3d("Around the camera", None, None, chase_size_m(solution), follow=CHASE)
+
+
+def _view_3d(
+    name: str, eye: FloatArray | None, target: FloatArray | None, plane_m: float, follow: str | None = None
+) -> rrb.View:
+    hidden = [FEATURES, REPROJECTIONS, RESIDUALS, *([] if follow else [CHASE])]
     return rrb.Spatial3DView(
         origin=WORLD,
-        contents=["+ $origin/**", *hidden],
-        name="Scene, ENU metres",
+        contents=["+ $origin/**", *(f"- /{path}" for path in hidden)],
+        name=name,
         background=_BACKGROUND,
         line_grid=False,
-        eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+        overrides={IMAGE: rr.Pinhole.from_fields(image_plane_distance=plane_m)},
+        eye_controls=rrb.EyeControls3D(
+            position=eye,
+            look_target=target,
+            eye_up=(0.0, 0.0, 1.0),
+            tracking_entity=f"/{follow}" if follow else None,
+        ),
     )
 
 
 def eye_above(solution: Solution) -> tuple[FloatArray, FloatArray]:
-    """Where the scene is first seen from, and which point is in the middle: (3,) and (3,), metres."""
+    """Where the scene is first seen from, and which point is in the middle: (3,) and (3,), metres.
+
+    From above and aside, so that the path's longest direction runs across the picture.
+    """
     centres = solution.world_T_camera[:, :3, 3]
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    span = max(2.0, float(np.linalg.norm(high - low)))
-    middle = (low + high) / 2.0
-    return middle + span * np.array([0.15, -0.62, 0.5]), middle
+    middle = (centres.min(axis=0) + centres.max(axis=0)) / 2.0
+    flat = centres[:, :2] - centres[:, :2].mean(axis=0)
+    along = np.linalg.svd(flat, full_matrices=False)[2][0]
+    across = np.array([along[1], -along[0], 0.0])
+    across *= -1.0 if across[1] > 0 else 1.0  # from the south rather than from the north
+    span = max(2.0, float(np.ptp(flat @ along)))
+    return middle + span * (0.8 * across + (0.0, 0.0, 0.8)), middle
 
 
-def _plot_grid(has_fixes: bool) -> rrb.Container:
-    views = [
-        _plot(plots.ERROR, "Reprojection error of a frame [px]"),
-        _plot(plots.COUNT, "Features of a frame"),
-        _plot(plots.SIGMA, "Standard deviation of the position [m]"),
-        _plot(plots.SIGMA_ROTATION, "Standard deviation of the rotation [deg]"),
-        _plot(plots.ENERGY, "Terms of the energy, Eq. (11)"),
+def _plot_grid(solution: Solution) -> rrb.Container:
+    axis = rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(seconds=float(solution.t_s[0])),
+            end=rr.TimeRangeBoundary.absolute(seconds=float(solution.t_s[-1])),
+        )
+    )
+
+    def plot(origin: str, name: str) -> rrb.View:
+        return rrb.TimeSeriesView(
+            origin=origin, name=name, axis_x=axis, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+        )
+
+    views: list[rrb.View | rrb.Container] = [
+        rrb.Tabs(plot(plots.ERROR, "Reprojection [px]"), plot(plots.COUNT, "Features")),
+        rrb.Tabs(plot(plots.SIGMA, "Sigma [m]"), plot(plots.SIGMA_ROTATION, "Sigma [deg]")),
+        plot(plots.ENERGY, "Terms of the energy (11)"),
     ]
-    if has_fixes:
-        views.insert(0, _plot(plots.RATIO, "Residual of a fix over its region"))
+    if solution.fixes is not None:
+        views.insert(0, plot(plots.RATIO, "Fixes: residual over region"))
     return rrb.Grid(*views, grid_columns=2)
 
 
-def _plot(origin: str, name: str) -> rrb.View:
-    return rrb.TimeSeriesView(
-        origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+def _log_view() -> rrb.View:
+    return rrb.TextLogView(
+        origin=plots.VERDICTS,
+        name="Verdicts on fixes",
+        columns=rrb.TextLogColumns(
+            text_log_columns=[
+                rrb.encodings.TextLogColumn(kind="LogLevel"),
+                rrb.encodings.TextLogColumn(kind="Body"),
+            ]
+        ),
     )
 
 

@@ -1,4 +1,4 @@
-"""The factor graph: a sample of poses, landmarks and GPS factors, each with its factors and residuals in words."""
+"""The factor graph: a sample of poses, landmarks and GPS factors, each with its residuals in words."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ import rerun as rr
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
 from vgps.viewer import colours
-from vgps.viewer.measures import Sightings, gps_terms, video_terms
+from vgps.viewer.measures import Sightings, gps_terms, judged, video_terms
 from vgps.viewer.sheet import Sheet
 from vgps.viewer.words import fix_text, landmark_text, pose_text
 
 GRAPH = "graph"
-MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 120, 100, 120
+MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 90, 80, 90
 _STEP, _ROW = 70.0, 260.0  # between poses, and between rows of poses, in points of the view
 _LEVEL = 38.0
 
@@ -62,9 +62,6 @@ def factor_graph(solution: Solution, seen: Sightings) -> Graph:
     places = _Rows(frames)
     chosen = _landmarks(seen, frames, len(solution.landmarks.sigma_px))
     fixes = _fixes(solution)
-    nearest = {
-        row: int(frames[np.argmin(np.abs(solution.t_s[frames] - _t_s(solution, row)))]) for row in fixes
-    }
     shown = np.isin(seen.frame, frames) & np.isin(seen.landmark, chosen)
     projections = [
         (f"x{frame}", f"l{landmark}")
@@ -80,13 +77,14 @@ def factor_graph(solution: Solution, seen: Sightings) -> Graph:
         [
             *_chain(seen, frames),
             *projections,
-            *((f"gps{row}", f"x{frame}") for row, frame in nearest.items()),
+            *_fix_edges(solution, fixes, frames),
         ],
     )
 
 
 class _Rows:
-    """Where things are drawn: time runs to the right, row under row, so that the whole fits a view."""
+    """Where things are drawn: time runs to the right and back in the next row, so that the whole fits a
+    view and rows join at their ends."""
 
     def __init__(self, frames: IntArray) -> None:
         self._frames = frames
@@ -96,17 +94,14 @@ class _Rows:
     def at(self, frame: float, level: float) -> tuple[float, float]:
         """Of something at a frame, or between two; ``level`` counts downwards from the poses."""
         place = float(np.interp(frame, self._frames, np.arange(len(self._frames))))
-        row = int(place // self._per_row)
-        return (place - row * self._per_row) * _STEP, row * _ROW + level * _LEVEL
+        row = int((place + 0.5) // self._per_row)
+        along = place - row * self._per_row
+        along = self._per_row - 1.0 - along if row % 2 else along
+        return along * _STEP, row * _ROW + level * _LEVEL
 
 
 def _every(count: int, most: int) -> IntArray:
     return np.arange(0, count, max(1, -(-count // most)))
-
-
-def _t_s(solution: Solution, row: int) -> float:
-    assert solution.gps is not None
-    return float(solution.gps.t_s[row])
 
 
 def _fixes(solution: Solution) -> list[int]:
@@ -114,6 +109,15 @@ def _fixes(solution: Solution) -> list[int]:
         return []
     within = np.flatnonzero(np.isfinite(solution.fixes.residual_m).all(axis=1))
     return [int(row) for row in within[_every(len(within), MAX_FIXES)]] if len(within) else []
+
+
+def _fix_edges(solution: Solution, fixes: list[int], frames: IntArray) -> list[tuple[str, str]]:
+    """From each fix to the nearest of the poses."""
+    if not fixes:
+        return []
+    at_s = judged(solution)[0].t_s[fixes]
+    nearest = frames[np.argmin(np.abs(solution.t_s[frames] - at_s[:, None]), axis=1)]
+    return [(f"gps{row}", f"x{frame}") for row, frame in zip(fixes, nearest, strict=True)]
 
 
 def _landmarks(seen: Sightings, frames: IntArray, count: int) -> IntArray:

@@ -12,6 +12,7 @@ from vgps.errors import VgpsError, ViewerError
 from vgps.model import Recording
 from vgps.solution import Solution, Verdict
 from vgps.viewer.blueprint import blueprint
+from vgps.viewer.chase import log_chase
 from vgps.viewer.features import log_features
 from vgps.viewer.graph import factor_graph, log_graph
 from vgps.viewer.measures import sightings
@@ -30,40 +31,44 @@ def show(
     solution: Solution, recording: Recording | None, save: Path | None, screenshot: Path | None
 ) -> tuple[str, ...]:
     """As :func:`vgps.viewer.inspect_run`."""
+    notes: tuple[str, ...] = ()
     if save is None and screenshot is None:
         _check_display()
         stream = rr.RecordingStream(_APPLICATION)
         stream.spawn()
-        return fill(stream, solution, recording)
+        notes = fill(stream, solution, recording)
     if save is not None:
         with new_file(save) as file:
             notes = write(file, solution, recording)
-            if screenshot is not None:
-                _draw(file, screenshot, solution)
-        return notes
-    assert screenshot is not None
-    with tempfile.TemporaryDirectory(prefix="vgps-") as folder:
-        notes = write(Path(folder) / "run.rrd", solution, recording)
-        _draw(Path(folder) / "run.rrd", screenshot, solution)
+    if screenshot is not None:
+        with new_file(screenshot) as picture, tempfile.TemporaryDirectory(prefix="vgps-") as folder:
+            file = Path(folder) / "run.rrd"
+            notes = write(file, solution, recording, for_picture=True)
+            take_screenshot(file, picture, shown_time_s(solution))
     return notes
 
 
-def write(file: Path, solution: Solution, recording: Recording | None) -> tuple[str, ...]:
+def write(
+    file: Path, solution: Solution, recording: Recording | None, for_picture: bool = False
+) -> tuple[str, ...]:
     """Write a run as a ``.rrd`` file; returns what could not be shown."""
     stream = rr.RecordingStream(_APPLICATION)
     stream.save(file)
-    notes = fill(stream, solution, recording)
+    notes = fill(stream, solution, recording, for_picture)
     stream.flush()
     stream.disconnect()
     return notes
 
 
-def fill(stream: rr.RecordingStream, solution: Solution, recording: Recording | None) -> tuple[str, ...]:
+def fill(
+    stream: rr.RecordingStream, solution: Solution, recording: Recording | None, for_picture: bool = False
+) -> tuple[str, ...]:
     """Log everything to a stream, layout first; returns what could not be shown."""
     sheet, seen, notes = Sheet(stream, solution.t_s), sightings(solution), list[str]()
     has_map = solution.world_origin is not None and solution.georeferenced
-    stream.send_blueprint(blueprint(solution, has_map))
+    stream.send_blueprint(blueprint(solution, has_map, for_picture))
     log_scene(sheet, solution)
+    log_chase(sheet, solution)
     log_plots(sheet, solution, seen)
     log_graph(sheet, factor_graph(solution, seen))
     if has_map:
@@ -92,16 +97,11 @@ def shown_time_s(solution: Solution) -> float:
     return float(np.median(solution.t_s))
 
 
-def _draw(file: Path, screenshot: Path, solution: Solution) -> None:
-    with new_file(screenshot) as picture:
-        take_screenshot(file, picture, shown_time_s(solution))
-
-
 def _check_display() -> None:
     """Raise ViewerError where no window can open."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError(
             "no display to open a window on",
             expected="DISPLAY or WAYLAND_DISPLAY to be set",
-            remedy="write a file with --save F.rrd (open it with: rerun F.rrd) or a picture with --screenshot F.png",
+            remedy="write a file with --save F.rrd, which rerun opens, or a picture with --screenshot F.png",
         )

@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray, GpsLog, IntArray
 from vgps.smoothing.fixes import Fixes, penalty
-from vgps.solution import Solution
+from vgps.solution import FixTable, Solution
 
 _AT_ONCE = 200_000  # observations projected together: 4x4 poses of all of a long run would not fit
 
@@ -42,7 +42,7 @@ class Sightings:
 
 
 def sightings(solution: Solution) -> Sightings:
-    """All observations with their reprojections; those the lens cannot show are NaN in the distorted image."""
+    """All observations and their reprojections; what the lens cannot show is NaN in the distorted image."""
     seen = solution.observations
     order = np.argsort(seen.frame, kind="stable")
     frame, landmark, uv_px = seen.frame[order], seen.landmark[order], seen.uv_px[order]
@@ -81,6 +81,13 @@ def per_frame(seen: Sightings, frames: int) -> tuple[FloatArray, FloatArray]:
     np.maximum.at(largest, seen.frame, seen.length_px)
     empty = seen.per_frame == 0
     return np.where(empty, np.nan, rms), np.where(empty, np.nan, largest)
+
+
+def judged(solution: Solution) -> tuple[GpsLog, FixTable]:
+    """The log and its verdicts, of a run that has them."""
+    if solution.gps is None or solution.fixes is None:
+        raise ValueError("a run without GPS has no fixes to show")
+    return solution.gps, solution.fixes
 
 
 def fix_ratios(solution: Solution) -> tuple[FloatArray, FloatArray]:

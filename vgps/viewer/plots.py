@@ -6,9 +6,8 @@ import rerun as rr
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
-from vgps.viewer.measures import Sightings, fix_ratios, gps_terms, per_frame, video_terms
+from vgps.viewer.measures import Sightings, fix_ratios, gps_terms, judged, per_frame, video_terms
 from vgps.viewer.sheet import Sheet
-from vgps.viewer.words import fix_title
 
 PLOTS, VERDICTS, SUMMARY = "plots", "verdicts", "summary"
 ERROR, COUNT, ENERGY, RATIO, SIGMA, SIGMA_ROTATION = (
@@ -69,7 +68,8 @@ def summary(solution: Solution, notes: tuple[str, ...] = ()) -> str:
             "- path: blue; bridged frames: orange; path before D: violet",
             f"- features: green at 0 px of reprojection error, red from {colours.BAD_PX:g} px; "
             "white: where the map puts them",
-            f"- landmarks: green at sigma_j = {colours.GOOD_SIGMA_PX:g} px, red from {colours.BAD_SIGMA_PX:g} px",
+            f"- landmarks: green at sigma_j = {colours.GOOD_SIGMA_PX:g} px, "
+            f"red from {colours.BAD_SIGMA_PX:g} px",
             "- fixes that were used: rtk_fix green, rtk_float yellow, ppp teal, dgps blue, sbas violet, "
             "single pink; rejected: red; down-classed: magenta; not used: grey",
             "- factor graph: x poses, l landmarks, gps fixes; a sample; select a node for its residuals",
@@ -90,35 +90,29 @@ def _dots(
 
 
 def _log_fix_plots(sheet: Sheet, solution: Solution) -> None:
-    table, log = solution.fixes, solution.gps
-    assert table is not None
-    assert log is not None
+    log, table = judged(solution)
     rejected: BoolArray = np.array([verdict is Verdict.REJECTED for verdict in table.verdict], bool)
-    for letter, ratio, good in zip(
-        "rh", fix_ratios(solution), ((60, 220, 90, 255), (90, 150, 255, 255)), strict=True
-    ):
-        used = table.used
-        _dots(sheet, f"{RATIO}/{letter}_used", log.t_s[used], ratio[used], good, f"residual / {letter}")
-        bad = np.minimum(ratio[rejected], MOST_RATIO)
-        name = f"/ {letter}, rejected (drawn up to {MOST_RATIO:g})"
-        tint = colours.REJECTED if letter == "r" else (255, 150, 40, 255)
-        _dots(sheet, f"{RATIO}/{letter}_rejected", log.t_s[rejected], bad, tint, name)
-    _line(sheet, f"{RATIO}/border", np.ones(len(solution.t_s)), (150, 150, 150, 255), "border of the region")
+    of_r, of_h = fix_ratios(solution)
+    used = table.used
+    _dots(sheet, f"{RATIO}/r", log.t_s[used], of_r[used], (60, 220, 90, 255), "horizontal / r")
+    _dots(sheet, f"{RATIO}/h", log.t_s[used], of_h[used], (90, 150, 255, 255), "vertical / h")
+    worst = np.minimum(np.maximum(of_r, of_h), MOST_RATIO)[rejected]
+    name = f"rejected: the larger, up to {MOST_RATIO:g}"
+    _dots(sheet, f"{RATIO}/rejected", log.t_s[rejected], worst, colours.REJECTED, name)
+    _line(sheet, f"{RATIO}/border", np.ones(len(solution.t_s)), (150, 150, 150, 255), "border")
     _dots(
         sheet, f"{ENERGY}/gps", log.t_s, gps_terms(solution), (250, 190, 40, 255), "GPS: omega Psi of a fix"
     )
 
 
 def _log_verdicts(sheet: Sheet, solution: Solution) -> None:
-    table, log = solution.fixes, solution.gps
-    assert table is not None
-    assert log is not None
+    log, table = judged(solution)
     levels = {Verdict.REJECTED: "ERROR", Verdict.DOWN_CLASSED: "WARN", Verdict.NOT_USED: "DEBUG"}
     sheet.at_times(
         VERDICTS,
         log.t_s,
         rr.TextLog.columns(
-            text=[f"{fix_title(solution, row)}; {reason}" for row, reason in enumerate(table.reason)],
+            text=[f"fix {row}, {log.fix_class[row]}: {reason}" for row, reason in enumerate(table.reason)],
             level=[levels.get(verdict, "INFO") for verdict in table.verdict],
         ),
     )

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import FrameState, Solution, Verdict
 from vgps.viewer import colours
+from vgps.viewer.measures import judged
 from vgps.viewer.sheet import Sheet
 from vgps.viewer.words import fix_title
 
@@ -20,7 +21,7 @@ PATH, BEFORE, LANDMARKS, FIXES, NOW = (
     "world/fixes",
     "world/fix_now",
 )
-_SEEN_THROUGH = 70  # alpha of a cylinder: the path and its neighbours must be seen through it
+_SEEN_THROUGH = 45  # alpha of a cylinder: the path and its neighbours must be seen through it
 
 
 def log_scene(sheet: Sheet, solution: Solution) -> None:
@@ -83,7 +84,7 @@ def _log_camera(sheet: Sheet, solution: Solution) -> None:
             image_from_camera=camera.K,
             resolution=(camera.width, camera.height),
             camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=float(np.clip(0.02 * extent_m(solution), 0.2, 8.0)),
+            image_plane_distance=0.05 * extent_m(solution),
             color=colours.NOW,
         ),
     )
@@ -113,17 +114,13 @@ def _log_paths(sheet: Sheet, solution: Solution) -> None:
 def _runs(centres: FloatArray, bridged: BoolArray) -> list[tuple[FloatArray, bool]]:
     """The path cut where its state changes; a piece ends where the next one begins."""
     cuts = [0, *(np.flatnonzero(np.diff(bridged)) + 1).tolist(), len(centres)]
-    return [
-        (centres[first : last + 1], bool(bridged[first]))
-        for first, last in itertools.pairwise(cuts)
-    ]
+    return [(centres[first : last + 1], bool(bridged[first])) for first, last in itertools.pairwise(cuts)]
 
 
 def _log_fixes(
     sheet: Sheet, solution: Solution, fix_class: FixClass, verdict: Verdict, rows: IntArray
 ) -> None:
-    table = solution.fixes
-    assert table is not None
+    _, table = judged(solution)
     path, colour = fixes_path(fix_class, verdict), colours.of_fix(fix_class, verdict)
     sheet.static(
         path,
@@ -156,15 +153,13 @@ def _log_fixes(
         lines = np.stack([fix, fix + table.residual_m[reached]], axis=1)
         sheet.static(
             f"{path}/residual",
-            rr.LineStrips3D(lines, colors=[colour], radii=rr.Radius.ui_points(1.0)),
+            rr.LineStrips3D(list(lines), colors=[colour], radii=rr.Radius.ui_points(1.0)),
         )
 
 
 def _log_fix_now(sheet: Sheet, solution: Solution) -> None:
     """The region of the last fix before the time that is shown, as a white frame."""
-    table, log = solution.fixes, solution.gps
-    assert table is not None
-    assert log is not None
+    log, table = judged(solution)
     rows = np.flatnonzero(np.isfinite(table.world_p_fix).all(axis=1) & np.isfinite(table.r_m + table.h_m))
     if len(rows):
         sheet.at_times(

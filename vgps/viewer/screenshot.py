@@ -15,8 +15,9 @@ from rerun.experimental import ViewerClient
 from vgps.errors import ViewerError
 from vgps.viewer.sheet import TIME
 
-_SIZE = "1600x1000"
-_START_S, _SETTLE_S = 60.0, 6.0
+_SIZE = "1400x875"
+_START_S, _DRAW_S, _PAUSE_S = 60.0, 90.0, 2.0
+_NO_ANSWER = (RuntimeError, ConnectionError, TimeoutError, OSError)
 _REMEDY = (
     "install a Vulkan driver (apt install mesa-vulkan-drivers draws without a graphics card), or use --save"
 )
@@ -32,15 +33,27 @@ def take_screenshot(recording: Path, out: Path, t_s: float) -> None:
         try:
             client.open(str(recording))
             client.set_time(TIME, duration=t_s, play_state="paused")
-            _settle(client)
-            client.save_screenshot(str(out))
-        except RuntimeError as error:
+            _draw_until_settled(client, out)
+        except _NO_ANSWER as error:
             said = (
                 "ended" if process.poll() is not None else f"does not answer ({str(error).splitlines()[0]})"
             )
             raise ViewerError(f"the viewer {said}", file=out, remedy=_REMEDY) from error
     if not out.is_file():
         raise ViewerError("the viewer drew nothing", file=out, remedy=_REMEDY)
+
+
+def _draw_until_settled(client: ViewerClient, out: Path) -> None:
+    """Draw until two pictures in a row are alike: the viewer does not say when video and clouds are there."""
+    before, until = b"", time.monotonic() + _DRAW_S
+    while time.monotonic() < until:
+        time.sleep(_PAUSE_S)
+        with contextlib.suppress(TimeoutError):  # without a graphics card the first pictures take long
+            client.save_screenshot(str(out))
+        drawn = out.read_bytes() if out.is_file() else b""
+        if drawn and drawn == before:
+            return
+        before = drawn
 
 
 @contextlib.contextmanager
@@ -76,12 +89,6 @@ def _connected(port: int, process: "subprocess.Popen[bytes]") -> ViewerClient:
             return client
         time.sleep(0.3)
     raise ViewerError(f"the viewer did not start within {_START_S:g} s", remedy=_REMEDY)
-
-
-def _settle(client: ViewerClient) -> None:
-    """Wait until video, clouds and layout are drawn; the viewer does not say when."""
-    time.sleep(_SETTLE_S)
-    client.get_state()
 
 
 def _free_port() -> int:

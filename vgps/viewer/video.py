@@ -23,9 +23,9 @@ _JPEG_QUALITY = 80
 def log_video(sheet: Sheet, path: str, video: Video) -> tuple[str, ...]:
     """Show the video at ``path``, one picture per frame.
 
-    A file that holds H.264, HEVC or AV1 goes in without being encoded again, in its own MP4 or with its packets
-    put into one. What the viewer cannot show as it is (another codec, a rotation flag, a folder of images) is
-    decoded, and its luminance goes in as JPEG.
+    A file that holds H.264, HEVC or AV1 goes in without being encoded again, in its own MP4 or with its
+    packets put into one. What the viewer cannot show as it is (another codec, a rotation flag, a folder of
+    images) is decoded, and its luminance goes in as JPEG.
 
     Returns:
         What a user should know, a line each.

@@ -2,26 +2,23 @@
 
 import numpy as np
 
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
-from vgps.viewer.measures import Sightings
+from vgps.viewer.measures import Sightings, judged
 
 _LISTED = 40  # residuals of a landmark that are spelt out
 
 
 def fix_title(solution: Solution, row: int) -> str:
     """A fix in a line: number, line of the log, time, class, verdict."""
-    table, log = solution.fixes, solution.gps
-    assert table is not None
-    assert log is not None
-    return f"fix {row} (line {log.line[row]}) at {log.t_s[row]:.2f} s: {log.fix_class[row]}, {table.verdict[row]}"
+    log, table = judged(solution)
+    place = f"fix {row} (line {log.line[row]}) at {log.t_s[row]:.2f} s"
+    return f"{place}: {log.fix_class[row]}, {table.verdict[row]}"
 
 
 def fix_text(solution: Solution, row: int, term: float) -> str:
     """Everything about the factor of a fix."""
-    table, log = solution.fixes, solution.gps
-    assert table is not None
-    assert log is not None
+    log, table = judged(solution)
     east, north, up = table.residual_m[row]
     r_m, h_m = table.r_m[row], table.h_m[row]
     between = int(
@@ -32,7 +29,8 @@ def fix_text(solution: Solution, row: int, term: float) -> str:
             fix_title(solution, row),
             table.reason[row],
             f"residual, antenna minus fix: east {east:+.3f}, north {north:+.3f}, up {up:+.3f} m",
-            f"region: r {r_m:g} m, h {h_m:g} m; residual {np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h",
+            f"region: r {r_m:g} m, h {h_m:g} m",
+            f"residual over region: {np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h",
             f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
             f"acts between frames {between} and {between + 1}",
         ]
@@ -69,7 +67,7 @@ def pose_text(solution: Solution, frame: int, errors_px: FloatArray, phi: float,
     return "\n".join([*lines, *(fix_title(solution, row) for row in fixes)])
 
 
-def landmark_text(solution: Solution, landmark: int, seen: Sightings, rows: FloatArray) -> str:
+def landmark_text(solution: Solution, landmark: int, seen: Sightings, rows: IntArray) -> str:
     """Everything about the factors on a landmark: ``rows`` are its rows of the sightings."""
     east, north, up = solution.landmarks.world_p_landmark[landmark]
     frames, errors = seen.frame[rows], seen.error_px[rows]
