@@ -9,6 +9,7 @@ from factors.gyro import (
     gyro_factor,
     preintegrate_rates,
 )
+from factors.known_points import known_points_factor, steady_centre_factor
 from factors.level import level_factor
 from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
 from factors.reprojection import (
@@ -44,6 +45,7 @@ __all__ = [
     "gps_factor_between",
     "gps_factor_calibrating",
     "gyro_factor",
+    "known_points_factor",
     "level_factor",
     "preintegrate_rates",
     "projection_factor",
@@ -51,4 +53,5 @@ __all__ = [
     "projection_sigma_px",
     "reliability_sigma_px",
     "stages",
+    "steady_centre_factor",
 ]

@@ -46,6 +46,8 @@ class TrackConfig(BaseModel):
     refine_window_px: PositiveInt = 3
     """Half side of the second search, around the first pose; it finds what the first missed."""
 
+    recovery_candidates: PositiveInt = 3
+    """Poses from descriptors that are searched around."""
     recovery_window_px: PositiveInt = 16
     """Half side of the windows around a pose from descriptors."""
 
@@ -70,8 +72,8 @@ class TrackConfig(BaseModel):
     recovery_keyframes: PositiveInt = 12
     """Keyframes with most matches that are tried when the pose is not known at all."""
 
-    lag_frames: PositiveInt = 10
-    """Frames in the graph."""
+    lag_s: PositiveFloat = 1.0
+    """Frames of so long a time are in the graph."""
     gyro_density_rad_s0p5: PositiveFloat = 0.0005
     """White noise of the gyro, rad/s/sqrt(Hz)."""
     bias_sigma_rad_s: PositiveFloat = 0.02
