@@ -5,7 +5,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, V
 from vgps.errors import ConfigError
 from vgps.model import FixClass
 
+Settings = TypeVar("Settings", bound=BaseModel)
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
 
 
@@ -331,10 +332,19 @@ def read_config(path: Path | None) -> Config:
     Raises:
         ConfigError: Not readable, an unknown key or an impossible value.
     """
+    return read_settings(path, Config)
+
+
+def read_settings(path: Path | None, kind: type[Settings]) -> Settings:
+    """The defaults of a settings model, overridden by the YAML file at ``path`` if there is one.
+
+    Raises:
+        ConfigError: Not readable, an unknown key or an impossible value.
+    """
     if path is None:
-        return Config()
+        return kind()
     try:
-        return Config.model_validate(_read_yaml(path))
+        return kind.model_validate(_read_yaml(path))
     except ValidationError as error:
         raise _as_config_error(error, path) from error
 
