@@ -15,9 +15,9 @@ class Keyframe:
 
     Attributes:
         world_T_camera: (4, 4) its pose.
-        landmark: (N,) ids of landmarks seen in it, ``world_p_landmark`` (N, 3) where they are.
-        descriptors: (N, D) uint8, as :func:`vgps.landmarks.descriptors.describe` gives them, a row each; a
-            landmark may have several.
+        landmark: (N,) ids of landmarks seen in it, sorted; one may have several descriptors.
+        world_p_landmark: (N, 3) what the descriptor shows: at its landmark's depth, a few pixels beside it.
+        descriptors: (N, 32) uint8, bits, as :func:`vgps.landmarks.descriptors.describe` gives them.
         thumbnail: (h, w) the whole frame, small.
     """
 
