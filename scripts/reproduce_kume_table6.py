@@ -16,6 +16,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+import yaml
+
 import vgps
 from vgps.compare import compare
 from vgps.compare.table6 import Row, antenna_errors, as_markdown
@@ -33,12 +35,20 @@ def walk(given: argparse.Namespace) -> SceneConfig:
     return scene
 
 
+def miscalibrate(camera: Path, share: float) -> None:
+    """Make the focal length larger by a share: the video then drifts, as one of a real camera does."""
+    fields = yaml.safe_load(camera.read_text(encoding="utf-8"))
+    fields.update({name: fields[name] * (1 + share) for name in ("fx", "fy")})
+    camera.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+
+
 def on_walk(seed: int, given: argparse.Namespace) -> tuple[int, Row, float]:
     """One simulated walk: its seed, its errors by method, and how long it took."""
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "walk"
         simulate(folder, walk(given), seed)
+        miscalibrate(folder / "camera.yaml", given.focal_error)
         config = vgps.Config(seed=seed).with_gps(None, given.survey)
         found = compare(vgps.open_recording(folder), folder / "truth.tum", config, Silent())
     return seed, antenna_errors(found), time.perf_counter() - begin
@@ -63,6 +73,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--frames", type=int, help="of the walk; 1110 without it")
     parser.add_argument("--gps-errors", type=Path, help="a log whose errors are replayed on the walk")
     parser.add_argument("--gps-reference", type=Path, help="the better log of the same drive")
+    parser.add_argument(
+        "--focal-error", type=float, default=0.0, help="share by which it is wrong on the walk"
+    )
     parser.add_argument("--recording", type=Path)
     parser.add_argument("--truth", type=Path)
     parser.add_argument("--gps")
