@@ -37,7 +37,7 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
             rrb.Vertical(
                 rrb.Horizontal(_scene_view(solution), _chase_view(solution), column_shares=[4, 3]),
                 rrb.Horizontal(
-                    rrb.GraphView(origin=GRAPH, name="Factor graph (a sample)"),
+                    rrb.GraphView(origin=GRAPH, name="Factor graph, sampled, around this time"),
                     rrb.Tabs(*tabs),
                     column_shares=[4, 3],
                 ),
@@ -111,10 +111,9 @@ def _plot_grid(solution: Solution) -> rrb.Container:
         )
     )
 
-    def plot(origin: str, name: str) -> rrb.View:
-        return rrb.TimeSeriesView(
-            origin=origin, name=name, axis_x=axis, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-        )
+    def plot(origin: str, name: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.View:
+        legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+        return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=axis_y, plot_legend=legend)
 
     views: list[rrb.View | rrb.Container] = [
         rrb.Tabs(plot(plots.ERROR, "Reprojection [px]"), plot(plots.COUNT, "Features")),
@@ -122,7 +121,8 @@ def _plot_grid(solution: Solution) -> rrb.Container:
         plot(plots.ENERGY, "Terms of the energy (11)"),
     ]
     if solution.fixes is not None:
-        views.insert(0, plot(plots.RATIO, "Fixes: residual over region"))
+        room_for_legend = rrb.ScalarAxis(range=(0.0, 1.8 * plots.MOST_RATIO))
+        views.insert(0, plot(plots.RATIO, "Fixes: residual over region", room_for_legend))
     return rrb.Grid(*views, grid_columns=2)
 
 

@@ -1,12 +1,13 @@
-"""The factor graph: a sample of poses, landmarks and GPS factors, each with its residuals in words."""
+"""The factor graph around the time shown: poses, landmarks, GPS factors, each with its residuals in words."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import rerun as rr
 
 from vgps.model import FloatArray, IntArray
-from vgps.solution import Solution
+from vgps.solution import FrameState, Solution
 from vgps.viewer import colours
 from vgps.viewer.measures import Sightings, gps_terms, judged, video_terms
 from vgps.viewer.sheet import Sheet
@@ -14,8 +15,11 @@ from vgps.viewer.words import fix_text, landmark_text, pose_text
 
 GRAPH = "graph"
 MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 90, 80, 90
-_STEP, _ROW = 70.0, 260.0  # between poses, and between rows of poses, in points of the view
-_LEVEL = 38.0
+_STEP, _ROW, _LEVEL = (
+    70.0,
+    260.0,
+    38.0,
+)  # between poses, rows of poses, and kinds of nodes, in the view's points
 
 
 @dataclass(frozen=True)
@@ -36,50 +40,59 @@ class Graph:
     edges: list[tuple[str, str]]
 
 
-def log_graph(sheet: Sheet, graph: Graph) -> None:
-    """Log the graph; everything on one entity, since an edge joins nodes of its own entity only."""
-    sheet.static(
-        GRAPH,
-        rr.GraphNodes(
-            [node.name for node in graph.nodes],
-            positions=[node.place for node in graph.nodes],
-            colors=[node.colour for node in graph.nodes],
-            labels=[node.name for node in graph.nodes],
-        ),
-        rr.GraphEdges(graph.edges, graph_type="undirected"),
-        rr.AnyValues(factors=[node.text for node in graph.nodes]),
-    )
+@dataclass(frozen=True)
+class _Run:
+    """A run with what all of its stretches need."""
 
+    solution: Solution
+    seen: Sightings
 
-def factor_graph(solution: Solution, seen: Sightings) -> Graph:
-    """A sample of the graph that stage D solves, small enough to read.
+    @cached_property
+    def phi(self) -> FloatArray:
+        return video_terms(self.solution, self.seen)
 
-    Every k-th pose ``x``, the landmarks ``l`` with the most sightings in these, spread over the run, and a
-    factor ``gps`` per fix, joined to the nearest of these poses; an edge from a pose to a landmark is a
-    projection factor, one from a pose to the next stands for the landmarks that both see.
-    """
-    frames = _every(len(solution.t_s), MAX_POSES)
-    places = _Rows(frames)
-    chosen = _landmarks(seen, frames, len(solution.landmarks.sigma_px))
-    fixes = _fixes(solution)
-    shown = np.isin(seen.frame, frames) & np.isin(seen.landmark, chosen)
-    projections = [
-        (f"x{frame}", f"l{landmark}")
-        for frame, landmark in zip(seen.frame[shown], seen.landmark[shown], strict=True)
-    ]
-    nodes = [
-        *_pose_nodes(solution, seen, frames, places),
-        *_landmark_nodes(solution, seen, chosen, frames, places),
-        *_fix_nodes(solution, fixes, places),
-    ]
-    return Graph(
-        nodes,
-        [
-            *_chain(seen, frames),
-            *projections,
-            *_fix_edges(solution, fixes, frames),
-        ],
-    )
+    @cached_property
+    def gps(self) -> FloatArray:
+        return gps_terms(self.solution)
+
+    @cached_property
+    def lengths_px(self) -> FloatArray:
+        return self.seen.length_px
+
+    @cached_property
+    def _first_row(self) -> IntArray:
+        return np.concatenate([[0], np.cumsum(self.seen.per_frame)])
+
+    @cached_property
+    def _by_landmark(self) -> tuple[IntArray, IntArray]:
+        order = np.argsort(self.seen.landmark, kind="stable")
+        count = len(self.solution.landmarks.sigma_px)
+        return order, np.searchsorted(self.seen.landmark[order], np.arange(count + 1))
+
+    def rows_of_frame(self, frame: int) -> tuple[int, int]:
+        """First row of the sightings, and the row after the last."""
+        return int(self._first_row[frame]), int(self._first_row[frame + 1])
+
+    def of_frame(self, frame: int) -> slice:
+        """Rows of the sightings."""
+        return slice(*self.rows_of_frame(frame))
+
+    def of_landmark(self, landmark: int) -> IntArray:
+        """Rows of the sightings, in order of time."""
+        order, first = self._by_landmark
+        return order[first[landmark] : first[landmark + 1]]
+
+    @cached_property
+    def fixes_of_frame(self) -> dict[int, list[int]]:
+        """The fixes whose factors act on each frame: the one before and the one after."""
+        acting: dict[int, list[int]] = {}
+        if self.solution.fixes is None or self.solution.gps is None:
+            return acting
+        before = np.searchsorted(self.solution.t_s, self.solution.gps.t_s, side="right") - 1
+        for row in np.flatnonzero(self.solution.fixes.used):
+            for frame in (before[row], before[row] + 1):
+                acting.setdefault(int(frame), []).append(int(row))
+        return acting
 
 
 class _Rows:
@@ -88,8 +101,7 @@ class _Rows:
 
     def __init__(self, frames: IntArray) -> None:
         self._frames = frames
-        rows = max(1, round(np.sqrt(len(frames) / 5)))
-        self._per_row = -(-len(frames) // rows)
+        self._per_row = -(-len(frames) // max(1, round(np.sqrt(len(frames) / 5))))
 
     def at(self, frame: float, level: float) -> tuple[float, float]:
         """Of something at a frame, or between two; ``level`` counts downwards from the poses."""
@@ -100,15 +112,90 @@ class _Rows:
         return along * _STEP, row * _ROW + level * _LEVEL
 
 
-def _every(count: int, most: int) -> IntArray:
-    return np.arange(0, count, max(1, -(-count // most)))
+def log_graph(sheet: Sheet, solution: Solution, seen: Sightings) -> None:
+    """Log the graph of each stretch from its first frame on.
+
+    Everything is on one entity, since an edge joins nodes of its own entity only.
+    """
+    for frames, graph in factor_graphs(solution, seen):
+        sheet.from_frame(
+            GRAPH,
+            int(frames[0]),
+            rr.GraphNodes(
+                [node.name for node in graph.nodes],
+                positions=[node.place for node in graph.nodes],
+                colors=[node.colour for node in graph.nodes],
+                labels=[node.name for node in graph.nodes],
+            ),
+            rr.GraphEdges(graph.edges, graph_type="undirected"),
+            rr.AnyValues(factors=[node.text for node in graph.nodes]),
+        )
 
 
-def _fixes(solution: Solution) -> list[int]:
-    if solution.fixes is None:
+def factor_graphs(solution: Solution, seen: Sightings) -> list[tuple[IntArray, Graph]]:
+    """Samples of the graph that stage D solves, small enough to read, one for each stretch of the run.
+
+    Every k-th pose ``x``, the landmarks ``l`` with the most sightings in these, spread over the stretch, and
+    a factor ``gps`` per fix, joined to the nearest of these poses. An edge from a pose to a landmark is a
+    projection factor; one from a pose to the next stands for the landmarks that both see. k is as large as
+    long tracks allow: poses that share no landmark would show nothing.
+
+    Returns:
+        For each stretch its frames and its graph.
+    """
+    run, count = _Run(solution, seen), len(solution.t_s)
+    step = min(-(-count // MAX_POSES), max(1, _long_track(seen, len(solution.landmarks.sigma_px)) // 3))
+    frames = np.arange(0, count, step)
+    stretches = np.array_split(frames, -(-len(frames) // MAX_POSES))
+    return [(stretch, _graph(run, stretch, step)) for stretch in stretches]
+
+
+def _long_track(seen: Sightings, landmarks: int) -> int:
+    """How many frames a long track spans: a tenth span more."""
+    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
+    np.minimum.at(first, seen.landmark, seen.frame)
+    np.maximum.at(last, seen.landmark, seen.frame)
+    seen_at_all = last >= 0
+    return int(np.percentile((last - first)[seen_at_all], 90)) if seen_at_all.any() else 1
+
+
+def _graph(run: _Run, frames: IntArray, step: int) -> Graph:
+    seen, places = run.seen, _Rows(frames)
+    chosen = _landmarks(run, frames)
+    fixes = _fixes(run.solution, int(frames[0]), int(frames[-1]) + step)
+    rows = np.concatenate([run.of_landmark(int(landmark)) for landmark in chosen]) if len(chosen) else chosen
+    shown = rows[np.isin(seen.frame[rows], frames)]
+    edges = [(f"x{seen.frame[row]}", f"l{seen.landmark[row]}") for row in shown]
+    return Graph(
+        [
+            *(_pose_node(run, int(frame), places) for frame in frames),
+            *(_landmark_node(run, int(landmark), k, frames, places) for k, landmark in enumerate(chosen)),
+            *(_fix_node(run, row, k, places) for k, row in enumerate(fixes)),
+        ],
+        [*_chain(run, frames), *edges, *_fix_edges(run.solution, fixes, frames)],
+    )
+
+
+def _landmarks(run: _Run, frames: IntArray) -> IntArray:
+    """Landmarks with sightings in two or more of the frames: in each part of the stretch the best."""
+    seen = run.seen
+    rows = np.concatenate([np.arange(*run.rows_of_frame(int(frame))) for frame in frames])
+    found, first, views = np.unique(seen.landmark[rows], return_index=True, return_counts=True)
+    begins, common = seen.frame[rows][first], views >= 2
+    part = (begins - frames[0]) * MAX_LANDMARKS // (frames[-1] - frames[0] + 1)
+    order = np.lexsort((-views[common], part[common]))
+    _, best = np.unique(part[common][order], return_index=True)
+    return found[common][order][best]
+
+
+def _fixes(solution: Solution, first: int, end: int) -> list[int]:
+    """Fixes from the frame ``first`` to before ``end``, so many as can be shown."""
+    if solution.fixes is None or solution.gps is None:
         return []
-    within = np.flatnonzero(np.isfinite(solution.fixes.residual_m).all(axis=1))
-    return [int(row) for row in within[_every(len(within), MAX_FIXES)]] if len(within) else []
+    frame = np.searchsorted(solution.t_s, solution.gps.t_s, side="right") - 1
+    known = np.isfinite(solution.fixes.residual_m).all(axis=1)
+    rows = np.flatnonzero(known & (frame >= first) & (frame < end))
+    return [int(row) for row in rows[:: max(1, -(-len(rows) // MAX_FIXES))]]
 
 
 def _fix_edges(solution: Solution, fixes: list[int], frames: IntArray) -> list[tuple[str, str]]:
@@ -120,25 +207,9 @@ def _fix_edges(solution: Solution, fixes: list[int], frames: IntArray) -> list[t
     return [(f"gps{row}", f"x{frame}") for row, frame in zip(fixes, nearest, strict=True)]
 
 
-def _landmarks(seen: Sightings, frames: IntArray, count: int) -> IntArray:
-    """Landmarks with sightings in two or more of the frames, the best in each stretch of the run."""
-    rows = np.flatnonzero(np.isin(seen.frame, frames))
-    views = np.bincount(seen.landmark[rows], minlength=count)
-    first = np.full(count, np.iinfo(np.int64).max)
-    np.minimum.at(first, seen.landmark[rows], seen.frame[rows])
-    usable = np.flatnonzero(views >= 2)
-    if not len(usable):
-        return usable
-    stretch = first[usable] * MAX_LANDMARKS // (int(seen.frame.max()) + 1)
-    by_views = usable[np.lexsort((-views[usable], stretch))]
-    _, best = np.unique(np.sort(stretch), return_index=True)
-    return by_views[best]
-
-
-def _chain(seen: Sightings, frames: IntArray) -> list[tuple[str, str]]:
+def _chain(run: _Run, frames: IntArray) -> list[tuple[str, str]]:
     """Edges between successive poses that see a landmark in common."""
-    start = np.concatenate([[0], np.cumsum(seen.per_frame)])
-    sets = [seen.landmark[start[frame] : start[frame + 1]] for frame in frames]
+    sets = [run.seen.landmark[run.of_frame(int(frame))] for frame in frames]
     return [
         (f"x{a}", f"x{b}")
         for a, b, of_a, of_b in zip(frames[:-1], frames[1:], sets[:-1], sets[1:], strict=True)
@@ -146,70 +217,35 @@ def _chain(seen: Sightings, frames: IntArray) -> list[tuple[str, str]]:
     ]
 
 
-def _pose_nodes(solution: Solution, seen: Sightings, frames: IntArray, places: _Rows) -> list[Node]:
-    start = np.concatenate([[0], np.cumsum(seen.per_frame)])
-    lengths, phi = seen.length_px, video_terms(solution, seen)
-    acting = _fixes_by_frame(solution)
-    return [
-        Node(
-            f"x{frame}",
-            pose_text(
-                solution,
-                int(frame),
-                lengths[start[frame] : start[frame + 1]],
-                float(phi[frame]),
-                acting.get(int(frame), []),
-            ),
-            colours.POSE if solution.state[frame] == "tracked" else colours.BRIDGED,
-            places.at(float(frame), 0.0),
-        )
-        for frame in frames
-    ]
+def _pose_node(run: _Run, frame: int, places: _Rows) -> Node:
+    errors, acting = run.lengths_px[run.of_frame(frame)], run.fixes_of_frame.get(frame, [])
+    bridged = run.solution.state[frame] is FrameState.BRIDGED
+    return Node(
+        f"x{frame}",
+        pose_text(run.solution, frame, errors, float(run.phi[frame]), acting),
+        colours.BRIDGED if bridged else colours.POSE,
+        places.at(frame, 0.0),
+    )
 
 
-def _fixes_by_frame(solution: Solution) -> dict[int, list[int]]:
-    """The fixes whose factors act on each frame: the one before and the one after."""
-    acting: dict[int, list[int]] = {}
-    if solution.fixes is None or solution.gps is None:
-        return acting
-    before = np.searchsorted(solution.t_s, solution.gps.t_s, side="right") - 1
-    for row in np.flatnonzero(solution.fixes.used):
-        for frame in (before[row], before[row] + 1):
-            acting.setdefault(int(frame), []).append(int(row))
-    return acting
+def _landmark_node(run: _Run, landmark: int, k: int, frames: IntArray, places: _Rows) -> Node:
+    rows, sigma = run.of_landmark(landmark), run.solution.landmarks.sigma_px[[landmark]]
+    seen_in = run.seen.frame[rows]
+    red, green, blue = colours.green_to_red(sigma, colours.GOOD_SIGMA_PX, colours.BAD_SIGMA_PX)[0].tolist()
+    return Node(
+        f"l{landmark}",
+        landmark_text(run.solution, landmark, run.seen, rows),
+        (red, green, blue, 255),
+        places.at(float(np.median(seen_in[np.isin(seen_in, frames)])), 1.2 + k % 3),
+    )
 
 
-def _landmark_nodes(
-    solution: Solution, seen: Sightings, chosen: IntArray, frames: IntArray, places: _Rows
-) -> list[Node]:
-    nodes = []
-    sigma = solution.landmarks.sigma_px[chosen]
-    tints = colours.green_to_red(sigma, colours.GOOD_SIGMA_PX, colours.BAD_SIGMA_PX)
-    for k, landmark in enumerate(chosen):
-        rows = np.flatnonzero(seen.landmark == landmark)
-        middle = float(np.median(seen.frame[rows][np.isin(seen.frame[rows], frames)]))
-        nodes.append(
-            Node(
-                f"l{landmark}",
-                landmark_text(solution, int(landmark), seen, rows),
-                (*(int(c) for c in tints[k]), 255),  # type: ignore[arg-type]
-                places.at(middle, 1.2 + k % 3),
-            )
-        )
-    return nodes
-
-
-def _fix_nodes(solution: Solution, fixes: list[int], places: _Rows) -> list[Node]:
-    table, log, terms = solution.fixes, solution.gps, gps_terms(solution)
-    if table is None or log is None:
-        return []
-    at: FloatArray = np.interp(log.t_s, solution.t_s, np.arange(len(solution.t_s)))
-    return [
-        Node(
-            f"gps{row}",
-            fix_text(solution, row, float(terms[row])),
-            colours.of_fix(log.fix_class[row], table.verdict[row]),
-            places.at(float(at[row]), -1.2 - k % 2),
-        )
-        for k, row in enumerate(fixes)
-    ]
+def _fix_node(run: _Run, row: int, k: int, places: _Rows) -> Node:
+    log, table = judged(run.solution)
+    frame = float(np.interp(log.t_s[row], run.solution.t_s, np.arange(len(run.solution.t_s))))
+    return Node(
+        f"gps{row}",
+        fix_text(run.solution, row, float(run.gps[row])),
+        colours.of_fix(log.fix_class[row], table.verdict[row]),
+        places.at(frame, -1.2 - k % 2),
+    )

@@ -14,7 +14,7 @@ from vgps.solution import Solution, Verdict
 from vgps.viewer.blueprint import blueprint
 from vgps.viewer.chase import log_chase
 from vgps.viewer.features import log_features
-from vgps.viewer.graph import factor_graph, log_graph
+from vgps.viewer.graph import log_graph
 from vgps.viewer.measures import sightings
 from vgps.viewer.places import log_map
 from vgps.viewer.plots import log_plots, log_summary
@@ -70,7 +70,7 @@ def fill(
     log_scene(sheet, solution)
     log_chase(sheet, solution)
     log_plots(sheet, solution, seen)
-    log_graph(sheet, factor_graph(solution, seen))
+    log_graph(sheet, solution, seen)
     if has_map:
         log_map(sheet, solution)
     log_features(sheet, seen)

@@ -113,7 +113,8 @@ def gps_terms(solution: Solution) -> FloatArray:
     except ValidationError:
         return terms
     unknown = np.full(len(log), np.nan)
-    fixes = Fixes(log.t_s, table.world_p_fix, table.r_m, table.h_m, unknown, unknown, log.sigma_m, table.used)
+    lower = (unknown, unknown)
+    fixes = Fixes(log.t_s, table.world_p_fix, table.r_m, table.h_m, *lower, log.sigma_m, table.used, unknown)
     if config.model == "none":
         return terms
     for row in np.flatnonzero(table.used & np.isfinite(table.residual_m).all(axis=1)):

@@ -72,7 +72,8 @@ def summary(solution: Solution, notes: tuple[str, ...] = ()) -> str:
             f"red from {colours.BAD_SIGMA_PX:g} px",
             "- fixes that were used: rtk_fix green, rtk_float yellow, ppp teal, dgps blue, sbas violet, "
             "single pink; rejected: red; down-classed: magenta; not used: grey",
-            "- factor graph: x poses, l landmarks, gps fixes; a sample; select a node for its residuals",
+            "- factor graph: x poses, l landmarks, gps fixes; a sample around the time shown; select a node "
+            "for its factors and residuals",
         ]
     )
 

@@ -23,6 +23,13 @@ class Sheet:
         """Log something that holds for all time."""
         self.stream.log(path, *parts, static=True)
 
+    def from_frame(self, path: str, frame: int, *parts: rr.AsComponents) -> None:
+        """Log something that holds from a frame on, until it is logged again."""
+        self.stream.set_time(TIME, duration=float(self.t_s[frame]))
+        self.stream.set_time(FRAME, sequence=frame)
+        self.stream.log(path, *parts)
+        self.stream.reset_time()
+
     def at_frames(self, path: str, columns: Iterable[rr.ComponentColumn]) -> None:
         """Log columns with a row for every frame."""
         self.stream.send_columns(path, self._index(np.arange(len(self.t_s))), columns)
