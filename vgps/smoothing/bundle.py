@@ -4,7 +4,7 @@ Observations are arrays, never factors: a solver linearises them all at once. :f
 problem as a GTSAM factor graph, whose ``error`` is this module's cost to the last digits.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -27,7 +27,7 @@ class BundleProblem:
 
     Attributes:
         K: fx, fy, cx, cy of the undistorted image, pixels.
-        world_T_camera: (F, 4, 4), in order of time; key ``x<frame>`` in ``pose_graph``.
+        world_T_camera: (F, 4, 4), in order of time; key ``x<frame>`` in ``pose_graph``, or of ``pose_keys``.
         world_p_landmark: (L, 3) metres; key ``l<row>``.
         frame, landmark: (N,) which landmark was seen in which frame; a pair occurs at most once.
         uv_px: (N, 2) where, in the undistorted image.
@@ -35,10 +35,11 @@ class BundleProblem:
         robust: Loss of the whitened error ``|uv - uv^| / sigma_px``.
         robust_k: (N,) its constant, whitened (:func:`whitened_robust_k`); inf means quadratic. Needed unless
             ``robust`` is ``none``.
-        pose_graph: Factors whose keys are ``x<frame>`` or those of ``shared``.
+        pose_graph: Factors whose keys are those of poses or of ``shared``.
         shared: Vectors (d,) that all frames share, a clock's lag or a lever arm, by their key in
             ``pose_graph``; every one occurs there.
         fixed: (F,) frames whose poses are held; absent means none.
+        pose_keys: (F,) keys of the poses, each once; absent means ``x<frame>``.
 
     Raises:
         ValueError: Shapes or indices do not fit each other.
@@ -56,6 +57,7 @@ class BundleProblem:
     pose_graph: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     fixed: BoolArray | None = None
     shared: Mapping[int, FloatArray] = field(default_factory=dict)
+    pose_keys: IntArray | None = None
 
     def __post_init__(self) -> None:
         n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)
@@ -67,6 +69,7 @@ class BundleProblem:
             "uv_px": (self.uv_px.shape, (n, 2)),
             "sigma_px": (self.sigma_px.shape, (n,)),
             "fixed": (self.fixed_frames.shape, (frames,)),
+            "pose_keys": (self.keys.shape, (frames,)),
         }
         if self.robust_k is not None or self.robust != "none":
             shapes["robust_k"] = (() if self.robust_k is None else self.robust_k.shape, (n,))
@@ -82,6 +85,30 @@ class BundleProblem:
     def fixed_frames(self) -> BoolArray:
         """(F,) frames whose poses are held, none if ``fixed`` is absent."""
         return np.zeros(len(self.world_T_camera), dtype=bool) if self.fixed is None else self.fixed
+
+    @property
+    def keys(self) -> IntArray:
+        """(F,) keys of the poses in GTSAM."""
+        if self.pose_keys is not None:
+            return self.pose_keys
+        return np.arange(len(self.world_T_camera), dtype=np.int64) + X(0)
+
+    def frames_of(self, keys: Iterable[int]) -> IntArray:
+        """Frames of the poses with these keys.
+
+        Raises:
+            ValueError: One is no pose's.
+        """
+        wanted, own = np.array(list(keys), dtype=np.int64), self.keys
+        if self.pose_keys is None:
+            _check_range("frame of a pose factor", wanted - X(0), len(own))
+            return wanted - X(0)
+        order = np.argsort(own, kind="stable")
+        at = np.searchsorted(own[order[:-1]], wanted)
+        strange = wanted[wanted != own[order][at]]
+        if len(strange):
+            raise ValueError(f"the key {gtsam.DefaultKeyFormatter(int(strange[0]))} is no pose's")
+        return np.asarray(order[at], np.int64)
 
     def moved(
         self,
@@ -102,13 +129,10 @@ class BundleProblem:
         """Frames that occur in ``pose_graph``, ascending.
 
         Raises:
-            ValueError: A key is neither of the form ``x<frame>`` nor shared.
+            ValueError: A key is neither a pose's nor shared.
         """
         own = [key for key in self.pose_graph.keyVector() if key not in self.shared]
-        keys = np.sort(np.array(own, dtype=np.int64))
-        frames = keys - X(0)
-        _check_range("frame of a pose factor", frames, len(self.world_T_camera))
-        return frames
+        return np.sort(self.frames_of(own))
 
 
 def _check_range(name: str, index: IntArray, size: int) -> None:
@@ -213,16 +237,17 @@ def video_cost(problem: BundleProblem) -> float:
 def pose_values(problem: BundleProblem) -> gtsam.Values:
     """The poses and shared vectors that occur in ``pose_graph``."""
     values = _shared_values(problem)
-    for frame in problem.pose_graph_frames.tolist():
-        values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
+    frames = problem.pose_graph_frames
+    for key, frame in zip(problem.keys[frames].tolist(), frames.tolist(), strict=True):
+        values.insert(key, gtsam.Pose3(problem.world_T_camera[frame]))
     return values
 
 
 def all_pose_values(problem: BundleProblem) -> gtsam.Values:
     """Every pose, whether or not a pose factor has it, and the shared vectors."""
     values = _shared_values(problem)
-    for frame, world_T_camera in enumerate(problem.world_T_camera):
-        values.insert(X(frame), gtsam.Pose3(world_T_camera))
+    for key, world_T_camera in zip(problem.keys.tolist(), problem.world_T_camera, strict=True):
+        values.insert(key, gtsam.Pose3(world_T_camera))
     return values
 
 
@@ -258,20 +283,17 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
     """
     K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
-    rows = zip(
-        problem.uv_px, _noise_models(problem), problem.frame.tolist(), problem.landmark.tolist(), strict=True
-    )
-    for uv, model, frame, landmark in rows:
-        graph.push_back(
-            gtsam.GenericProjectionFactorCal3_S2(uv, model, X(frame), L(landmark), K, False, False)
-        )
+    keys, landmarks = problem.keys, problem.landmark.tolist()
+    rows = zip(problem.uv_px, _noise_models(problem), keys[problem.frame].tolist(), landmarks, strict=True)
+    for uv, model, key, landmark in rows:
+        graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(landmark), K, False, False))
     values = pose_values(problem)
     for frame in np.setdiff1d(problem.frame, problem.pose_graph_frames).tolist():
-        values.insert(X(frame), gtsam.Pose3(problem.world_T_camera[frame]))
+        values.insert(int(keys[frame]), gtsam.Pose3(problem.world_T_camera[frame]))
     for row in np.unique(problem.landmark).tolist():
         values.insert(L(row), problem.world_p_landmark[row])
     held = gtsam.noiseModel.Constrained.All(6)
-    for frame in np.flatnonzero(problem.fixed_frames).tolist():
-        if values.exists(X(frame)):
-            graph.addPriorPose3(X(frame), values.atPose3(X(frame)), held)
+    for key in keys[problem.fixed_frames].tolist():
+        if values.exists(key):
+            graph.addPriorPose3(key, values.atPose3(key), held)
     return graph, values

@@ -10,7 +10,6 @@ from functools import cached_property
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 from scipy.linalg import blas
 
 from vgps.model import FloatArray, IntArray
@@ -160,8 +159,7 @@ def _pose_graph_span(problem: BundleProblem, free: IntArray) -> int:
     for i in range(problem.pose_graph.size()):
         factor = problem.pose_graph.at(i)
         if factor is not None:
-            own = [key - X(0) for key in list(factor.keys()) if key not in problem.shared]
-            frames = free[np.array(own, dtype=np.int64)]
+            frames = free[problem.frames_of(key for key in list(factor.keys()) if key not in problem.shared)]
             frames = frames[frames >= 0]
             span = max(span, int(np.ptp(frames)) + 1 if len(frames) else 0)
     return span

@@ -2,7 +2,7 @@
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import L, X
+from gtsam.symbol_shorthand import L
 
 from vgps.smoothing.bundle import BundleProblem, to_graph
 from vgps.smoothing.levenberg import LIGHT_DAMPING, Outcome, SolverSettings
@@ -46,9 +46,9 @@ def _gtsam_parameters(
     ordering = gtsam.Ordering()
     for landmark in np.unique(problem.landmark).tolist():
         ordering.push_back(L(landmark))
-    for frame in range(len(problem.world_T_camera)):
-        if values.exists(X(frame)):
-            ordering.push_back(X(frame))
+    for key in problem.keys.tolist():
+        if values.exists(key):
+            ordering.push_back(key)
     for key in sorted(problem.shared):
         ordering.push_back(key)
     parameters.setOrdering(ordering)
@@ -58,8 +58,9 @@ def _gtsam_parameters(
 def _with_values(problem: BundleProblem, values: gtsam.Values) -> BundleProblem:
     world_T_camera, world_p_landmark = problem.world_T_camera.copy(), problem.world_p_landmark.copy()
     for frame in np.flatnonzero(~problem.fixed_frames).tolist():
-        if values.exists(X(frame)):
-            world_T_camera[frame] = values.atPose3(X(frame)).matrix()
+        key = int(problem.keys[frame])
+        if values.exists(key):
+            world_T_camera[frame] = values.atPose3(key).matrix()
     for landmark in np.unique(problem.landmark).tolist():
         world_p_landmark[landmark] = values.atPoint3(L(landmark))
     shared = {key: values.atVector(key) for key in problem.shared}

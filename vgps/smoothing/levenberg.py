@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
 from vgps.model import FloatArray
 from vgps.smoothing.band import POSE, NotPositiveDefiniteError
@@ -158,8 +157,9 @@ def _try(state: _State, structure: Structure, step: _Step, settings: SolverSetti
     if not np.isfinite(step.promised):
         return None
     delta = gtsam.VectorValues()
-    for frame in np.flatnonzero(structure.free >= 0).tolist():
-        delta.insert(X(frame), step.poses[frame])
+    moves = structure.free >= 0
+    for key, pose_step in zip(state.problem.keys[moves].tolist(), step.poses[moves], strict=True):
+        delta.insert(key, pose_step)
     at = 0
     for key in sorted(state.problem.shared):
         size = len(state.problem.shared[key])
@@ -176,7 +176,8 @@ def _try(state: _State, structure: Structure, step: _Step, settings: SolverSetti
 
 def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
     """(F, 4, 4) poses of the values; held ones to the last bit as they were."""
-    rows = np.asarray(gtsam.utilities.extractPose3(values))
+    rows = np.empty((len(before.world_T_camera), 12))
+    rows[np.argsort(before.keys)] = gtsam.utilities.extractPose3(values)  # in ascending order of keys
     world_T_camera = before.world_T_camera.copy()
     moves = ~before.fixed_frames
     world_T_camera[moves, :3, :3] = rows[moves, :9].reshape(-1, 3, 3)
