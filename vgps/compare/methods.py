@@ -79,14 +79,14 @@ def compare(
     Raises:
         VgpsError: The recording does not determine the answer, or the truth is of another one.
     """
-    rig = _rig_beside(truth)
+    rig = rig_beside(truth)
     true = read_trajectory(truth, video_start_s=rig.video_start_s)
     evaluations, paths, seconds = {}, {}, {}
     fixes = np.zeros((0, 3))
-    for front, method in _fronts(recording, config, progress, methods):
+    for front, method in front_ends(recording, config, progress, methods):
         progress.say(f"stage D: {method.name}")
         solution = optimise_all(front, config.with_gps(method.model))
-        _check_world(solution.world_origin, rig.world_origin, truth)
+        check_world(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":
             solution = _placed(solution, true)
         evaluations[method.name] = evaluate(
@@ -99,10 +99,17 @@ def compare(
     return Comparison(recording.path, true, evaluations, paths, fixes, seconds)
 
 
-def _fronts(
+def front_ends(
     recording: Recording, config: Config, progress: Progress, methods: Sequence[Method]
 ) -> Iterable[tuple[FrontEnd, Method]]:
-    """Every method with a front end of which it may move the maps."""
+    """Every method with a front end of which it may move the maps.
+
+    All share one run, made with the model of ``config``, but for the video alone, whose front end sees no
+    fix.
+
+    Raises:
+        VgpsError: The recording does not determine the answer.
+    """
     shared: FrontEnd | None = None
     for method in methods:
         if method.model == "none":
@@ -132,12 +139,14 @@ def _placed(solution: Solution, true: Trajectory) -> Solution:
     return replace(solution, world_T_camera=poses, sigma_position_m=scale * solution.sigma_position_m)
 
 
-def _rig_beside(truth: Path) -> Rig:
+def rig_beside(truth: Path) -> Rig:
+    """The ``rig.yaml`` beside a truth, which names its origin and clock; an empty one if there is none."""
     file = truth.parent / "rig.yaml"
     return read_rig(file) if file.is_file() else Rig()
 
 
-def _check_world(found: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:
+def check_world(found: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:
+    """Raise TrajectoryError where a run and its truth are not in the same ENU."""
     if found is not None and true is not None and not np.allclose(found, true, rtol=0, atol=1e-9):
         raise TrajectoryError(
             "the truth's world_origin is not the recording's",

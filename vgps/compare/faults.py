@@ -1,0 +1,191 @@
+"""What goes wrong with a GPS, put into a good log: outliers, outages, a late clock, lever arms, biases."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vgps.errors import GpsLogError
+from vgps.geodesy import to_enu, to_geodetic
+from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint, GpsLog, Recording
+from vgps.simulate.scene import FIX_ERRORS, FixErrors
+
+_LEAST_FIXES = 3  # that an outage must leave before it and after it
+_OUTLIER_M = (8.0, 40.0)
+_CLUSTER_M = 15.0
+
+
+@dataclass(frozen=True)
+class Faulty:
+    """A recording with a fault, and which of its fixes (M,) are not what their class says."""
+
+    recording: Recording
+    wrong: BoolArray
+
+
+Inject = Callable[[Recording, GpsLog, np.random.Generator], Faulty]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault under a short name, and what it is in words."""
+
+    name: str
+    what: str
+    inject: Inject
+
+    def into(self, recording: Recording, rng: np.random.Generator) -> Faulty:
+        """The recording with this fault.
+
+        Raises:
+            GpsLogError: The recording has no log, or one too short for the fault.
+        """
+        if recording.gps is None:
+            raise GpsLogError(
+                "no GPS log to put faults into", file=recording.path, remedy="name one with --gps"
+            )
+        return self.inject(recording, recording.gps, rng)
+
+
+def none(recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """The log as it is."""
+    return Faulty(recording, np.zeros(len(log), dtype=bool))
+
+
+def outliers(share: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """A share of the fixes, each its own way 8 to 40 m off in the plane and 10 m (sigma) in height."""
+    inside = np.flatnonzero(_inside(recording, log))
+    rows = rng.permutation(inside)[: round(share * len(inside))]
+    angle, far = rng.uniform(0, 2 * np.pi, len(rows)), rng.uniform(*_OUTLIER_M, len(rows))
+    offset = np.zeros((len(log), 3))
+    offset[rows] = np.column_stack([far * np.cos(angle), far * np.sin(angle), rng.normal(0, 10.0, len(rows))])
+    return Faulty(_moved(recording, log, offset), np.any(offset, axis=1))
+
+
+def cluster(count: int, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """Fixes in a row, in the middle, all 15 m off the same way and labelled RTK-fix."""
+    middle = _middle(recording, log, count)
+    angle = rng.uniform(0, 2 * np.pi)
+    offset = np.zeros((len(log), 3))
+    offset[middle] = _CLUSTER_M * np.array([np.cos(angle), np.sin(angle), 0.3])
+    log = _labelled(log, middle, FixClass.RTK_FIX)
+    return Faulty(_moved(recording, log, offset), middle)
+
+
+def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """No fixes for so long, in the middle of the video."""
+    middle_s = 0.5 * float(recording.video.times_s[-1])
+    kept = np.abs(log.t_s - middle_s) > 0.5 * seconds
+    inside = kept & _inside(recording, log)
+    sides = [int((inside & side).sum()) for side in (log.t_s < middle_s, log.t_s > middle_s)]
+    if min(sides) < _LEAST_FIXES:
+        raise GpsLogError(
+            f"an outage of {seconds:g} s leaves {sides[0]} fixes before it and {sides[1]} after it",
+            file=log.source,
+            expected=f"at least {_LEAST_FIXES} on either side",
+        )
+    columns = {name: getattr(log, name)[kept] for name in _ARRAYS}
+    classes = tuple(name for name, keep in zip(log.fix_class, kept, strict=True) if keep)
+    fewer = replace(log, **columns, fix_class=classes)
+    return Faulty(replace(recording, gps=fewer), np.zeros(len(fewer), dtype=bool))
+
+
+def late(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """Positions that much older than their time stamps say."""
+    return none(replace(recording, gps=replace(log, t_s=log.t_s + seconds)), log, rng)
+
+
+def lever_arm(offset_m: FloatArray, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """An antenna that is not where ``rig.yaml`` says, by (3,) metres in the camera frame."""
+    rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + offset_m)
+    return none(replace(recording, rig=rig), log, rng)
+
+
+def vertical_bias(up_m: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """The middle half of the fixes too high; what is labelled RTK-fix then is not what it says."""
+    middle = _middle(recording, log, int(_inside(recording, log).sum()) // 2)
+    offset = np.zeros((len(log), 3))
+    offset[middle, 2] = up_m
+    fixed = np.array([name is FixClass.RTK_FIX for name in log.fix_class], dtype=bool)
+    return Faulty(_moved(recording, log, offset), middle & fixed)
+
+
+def float_drift(errors: FixErrors, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
+    """All but the first and last tenth labelled RTK-float, and wandering as a float solution does."""
+    middle = _middle(recording, log, int(0.8 * _inside(recording, log).sum()))
+    rows = np.flatnonzero(middle)
+    sigma = np.hypot([errors.sigma_h_m] * 2 + [errors.sigma_v_m], [errors.bias_h_m] * 2 + [errors.bias_v_m])
+    offset = np.zeros((len(log), 3))
+    offset[rows] = sigma * _gauss_markov(log.t_s[rows], errors.correlation_s, rng)
+    log = _labelled(log, middle, FixClass.RTK_FLOAT)
+    sigma_m = np.where(middle[:, None], errors.reported_m, log.sigma_m)
+    return Faulty(_moved(recording, replace(log, sigma_m=sigma_m), offset), np.zeros(len(log), dtype=bool))
+
+
+FAULTS = (
+    Fault("none", "the log as it is", none),
+    *(
+        Fault(f"outliers-{share}", f"{share} % of the fixes 8 to 40 m off", partial(outliers, share / 100))
+        for share in (10, 20, 30, 40)
+    ),
+    Fault("cluster", "8 fixes in a row 15 m off the same way, labelled RTK-fix", partial(cluster, 8)),
+    *(Fault(f"outage-{s}", f"no fixes for {s} s", partial(outage, float(s))) for s in (10, 30, 60)),
+    Fault("late", "positions 0.5 s older than their stamps", partial(late, 0.5)),
+    Fault(
+        "lever-arm", "antenna 0.7 m from where it is said to be", partial(lever_arm, np.array([0.5, 0, 0.5]))
+    ),
+    Fault("vertical-bias", "the middle half of the fixes 4 m too high", partial(vertical_bias, 4.0)),
+    Fault(
+        "float-drift",
+        "four fifths of the fixes RTK-float, wandering (sigma 0.87 m in the plane, 2.5 m in height)",
+        partial(float_drift, FIX_ERRORS[FixClass.RTK_FLOAT]),
+    ),
+)
+_ARRAYS = (
+    *("t_s", "latitude_deg", "longitude_deg", "height_m", "sigma_m"),
+    *("hdop", "satellites", "correction_age_s", "line"),
+)
+
+
+def _inside(recording: Recording, log: GpsLog) -> BoolArray:
+    return np.asarray((log.t_s >= 0.0) & (log.t_s <= recording.video.times_s[-1]))
+
+
+def _middle(recording: Recording, log: GpsLog, count: int) -> BoolArray:
+    """(M,) the ``count`` fixes in the middle of the video."""
+    inside = np.flatnonzero(_inside(recording, log))
+    begin = (len(inside) - count) // 2
+    if begin < 1:
+        raise GpsLogError(
+            f"{len(inside)} fixes during the video", file=log.source, expected=f"at least {count + 2}"
+        )
+    out = np.zeros(len(log), dtype=bool)
+    out[inside[begin : begin + count]] = True
+    return out
+
+
+def _moved(recording: Recording, log: GpsLog, offset_m: FloatArray) -> Recording:
+    """Fixes moved by (M, 3) metres east, north, up; those without an offset stay exactly where they are."""
+    rows = np.flatnonzero(offset_m.any(axis=1) & np.isfinite(log.latitude_deg))
+    if not len(rows):
+        return replace(recording, gps=log)
+    places = np.stack([log.latitude_deg, log.longitude_deg, log.height_m], axis=1)
+    origin = recording.rig.world_origin or GeodeticPoint(*(float(x) for x in places[rows[0]]))
+    places[rows] = to_geodetic(origin, to_enu(origin, *places[rows].T) + offset_m[rows])
+    moved = replace(log, latitude_deg=places[:, 0], longitude_deg=places[:, 1], height_m=places[:, 2])
+    return replace(recording, gps=moved)
+
+
+def _labelled(log: GpsLog, rows: BoolArray, name: FixClass) -> GpsLog:
+    classes = tuple(name if row else own for row, own in zip(rows, log.fix_class, strict=True))
+    return replace(log, fix_class=classes)
+
+
+def _gauss_markov(t_s: FloatArray, correlation_s: float, rng: np.random.Generator) -> FloatArray:
+    """(n, 3) first-order Gauss-Markov processes of variance one at times (n,)."""
+    out = rng.normal(size=(len(t_s), 3))
+    kept = np.exp(-np.diff(t_s) / correlation_s)
+    for row, share in enumerate(kept.tolist(), start=1):
+        out[row] = share * out[row - 1] + np.sqrt(1.0 - share**2) * out[row]
+    return out
