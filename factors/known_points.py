@@ -22,7 +22,8 @@ def known_points_factor(
     Residual (2N,): ``e s(|e|) / sigma`` for each landmark, where e is projection minus ``uv_px`` and
     ``s(x)^2 x^2`` is Huber's loss, ``x^2`` up to ``huber_px`` and linear beyond, so that half the squared
     residual is the robust cost itself, and the Jacobian (2N, 6) to the pose is exact. One factor for a frame,
-    since a CustomFactor costs the same for one landmark or a hundred. A landmark behind the camera has no part.
+    since a CustomFactor costs the same for one landmark or a hundred. A landmark behind the camera has no
+    part.
 
     Args:
         pose_key: Key of the pose (``Pose3``, world_T_camera).

@@ -29,7 +29,7 @@ def exact_pixels():
 @given(small, st.floats(0.5, 50))
 def test_jacobian(check_jacobians, twist, huber_px):
     factor = known_points_factor(
-        A, POINTS, exact_pixels() + [0.3, -0.2], np.array([1, 2, 0.5, 1]), K, huber_px
+        A, POINTS, exact_pixels() + np.array([0.3, -0.2]), np.array([1, 2, 0.5, 1]), K, huber_px
     )
     check_jacobians(factor, values_of(gtsam.Pose3.Expmap(twist)), step=1e-6, tolerance=1e-5)
 

@@ -28,6 +28,10 @@ class FrameEstimator:
         self._motion = motion_between(last, t_s, pose.world_T_camera)
         return PoseEstimate(pose.world_T_camera, pose.covariance, np.ones(len(seen), bool))
 
+    def revised(self) -> dict[float, FloatArray]:
+        """Nothing: a pose stays as it was."""
+        return {}
+
 
 def motion_between(last: Motion | None, t_s: float, world_T_camera: FloatArray) -> Motion:
     """Motion at a pose from the last one: velocity of the centre, turn rate in the camera's axes."""

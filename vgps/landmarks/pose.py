@@ -71,16 +71,19 @@ def _ransac(
 ) -> FloatArray | None:
     # about their own middle: world coordinates of hundreds of metres cost the solver digits
     middle = points.mean(axis=0)
-    ok, rotation, translation, inlier = cv2.solvePnPRansac(
-        points - middle,
-        uv_px,
-        K,
-        None,
-        iterationsCount=samples,
-        reprojectionError=limit_px,
-        confidence=_CONFIDENCE,
-        flags=cv2.SOLVEPNP_SQPNP,
-    )
+    try:
+        ok, rotation, translation, inlier = cv2.solvePnPRansac(
+            points - middle,
+            uv_px,
+            K,
+            None,
+            iterationsCount=samples,
+            reprojectionError=limit_px,
+            confidence=_CONFIDENCE,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+    except cv2.error:  # how OpenCV says that points coincide or lie in a line
+        return None
     if not ok or inlier is None or not np.isfinite(translation).all():
         return None
     pose = np.eye(4)

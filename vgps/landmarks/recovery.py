@@ -16,8 +16,6 @@ Describe = Callable[[GrayImage], tuple[FloatArray, npt.NDArray[np.uint8]]]
 """Features of an image: positions (N, 2) and descriptors (N, D)."""
 
 _NEIGHBOURS = 6  # a landmark is in several keyframes; the next other one must be among these
-_KD_TREES = {"algorithm": 1, "trees": 4}
-_CHECKS = {"checks": 96}
 
 
 class DescriptorRecovery:
@@ -38,11 +36,7 @@ class DescriptorRecovery:
         self._seen = [np.unique(keyframe.landmark) for keyframe in kept]
         self._landmark = np.concatenate([keyframe.landmark for keyframe in kept] or [np.zeros(0, np.int64)])
         self._points = np.concatenate([keyframe.world_p_landmark for keyframe in kept] or [np.zeros((0, 3))])
-        self._index: cv2.FlannBasedMatcher | None = None
-        if len(self._landmark) > _NEIGHBOURS:
-            self._index = cv2.FlannBasedMatcher(_KD_TREES, _CHECKS)
-            self._index.add([np.concatenate([keyframe.descriptors for keyframe in kept]).astype(np.float32)])
-            self._index.train()
+        self._descriptors = np.concatenate([keyframe.descriptors for keyframe in kept]) if kept else None
 
     def candidates(self, image: Float32Array) -> list[FloatArray]:
         """Poses (4, 4) that matches with one keyframe's landmarks agree on, best supported first."""
@@ -60,14 +54,17 @@ class DescriptorRecovery:
     def _match(self, image: Float32Array) -> tuple[FloatArray, IntArray, FloatArray]:
         """Features of the image with the one landmark that looks like them."""
         uv, descriptors = self._describe(np.clip(image, 0, 255).astype(np.uint8))
-        if self._index is None or len(uv) == 0:
+        if self._descriptors is None or len(self._descriptors) < _NEIGHBOURS or len(uv) == 0:
             return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 3))
-        neighbours = self._index.knnMatch(descriptors.astype(np.float32), k=_NEIGHBOURS)
+        neighbours = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, self._descriptors, k=_NEIGHBOURS)
         rows = np.array([[match.trainIdx for match in matches] for matches in neighbours])
         distance = np.array([[match.distance for match in matches] for matches in neighbours])
         good = self._distinct(self._landmark[rows], distance)
-        best = rows[good, 0]
-        return uv[good], self._landmark[best], self._points[best]
+        # one feature for a landmark, the most alike: two of them at one point leave a pose undetermined
+        order = np.flatnonzero(good)[np.argsort(distance[good, 0], kind="stable")]
+        best = rows[order, 0]
+        landmark, first = np.unique(self._landmark[best], return_index=True)
+        return uv[order[first]], landmark, self._points[best[first]]
 
     def _distinct(self, landmark: IntArray, distance: FloatArray) -> BoolArray:
         """(N,) Lowe's test of the best neighbour (N, k) against the first that is another landmark."""

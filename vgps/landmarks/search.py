@@ -109,9 +109,7 @@ def enough(matches: int, config: TrackConfig) -> int:
     return max(config.min_inliers, int(np.ceil(config.min_inlier_share * matches)))
 
 
-def match_sigma_px(
-    K: FloatArray, views: LandmarkViews, depth: FloatArray, config: TrackConfig
-) -> FloatArray:
+def match_sigma_px(K: FloatArray, views: LandmarkViews, depth: FloatArray, config: TrackConfig) -> FloatArray:
     """(N,) standard deviation of matches: of matching, of the landmark's picture, of its position."""
     of_position = K[0, 0] * views.position_sigma_m / np.maximum(depth, 1.0)
     variance = config.match_sigma_px**2 + views.sigma_px**2 + np.nan_to_num(of_position) ** 2

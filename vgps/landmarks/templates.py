@@ -44,7 +44,8 @@ def render_templates(
 def _sample(views: LandmarkViews, image_to_plane: FloatArray, side: int) -> Float32Array:
     """(N, side, side) grey values around each landmark.
 
-    A level serves where it is no finer than the image; coarser levels reach farther and fill the surroundings.
+    A level serves where it is no finer than the image; coarser ones reach farther and fill the
+    surroundings.
     """
     count, levels, p = views.templates.shape[:3]
     half = p // 2

@@ -72,6 +72,8 @@ class TrackConfig(BaseModel):
     recovery_keyframes: PositiveInt = 12
     """Keyframes with most matches that are tried when the pose is not known at all."""
 
+    revise: bool = True
+    """A frame's pose in the result is the one with what was seen in the lag after it; otherwise as it came."""
     lag_s: PositiveFloat = 1.0
     """Frames of so long a time are in the graph."""
     gyro_density_rad_s0p5: PositiveFloat = 0.0005

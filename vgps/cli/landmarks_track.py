@@ -1,0 +1,58 @@
+"""The verb that localises a recording against a landmark database."""
+
+from pathlib import Path
+from typing import Literal
+
+from rich.console import Console
+
+from vgps.cli.app import app
+from vgps.config import read_settings
+from vgps.landmarks.database import LandmarkDatabase
+from vgps.landmarks.localise import localise
+from vgps.landmarks.track_settings import TrackConfig
+from vgps.progress import TerminalProgress
+from vgps.readers.recording import open_recording
+from vgps.solution import FrameState
+from vgps.writers.run_folder import check_writable, write_run
+
+
+@app.command
+def track(
+    recording: Path,
+    *,
+    landmarks: Path,
+    out: Path,
+    estimator: Literal["frame", "graph"] | None = None,
+    config: Path | None = None,
+    camera: str | None = None,
+    rig: str | None = None,
+) -> None:
+    """Localise a recording against landmarks seen before, with its gyro and without GPS.
+
+    Args:
+        recording: Folder with video, camera.yaml, and if there are any rig.yaml and gyro.csv.
+        landmarks: Database, as `vgps landmarks build` writes it.
+        out: Run folder to write.
+        estimator: Pose each frame by itself, or the last second's frames together (graph, the default).
+        config: YAML that overrides the tracker's defaults.
+        camera: Another camera.yaml, a path or a name inside the folder.
+        rig: Another rig.yaml, a path or a name inside the folder.
+    """
+    check_writable(out)
+    settings = read_settings(config, TrackConfig)
+    if estimator is not None:
+        settings = settings.model_copy(update={"estimator": estimator})
+    opened = open_recording(recording, camera=camera, rig=rig, with_gps=False)
+    with LandmarkDatabase.open(landmarks) as database:
+        solution = localise(opened, database, settings, TerminalProgress())
+    write_run(solution, out)
+    console = Console()
+    for warning in solution.warnings:
+        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
+    frames, seconds = len(solution.t_s), sum(solution.seconds.values())
+    held = solution.state.count(FrameState.TRACKED)
+    console.print(
+        f"{held} of {frames} frames tracked, {seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
+        highlight=False,
+        soft_wrap=True,
+    )

@@ -1,0 +1,28 @@
+"""Images freed of the lens's distortion: what a pinhole of the same K and size would show."""
+
+import cv2
+import numpy as np
+
+from vgps.camera import distort
+from vgps.landmarks.blur import Float32Array
+from vgps.model import Camera, GrayImage
+
+
+class Rectifier:
+    """Undistorts images of one camera; what the lens does not show is black."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._maps = None
+        if camera.model != "pinhole":
+            u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+            source = distort(camera, np.column_stack([u.ravel(), v.ravel()]))
+            outside = -1e4  # OpenCV's maps know no NaN
+            maps = np.nan_to_num(source, nan=outside).astype(np.float32).reshape(*u.shape, 2)
+            self._maps = np.ascontiguousarray(maps)
+
+    def __call__(self, gray: GrayImage) -> Float32Array:
+        """(H, W) uint8 to (H, W) float32."""
+        image = gray.astype(np.float32)
+        if self._maps is None:
+            return image
+        return np.asarray(cv2.remap(image, self._maps, None, cv2.INTER_LINEAR), np.float32)
