@@ -1,6 +1,11 @@
 """What goes into a landmark database, and which of it suits a camera."""
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat, PositiveInt
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+Frames = Literal["all", "even", "odd"]
+"""Which frames give templates and keyframes; the landmarks' positions are those of the whole run."""
 
 
 class LandmarksConfig(BaseModel):
@@ -8,9 +13,9 @@ class LandmarksConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    patch_px: PositiveInt = 15
-    """Side of a template, odd."""
-    levels: PositiveInt = 3
+    patch_px: Literal[7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31] = 15
+    """Side of a template, odd, so that its middle is a pixel."""
+    levels: PositiveInt = Field(default=3, le=6)
     """Scales of a template; each covers twice the width of the one before."""
     max_views: PositiveInt = 8
     """Places from which a landmark is kept, spread in direction and distance."""
@@ -20,8 +25,20 @@ class LandmarksConfig(BaseModel):
     """Landmarks with a larger reliability sigma_j, Eq. (13) Kume 2010, are left out."""
     max_relative_sigma: PositiveFloat = 0.1
     """Landmarks whose position is uncertain by more than this share of their depth are left out."""
+    max_error_px: PositiveFloat = 3.0
+    """Sightings that miss their landmark's projection by more give no view."""
+    angle_unit_deg: PositiveFloat = 10.0
+    """Views are spread in direction, in this unit,"""
+    octave_unit: PositiveFloat = 0.5
+    """and in scale, in this one."""
+    least_difference: NonNegativeFloat = 0.1
+    """A view that differs from another by no more, in these units, is not kept."""
     keyframe_every: PositiveInt = 10
     """A keyframe for re-initialisation every so many frames of the video."""
+    keyframe_reach_px: PositiveFloat = 4.0
+    """A keyframe's feature this near to a landmark stands for it."""
+    thumbnail_px: PositiveInt = 64
+    """Width of a keyframe's thumbnail."""
 
 
 class SelectionConfig(BaseModel):

@@ -119,6 +119,10 @@ class LandmarkDatabase:
         """Every view of every landmark, sorted by landmark: the whole database in memory."""
         return self._gather(map(self._all_of, self._keys()))
 
+    def positions(self) -> FloatArray:
+        """(L, 3) where the landmarks are, metres, in no particular order."""
+        return np.concatenate([self._store.cell(key).cell.numbers[:, :3] for key in self._keys()])
+
     def keyframes(self) -> tuple[Keyframe, ...]:
         """Frames by which a camera without any pose finds its place again, in order."""
         rows = self._file.rows(f"SELECT {KEYFRAME_COLUMNS} FROM keyframe ORDER BY id")

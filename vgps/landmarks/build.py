@@ -1,0 +1,145 @@
+"""A landmark database from a run: its landmarks, and how they looked in the frames of its recording."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.errors import LandmarkDatabaseError
+from vgps.landmarks.build_settings import Frames, LandmarksConfig
+from vgps.landmarks.choice import Sightings, all_sightings, choose_views, known_landmarks, template_frames
+from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
+from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
+from vgps.landmarks.patches import Float32Array, Pyramid, plane_axes
+from vgps.landmarks.rectify import Rectifier
+from vgps.landmarks.views import LandmarkViews
+from vgps.model import Camera, FloatArray, Frame, Recording
+from vgps.solution import Solution
+
+Track = Callable[[Iterable[Frame], int], Iterable[Frame]]
+"""Passes frames on while it shows progress; told how many there are."""
+
+
+def build_database(
+    solution: Solution,
+    recording: Recording,
+    frames: Frames = "all",
+    config: LandmarksConfig | None = None,
+    track: Track = lambda frames, total: frames,
+) -> LandmarkContents:
+    """Landmarks with views and keyframes, (A) to (D) of Matsuda 2007, from a run and its video.
+
+    The positions are those of the whole run, whichever frames give the templates. The video is decoded once.
+
+    Args:
+        solution: The run.
+        recording: What it was made from; its video alone is used, the camera is the run's.
+        frames: Which frames give templates and keyframes.
+        config: Which landmarks are known well enough, and what is kept of them.
+        track: Shows progress.
+
+    Returns:
+        What :func:`vgps.landmarks.database_writer.write_database` writes; ids are the run's landmark rows.
+
+    Raises:
+        LandmarkDatabaseError: The run has no place in the world, is of another recording, or no landmark is
+            known well enough.
+        VideoError: The video cannot be decoded.
+    """
+    config = config or LandmarksConfig()
+    _check(solution, recording)
+    sightings = all_sightings(solution)
+    known, sigma_m = known_landmarks(solution, sightings, config)
+    sightings = sightings.take(known[sightings.landmark])
+    chosen = choose_views(solution, sightings, frames, config)
+    if not len(chosen.landmark):
+        raise LandmarkDatabaseError(
+            f"none of {len(known)} landmarks is known well enough and seen in {frames} frames",
+            file=recording.path,
+            remedy="relax the limits on landmarks, or use all frames",
+        )
+    keyed = sightings.take(np.isin(sightings.landmark, chosen.landmark) & (sightings.depth_m > 0))
+    keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
+    templates = np.zeros((len(chosen.landmark), config.levels, config.patch_px, config.patch_px), np.uint8)
+    keyframes = []
+    for frame in _rectified(recording, solution.camera, track):
+        rows = np.flatnonzero(chosen.frame == frame.index)
+        if len(rows):
+            templates[rows] = Pyramid(frame.image, config.levels).sample(chosen.uv_px[rows], config.patch_px)
+        if frame.index in keys:
+            keyframes.append(_keyframe(frame, solution, keyed, config))
+    views = _views(solution, chosen, sigma_m, templates)
+    source = Source(str(recording.path), frames, len(np.unique(views.landmark)))
+    return LandmarkContents(solution.world_origin, views, tuple(keyframes), (source,))
+
+
+def _check(solution: Solution, recording: Recording) -> None:
+    if not solution.georeferenced:
+        raise LandmarkDatabaseError(
+            "nothing ties the run to the world",
+            file=recording.path,
+            remedy="smooth the recording with GPS or control points",
+        )
+    video = recording.video
+    if (video.width, video.height) != (solution.camera.width, solution.camera.height):
+        raise _of_another(recording, f"{video.width} x {video.height} pixels", solution)
+    if len(video.times_s) != len(solution.t_s):
+        raise _of_another(recording, f"{len(video.times_s)} frames", solution)
+    if not np.allclose(video.times_s, solution.t_s, rtol=0, atol=1e-3):
+        raise _of_another(recording, "frames at other times", solution)
+
+
+def _of_another(recording: Recording, what: str, solution: Solution) -> LandmarkDatabaseError:
+    camera, last_s = solution.camera, solution.t_s[-1]
+    return LandmarkDatabaseError(
+        f"the run was not made from this video, which has {what}",
+        file=recording.video.path,
+        expected=f"{len(solution.t_s)} frames of {camera.width} x {camera.height} in {last_s:.3f} s",
+        remedy="name the recording that the run was made from with --recording",
+    )
+
+
+@dataclass(frozen=True)
+class _Rectified:
+    """An undistorted frame (H, W)."""
+
+    index: int
+    image: Float32Array
+
+
+def _rectified(recording: Recording, camera: Camera, track: Track) -> Iterator[_Rectified]:
+    rectify = Rectifier(camera)
+    for frame in track(recording.video.frames(), len(recording.video.times_s)):
+        yield _Rectified(frame.index, rectify(frame.gray))
+
+
+def _keyframe(
+    frame: _Rectified, solution: Solution, sightings: Sightings, config: LandmarksConfig
+) -> Keyframe:
+    seen = sightings.take(sightings.frame == frame.index)
+    return make_keyframe(
+        np.clip(np.round(frame.image), 0, 255).astype(np.uint8),
+        solution.camera,
+        solution.world_T_camera[frame.index],
+        seen.landmark,
+        seen.world_p_landmark,
+        reach_px=config.keyframe_reach_px,
+        thumbnail_px=config.thumbnail_px,
+    )
+
+
+def _views(
+    solution: Solution, chosen: Sightings, sigma_m: FloatArray, templates: npt.NDArray[np.uint8]
+) -> LandmarkViews:
+    column, row = plane_axes(chosen.world_T_camera, solution.camera, chosen.depth_m)
+    return LandmarkViews(
+        landmark=chosen.landmark,
+        world_p_landmark=chosen.world_p_landmark,
+        world_p_camera=chosen.world_T_camera[:, :3, 3],
+        world_v_column=column,
+        world_v_row=row,
+        templates=templates,
+        sigma_px=solution.landmarks.sigma_px[chosen.landmark],
+        position_sigma_m=sigma_m[chosen.landmark],
+    )
