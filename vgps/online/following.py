@@ -77,7 +77,7 @@ class Follower:
         """As the map has it, or for a moment after its end by going on as before."""
         t_s, last = self._sequence.t_s, current.next_frame - 1
         if frame <= last:
-            return current.pose(frame)
+            return current.pose(frame).copy()  # stage C writes to it later
         away_s = float(t_s[frame] - t_s[last])
         if away_s > self._config.bridge_s or len(current.poses) < 2:
             return _NOWHERE

@@ -31,7 +31,14 @@ class GyroSample:
     rate_rad_s: FloatArray
 
 
-Item = Arrived | Fix | GyroSample
+@dataclass(frozen=True)
+class Note:
+    """Something that happened to a source."""
+
+    text: str
+
+
+Item = Arrived | Fix | GyroSample | Note
 Sink = Callable[[OnlineEstimate, float], None]
 
 
@@ -51,6 +58,8 @@ def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop:
     for item in feed:
         if isinstance(item, Fix):
             smoother.add_fix(item)
+        elif isinstance(item, Note):
+            smoother.add_note(item.text)
         elif isinstance(item, GyroSample):
             smoother.add_gyro(item.t_s, item.rate_rad_s)
         else:

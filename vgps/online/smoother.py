@@ -91,6 +91,10 @@ class OnlineSmoother:
             x, y, z = (float(rate) for rate in rate_rad_s)
             self._gyro.append((t_s, x, y, z))
 
+    def add_note(self, text: str) -> None:
+        """Something a user should know: an event of the next frame, and a warning of the result."""
+        self._sequence.warnings.append(text)
+
     def add_frame(self, t_s: float, image: GrayImage) -> OnlineEstimate:
         """The next frame: its pose. What is still due for the frames before is done first.
 

@@ -1,0 +1,53 @@
+from dataclasses import replace
+
+import numpy as np
+from synthetic_bundle import ANTENNA
+from synthetic_map import scene
+
+from vgps.config import Config
+from vgps.smoothing.fixes import Fixes
+from vgps.smoothing.judging import Judgement
+from vgps.smoothing.ledger import FixLedger
+
+
+def rows_of(fixes, rows):
+    mask = np.zeros(len(fixes), dtype=bool)
+    mask[rows] = True
+    return fixes.where(mask)
+
+
+def test_fixes_land_at_their_time_in_any_order_of_coming():
+    _, _, _, fixes = scene()
+    at_once = FixLedger(fixes, ANTENNA, Config())
+    one_by_one = FixLedger(Fixes.none(), ANTENNA, Config())
+    order = np.random.default_rng(0).permutation(len(fixes))
+    for row in order.tolist():
+        one_by_one.add(rows_of(fixes, [row]), now_s=3.0)
+    for column in ("t_s", "world_p_fix", "r_m", "h_m", "sigma_m", "used"):
+        np.testing.assert_array_equal(getattr(one_by_one.fixes, column), getattr(at_once.fixes, column))
+    np.testing.assert_array_equal(order[one_by_one.number], np.arange(len(fixes)))
+
+
+def test_verdicts_stay_with_their_fixes_when_others_come_between():
+    _, _, _, fixes = scene()
+    ledger = FixLedger(rows_of(fixes, [0, 2, 4]), ANTENNA, Config())
+    ledger.judgement = Judgement(np.array([0.9, 0.1, 0.8]), np.array([0.0, 0.0, 0.0]))
+    ledger.add(rows_of(fixes, [1, 3]), now_s=9.0)
+    assert ledger.number.tolist() == [0, 3, 1, 4, 2]
+    assert ledger.judgement.rejected.tolist() == [False, False, True, False, False]
+    assert np.isnan(ledger.judgement.own[[1, 3]]).all()
+    ledger.forget(float(fixes.t_s[2]))
+    assert ledger.number.tolist() == [1, 4, 2] and ledger.judgement.rejected.tolist() == [True, False, False]
+    assert len(ledger.believed(99.0)) == 3 and not ledger.believed(99.0).used[0]
+
+
+def test_news_are_fixes_within_the_last_interval_or_late_ones_once():
+    _, _, _, fixes = scene()
+    t_s = float(fixes.t_s[3])
+    ledger = FixLedger(rows_of(fixes, [3]), ANTENNA, Config())
+    assert ledger.news(t_s - 0.1, t_s) and not ledger.news(t_s, t_s + 0.1)
+    ledger.add(rows_of(fixes, [1]), now_s=t_s)
+    assert ledger.news(t_s, t_s + 0.1) and not ledger.news(t_s, t_s + 0.1)
+    unusable = replace(rows_of(fixes, [2]), used=np.array([False]))
+    ledger.add(unusable, now_s=t_s)
+    assert not ledger.news(t_s, t_s + 0.1)

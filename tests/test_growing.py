@@ -1,0 +1,20 @@
+import numpy as np
+
+from vgps.growing import GrowingRows
+
+
+def test_rows_come_back_in_order_beyond_every_doubling():
+    rows = GrowingRows((2,))
+    for k in range(1000):
+        rows.append([k, -k])
+    assert len(rows) == 1000 and rows.values.shape == (1000, 2)
+    np.testing.assert_array_equal(rows.values[:, 0], np.arange(1000))
+    np.testing.assert_array_equal(rows.values[:, 1], -np.arange(1000))
+
+
+def test_what_is_written_to_the_view_stays():
+    rows = GrowingRows()
+    rows.append(1.0)
+    rows.values[0] = 7.0
+    rows.append(2.0)
+    assert rows.values.tolist() == [7.0, 2.0]

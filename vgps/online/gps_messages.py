@@ -1,0 +1,112 @@
+"""Messages of a receiver, one after the other, to fixes: by the readers of logs, an epoch at a time."""
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from pyubx2 import NMEA_PROTOCOL, PARSE_NONE, UBX_PROTOCOL, UBXReader
+
+from vgps.readers.fixes import Clock, Fix, RawLog
+from vgps.readers.nmea import read_nmea
+from vgps.readers.ubx import read_ubx
+
+_NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: where the time of week stands
+_TIMED = (b"GGA", b"GST", b"RMC", b"ZDA")
+_DATED = (b"RMC", b"ZDA")
+_JOINED = (*_TIMED, b"GSA")
+
+
+class ByteStream(Protocol):
+    """What a receiver is read from: blocks until there is something, gives too little at the end."""
+
+    def read(self, size: int, /) -> bytes:
+        """So many bytes, fewer at the end."""
+        ...
+
+    def readline(self) -> bytes:
+        """Up to a line's end."""
+        ...
+
+
+def messages(stream: ByteStream) -> Iterator[bytes]:
+    """NMEA sentences and UBX messages with a right length, to the stream's end; what lies between is passed
+    over."""
+    filters = NMEA_PROTOCOL | UBX_PROTOCOL
+    for raw, _ in UBXReader(stream, protfilter=filters, quitonerror=0, parsing=PARSE_NONE):
+        if raw is not None:
+            yield raw
+
+
+@dataclass(frozen=True)
+class StreamedFix:
+    """A fix by the clock of its format."""
+
+    clock: Clock
+    fix: Fix
+
+
+class Epochs:
+    """Joins messages of one time; a fix is given once a later message, or :meth:`flush`, ends its epoch.
+
+    As in a log, NMEA counts only until the first NAV-PVT comes. ``line`` of a fix counts messages.
+    """
+
+    def __init__(self) -> None:
+        self._epoch: list[bytes] = []
+        self._key = b""
+        self._date = b""
+        self._binary = False
+        self._count = 0
+
+    def add(self, raw: bytes) -> list[StreamedFix]:
+        """One message; the fix of the epoch before, if it ended."""
+        self._count += 1
+        if raw[:2] == b"\xb5\x62":
+            return self._add_ubx(raw)
+        kind = raw[3:6]
+        if self._binary or kind not in _JOINED:
+            return []
+        done = []
+        if kind in _TIMED:
+            key = raw.split(b",", 2)[1]
+            done = self.flush() if key != self._key else []
+            self._key = key
+        self._epoch.append(raw.strip() + b"\n")
+        return done
+
+    def _add_ubx(self, raw: bytes) -> list[StreamedFix]:
+        at = _NAV_TOW_AT.get(raw[3:4]) if raw[2:3] == b"\x01" else None
+        if at is None:
+            return []
+        if not self._binary and raw[3:4] == b"\x07":
+            self._binary, self._epoch = True, []
+        key = raw[at : at + 4]
+        done = self.flush() if key != self._key else []
+        self._key = key
+        self._epoch.append(raw)
+        return done
+
+    def flush(self) -> list[StreamedFix]:
+        """The fix of what has come so far."""
+        epoch, self._epoch, self._key = self._epoch, [], b""
+        if not epoch:
+            return []
+        found = read_ubx(b"".join(epoch)) if self._binary else self._read_nmea(epoch)
+        return [StreamedFix(found.clock, fix._replace(line=self._count)) for fix in found.fixes]
+
+    def _read_nmea(self, epoch: list[bytes]) -> RawLog:
+        dated = [raw for raw in epoch if raw[3:6] in _DATED]
+        found = read_nmea(b"".join(epoch if dated else [self._date, *epoch]))
+        if dated and found.clock is Clock.UTC:
+            self._date = dated[-1]
+        elif dated and self._date:
+            found = read_nmea(b"".join([self._date, *epoch]))
+        return found
+
+
+def fixes_in(data: bytes) -> list[StreamedFix]:
+    """The fixes in bytes that are all there."""
+    epochs = Epochs()
+    found = [fix for raw in messages(io.BytesIO(data)) for fix in epochs.add(raw)]
+    return found + epochs.flush()

@@ -1,0 +1,151 @@
+"""A receiver on a serial port, a network port or standard input, read in a thread of its own."""
+
+import contextlib
+import queue
+import socket
+import stat
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import urlsplit
+
+import serial
+
+from vgps.errors import GpsLogError
+from vgps.online.gps_messages import ByteStream, Epochs, StreamedFix, messages
+
+_QUIET_S = 0.05  # after which an epoch is taken to be complete
+_SILENCE_S = 10.0  # after which a connection is made anew
+_RETRY_S = (0.2, 5.0)
+_GPSD_PORT = 2947
+_BAUD = 115200
+_FORMS = (
+    "a serial port (/dev/ttyACM0 or /dev/ttyUSB0@38400), tcp://HOST:PORT, gpsd://HOST or - (standard input)"
+)
+
+
+@dataclass(frozen=True)
+class ReceivedFix:
+    """A fix, and the computer's time in unix seconds when the last of its messages came."""
+
+    streamed: StreamedFix
+    unix_s: float
+
+
+class GpsSource:
+    """Fixes as they come. A connection that drops, or is silent, is made again until the source is closed.
+
+    Args:
+        address: A serial port with or without ``@BAUD``, ``tcp://HOST:PORT``, ``gpsd://HOST[:PORT]`` or
+            ``-`` for standard input.
+
+    Raises:
+        GpsLogError: It cannot be opened the first time.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._open, self._again = _opener(address)
+        self._messages: queue.Queue[tuple[bytes, float]] = queue.Queue()
+        self._notes: queue.Queue[str] = queue.Queue()
+        self._epochs, self._last_s = Epochs(), 0.0
+        self._closed = threading.Event()
+        try:
+            self._stream: Any = self._open()
+        except (OSError, serial.SerialException) as error:
+            raise GpsLogError(f"cannot be opened ({_words(error)})", file=address, expected=_FORMS) from error
+        threading.Thread(target=self._work, name="gps", daemon=True).start()
+
+    def take(self) -> tuple[list[ReceivedFix], list[str]]:
+        """Fixes that came since, and notes on the connection."""
+        found: list[ReceivedFix] = []
+        while True:
+            try:
+                raw, unix_s = self._messages.get_nowait()
+            except queue.Empty:
+                break
+            found += [ReceivedFix(fix, self._last_s) for fix in self._epochs.add(raw)]
+            self._last_s = unix_s
+        if time.time() - self._last_s > _QUIET_S:
+            found += [ReceivedFix(fix, self._last_s) for fix in self._epochs.flush()]
+        notes = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                notes.append(self._notes.get_nowait())
+        return found, notes
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._closed.set()
+        with contextlib.suppress(OSError, serial.SerialException):
+            if self.address != "-":
+                self._stream.close()
+
+    def _work(self) -> None:
+        while not self._closed.is_set():
+            with contextlib.suppress(OSError, serial.SerialException, TypeError, ValueError):
+                for raw in messages(self._stream):
+                    self._messages.put((raw, time.time()))
+                    if self._closed.is_set():
+                        return
+            if self._closed.is_set():
+                return
+            if not self._again:
+                self._notes.put(f"{self.address}: the fixes have ended")
+                return
+            self._notes.put(f"{self.address}: the connection dropped; it is made again")
+            self._reconnect()
+
+    def _reconnect(self) -> None:
+        wait_s = _RETRY_S[0]
+        with contextlib.suppress(OSError, serial.SerialException):
+            self._stream.close()
+        while not self._closed.wait(wait_s):
+            with contextlib.suppress(OSError, serial.SerialException):
+                self._stream = self._open()
+                self._notes.put(f"{self.address}: connected again")
+                return
+            wait_s = min(2.0 * wait_s, _RETRY_S[1])
+
+
+def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:
+    """What opens the source, and whether it may be opened again.
+
+    Raises:
+        GpsLogError: The address is of no known form.
+    """
+    if address == "-":
+        return lambda: sys.stdin.buffer, False
+    parts = urlsplit(address)
+    if parts.scheme in {"tcp", "gpsd"} and parts.hostname:
+        host, watch = parts.hostname, parts.scheme == "gpsd"
+        port = parts.port or (_GPSD_PORT if watch else 0)
+        if port:
+            return lambda: _connected(host, port, watch), True
+    device, _, baud = address.partition("@")
+    if baud and not baud.isdigit():
+        raise GpsLogError(f"baud rate {baud!r}", file=address, expected=_FORMS)
+    path = Path(device)
+    if path.is_file() or (path.exists() and stat.S_ISFIFO(path.stat().st_mode)):
+        return lambda: path.open("rb"), False
+    if path.exists() or device.upper().startswith("COM"):
+        rate = int(baud or _BAUD)
+        return lambda: serial.Serial(device, rate, timeout=_SILENCE_S), True
+    raise GpsLogError("no such GPS source", file=address, expected=_FORMS)
+
+
+def _connected(host: str, port: int, watch: bool) -> BinaryIO:
+    connection = socket.create_connection((host, port), timeout=_SILENCE_S)
+    if watch:  # ask gpsd for the receiver's NMEA, or for what it makes of other protocols
+        connection.sendall(b'?WATCH={"enable":true,"nmea":true}\n')
+    stream = connection.makefile("rb")
+    connection.close()  # the stream keeps it open
+    return stream
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(getattr(error, "strerror", None) or error).split())

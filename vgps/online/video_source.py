@@ -1,0 +1,149 @@
+"""A camera, a network stream or a file through PyAV, decoded in a thread of its own."""
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+
+from vgps.errors import VideoError
+from vgps.online.run import Arrived
+from vgps.readers.luma import luma
+
+_WAITING = 2  # pictures: when more come than can be posed, older ones are left out
+_TIMEOUT_S = 10.0
+_RETRY_S = (0.2, 5.0)
+_BACKLOG_S = 3.0  # what a stream had stored is passed over for no longer than this
+_LEAST_STEP_S = 1e-4
+
+
+class VideoSource:
+    """Frames as they come. A stream that drops is opened again until the source is closed; a file ends.
+
+    Times are the stream's own, put on this computer's clock at each connection, once the pictures that were
+    stored on the way are through; without times of its own, those of arrival.
+
+    Args:
+        address: A device (``/dev/video0``), an address that FFmpeg opens (``rtsp://``, ``http://``,
+            ``tcp://``), or a file, which is read as fast as it is taken.
+
+    Raises:
+        VideoError: It cannot be opened the first time.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.live = not Path(address).is_file()
+        self.dropped = 0
+        self.start_unix_s = 0.0
+        self._begun_s: float | None = None  # monotonic time of the first frame
+        self._last_s = -1.0
+        self._frames: queue.Queue[Arrived] = queue.Queue(_WAITING)
+        self._notes: queue.Queue[str] = queue.Queue()
+        self._closed, self._ended = threading.Event(), threading.Event()
+        self._failed: BaseException | None = None
+        try:
+            container = self._opened()
+        except (av.error.FFmpegError, OSError) as error:
+            raise VideoError(
+                f"cannot be opened ({error.strerror or error})",
+                file=address,
+                expected="a camera, a stream or a video that FFmpeg opens",
+            ) from error
+        threading.Thread(target=self._work, args=(container,), name="video", daemon=True).start()
+
+    def next(self, timeout_s: float) -> Arrived | None:
+        """The next frame, or nothing yet."""
+        with contextlib.suppress(queue.Empty):
+            return self._frames.get(timeout=timeout_s)
+        return None
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        return self._ended.is_set() and self._frames.empty()
+
+    def notes(self) -> list[str]:
+        """What happened to the connection since."""
+        found = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                found.append(self._notes.get_nowait())
+        return found
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._closed.set()
+
+    def _opened(self) -> av.container.InputContainer:
+        device = self.address.startswith("/dev/video")
+        options = {"fflags": "nobuffer", "rtsp_transport": "tcp"} if self.live and not device else {}
+        form = "v4l2" if device else None
+        return av.open(self.address, format=form, options=options, timeout=_TIMEOUT_S if self.live else None)
+
+    def _work(self, container: av.container.InputContainer) -> None:
+        while True:
+            with contextlib.suppress(av.error.FFmpegError, OSError, IndexError), container:
+                self._read(container)
+            if self._closed.is_set() or not self.live:
+                break
+            self._notes.put(f"{self.address}: the stream dropped; it is opened again")
+            again = self._reconnected()
+            if again is None:
+                break
+            container = again
+        self._ended.set()
+
+    def _reconnected(self) -> av.container.InputContainer | None:
+        wait_s = _RETRY_S[0]
+        while not self._closed.wait(wait_s):
+            with contextlib.suppress(av.error.FFmpegError, OSError):
+                container = self._opened()
+                self._notes.put(f"{self.address}: opened again")
+                return container
+            wait_s = min(2.0 * wait_s, _RETRY_S[1])
+        return None
+
+    def _read(self, container: av.container.InputContainer) -> None:
+        for picture, own_s, at_s in self._current(container):
+            if self._closed.is_set():
+                return
+            if self._begun_s is None:
+                self._begun_s = own_s
+                self.start_unix_s = time.time() - (time.monotonic() - own_s)
+            t_s = max(own_s - self._begun_s, self._last_s + _LEAST_STEP_S, 0.0)
+            self._last_s = t_s
+            self._put(Arrived(t_s, luma(picture), at_s))
+
+    def _current(
+        self, container: av.container.InputContainer
+    ) -> Iterator[tuple[av.VideoFrame, float, float]]:
+        """Pictures, their own times on the clock of arrival, and their arrival; without an old backlog."""
+        offset_s, current, first_s = float("inf"), not self.live, time.monotonic()
+        before_s, before_own_s = -float("inf"), 0.0
+        for picture in container.decode(video=0):
+            at_s = time.monotonic()
+            own_s = at_s if picture.time is None else picture.time
+            if not current:
+                # stored pictures come faster than they were taken
+                offset_s = min(offset_s, at_s - own_s)
+                current = at_s - before_s > 0.5 * (own_s - before_own_s) and before_s >= first_s
+                current = current or at_s - first_s > _BACKLOG_S
+                before_s, before_own_s = at_s, own_s
+            if offset_s == float("inf"):
+                offset_s = at_s - own_s
+            if current:
+                yield picture, own_s + offset_s, at_s
+
+    def _put(self, frame: Arrived) -> None:
+        while not self._closed.is_set():
+            with contextlib.suppress(queue.Full):
+                self._frames.put(frame, timeout=0.0 if self.live else 0.1)
+                return
+            if self.live:
+                with contextlib.suppress(queue.Empty):
+                    self._frames.get_nowait()
+                    self.dropped += 1
