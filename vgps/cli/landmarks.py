@@ -1,0 +1,63 @@
+"""Verbs about landmark databases."""
+
+from pathlib import Path
+
+from cyclopts import App
+from rich.console import Console
+from rich.table import Table
+
+from vgps.cli.app import app
+from vgps.landmarks.build_settings import Frames
+from vgps.landmarks.database_writer import write_database
+from vgps.landmarks.from_runs import DatabaseInfo, build_from_runs, database_info
+from vgps.progress import TerminalProgress
+
+landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localise other cameras by.")
+app.command(landmarks)
+
+
+@landmarks.command
+def build(*runs: Path, out: Path, frames: Frames = "all", recording: Path | None = None) -> None:
+    """Make a landmark database from one or several runs.
+
+    Args:
+        runs: Run folders; their worlds need not have the same origin.
+        out: Database to write.
+        frames: Which frames of the video give templates: all, even or odd. The landmarks' positions are
+            those of the whole run in any case.
+        recording: Folder of the recording, where it has moved since the run.
+    """
+    contents = build_from_runs(runs, frames, recording=recording, track=TerminalProgress().track)
+    write_database(contents, out)
+    Console().print(_as_table(database_info(out)))
+
+
+@landmarks.command
+def info(database: Path) -> None:
+    """Check a landmark database and say what is in it.
+
+    Args:
+        database: The file.
+    """
+    Console().print(_as_table(database_info(database)))
+
+
+def _as_table(found: DatabaseInfo) -> Table:
+    table = Table(show_header=False)
+    for _ in range(2):
+        table.add_column(overflow="fold")
+    table.add_row("database", str(found.path))
+    table.add_row("landmarks", f"{found.landmarks}")
+    table.add_row(
+        "views", f"{found.views}, {found.levels} levels of {found.patch_px} x {found.patch_px} pixels"
+    )
+    table.add_row("keyframes", f"{found.keyframes} with {found.descriptors} descriptors")
+    if found.world_origin is not None:
+        table.add_row("origin", "{:.8f} {:.8f} deg, {:.3f} m".format(*found.world_origin))
+    for axis, least, greatest in zip(("east", "north", "up"), *found.extent_m.tolist(), strict=True):
+        table.add_row(axis, f"{least:.1f} to {greatest:.1f} m")
+    for source in found.sources:
+        table.add_row(f"from {source.recording}", f"{source.frames} frames, {source.landmarks} landmarks")
+    table.add_row("size", f"{found.file_bytes / 2**20:.1f} MB")
+    table.add_row("SHA-256", found.sha256)
+    return table
