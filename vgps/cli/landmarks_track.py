@@ -52,7 +52,8 @@ def track(
     frames, seconds = len(solution.t_s), sum(solution.seconds.values())
     held = solution.state.count(FrameState.TRACKED)
     console.print(
-        f"{held} of {frames} frames tracked, {seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
+        f"{held} of {frames} frames tracked, {seconds:.1f} s "
+        f"({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
         highlight=False,
         soft_wrap=True,
     )

@@ -7,13 +7,12 @@ from vgps.model import FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
 
-_PER_PX = 1.0  # samples for each pixel of motion; bilinear, so that one is enough
-
 
 def motion_taps(blur_px: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """The point spread function of uniform motion along ``blur_px``, centred, as whole-pixel taps.
 
-    The line is cut into equal pieces; each puts its weight on the four pixels around its middle.
+    The line is cut at half pixels of its longer axis; each piece puts its weight on the two pixels nearest to
+    its middle along the other axis.
 
     Args:
         blur_px: (N, 2) motion (u, v) while the shutter is open.
@@ -21,16 +20,19 @@ def motion_taps(blur_px: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     Returns:
         Offsets u and v, (N, T) pixels, and weights (N, T), each row summing to 1.
     """
-    longest = float(np.abs(blur_px).max(initial=0.0))
-    pieces = max(1, int(np.ceil(longest * _PER_PX)))
-    along = (np.arange(pieces) + 0.5) / pieces - 0.5
-    at = along[None, :, None] * blur_px[:, None, :]
-    corner = np.floor(at).astype(np.int64)
-    right, down = np.moveaxis(at - corner, -1, 0)
-    u = np.concatenate([corner[..., 0] + i for i in (0, 1, 0, 1)], axis=1)
-    v = np.concatenate([corner[..., 1] + j for j in (0, 0, 1, 1)], axis=1)
-    share = [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down]
-    return u, v, np.concatenate(share, axis=1) / pieces
+    steep = np.abs(blur_px[:, 1]) > np.abs(blur_px[:, 0])
+    major, minor = np.where(steep[:, None], blur_px[:, ::-1], blur_px).T
+    length = np.maximum(np.abs(major), 1e-6)
+    reach = int(np.ceil(length.max(initial=0.0) / 2 + 0.5)) - 1
+    edges = np.clip(np.arange(-reach, reach + 2) - 0.5, -length[:, None] / 2, length[:, None] / 2)
+    share = np.diff(edges, axis=1) / length[:, None]
+    middle = (edges[:, 1:] + edges[:, :-1]) / 2 * (minor / np.where(major == 0, 1e-6, major))[:, None]
+    low = np.floor(middle).astype(np.int64)
+    along = np.broadcast_to(np.arange(-reach, reach + 1), low.shape)
+    along, across = np.hstack([along, along]), np.hstack([low, low + 1])
+    weight = np.hstack([share * (1 - (middle - low)), share * (middle - low)])
+    u, v = np.where(steep[:, None], across, along), np.where(steep[:, None], along, across)
+    return u, v, weight
 
 
 def blur_margin(blur_px: FloatArray) -> int:

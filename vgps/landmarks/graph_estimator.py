@@ -1,5 +1,7 @@
 """(E) as a factor graph over the last frames: landmarks, the gyro with its bias, and a steady centre."""
 
+from typing import SupportsFloat, SupportsIndex, SupportsInt
+
 import gtsam
 import numpy as np
 
@@ -18,6 +20,7 @@ from vgps.landmarks.search import Sightings
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.model import BoolArray, FloatArray
 
+_ITERATIONS, _TOLERANCE = 4, 1e-3  # every frame starts near its end
 _AGREE = 0.5  # with less of a frame's own matches the graph has gone astray
 
 
@@ -62,7 +65,8 @@ class GraphEstimator:
 
     def _begin(self) -> None:
         params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(10)
+        params.setMaxIterations(_ITERATIONS)
+        params.setRelativeErrorTol(_TOLERANCE)
         self._smoother = gtsam.BatchFixedLagSmoother(self._config.lag_s, params)
         self._values = gtsam.Values()
         self._frames: list[tuple[int, float]] = []
@@ -74,11 +78,11 @@ class GraphEstimator:
         start.insert(_b(k), self._bias())
         graph.add(self._landmarks(k, seen))
         self._add_motion(graph, k, t_s)
-        stamps = {_x(k): t_s, _b(k): t_s}
+        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {_x(k): t_s, _b(k): t_s}
         self._smoother.update(graph, start, stamps)
         self._values = self._smoother.calculateEstimate()
         self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(_x(i))]
-        return self._read(t_s, k, seen)
+        return self._read(t_s, k, pose, seen)
 
     def _landmarks(self, k: int, seen: Sightings) -> gtsam.CustomFactor:
         return known_points_factor(
@@ -112,8 +116,11 @@ class GraphEstimator:
     def _bias(self) -> FloatArray:
         return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
 
-    def _read(self, t_s: float, k: int, seen: Sightings) -> PoseEstimate:
-        """The newest pose, and the motion for the next prediction."""
+    def _read(self, t_s: float, k: int, alone: PoseEstimate, seen: Sightings) -> PoseEstimate:
+        """The newest pose, and the motion for the next prediction.
+
+        Its covariance is that of the frame alone, an upper bound that costs nothing.
+        """
         pose = np.asarray(self._values.atPose3(_x(k)).matrix(), np.float64)
         bias = np.asarray(self._values.atVector(_b(k)), np.float64)
         last = None
@@ -122,11 +129,7 @@ class GraphEstimator:
             last = Motion(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
         fresh = motion_between(last, t_s, pose)
         self._motion = Motion(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
-        return PoseEstimate(pose, self._covariance(k), self._agree(pose, seen))
-
-    def _covariance(self, k: int) -> FloatArray:
-        factors = self._smoother.getFactors()
-        return np.asarray(gtsam.Marginals(factors, self._values).marginalCovariance(_x(k)), np.float64)
+        return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
 
     def _agree(self, pose: FloatArray, seen: Sightings) -> BoolArray:
         return agreeing(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)

@@ -6,13 +6,14 @@ from typing import Protocol
 import numpy as np
 
 from vgps.errors import GeometryError
+from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.bridging import bridge
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.localiser import Localiser
 from vgps.landmarks.result import as_solution
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.tracker import TrackedFrame
-from vgps.model import FloatArray, Frame, Recording
+from vgps.model import BoolArray, FloatArray, Frame, Recording
 from vgps.seconds import Seconds
 from vgps.solution import Solution
 from vgps.threads import one_blas_thread
@@ -81,13 +82,13 @@ def localise(
     )
 
 
-def _gray(image: FloatArray, uv_px: FloatArray) -> FloatArray:
+def _gray(image: Float32Array, uv_px: FloatArray) -> FloatArray:
     """(N,) grey of an image (H, W) at the pixels nearest to (N, 2)."""
     u, v = np.round(uv_px).astype(np.int64).T
     return np.asarray(image[np.clip(v, 0, image.shape[0] - 1), np.clip(u, 0, image.shape[1] - 1)])
 
 
-def _losses(tracked: FloatArray, t_s: FloatArray) -> list[str]:
+def _losses(tracked: BoolArray, t_s: FloatArray) -> list[str]:
     """What a user should know of the frames that were not posed by landmarks."""
     lost = np.flatnonzero(~tracked)
     if len(lost) == 0:

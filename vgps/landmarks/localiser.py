@@ -43,8 +43,8 @@ class Localiser:
             self._estimator = GraphEstimator(camera.K, gyro, mount, config)
         recovery = DescriptorRecovery(database.keyframes(), describe, camera.K, config)
 
-        def views(world_T_camera: FloatArray) -> LandmarkViews:
-            return database.views(world_T_camera, camera, max_landmarks=config.max_landmarks)
+        def views(world_T_camera: FloatArray, at_most: int) -> LandmarkViews:
+            return database.views(world_T_camera, camera, max_landmarks=at_most)
 
         exposure_s = rig.exposure_s or 0.0
         self._tracker = LandmarkTracker(
@@ -74,7 +74,9 @@ def sensor_warnings(recording: Recording, config: TrackConfig) -> tuple[str, ...
     """What is missing in a recording, and what is lost by that."""
     found = []
     rig, gyro = recording.rig, recording.gyro
-    lost = "rotation is predicted at constant angular velocity, windows are wider, and a quick turn may lose track"
+    lost = (
+        "rotation is predicted at constant angular velocity, windows are wider, a quick turn may lose track"
+    )
     if not config.use_gyro:
         found.append(f"the gyro is not used (use_gyro: false): {lost}")
     elif gyro is None:

@@ -50,7 +50,7 @@ def match_templates(
     possible = (high - low >= side).all(axis=1) & (templates.std(axis=(1, 2)) >= max(min_contrast, 1e-3))
     for i in np.flatnonzero(possible):
         window = image[low[i, 1] : high[i, 1], low[i, 0] : high[i, 0]]
-        score = cv2.matchTemplate(window, templates[i], cv2.TM_CCOEFF_NORMED)
+        score = np.asarray(cv2.matchTemplate(window, templates[i], cv2.TM_CCOEFF_NORMED), np.float32)
         _, best[i], _, (x, y) = cv2.minMaxLoc(score)
         uv[i] = low[i] + half + (x, y) + _peak(score, x, y)
     return Matches(uv, best)

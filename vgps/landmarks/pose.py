@@ -11,6 +11,7 @@ from vgps.model import BoolArray, FloatArray
 
 _CONFIDENCE = 0.9999
 _LEAST = 4  # matches a linear solution needs
+_SETTLED = 1e-5  # rad and m: no step worth another
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,10 @@ def pose_from_matches(
     candidates = [] if guess is None else [guess]
     sampled = _ransac(K, points, uv_px, limit_px, samples)
     candidates += [] if sampled is None else [sampled]
-    best: PoseEstimate | None = None
-    for candidate in candidates:
-        found = _settle(K, candidate, points, uv_px, sigma_px, limit_px, huber_px)
-        if found is not None and (best is None or found.inlier.sum() > best.inlier.sum()):
-            best = found
-    return best
+    if not candidates:
+        return None
+    best = max(candidates, key=lambda pose: agreeing(K, pose, points, uv_px, limit_px).sum())
+    return _settle(K, best, points, uv_px, sigma_px, limit_px, huber_px)
 
 
 def _ransac(
@@ -151,7 +150,7 @@ def refine_pose(
         spread = float(weight @ size**2) / max(2 * len(points) - 6, 1)
         step = -np.linalg.solve(information, weighted.T @ residual.ravel())
         pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -10, 10)).matrix()
-        if np.abs(step).max() < 1e-7:
+        if np.abs(step).max() < _SETTLED:
             break
     return pose, np.asarray(np.linalg.inv(information) * max(spread, 1.0))
 

@@ -37,7 +37,7 @@ def render_templates(
     """
     margin = blur_margin(blur_px) if np.any(blur_px) else 0
     jacobian = plane_to_image(K, world_T_camera, views)
-    patches = _sample(views, np.linalg.inv(jacobian), side + 2 * margin)
+    patches = _sample(views, np.asarray(np.linalg.inv(jacobian), np.float64), side + 2 * margin)
     return blur_patches(patches, blur_px, side) if margin else patches
 
 

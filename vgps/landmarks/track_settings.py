@@ -24,6 +24,8 @@ class TrackConfig(BaseModel):
 
     max_landmarks: PositiveInt = 160
     """Landmarks looked for in a frame."""
+    first_landmarks: PositiveInt = 60
+    """Landmarks looked for around the prediction; all are, in small windows, around the pose these give."""
     template_px: PositiveInt = 15
     """Side of a template in the image, odd."""
     min_correlation: PositiveFloat = 0.6
@@ -73,7 +75,7 @@ class TrackConfig(BaseModel):
     """Keyframes with most matches that are tried when the pose is not known at all."""
 
     revise: bool = True
-    """A frame's pose in the result is the one with what was seen in the lag after it; otherwise as it came."""
+    """A pose in the result is the one with what was seen in the lag after it; otherwise as it came."""
     lag_s: PositiveFloat = 1.0
     """Frames of so long a time are in the graph."""
     gyro_density_rad_s0p5: PositiveFloat = 0.0005

@@ -22,8 +22,8 @@ from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import FloatArray
 
-ViewSource = Callable[[FloatArray], LandmarkViews]
-"""Views that suit a pose (4, 4): of each landmark one."""
+ViewSource = Callable[[FloatArray, int], LandmarkViews]
+"""Views that suit a pose (4, 4): of each landmark one, and at most so many."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class LandmarkTracker:
         config, dt = self._config, t_s - motion.t_s
         predicted = predict(motion, self._turns, t_s)
         start = predicted if config.select == "prediction" else motion.world_T_camera
-        views = self._views(start)
+        views = self._views(start, config.first_landmarks if widen == 1.0 else config.max_landmarks)
         found = self._search(t_s, image, motion, start, views, widen * self._radius(motion, start, views, dt))
         if found.pose is None or not self._plausible(found.pose.world_T_camera, predicted, dt, widen):
             return Found(None, NOTHING_SEEN, found.sought, found.correlation)
@@ -145,7 +145,7 @@ class LandmarkTracker:
         best = Found(None, NOTHING_SEEN, 0, 0.0)
         for pose in self._recovery.candidates(image):
             motion = Motion(t_s, pose, None, np.zeros(3), bias)
-            views = self._views(pose)
+            views = self._views(pose, config.max_landmarks)
             radius = np.full(len(views), float(config.recovery_window_px))
             found = self._search(t_s, image, motion, pose, views, radius)
             if found.pose is not None and len(found.sightings) > len(best.sightings):
@@ -156,7 +156,7 @@ class LandmarkTracker:
         """Search again around the pose found, in small windows: more matches, fewer of them false."""
         assert found.pose is not None
         pose = found.pose.world_T_camera
-        views = self._views(pose)
+        views = self._views(pose, self._config.max_landmarks)
         radius = np.full(len(views), float(self._config.refine_window_px))
         again = self._search(t_s, image, motion, pose, views, radius)
         better = again.pose is not None and len(again.sightings) >= len(found.sightings)
