@@ -193,18 +193,22 @@ class BatchConfig(_Stage):
     """Eq. (12) divides by the number of features in the frame; per_observation does not."""
     video_sigma_scale: PositiveFloat = 8.0
     """Pixel sigmas are multiplied by this: tracks drift together, so their errors are not independent."""
+    draws: PositiveInt = 200
+    """Draws of all errors behind the standard deviations, known to 1 / sqrt(2 draws) of themselves."""
 
 
 class Region(_Stage):
-    """The cylinder of a fix class: radius and half height, metres."""
+    """The cylinder of a fix class: radius and half height, metres; 95 % of its fixes lie within each."""
 
     r_m: PositiveFloat
     h_m: PositiveFloat
+    correlation_s: PositiveFloat = 60.0
+    """After this time the error of a fix counts as a new one; only standard deviations depend on it."""
 
 
 def _default_regions() -> dict[FixClass, Region]:
     return {
-        FixClass.RTK_FIX: Region(r_m=0.07, h_m=0.05),
+        FixClass.RTK_FIX: Region(r_m=0.07, h_m=0.05, correlation_s=10.0),
         FixClass.RTK_FLOAT: Region(r_m=2.4, h_m=6.5),
         FixClass.PPP: Region(r_m=0.5, h_m=1.0),
         FixClass.DGPS: Region(r_m=3.0, h_m=6.0),
@@ -359,7 +363,7 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
     for name, value in _read_yaml(path).items():
         if name not in set(FixClass) or not isinstance(value, dict):
             continue
-        sizes = {key: value[key] for key in ("r_m", "h_m") if key in value}
+        sizes = {key: value[key] for key in ("r_m", "h_m", "correlation_s") if key in value}
         try:
             regions[FixClass(name)] = Region.model_validate(sizes)
         except ValidationError as error:

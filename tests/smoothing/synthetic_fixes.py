@@ -33,4 +33,5 @@ def fixes_at(t_s, r_m, h_m, lower=(np.nan, np.nan), offset=0.0):
         return np.broadcast_to(np.asarray(value, dtype=float), n).copy()
 
     sizes = [column(value) for value in (r_m, h_m, *lower)]
-    return Fixes(t_s, path(t_s) + offset, *sizes, np.full((n, 3), np.nan), np.ones(n, dtype=bool))
+    unknown, everyone = np.full((n, 3), np.nan), np.ones(n, dtype=bool)
+    return Fixes(t_s, path(t_s) + offset, *sizes, unknown, everyone, np.full(n, 10.0))

@@ -47,6 +47,7 @@ def scene(frames=60, disturbed=0.3, seed=0):
         np.full(n, np.nan),
         np.full((n, 3), np.nan),
         np.ones(n, dtype=bool),
+        np.full(n, 10.0),
     )
     return problem, poses, t_s, fixes
 

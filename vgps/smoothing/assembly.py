@@ -210,6 +210,15 @@ def gps_and_motion(
 ) -> gtsam.NonlinearFactorGraph:
     """All factors on poses of a scene that lies in the world; the rest as for :func:`gps_graph`."""
     graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
+    graph.push_back(other_pose_factors(scene, K, sensors, config))
+    return graph
+
+
+def other_pose_factors(
+    scene: Scene, K: FloatArray, sensors: Sensors, config: Config
+) -> gtsam.NonlinearFactorGraph:
+    """All factors on poses but the fixes' own."""
+    graph = sensors.priors()
     graph.push_back(motion_graph(scene, config))
     graph.push_back(_upright(len(scene.t_s), config))
     graph.push_back(_known_points(scene.controls, K, config))

@@ -13,14 +13,16 @@ from vgps.smoothing.assembly import (
     Scene,
     build_problem,
     gps_and_motion,
+    other_pose_factors,
     select_observations,
 )
 from vgps.smoothing.bundle import BundleProblem, cost_terms
-from vgps.smoothing.fixes import Fixes, antenna_at, place
+from vgps.smoothing.fixes import Fixes, antenna_at, gps_graph, place, taking_part
 from vgps.smoothing.judging import Judgement, judges, probabilities
 from vgps.smoothing.lag import settle_lag
-from vgps.smoothing.schur import Covariances, SolverSettings, covariances, solve
+from vgps.smoothing.schur import Covariances, SolverSettings, solve
 from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
+from vgps.smoothing.uncertainty import ErrorSources, drawn_covariances
 from vgps.solution import Observations, SolverReport
 
 _FIRST_TOLERANCE = 5.0
@@ -93,7 +95,8 @@ def optimise_batch(
             tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
             kept, sigma = select_observations(current, K, config, tolerance)
             in_time = judgement.applied(fixes).earlier(sensors.lag_s)
-            graph = gps_and_motion(kept, K, in_time, sensors, config, n)
+            began = sensors
+            graph = gps_and_motion(kept, K, in_time, began, config, n)
             reliability = np.nan_to_num(sigma, nan=1.0)
             problem = build_problem(kept, K, reliability, graph, config, fixed, sensors.shared())
             last = round_ == config.batch.rounds - 1
@@ -115,7 +118,7 @@ def optimise_batch(
     report, warnings = _report(scene, after, iterations, result.report.stop_reason)
     if not result.converged:
         warnings = (*warnings, f"stage D did not reach a minimum: {result.report.stop_reason}")
-    covariance, doubts = _covariance(after)
+    covariance, doubts = _covariance(after, kept, K, in_time, began, config)
     return Smoothed(
         after.world_T_camera,
         covariance.poses,
@@ -184,9 +187,17 @@ def _report(
     return SolverReport(before, cost_after, iterations, reason), warnings
 
 
-def _covariance(problem: BundleProblem) -> tuple[Covariances, tuple[str, ...]]:
+def _covariance(
+    problem: BundleProblem, scene: Scene, K: FloatArray, fixes: Fixes, sensors: Sensors, config: Config
+) -> tuple[Covariances, tuple[str, ...]]:
+    """Of the optimum of ``problem``, which was built from the rest."""
+    sources = ErrorSources(
+        gps_graph(fixes, scene.t_s, sensors, config.gps),
+        other_pose_factors(scene, K, sensors, config),
+        fixes.where(taking_part(fixes, scene.t_s, config.gps)),
+    )
     try:
-        return covariances(problem), ()
+        return drawn_covariances(problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
         unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
         return Covariances(unknown, {}), (f"no standard deviations: {error}",)

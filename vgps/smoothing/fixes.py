@@ -27,6 +27,7 @@ class Fixes:
         lower_r_m, lower_h_m: (M,) the region of the class that a fix of its class may really be; NaN if none.
         sigma_m: (M, 3) the receiver's own standard deviations, NaN where it gave none.
         used: (M,) whether a fix takes part.
+        correlation_s: (M,) after this time the error of a fix of its class counts as a new one.
     """
 
     t_s: FloatArray
@@ -37,6 +38,7 @@ class Fixes:
     lower_h_m: FloatArray
     sigma_m: FloatArray
     used: BoolArray
+    correlation_s: FloatArray
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -66,7 +68,7 @@ class Fixes:
     def none(cls) -> "Fixes":
         """No fix at all."""
         n, points = np.zeros(0), np.zeros((0, 3))
-        return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool))
+        return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool), n)
 
 
 def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
@@ -88,7 +90,11 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
     r_m, h_m = region_sizes(log.fix_class, config)
     lower = tuple(_MAY_BE.get(name, FixClass.UNKNOWN) for name in log.fix_class)
     lower_r_m, lower_h_m = region_sizes(lower, config)
-    return Fixes(log.t_s, world_p_fix, r_m, h_m, lower_r_m, lower_h_m, log.sigma_m, np.isfinite(r_m))
+    alike = [
+        config.regions[name].correlation_s if name in config.regions else np.nan for name in log.fix_class
+    ]
+    sizes = (r_m, h_m, lower_r_m, lower_h_m)
+    return Fixes(log.t_s, world_p_fix, *sizes, log.sigma_m, np.isfinite(r_m), np.array(alike))
 
 
 @dataclass(frozen=True)
@@ -154,6 +160,13 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
     return Gaussian((float(sigma[0]), float(sigma[1]), float(sigma[2])), k)
 
 
+def taking_part(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -> BoolArray:
+    """(M,) fixes with ``used`` set and within the frames, if the model takes any."""
+    if config.model == "none" or len(frame_t_s) < 2:
+        return np.zeros(len(fixes), dtype=bool)
+    return np.asarray(fixes.used & place(frame_t_s, fixes.t_s).inside)
+
+
 def gps_graph(
     fixes: Fixes,
     frame_t_s: FloatArray,
@@ -161,21 +174,21 @@ def gps_graph(
     config: GpsConfig,
     n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """The GPS term of the energy (11) over frames with keys ``x0..``.
+    """The GPS term of the energy (11) over frames with keys ``x0..``, a factor for each fix that takes part.
 
     Args:
-        fixes: At their times less the lag known so far; those with ``used`` set and within the frames take
-            part.
+        fixes: At their times less the lag known so far; those that :func:`taking_part` names.
         frame_t_s: (F,) times of the frames.
         sensors: Lever arm, and what is to be estimated with the poses.
         config: The model; none gives an empty graph.
         n: Exponent, if another than the configured.
     """
-    graph = sensors.priors()
-    if config.model == "none" or len(frame_t_s) < 2:
+    graph = gtsam.NonlinearFactorGraph()
+    taking = taking_part(fixes, frame_t_s, config)
+    if not taking.any():
         return graph
     placement = place(frame_t_s, fixes.t_s)
-    for row in np.flatnonzero(fixes.used & placement.inside).tolist():
+    for row in np.flatnonzero(taking).tolist():
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
         if sensors.to_estimate:

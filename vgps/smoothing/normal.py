@@ -236,6 +236,13 @@ def _coupling(linear: LinearChunk, points: PointFactors) -> tuple[FloatArray, Fl
     return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
 
 
+def pose_scores(linear: LinearChunk) -> FloatArray:
+    """(6, n) what each observation adds to the reduced gradient, the landmarks at their best."""
+    _, explained = _coupling(linear, factor_points(linear, 0.0))
+    r = linear.r - explained
+    return np.array([_dot(linear.jp[:, a], r, _ROWS[a]) for a in range(POSE)])
+
+
 def _fill(linear: LinearChunk, coupling: FloatArray, buffer: FloatArray) -> None:
     """Write Z = B^T J_p of every observation in a free frame into the blocks."""
     buffer[:] = 0.0

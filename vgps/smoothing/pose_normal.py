@@ -61,11 +61,22 @@ def pose_graph_normal(
 ) -> tuple[sparse.csr_array, FloatArray, Border]:
     """Lower triangle of J^T J, and J^T r, of the pose factors, linearised by GTSAM; and the border."""
     n = POSE * structure.n_free
-    target = _columns(problem, structure)
-    size = sum(len(vector) for vector in problem.shared.values())
+    A, b = whitened_jacobian(problem, problem.pose_graph, values, structure)
+    gradient = -(A.T @ b)
+    poses, shared = A[:, :n], A[:, n:].toarray()
+    border = Border(poses.T @ shared, shared.T @ shared, gradient[n:])
+    return sparse.tril(poses.T @ poses, format="csr"), gradient[:n], border
+
+
+def whitened_jacobian(
+    problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, structure: Structure
+) -> tuple[sparse.csr_array, FloatArray]:
+    """Whitened Jacobian (rows, 6 n_free + shared) of factors on poses, and minus their residuals (rows,)."""
+    size = POSE * structure.n_free + sum(len(vector) for vector in problem.shared.values())
+    target = _columns(problem, graph, structure)
     if not len(target):
-        return sparse.csr_array((n, n)), np.zeros(n), Border(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0))
-    row, column, value = problem.pose_graph.linearize(values).sparseJacobian_()
+        return sparse.csr_array((0, size)), np.zeros(0)
+    row, column, value = graph.linearize(values).sparseJacobian_()
     # one-based; the columns follow the keys in ascending order, the right-hand side is the last
     row, column = row.astype(np.int64) - 1, column.astype(np.int64) - 1
     right = column == len(target)
@@ -73,23 +84,21 @@ def pose_graph_normal(
     b[row[right]] = value[right]
     to = target[np.minimum(column, len(target) - 1)]
     keep = ~right & (to >= 0)
-    A = sparse.csr_array((value[keep], (row[keep], to[keep])), shape=(len(b), n + size))
-    gradient = -(A.T @ b)
-    poses, shared = A[:, :n], A[:, n:].toarray()
-    border = Border(poses.T @ shared, shared.T @ shared, gradient[n:])
-    return sparse.tril(poses.T @ poses, format="csr"), gradient[:n], border
+    return sparse.csr_array((value[keep], (row[keep], to[keep])), shape=(len(b), size)), b
 
 
-def _columns(problem: BundleProblem, structure: Structure) -> IntArray:
-    """Where each column of the pose factors' Jacobian goes: free poses, then what is shared; -1 if held."""
-    frames = problem.pose_graph_frames
-    poses = {int(X(0)) + int(frame): int(structure.free[frame]) for frame in frames}
-    columns, at = [], POSE * structure.n_free
-    for key in sorted([*poses, *problem.shared]):
-        if key in poses:
-            number = poses[key]
-            columns.append(POSE * number + np.arange(POSE) if number >= 0 else np.full(POSE, -1))
+def _columns(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, structure: Structure) -> IntArray:
+    """Where each column of the factors' Jacobian goes: free poses, then what is shared; -1 if held."""
+    at, start = {}, POSE * structure.n_free
+    for key in sorted(problem.shared):
+        at[key], start = start, start + len(problem.shared[key])
+    columns, keys = [], sorted(graph.keyVector())
+    own = [key for key in keys if key not in at]
+    numbers = dict(zip(own, structure.free[problem.frames_of(own)].tolist(), strict=True))
+    for key in keys:
+        if key in at:
+            columns.append(at[key] + np.arange(len(problem.shared[key])))
         else:
-            columns.append(at + np.arange(len(problem.shared[key])))
-            at += len(problem.shared[key])
+            number = numbers[key]
+            columns.append(POSE * number + np.arange(POSE) if number >= 0 else np.full(POSE, -1))
     return np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)

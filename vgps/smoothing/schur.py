@@ -13,12 +13,12 @@ import numpy as np
 
 from vgps.errors import GeometryError
 from vgps.model import FloatArray
-from vgps.smoothing.band import POSE, NotPositiveDefiniteError
+from vgps.smoothing.band import POSE, Band, NotPositiveDefiniteError
 from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
-from vgps.smoothing.elimination import structure_of
+from vgps.smoothing.elimination import Structure, structure_of
 from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
 from vgps.smoothing.levenberg import SolverSettings, levenberg
-from vgps.smoothing.normal import linearize, reduce_to_poses
+from vgps.smoothing.normal import Linearization, linearize, reduce_to_poses
 from vgps.solution import SolverReport
 from vgps.threads import one_blas_thread
 
@@ -99,7 +99,7 @@ def _in_words(cost: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Covariances:
-    """Marginal covariances.
+    """Covariances of poses and of what they share.
 
     Attributes:
         poses: (F, 6, 6) in the body tangent [rotation; translation], rad and m; held frames have zero.
@@ -121,16 +121,7 @@ def covariances(problem: BundleProblem) -> Covariances:
     poses = np.zeros((len(moves), POSE, POSE))
     with one_blas_thread():
         linear = linearize(problem, all_pose_values(problem), structure)
-        band, gradient = reduce_to_poses(linear, structure, 0.0)
-        try:
-            factor = band.cholesky(structure.half_bandwidth, _LEAST_PIVOT * linear.diagonal)
-        except NotPositiveDefiniteError as error:
-            frame = int(np.flatnonzero(moves)[error.column // POSE])
-            raise GeometryError(
-                "its pose is not determined by observations and fixes",
-                place=f"frame {frame}",
-                remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
-            ) from None
+        factor, gradient = factorised(linear, structure)
         poses[moves] = factor.inverse_diagonal_blocks()
         if not problem.shared:
             return Covariances(poses, {})
@@ -138,11 +129,34 @@ def covariances(problem: BundleProblem) -> Covariances:
     of_shared: FloatArray = np.linalg.inv(complement).astype(np.float64)
     rows = by_shared.reshape(structure.n_free, POSE, -1)
     poses[moves] += rows @ of_shared @ rows.transpose(0, 2, 1)
+    return Covariances(poses, shared_blocks(problem, of_shared))
+
+
+def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, FloatArray]:
+    """Diagonal blocks of a covariance of all shared coordinates, by key."""
     blocks, at = {}, 0
     for key in sorted(problem.shared):
         own = slice(at, at + len(problem.shared[key]))
-        blocks[key], at = of_shared[own, own], own.stop
-    return Covariances(poses, blocks)
+        blocks[key], at = covariance[own, own], own.stop
+    return blocks
+
+
+def factorised(linear: Linearization, structure: Structure) -> tuple[Band, FloatArray]:
+    """Cholesky factor of the reduced matrix of the poses, not damped, and their reduced gradient.
+
+    Raises:
+        GeometryError: Observations and factors do not determine the poses.
+    """
+    band, gradient = reduce_to_poses(linear, structure, 0.0)
+    try:
+        return band.cholesky(structure.half_bandwidth, _LEAST_PIVOT * linear.diagonal), gradient
+    except NotPositiveDefiniteError as error:
+        frame = int(np.flatnonzero(structure.free >= 0)[error.column // POSE])
+        raise GeometryError(
+            "its pose is not determined by observations and fixes",
+            place=f"frame {frame}",
+            remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
+        ) from None
 
 
 def pose_covariances(problem: BundleProblem) -> FloatArray:
