@@ -33,9 +33,15 @@ def messages(stream: ByteStream) -> Iterator[bytes]:
     """NMEA sentences and UBX messages with a right length, to the stream's end; what lies between is passed
     over."""
     filters = NMEA_PROTOCOL | UBX_PROTOCOL
-    for raw, _ in UBXReader(stream, protfilter=filters, quitonerror=0, parsing=PARSE_NONE):
-        if raw is not None:
-            yield raw
+    reader = UBXReader(stream, protfilter=filters, quitonerror=0, parsing=PARSE_NONE)
+    while True:
+        try:
+            raw, _ = reader.read()
+        except (UnicodeDecodeError, IndexError):  # bytes that are no text, in what began like a sentence
+            continue
+        if raw is None:
+            return
+        yield raw
 
 
 @dataclass(frozen=True)
