@@ -7,6 +7,7 @@ than any bookkeeping would.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import gtsam
 import numpy as np
@@ -155,14 +156,12 @@ def structure_of(problem: BundleProblem) -> Structure:
 
 
 def _pose_graph_span(problem: BundleProblem, free: IntArray) -> int:
-    span = 0
-    for i in range(problem.pose_graph.size()):
-        factor = problem.pose_graph.at(i)
-        if factor is not None:
-            frames = free[problem.frames_of(key for key in list(factor.keys()) if key not in problem.shared)]
-            frames = frames[frames >= 0]
-            span = max(span, int(np.ptp(frames)) + 1 if len(frames) else 0)
-    return span
+    factors = (problem.pose_graph.at(i) for i in range(problem.pose_graph.size()))
+    keys = [[key for key in list(f.keys()) if key not in problem.shared] for f in factors if f is not None]
+    frames = free[problem.frames_of(chain.from_iterable(keys))]
+    cuts = np.cumsum([len(part) for part in keys])[:-1]
+    spans = [int(np.ptp(part[part >= 0])) + 1 for part in np.split(frames, cuts) if np.any(part >= 0)]
+    return max(spans, default=0)
 
 
 def _group(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:

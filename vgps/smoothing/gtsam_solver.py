@@ -1,4 +1,7 @@
-"""The same problem handed to GTSAM's optimiser: the reference, and the way out where the band is no band."""
+"""GTSAM's own optimiser: the reference, and the way out where the engine does not fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -8,32 +11,61 @@ from vgps.smoothing.bundle import BundleProblem, to_graph
 from vgps.smoothing.levenberg import LIGHT_DAMPING, Outcome, SolverSettings
 
 
-def levenberg_of_gtsam(problem: BundleProblem, settings: SolverSettings) -> Outcome:
-    """GTSAM's Levenberg-Marquardt from the same settings, landmarks eliminated first."""
-    graph, values = to_graph(problem)
-    if not values.size():
-        return Outcome(problem, 0, "converged: there is nothing to move", True, False)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, _gtsam_parameters(problem, values, settings))
+@dataclass(frozen=True)
+class GtsamOutcome:
+    """Where GTSAM ended: values never of a higher error than the start's; flags as of :class:`Outcome`."""
+
+    values: gtsam.Values
+    iterations: int
+    reason: str
+    converged: bool
+    stuck: bool
+
+
+def optimise_with_gtsam(
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, order: Sequence[int], settings: SolverSettings
+) -> GtsamOutcome:
+    """GTSAM's Levenberg-Marquardt from the same settings.
+
+    Args:
+        graph: What to minimise.
+        values: Start, for every variable of the graph.
+        order: Keys in order of their elimination.
+        settings: When to stop, and how to damp.
+    """
+    if not graph.size():
+        return GtsamOutcome(values, 0, "converged: there is nothing to move", True, False)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, _gtsam_parameters(order, settings))
     start = optimizer.error()
     try:
         result = optimizer.optimize()
     except RuntimeError as error:
-        return Outcome(problem, 0, f"GTSAM gave up: {str(error).strip().splitlines()[0]}", False, True)
+        said = str(error).strip().splitlines() or ["no reason given"]
+        return GtsamOutcome(values, 0, f"GTSAM gave up: {said[0]}", False, True)
     end, iterations = graph.error(result), optimizer.iterations()
     if not end < start:
         minimum = optimizer.lambda_() <= LIGHT_DAMPING  # else the damping rose in vain
         reason = "converged: the start is a minimum" if minimum else "no step lowers the cost"
-        return Outcome(problem, 0, reason, minimum, not minimum)
+        return GtsamOutcome(values, 0, reason, minimum, not minimum)
     full = iterations >= settings.max_iterations
     reason = (
         f"stopped after {iterations} iterations" if full else "converged: GTSAM's tolerances were reached"
     )
-    return Outcome(_with_values(problem, result), iterations, reason, not full, False)
+    return GtsamOutcome(result, iterations, reason, not full, False)
 
 
-def _gtsam_parameters(
-    problem: BundleProblem, values: gtsam.Values, settings: SolverSettings
-) -> gtsam.LevenbergMarquardtParams:
+def levenberg_of_gtsam(problem: BundleProblem, settings: SolverSettings) -> Outcome:
+    """The same for a bundle problem, landmarks eliminated first."""
+    graph, values = to_graph(problem)
+    order = [L(landmark) for landmark in np.unique(problem.landmark).tolist()]
+    order += [key for key in problem.keys.tolist() if values.exists(key)]
+    order += sorted(problem.shared)
+    found = optimise_with_gtsam(graph, values, order, settings)
+    moved = problem if found.values is values else _with_values(problem, found.values)
+    return Outcome(moved, found.iterations, found.reason, found.converged, found.stuck)
+
+
+def _gtsam_parameters(order: Sequence[int], settings: SolverSettings) -> gtsam.LevenbergMarquardtParams:
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setLinearSolverType("MULTIFRONTAL_CHOLESKY")
     parameters.setMaxIterations(settings.max_iterations)
@@ -44,12 +76,7 @@ def _gtsam_parameters(
     parameters.setlambdaUpperBound(settings.lambda_most)
     parameters.setDiagonalDamping(True)
     ordering = gtsam.Ordering()
-    for landmark in np.unique(problem.landmark).tolist():
-        ordering.push_back(L(landmark))
-    for key in problem.keys.tolist():
-        if values.exists(key):
-            ordering.push_back(key)
-    for key in sorted(problem.shared):
+    for key in order:
         ordering.push_back(key)
     parameters.setOrdering(ordering)
     return parameters
