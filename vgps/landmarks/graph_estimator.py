@@ -20,7 +20,7 @@ from vgps.landmarks.search import Sightings
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.model import BoolArray, FloatArray
 
-_ITERATIONS, _TOLERANCE = 4, 1e-3  # every frame starts near its end
+_RELINEARISE = 1e-3
 _AGREE = 0.5  # with less of a frame's own matches the graph has gone astray
 
 
@@ -64,10 +64,10 @@ class GraphEstimator:
         return {t_s: self._values.atPose3(_x(k)).matrix() for k, t_s in self._frames}
 
     def _begin(self) -> None:
-        params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(_ITERATIONS)
-        params.setRelativeErrorTol(_TOLERANCE)
-        self._smoother = gtsam.BatchFixedLagSmoother(self._config.lag_s, params)
+        params = gtsam.ISAM2Params()
+        params.setRelinearizeThreshold(_RELINEARISE)
+        params.relinearizeSkip = 1
+        self._smoother = gtsam.IncrementalFixedLagSmoother(self._config.lag_s, params)
         self._values = gtsam.Values()
         self._frames: list[tuple[int, float]] = []
 
