@@ -11,7 +11,7 @@ from vgps.cli.reporting import report
 from vgps.errors import RunFolderError
 from vgps.report import write_report
 from vgps.report.page import _number
-from vgps.report.path_picture import outside_picture
+from vgps.report.path_picture import outside_picture, path_picture
 from vgps.solution import FrameState, Landmarks, Observations
 from vgps.writers.run_folder import write_run
 
@@ -154,3 +154,20 @@ def test_a_page_that_cannot_be_written_is_told(solution, tmp_path):
     with pytest.raises(RunFolderError, match="is a folder"):
         write_report(solution, tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_path_before_stage_d_is_drawn_where_the_run_kept_it(html, solution, tmp_path):
+    assert "before stage D" not in pictures(html)[0]
+    kept = replace(solution, world_p_before=solution.world_T_camera[:, :3, 3] + 1.0)
+    assert "before stage D" in pictures(page_of(kept, tmp_path))[0]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5 * np.pi])
+def test_a_straight_path_fills_a_picture_of_a_sound_shape(solution, turn):
+    poses = solution.world_T_camera.copy()
+    poses[:, :2, 3] = poses[:, :1, 3] * [np.cos(turn), np.sin(turn)]
+    figure = path_picture(replace(solution, world_T_camera=poses, gps=None, fixes=None))
+    low, high = np.array([figure.axes[0].get_xlim(), figure.axes[0].get_ylim()]).T
+    wide, tall = high - low
+    assert 9.0 / 8.5 - 1e-6 <= wide / tall <= 9.0 / 2.8 + 1e-6
+    assert figure.get_figheight() == pytest.approx(11.5 if turn else 5.8)

@@ -17,7 +17,8 @@ LOOKS = {
     Verdict.REJECTED: ("#c22f3d", "X"),
     Verdict.NOT_USED: ("#8a9099", "+"),
 }
-_PATH, _ANTENNA = "#1f4e9c", "#7f9fd6"
+_PATH, _ANTENNA, _BEFORE = "#1f4e9c", "#7f9fd6", "#8a63b8"
+_WIDE, _LOWEST, _TALLEST = 9.0, 2.8, 8.5  # of the picture from above, inches
 _MANY = 3000  # more marks than this are drawn as pixels, lest the page grows without bound
 
 
@@ -31,21 +32,23 @@ def path_picture(solution: Solution) -> Figure:
     """East-north, and height over the way; fixes with the outline of their cylinders, Eq. (16), Kume 2010."""
     path = solution.world_T_camera[:, :3, 3]
     low, high = _box(solution)
-    span = np.maximum(high - low, 1e-6)
-    tall = float(np.clip(9.0 * span[1] / span[0], 3.2, 8.5))
+    tall = _WIDE * float((high[1] - low[1]) / (high[0] - low[0]))
     figure = Figure(figsize=(10.0, tall + 3.0), layout="constrained")
     above, side = figure.subplots(2, 1, height_ratios=[tall, 2.4])
     points = solution.landmarks.world_p_landmark
     above.scatter(points[:, 0], points[:, 1], s=0.4, c="#d5d8dc", lw=0, rasterized=True, zorder=0)
     way, antenna = way_m(solution), antenna_path(solution)
-    if solution.camera_p_antenna.any():
-        side.plot(way, antenna[:, 2], color=_ANTENNA, lw=1.2, label="antenna")
     found = judged(solution)
     if found is not None:
         log, table = found
+        if solution.camera_p_antenna.any():
+            side.plot(way, antenna[:, 2], color=_ANTENNA, lw=1.2, label="antenna")
         at = np.interp(log.t_s - solution.sensors.lag_s, solution.t_s, way)
         _fixes_above(above, table)
         _fixes_aside(side, table, at)
+    if solution.world_p_before is not None:
+        before = solution.world_p_before
+        above.plot(before[:, 0], before[:, 1], color=_BEFORE, lw=0.9, ls="--", label="before stage D")
     above.plot(path[:, 0], path[:, 1], color=_PATH, lw=1.6, label="camera", zorder=3)
     above.plot(*path[0, :2], "o", color=_PATH, ms=6, mfc="white", label="start", zorder=4)
     side.plot(way, path[:, 2], color=_PATH, lw=1.6, label="camera", zorder=3)
@@ -71,7 +74,7 @@ def outside_picture(solution: Solution) -> int:
 
 
 def _box(solution: Solution) -> tuple[FloatArray, FloatArray]:
-    """Corners (2,) around the path and the fixes that are not far from it."""
+    """Corners (2,) around the path and the fixes that are not far from it, of a shape that suits a page."""
     around = solution.world_T_camera[:, :2, 3]
     low, high = around.min(axis=0), around.max(axis=0)
     reach = max(0.25 * float((high - low).max()), 5.0 if solution.georeferenced else 0.0)
@@ -81,16 +84,19 @@ def _box(solution: Solution) -> tuple[FloatArray, FloatArray]:
         near = ((fixes > low - reach) & (fixes < high + reach)).all(axis=1)
         around = np.vstack([around, fixes[near]])
     low, high = around.min(axis=0), around.max(axis=0)
-    margin = 0.04 * float((high - low).max()) + 1e-3
-    return low - margin, high + margin
+    half = 0.54 * (high - low) + 1e-3
+    shape = np.array([max(half[0], half[1] * _WIDE / _TALLEST), max(half[1], half[0] * _LOWEST / _WIDE)])
+    middle = 0.5 * (low + high)
+    return middle - shape, middle + shape
 
 
 def _heights(solution: Solution, antenna: FloatArray) -> tuple[float, float]:
     """Limits of heights that show the path, and the fixes unless these are far off."""
-    around = np.concatenate([solution.world_T_camera[:, 2, 3], antenna[:, 2]])
+    around = solution.world_T_camera[:, 2, 3]
     found = judged(solution)
     if found is not None:
         table = found[1]
+        around = np.concatenate([around, antenna[:, 2]])
         used = table.used & np.isfinite(table.world_p_fix[:, 2]) & np.isfinite(table.h_m)
         around = np.concatenate(
             [around, *(table.world_p_fix[used, 2] + sign * table.h_m[used] for sign in (-1.0, 1.0))]
