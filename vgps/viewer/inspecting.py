@@ -1,7 +1,9 @@
 """A run into one rerun recording: to a window, a file or a picture."""
 
 import os
+import shutil
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -19,12 +21,13 @@ from vgps.viewer.measures import sightings
 from vgps.viewer.places import log_map
 from vgps.viewer.plots import log_plots, log_summary
 from vgps.viewer.scene import IMAGE, log_scene
-from vgps.viewer.screenshot import take_screenshot
+from vgps.viewer.screenshot import NO_ANSWER, answering_viewer, take_screenshot
 from vgps.viewer.sheet import Sheet
 from vgps.viewer.video import log_video
 from vgps.writers.placing import new_file
 
-_APPLICATION = "vgps"
+_APPLICATION, _PORT = "vgps", 9876
+_REMEDY = "write a file with --save F.rrd, which rerun opens, or a picture with --screenshot F.png"
 
 
 def show(
@@ -33,10 +36,7 @@ def show(
     """As :func:`vgps.viewer.inspect_run`."""
     notes: tuple[str, ...] = ()
     if save is None and screenshot is None:
-        _check_display()
-        stream = rr.RecordingStream(_APPLICATION)
-        stream.spawn()
-        notes = fill(stream, solution, recording)
+        notes = _open_window(solution, recording)
     if save is not None:
         with new_file(save) as file:
             notes = write(file, solution, recording)
@@ -97,11 +97,35 @@ def shown_time_s(solution: Solution) -> float:
     return float(np.median(solution.t_s))
 
 
+def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, ...]:
+    _check_display()
+    stream = rr.RecordingStream(_APPLICATION)
+    # the viewer comes with the SDK, in the same environment, which need not be on the PATH
+    beside = shutil.which("rerun", path=sysconfig.get_path("scripts"))
+    try:
+        rr.spawn(
+            connect=False,
+            executable_path=beside,
+            hide_welcome_screen=True,
+            port=_PORT,
+            recording=stream,
+        )
+        answering_viewer(_PORT)
+    except NO_ANSWER as error:
+        raise ViewerError(
+            f"the viewer does not start ({str(error).splitlines()[0]})", remedy=_REMEDY
+        ) from error
+    stream.connect_grpc(f"rerun+http://127.0.0.1:{_PORT}/proxy")
+    notes = fill(stream, solution, recording)
+    stream.flush()
+    return notes
+
+
 def _check_display() -> None:
     """Raise ViewerError where no window can open."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError(
             "no display to open a window on",
             expected="DISPLAY or WAYLAND_DISPLAY to be set",
-            remedy="write a file with --save F.rrd, which rerun opens, or a picture with --screenshot F.png",
+            remedy=_REMEDY,
         )

@@ -17,7 +17,7 @@ from vgps.viewer.sheet import TIME
 
 _SIZE = "1400x875"
 _START_S, _DRAW_S, _PAUSE_S = 60.0, 90.0, 2.0
-_NO_ANSWER = (RuntimeError, ConnectionError, TimeoutError, OSError)
+NO_ANSWER = (RuntimeError, ConnectionError, TimeoutError, OSError)
 _REMEDY = (
     "install a Vulkan driver (apt install mesa-vulkan-drivers draws without a graphics card), or use --save"
 )
@@ -34,7 +34,7 @@ def take_screenshot(recording: Path, out: Path, t_s: float) -> None:
             client.open(str(recording))
             client.set_time(TIME, duration=t_s, play_state="paused")
             _draw_until_settled(client, out)
-        except _NO_ANSWER as error:
+        except NO_ANSWER as error:
             said = (
                 "ended" if process.poll() is not None else f"does not answer ({str(error).splitlines()[0]})"
             )
@@ -80,15 +80,23 @@ def _headless_viewer() -> Iterator[tuple[ViewerClient, "subprocess.Popen[bytes]"
 
 def _connected(port: int, process: "subprocess.Popen[bytes]") -> ViewerClient:
     until = time.monotonic() + _START_S
-    while time.monotonic() < until:
-        if process.poll() is not None:
-            raise ViewerError("the viewer cannot draw here", remedy=_REMEDY)
-        with contextlib.suppress(Exception):  # whatever the connection raises until the viewer listens
-            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-            client.get_state()
-            return client
+    while time.monotonic() < until and process.poll() is None:
+        with contextlib.suppress(*NO_ANSWER):
+            return answering_viewer(port)
         time.sleep(0.3)
-    raise ViewerError(f"the viewer did not start within {_START_S:g} s", remedy=_REMEDY)
+    said = "ended at once" if process.poll() is not None else f"did not start within {_START_S:g} s"
+    raise ViewerError(f"the viewer {said}", remedy=_REMEDY)
+
+
+def answering_viewer(port: int) -> ViewerClient:
+    """The viewer that listens at ``port`` of this machine.
+
+    Raises:
+        RuntimeError, OSError: None does, or it has no picture to draw on.
+    """
+    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+    client.get_state()
+    return client
 
 
 def _free_port() -> int:
