@@ -1,0 +1,155 @@
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vgps
+from vgps.errors import ConfigError, GeometryError, VideoError
+from vgps.offline import Silent, track_and_map
+from vgps.online import OnlineSmoother, OnlineState
+from vgps.online.replay import fixes_of, replay
+from vgps.online.run import run_online
+from vgps.readers.trajectory import read_trajectory
+from vgps.solution import Verdict
+
+
+@pytest.fixture(scope="module")
+def opened(recording):
+    return vgps.open_recording(recording)
+
+
+@pytest.fixture(scope="module")
+def images(opened):
+    return [(frame.t_s, frame.gray) for frame in opened.video.frames()]
+
+
+def fed(opened, **options):
+    """A smoother after the whole recording, and its estimates."""
+    smoother, estimates, stop = OnlineSmoother(opened.camera, opened.rig, **options), [], threading.Event()
+    run_online(replay(opened, stop), smoother, lambda estimate, _: estimates.append(estimate), stop)
+    return smoother, estimates
+
+
+@pytest.fixture(scope="module")
+def online(opened):
+    return fed(opened)
+
+
+@pytest.fixture(scope="module")
+def offline(opened):
+    return track_and_map(opened, vgps.Config(), Silent()).sequence
+
+
+def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):
+    smoother, _ = online
+    solution = smoother.finish()
+    (last,) = offline.maps
+    posed = slice(last.first_posed, None)
+    np.testing.assert_array_equal(
+        solution.world_T_camera[posed], last.poses[last.first_posed - last.first_frame :]
+    )
+    assert solution.georeferenced and solution.fixes.used.all()
+
+
+def test_states_come_in_order_and_no_pose_is_invented(online):
+    _, estimates = online
+    states = [estimate.state for estimate in estimates]
+    order = [OnlineState.STARTING, OnlineState.UNALIGNED, OnlineState.TRACKED]
+    assert sorted(set(states), key=states.index) == order
+    for estimate in estimates:
+        assert estimate.posed == bool(np.isfinite(estimate.global_T_camera).all())
+        assert np.isfinite(estimate.local_T_camera).all() == estimate.posed
+    aligned = [event.t_s for estimate in estimates for event in estimate.events if event.kind == "aligned"]
+    assert aligned == [estimates[states.index(OnlineState.TRACKED)].t_s]
+
+
+def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
+    _, estimates = online
+    true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
+    found = [e for e in estimates if e.posed]
+    away = [np.linalg.norm(e.global_T_camera[:3, 3] - true[e.frame]) for e in found]
+    assert len(found) > 40 and np.mean(away) < 0.3
+
+
+def test_every_fix_is_told_once_while_nothing_changes(online, opened):
+    _, estimates = online
+    told = [event.details for estimate in estimates for event in estimate.events if event.kind == "fix"]
+    assert [entry["verdict"] for entry in told] == ["used"] * len(told)
+    times = [entry["fix_t_s"] for entry in told]
+    assert len(set(times)) == len(times) >= len(opened.gps) - 1
+
+
+def aligned_rows(opened, fixes, images, late):
+    """Estimates when each fix comes ``late(k)`` seconds after it was taken."""
+    smoother, estimates = OnlineSmoother(opened.camera, opened.rig), []
+    waiting = sorted((fix.t_s + late(k), k, fix) for k, fix in enumerate(fixes))
+    for t_s, gray in images:
+        while waiting and waiting[0][0] <= t_s:
+            assert smoother.add_fix(waiting.pop(0)[2])
+        estimates.append(smoother.add_frame(t_s, gray))
+        smoother.refine()
+    return smoother, estimates
+
+
+def test_fixes_half_a_second_late_and_out_of_order_land_at_their_time(opened, images, recording):
+    fixes = list(fixes_of(opened.gps))
+    # every other fix comes 1.2 s later than the rest, after the one that follows it
+    smoother, estimates = aligned_rows(opened, fixes, images, lambda k: 0.4 + 1.2 * (k % 2))
+    ledger = smoother._sequence.ledger
+    assert (np.diff(ledger.fixes.t_s) > 0).all() and (np.diff(ledger.number) < 0).any()
+    true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
+    posed = [e for e in estimates if e.posed]
+    away = [np.linalg.norm(e.global_T_camera[:3, 3] - true[e.frame]) for e in posed]
+    assert len(posed) > 25 and np.mean(away) < 0.3
+    assert abs(smoother._sequence.sensors.lag_s) < 0.1
+
+
+def test_a_fix_of_the_same_time_or_without_a_place_is_not_taken(opened):
+    smoother = OnlineSmoother(opened.camera, opened.rig)
+    fix = next(fixes_of(opened.gps))
+    assert smoother.add_fix(fix) and not smoother.add_fix(fix)
+    assert not smoother.add_fix(fix._replace(t_s=5.0, height_m=np.nan))
+
+
+def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, images):
+    smoother = OnlineSmoother(opened.camera, replace(opened.rig, world_origin=None))
+    fixes = list(fixes_of(opened.gps))
+    smoother.add_fix(fixes[0]._replace(t_s=-3.0))
+    smoother.add_fix(fixes[1]._replace(fix_class=vgps.model.FixClass.UNKNOWN))
+    assert smoother.add_frame(*images[0]).world_origin is None
+    smoother.add_fix(fixes[2])
+    origin = smoother.add_frame(*images[1]).world_origin
+    assert origin == (fixes[2].latitude_deg, fixes[2].longitude_deg, fixes[2].height_m)
+
+
+def test_bad_frames_are_told_with_their_number(opened, images):
+    smoother = OnlineSmoother(opened.camera, opened.rig)
+    smoother.add_frame(*images[0])
+    with pytest.raises(VideoError, match=r"frame 1.*later than 0\.0"):
+        smoother.add_frame(0.0, images[1][1])
+    with pytest.raises(VideoError, match=r"frame 1.*\(240, 320\)"):
+        smoother.add_frame(0.1, images[1][1][:100])
+    with pytest.raises(GeometryError, match="no frame has a pose"):
+        smoother.finish()
+    with pytest.raises(ConfigError, match="keep_all"):
+        smoother.finish(stage_d=True)
+
+
+def test_without_fixes_the_result_says_that_it_floats(opened, images):
+    smoother = OnlineSmoother(opened.camera, opened.rig)
+    states = [smoother.add_frame(*image).state for image in images[:40]]
+    assert states[-1] is OnlineState.UNALIGNED
+    solution = smoother.finish()
+    assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
+
+
+@pytest.mark.slow
+def test_with_everything_kept_stage_d_gives_what_smooth_gives(opened):
+    smoother, _ = fed(opened, keep_all=True)
+    online, offline = smoother.finish(stage_d=True), vgps.smooth(opened)
+    np.testing.assert_allclose(online.world_T_camera, offline.world_T_camera, atol=1e-9)
+    assert (
+        set(online.fixes.verdict) == {Verdict.USED} and online.gps.line.tolist() == offline.gps.line.tolist()
+    )
+    assert np.isfinite(online.sigma_position_m).all()

@@ -1,0 +1,154 @@
+"""What goes wrong on the way: darkness, updates that fail, outages, and drives without end."""
+
+import gc
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import vgps
+from vgps.config import OnlineConfig
+from vgps.errors import GeometryError
+from vgps.geodesy import to_geodetic
+from vgps.online import OnlineSmoother, OnlineState
+from vgps.online.replay import fixes_of
+from vgps.readers.trajectory import read_trajectory
+from vgps.smoothing import refining
+
+
+class ToAndFro:
+    """The small recording forwards, backwards, forwards ... with a true fix every half second."""
+
+    def __init__(self, folder):
+        self.opened = vgps.open_recording(folder)
+        self.images = [frame.gray for frame in self.opened.video.frames()]
+        self.true = read_trajectory(folder / "truth.tum").world_T_camera
+        self.black = np.zeros_like(self.images[0])
+
+    def row(self, index):
+        last = len(self.images) - 1
+        return last - abs(index % (2 * last) - last)
+
+    def drive(self, frames, config, silent=range(0), dark=range(0), each=None):
+        """Smoother and estimates after so many frames; ``silent`` without fixes, ``dark`` without light."""
+        smoother, estimates = OnlineSmoother(self.opened.camera, self.opened.rig, config), []
+        template = next(fixes_of(self.opened.gps))
+        for index in range(frames):
+            t_s, true = index / 15, self.true[self.row(index)]
+            if index % 8 == 0 and index not in silent:
+                antenna = true[:3, 3] + true[:3, :3] @ self.opened.rig.camera_p_antenna
+                place = to_geodetic(self.opened.rig.world_origin, antenna)
+                latitude, longitude, height = (float(x) for x in place)
+                smoother.add_fix(
+                    template._replace(
+                        t_s=t_s, latitude_deg=latitude, longitude_deg=longitude, height_m=height
+                    )
+                )
+            image = self.black if index in dark else self.images[self.row(index)]
+            estimates.append(smoother.add_frame(t_s, image))
+            smoother.refine()
+            if each is not None:
+                each(index, smoother)
+        return smoother, estimates
+
+    def away(self, estimates):
+        return [
+            float(np.linalg.norm(e.global_T_camera[:3, 3] - self.true[self.row(e.frame), :3, 3]))
+            for e in estimates
+            if e.posed
+        ]
+
+
+@pytest.fixture(scope="module")
+def walk(recording):
+    return ToAndFro(recording)
+
+
+def notes(estimates):
+    return [event.text for estimate in estimates for event in estimate.events if event.kind == "note"]
+
+
+def test_one_failed_update_is_told_and_survived(walk, monkeypatch):
+    real, calls = refining.optimise_window, []
+
+    def failing(*arguments):
+        calls.append(None)
+        if len(calls) == 3:
+            raise RuntimeError("Indeterminant linear system")
+        return real(*arguments)
+
+    monkeypatch.setattr(refining, "optimise_window", failing)
+    _, estimates = walk.drive(85, vgps.Config())
+    assert any("stage C failed" in note and "Indeterminant" in note for note in notes(estimates))
+    assert estimates[-1].state is OnlineState.TRACKED and walk.away(estimates)[-1] < 0.3
+
+
+def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(walk, monkeypatch):
+    real, calls = refining.optimise_window, []
+
+    def failing(*arguments):
+        calls.append(None)
+        if 3 <= len(calls) <= 5:
+            raise GeometryError("the cost at the start is not finite")
+        return real(*arguments)
+
+    monkeypatch.setattr(refining, "optimise_window", failing)
+    smoother, estimates = walk.drive(170, vgps.Config())
+    states = [estimate.state for estimate in estimates]
+    given_up = next(e.frame for e in estimates if any("new map" in event.text for event in e.events))
+    assert OnlineState.STARTING in states[given_up:] and states[-1] is OnlineState.TRACKED
+    assert walk.away(estimates)[-1] < 0.3
+    assert np.isfinite(smoother.finish().world_T_camera).all()
+
+
+def test_darkness_is_bridged_then_lost_and_ends(walk):
+    _, estimates = walk.drive(110, vgps.Config(online=OnlineConfig(bridge_s=0.3)), dark=range(60, 70))
+    states = [estimate.state for estimate in estimates]
+    assert states[59] is OnlineState.TRACKED and states[61] is OnlineState.BRIDGED
+    assert states[69] is OnlineState.LOST and not estimates[69].posed
+    assert states[-1] in {OnlineState.TRACKED, OnlineState.UNALIGNED}
+    kinds = [event.kind for estimate in estimates[60:] for event in estimate.events]
+    assert "lost" in kinds
+
+
+@pytest.mark.slow
+def test_an_outage_longer_than_memory_is_survived(walk):
+    config = vgps.Config(online=OnlineConfig(keep_s=8.0))
+    _, estimates = walk.drive(420, config, silent=range(90, 300))
+    assert all(estimate.state is OnlineState.TRACKED for estimate in estimates[60:])
+    away = walk.away(estimates)
+    assert np.mean(away[-60:]) < 0.3
+    smooth = np.array([estimate.local_T_camera[:3, 3] for estimate in estimates[60:]])
+    # walking at 1.5 m/s, and blending at 1 m/s at most
+    assert np.linalg.norm(np.diff(smooth, axis=0), axis=1).max() < 2.6 / 15
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow(walk):
+    counts, bytes_at = [], []
+
+    def count(index, smoother):
+        if index in {300, 600}:
+            gc.collect()
+            bytes_at.append(tracemalloc.get_traced_memory()[0])
+        (current,) = smoother._sequence.maps or [None]
+        if current is not None and index >= 300:
+            ledger = smoother._sequence.ledger
+            sizes = len(current.poses), current.feature_count, len(current.observations().frame)
+            counts.append((*sizes, len(ledger.fixes), len(smoother._teller._told)))
+
+    tracemalloc.start()
+    try:
+        smoother, _ = walk.drive(601, vgps.Config(online=OnlineConfig(keep_s=6.0)), each=count)
+    finally:
+        tracemalloc.stop()
+    first, last = np.array(counts[:150]).max(axis=0), np.array(counts[-150:]).max(axis=0)
+    assert (last <= 1.3 * first).all()
+    assert last[0] <= 6.0 * 15 + 200 and last[3] <= 2 * 6 + 8
+    assert bytes_at[1] - bytes_at[0] < 500_000  # 300 frames and their pictures would be 23 MB
+    solution = smoother.finish()
+    assert len(solution.t_s) == 601 and np.isfinite(solution.world_T_camera).all()
+    away = np.linalg.norm(
+        solution.world_T_camera[60:, :3, 3] - walk.true[[walk.row(k) for k in range(60, 601)], :3, 3], axis=1
+    )
+    assert away.mean() < 0.2
