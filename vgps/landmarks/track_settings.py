@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 
 class TrackConfig(BaseModel):
@@ -22,12 +22,14 @@ class TrackConfig(BaseModel):
     window: Literal["depth", "fixed"] = "depth"
     """(D) window by depth, Eq. (6), or one size for all."""
 
-    max_landmarks: PositiveInt = 160
+    max_landmarks: PositiveInt = Field(default=160, le=2000)
     """Landmarks looked for in a frame."""
-    first_landmarks: PositiveInt = 60
+    first_landmarks: PositiveInt = Field(default=60, le=2000)
     """Landmarks looked for around the prediction; all are, in small windows, around the pose these give."""
-    template_px: PositiveInt = 15
+    template_px: PositiveInt = Field(default=15, le=101)
     """Side of a template in the image, odd."""
+    max_blur_px: PositiveFloat = Field(default=60.0, le=100.0)
+    """Longer image motions are cut to this."""
     min_correlation: PositiveFloat = 0.6
     """A match below this normalised cross-correlation is none."""
     min_contrast: PositiveFloat = 3.0
