@@ -58,5 +58,7 @@ class SelectionConfig(BaseModel):
     """The best view is nearest in direction, in this unit,"""
     octave_unit: PositiveFloat = 0.5
     """and in scale, in this one."""
+    region_m: PositiveFloat = 4.0
+    """What may be of use is looked up anew when the camera has gone so far."""
     cache_mb: PositiveInt = 256
-    """Memory for what was read last."""
+    """Memory for the templates that were used last."""

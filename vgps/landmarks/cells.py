@@ -3,12 +3,26 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import FloatArray, IntArray
 
-Float32Array = npt.NDArray[np.float32]
+
+@dataclass(frozen=True)
+class Cell:
+    """The landmarks of one cell and their views; numbers as they stand in the database.
+
+    Attributes:
+        landmark: (n,) ids.
+        numbers: (n, 5) position, sigma_px, position_sigma_m.
+        count: (n,) views of each landmark.
+        view_numbers: (m, 9) world_p_camera, world_v_column, world_v_row, sorted by landmark.
+    """
+
+    landmark: IntArray
+    numbers: FloatArray
+    count: IntArray
+    view_numbers: FloatArray
 
 
 def pixel_sizes_m(views: LandmarkViews) -> FloatArray:
@@ -43,37 +57,7 @@ def group(points: FloatArray, octave: IntArray, size: int) -> list[IntArray]:
     return done
 
 
-@dataclass(frozen=True)
-class Cell:
-    """The landmarks of one cell and their views; numbers as they stand in the database.
-
-    Attributes:
-        landmark: (n,) ids.
-        numbers: (n, 5) position, sigma_px, position_sigma_m.
-        count: (n,) views of each landmark.
-        view_numbers: (m, 9) world_p_camera, world_v_column, world_v_row, sorted by landmark.
-    """
-
-    landmark: IntArray
-    numbers: FloatArray
-    count: IntArray
-    view_numbers: FloatArray
-
-    def looks(self, width: int) -> Float32Array:
-        """(n, width, 7) of each view: direction to its camera (3), normal (3), log2 of its pixel size.
-
-        Views that a landmark has not are NaN.
-        """
-        point = np.repeat(self.numbers[:, :3], self.count, axis=0)
-        camera, column, row = np.split(self.view_numbers, 3, axis=1)
-        normal = -np.cross(column, row)
-        area = np.linalg.norm(normal, axis=1, keepdims=True)
-        look = camera - point
-        flat = np.hstack(
-            [look / np.linalg.norm(look, axis=1, keepdims=True), normal / area, np.log2(area) / 2]
-        )
-        padded = np.full((len(self.landmark), width, 7), np.nan, np.float32)
-        owner = np.repeat(np.arange(len(self.landmark)), self.count)
-        first = np.cumsum(self.count) - self.count
-        padded[owner, np.arange(len(flat)) - first[owner]] = flat
-        return padded
+def ranges(first: IntArray, count: IntArray) -> IntArray:
+    """first[0], first[0] + 1, ..., ``count[0]`` of them; then the same for the next."""
+    start = np.repeat(first - (np.cumsum(count) - count), count)
+    return np.asarray(start + np.arange(len(start)))

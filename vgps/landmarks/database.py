@@ -1,36 +1,24 @@
 """The landmark database, read: which landmarks a camera sees, and how they looked from near there."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
-from vgps.landmarks.cell_store import CellStore, LoadedCell
+from vgps.landmarks.cells import ranges
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.opening import DatabaseFile
+from vgps.landmarks.pool import LandmarkPool, TemplateCache
+from vgps.landmarks.region import Region, optics, region_around
 from vgps.landmarks.schema import KEYFRAME_COLUMNS, decode_keyframe
-from vgps.landmarks.selection import best_views, focal_px, in_image, slabs, spread
+from vgps.landmarks.selection import Candidates, best_views, in_image, spread
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, IntArray
 
-_IN_VIEW = """
-SELECT id FROM cell_box
-WHERE east_1 >= ? AND east_0 <= ? AND north_1 >= ? AND north_0 <= ? AND up_1 >= ? AND up_0 <= ?
-AND pixel_1 >= ? AND pixel_0 <= ?
-"""
-
-
-@dataclass(frozen=True)
-class _Chosen:
-    """Views of one cell: ``landmark`` (n,) rows of its landmarks, ``view`` (n,) rows of its views."""
-
-    key: int
-    landmark: IntArray
-    view: IntArray
+_MORE = 3  # candidates whose views are looked at, for each landmark that is wanted
 
 
 class LandmarkDatabase:
@@ -45,7 +33,8 @@ class LandmarkDatabase:
 
     def __init__(self, file: DatabaseFile, selection: SelectionConfig) -> None:
         self._file, self._selection = file, selection
-        self._store = CellStore(file, selection.cache_mb)
+        self._pool, self._templates = LandmarkPool(file), TemplateCache(file, selection.cache_mb)
+        self._region: Region | None = None
         self.path, meta = file.path, file.meta
         self.world_origin: GeodeticPoint | None = meta.world_origin
         self.patch_px, self.levels = meta.patch_px, meta.levels
@@ -101,27 +90,25 @@ class LandmarkDatabase:
         Raises:
             LandmarkDatabaseError: The file is damaged.
         """
-        keys = self._cells_in_view(world_T_camera, camera, max_depth_m)
-        if not keys:
-            return self._gather([])
-        cells = [self._store.cell(key) for key in keys]
-        numbers = np.concatenate([loaded.cell.numbers for loaded in cells])
-        seen = in_image(world_T_camera, camera, numbers[:, :3], max_depth_m)
-        looks = np.concatenate([loaded.looks for loaded in cells])[seen.row]
-        best = best_views(seen, looks, self._selection)
-        usable = np.flatnonzero(best.view >= 0)
-        if max_landmarks is not None:
-            badness = best.badness(seen, numbers[seen.row])[usable]
-            usable = usable[spread(seen.uv_px[usable], badness, camera, max_landmarks)]
-        return self._gather(_by_cell(keys, cells, seen.row[usable], best.view[usable]))
+        region = self._region_around(world_T_camera[:3, 3], camera, max_depth_m)
+        seen = in_image(world_T_camera, camera, region.points, max_depth_m)
+        if max_landmarks is None:
+            return self._gather(*self._suiting(region, seen, camera, len(seen.row)))
+        few = seen.take(spread(seen.uv_px, region.sigma_px[seen.row], camera, _MORE * max_landmarks))
+        rows, views = self._suiting(region, few, camera, max_landmarks)
+        if len(rows) < max_landmarks and len(few.row) < len(seen.row):
+            rows, views = self._suiting(region, seen, camera, max_landmarks)
+        return self._gather(rows, views)
 
     def all_views(self) -> LandmarkViews:
         """Every view of every landmark, sorted by landmark: the whole database in memory."""
-        return self._gather(map(self._all_of, self._keys()))
+        rows = self._pool.rows(self._keys())
+        count = self._pool.count[rows]
+        return self._gather(np.repeat(rows, count), ranges(np.zeros_like(count), count))
 
     def positions(self) -> FloatArray:
         """(L, 3) where the landmarks are, metres, in no particular order."""
-        return np.concatenate([self._store.cell(key).cell.numbers[:, :3] for key in self._keys()])
+        return self._pool.numbers[self._pool.rows(self._keys()), :3]
 
     def keyframes(self) -> tuple[Keyframe, ...]:
         """Frames by which a camera without any pose finds its place again, in order."""
@@ -151,60 +138,44 @@ class LandmarkDatabase:
     def _keys(self) -> list[int]:
         return [key for (key,) in self._file.rows("SELECT id FROM cell ORDER BY id")]
 
-    def _all_of(self, key: int) -> _Chosen:
-        count = self._store.cell(key).cell.count
-        return _Chosen(key, np.repeat(np.arange(len(count)), count), np.arange(count.sum()))
+    def _region_around(self, place: FloatArray, camera: Camera, max_depth_m: float | None) -> Region:
+        """What may be of use from there: what was found last, as long as the camera has not gone far."""
+        seen_by = optics(camera, max_depth_m)
+        if self._region is None or not self._region.serves(place, seen_by):
+            self._region = region_around(place.copy(), seen_by, self._file, self._pool, self._selection)
+        return self._region
 
-    def _cells_in_view(
-        self, world_T_camera: FloatArray, camera: Camera, max_depth_m: float | None
-    ) -> list[int]:
-        """Cells that may hold landmarks in view at a scale that suits."""
-        smaller, larger = 2.0**-self._selection.nearer_octaves, 2.0**self._selection.further_octaves
-        focal, (finest, coarsest) = focal_px(camera), self._file.meta.pixel_m
-        near_m, far_m = focal * finest * smaller, focal * coarsest * larger
-        if max_depth_m is not None:
-            far_m = min(far_m, max_depth_m)
-        found: set[int] = set()
-        for depth_m, box in zip(*slabs(world_T_camera, camera, near_m, far_m), strict=True):
-            scales = (depth_m[0] / focal / larger, depth_m[1] / focal / smaller)
-            found.update(key for (key,) in self._file.rows(_IN_VIEW, (*box.T.ravel().tolist(), *scales)))
-        return sorted(found)
+    def _suiting(
+        self, region: Region, seen: Candidates, camera: Camera, count: int
+    ) -> tuple[IntArray, IntArray]:
+        """Rows of the pool of up to ``count`` landmarks, and of each the view that suits best."""
+        rows = region.rows[seen.row]
+        best = best_views(seen, *self._looks(rows), self._selection)
+        usable = np.flatnonzero(best.view >= 0)
+        if len(usable) > count:
+            badness = best.badness(seen, *self._pool.numbers[rows, 3:].T)[usable]
+            usable = usable[spread(seen.uv_px[usable], badness, camera, count)]
+        return rows[usable], best.view[usable]
 
-    def _gather(self, chosen: Iterable[_Chosen]) -> LandmarkViews:
-        """The views chosen, sorted by landmark."""
-        side = self.patch_px
-        landmark, numbers = [np.zeros(0, np.int64)], [np.zeros((0, 5))]
-        views, templates = [np.zeros((0, 9))], [np.zeros((0, self.levels, side, side), np.uint8)]
-        for part in chosen:
-            cell = self._store.cell(part.key).cell
-            landmark.append(cell.landmark[part.landmark])
-            numbers.append(cell.numbers[part.landmark])
-            views.append(cell.view_numbers[part.view])
-            templates.append(self._store.templates(part.key)[part.view])
-        ids = np.concatenate(landmark)
-        order = np.argsort(ids, kind="stable")
-        of_landmark, of_view = np.concatenate(numbers)[order], np.concatenate(views)[order]
+    def _looks(self, rows: IntArray) -> tuple[npt.NDArray[np.float32], BoolArray]:
+        """(n, V, 7) looks of all views of landmarks, and (n, V) whether there is such a view."""
+        view = np.arange(self._file.meta.max_views)
+        there = view < self._pool.count[rows, None]
+        return self._pool.looks[self._pool.first[rows, None] + np.where(there, view, 0)], there
+
+    def _gather(self, rows: IntArray, views: IntArray) -> LandmarkViews:
+        """Views (N,), counted within their landmarks, of landmarks in rows (N,) of the pool; sorted by id."""
+        order = np.argsort(self._pool.landmark[rows], kind="stable")
+        rows, views = rows[order], views[order]
+        of_landmark = self._pool.numbers[rows]
+        of_view = self._pool.view_numbers[self._pool.first[rows] + views]
         return LandmarkViews(
-            landmark=ids[order],
+            landmark=self._pool.landmark[rows],
             world_p_landmark=of_landmark[:, :3],
             world_p_camera=of_view[:, :3],
             world_v_column=of_view[:, 3:6],
             world_v_row=of_view[:, 6:],
-            templates=np.concatenate(templates)[order],
+            templates=self._templates.take(rows, views),
             sigma_px=of_landmark[:, 3],
             position_sigma_m=of_landmark[:, 4],
         )
-
-
-def _by_cell(keys: list[int], cells: list[LoadedCell], row: IntArray, view: IntArray) -> list[_Chosen]:
-    """Rows (n,) of the landmarks of all cells one after the other, ascending, as rows of each cell."""
-    ends = np.cumsum([len(loaded.first) for loaded in cells])
-    cuts = np.searchsorted(row, ends)
-    chosen = []
-    start, begin = 0, 0
-    for key, loaded, stop, end in zip(keys, cells, cuts.tolist(), ends.tolist(), strict=True):
-        if stop > start:
-            local = row[start:stop] - begin
-            chosen.append(_Chosen(key, local, loaded.first[local] + view[start:stop]))
-        start, begin = stop, end
-    return chosen

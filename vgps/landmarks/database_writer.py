@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.cells import Cell, group, pixel_sizes_m
+from vgps.landmarks.cells import Cell, group, pixel_sizes_m, ranges
 from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.schema import (
     APPLICATION_ID,
@@ -23,7 +24,9 @@ from vgps.landmarks.views import LandmarkViews
 from vgps.model import IntArray
 from vgps.writers.placing import new_file
 
-CELL_SIZE = 32  # landmarks: small cells waste less of what is read, large ones take fewer look-ups
+Templates = npt.NDArray[np.uint8]
+
+CELL_SIZE = 64  # landmarks: small cells waste less of what is read, large ones take fewer look-ups
 
 
 def write_database(contents: LandmarkContents, out: Path) -> None:
@@ -51,9 +54,14 @@ def _fill(connection: sqlite3.Connection, contents: LandmarkContents) -> None:
     connection.executescript(f"PRAGMA application_id={APPLICATION_ID}; PRAGMA user_version={VERSION};")
     connection.executescript(TABLES)
     connection.execute("BEGIN")
+    landmarks, views = 0, 0
     for number, (cell, templates, box) in enumerate(_cells(contents.views), start=1):
-        _insert(connection, "cell", (number, *encode_cell(cell), check_sum(templates), templates))
+        _insert(connection, "cell", (number, landmarks, views, *encode_cell(cell)))
         _insert(connection, "cell_box", (number, *box))
+        for row, pixels in enumerate(np.split(templates, np.cumsum(cell.count)[:-1]), start=landmarks):
+            raw = pixels.tobytes()
+            _insert(connection, "template", (row, check_sum(raw), raw))
+        landmarks, views = landmarks + len(cell.landmark), views + len(templates)
     for number, source in enumerate(contents.sources, start=1):
         _insert(connection, "source", (number, source.recording, source.frames, source.landmarks))
     for number, keyframe in enumerate(contents.keyframes, start=1):
@@ -72,29 +80,25 @@ def _meta(contents: LandmarkContents) -> tuple[float | int | None, ...]:
     views = contents.views
     count = np.unique(views.landmark, return_counts=True)[1]
     levels, patch_px = views.templates.shape[1:3]
-    return (*origin, patch_px, levels, int(count.max()), len(count), len(views))
+    pixel_m = pixel_sizes_m(views)
+    sizes = float(pixel_m.min()), float(pixel_m.max())
+    return (*origin, patch_px, levels, int(count.max()), len(count), len(views), *sizes)
 
 
-def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, bytes, tuple[float, ...]]]:
+def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, Templates, tuple[float, ...]]]:
     order = np.argsort(views.landmark, kind="stable")
     landmark, first, count = np.unique(views.landmark[order], return_index=True, return_counts=True)
     pixel_m = pixel_sizes_m(views)[order]
     octave = np.round(np.log2(np.maximum.reduceat(pixel_m, first))).astype(np.int64)
     for rows in group(views.world_p_landmark[order[first]], octave, CELL_SIZE):
-        seen = _ranges(first[rows], count[rows])
+        seen = ranges(first[rows], count[rows])
         cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[seen])
         point, pixels = cell.numbers[:, :3], pixel_m[seen]
         sides = np.column_stack([point.min(axis=0), point.max(axis=0)]).ravel().tolist()
-        yield cell, views.templates[order[seen]].tobytes(), (*sides, float(pixels.min()), float(pixels.max()))
+        yield cell, views.templates[order[seen]], (*sides, float(pixels.min()), float(pixels.max()))
 
 
 def _cell(views: LandmarkViews, landmark: IntArray, one: IntArray, count: IntArray, seen: IntArray) -> Cell:
     numbers = [views.world_p_landmark[one], views.sigma_px[one, None], views.position_sigma_m[one, None]]
     view_numbers = [views.world_p_camera[seen], views.world_v_column[seen], views.world_v_row[seen]]
     return Cell(landmark, np.hstack(numbers), count, np.hstack(view_numbers))
-
-
-def _ranges(first: IntArray, count: IntArray) -> IntArray:
-    """first[0], first[0] + 1, ..., ``count[0]`` of them; then the same for the next."""
-    start = np.repeat(first - (np.cumsum(count) - count), count)
-    return np.asarray(start + np.arange(count.sum()))

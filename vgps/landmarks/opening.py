@@ -1,6 +1,5 @@
 """A landmark database's file: opened, recognised, asked; whatever is wrong with it said in one line."""
 
-import math
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,8 +26,8 @@ class Meta:
     max_views: int
     landmarks: int
     views: int
-    digest: str
     pixel_m: tuple[float, float]
+    digest: str
 
 
 class DatabaseFile:
@@ -108,10 +107,9 @@ class DatabaseFile:
 
     def _read_meta(self) -> Meta:
         rows = self.rows(f"SELECT {META_COLUMNS}, digest FROM meta")
-        ((finest, coarsest),) = self.rows("SELECT min(pixel_0), max(pixel_1) FROM cell_box")
-        if len(rows) != 1 or finest is None or not 0 < finest <= coarsest < math.inf:
-            raise self.damaged("it holds no landmarks")
-        *origin, patch_px, levels, max_views, landmarks, views, written = rows[0]
+        if len(rows) != 1:
+            raise self.damaged("it says nothing of itself")
+        *origin, patch_px, levels, max_views, landmarks, views, finest_m, coarsest_m, written = rows[0]
         known = None not in origin
         return Meta(
             GeodeticPoint(*origin) if known else None,
@@ -120,8 +118,8 @@ class DatabaseFile:
             max_views,
             landmarks,
             views,
+            (finest_m, coarsest_m),
             written,
-            (finest, coarsest),
         )
 
 

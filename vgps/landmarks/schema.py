@@ -1,9 +1,9 @@
 """The landmark database as a file: SQLite with an R*Tree over cells of landmarks.
 
 Tables: ``meta`` (one row), ``source`` (a row per run), ``cell`` (landmarks and views as little-endian
-arrays), ``cell_box`` (R*Tree over east, north, up and the metres that a template's pixel covers),
-``keyframe``. An R*Tree keeps float32 and rounds boxes outwards, so none loses what is in it; the arrays keep
-float64.
+arrays, numbered through all cells from 0), ``cell_box`` (R*Tree over east, north, up and the metres that a
+template's pixel covers), ``template`` (a row per landmark), ``keyframe``. An R*Tree keeps float32 and rounds
+boxes outwards, so none loses what is in it; the arrays keep float64.
 """
 
 import hashlib
@@ -22,16 +22,18 @@ TABLES = """
 CREATE TABLE meta (
     latitude_deg REAL, longitude_deg REAL, height_m REAL,
     patch_px INTEGER NOT NULL, levels INTEGER NOT NULL, max_views INTEGER NOT NULL,
-    landmarks INTEGER NOT NULL, views INTEGER NOT NULL, digest TEXT NOT NULL
+    landmarks INTEGER NOT NULL, views INTEGER NOT NULL, finest_m REAL NOT NULL, coarsest_m REAL NOT NULL,
+    digest TEXT NOT NULL
 );
 CREATE TABLE source (id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER);
 CREATE TABLE cell (
-    id INTEGER PRIMARY KEY, landmark BLOB, numbers BLOB, views BLOB, view_numbers BLOB,
-    check_sum INTEGER, templates_check_sum INTEGER, templates BLOB
+    id INTEGER PRIMARY KEY, first_landmark INTEGER, first_view INTEGER,
+    landmark BLOB, numbers BLOB, views BLOB, view_numbers BLOB, check_sum INTEGER
 );
 CREATE VIRTUAL TABLE cell_box USING rtree(
     id, east_0, east_1, north_0, north_1, up_0, up_1, pixel_0, pixel_1
 );
+CREATE TABLE template (id INTEGER PRIMARY KEY, check_sum INTEGER, pixels BLOB);
 CREATE TABLE keyframe (
     id INTEGER PRIMARY KEY, world_T_camera BLOB, landmark BLOB, points BLOB, descriptors BLOB,
     width INTEGER, height INTEGER, thumbnail BLOB
@@ -40,13 +42,17 @@ CREATE TABLE keyframe (
 CELL_COLUMNS = "landmark, numbers, views, view_numbers, check_sum"
 KEYFRAME_COLUMNS = "world_T_camera, landmark, points, descriptors, width, height, thumbnail"
 
-META_COLUMNS = "latitude_deg, longitude_deg, height_m, patch_px, levels, max_views, landmarks, views"
+META_COLUMNS = (
+    "latitude_deg, longitude_deg, height_m, patch_px, levels, max_views, landmarks, views, "
+    "finest_m, coarsest_m"
+)
 
 _DIGESTED = {
     "meta": f"SELECT {META_COLUMNS} FROM meta",
     "source": "SELECT * FROM source ORDER BY id",
     "cell": "SELECT * FROM cell ORDER BY id",
     "cell_box": "SELECT * FROM cell_box ORDER BY id",
+    "template": "SELECT * FROM template ORDER BY id",
     "keyframe": "SELECT * FROM keyframe ORDER BY id",
 }
 

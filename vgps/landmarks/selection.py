@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
-from vgps.model import Camera, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, IntArray
 
 MIN_DEPTH_M = 0.1
 _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
@@ -24,6 +24,10 @@ class Candidates:
     uv_px: FloatArray
     pixel_m: FloatArray
     direction: FloatArray
+
+    def take(self, rows: IntArray) -> "Candidates":
+        """Some of them."""
+        return Candidates(self.row[rows], self.uv_px[rows], self.pixel_m[rows], self.direction[rows])
 
 
 @dataclass(frozen=True)
@@ -40,13 +44,15 @@ class BestViews:
     cost: FloatArray
     sine: FloatArray
 
-    def badness(self, candidates: Candidates, numbers: FloatArray) -> FloatArray:
-        """(n,) the less, the better a match to expect, from position, sigma_px and position_sigma_m (n, 5).
+    def badness(
+        self, candidates: Candidates, sigma_px: FloatArray, position_sigma_m: FloatArray
+    ) -> FloatArray:
+        """(n,) the less, the better a match to expect.
 
         A position is uncertain along the rays that gave it, which shows as far as the camera leaves them.
         """
-        shown_px = numbers[:, 4] * self.sine / candidates.pixel_m
-        return np.asarray(np.hypot(numbers[:, 3], shown_px) * (1 + self.cost))
+        shown_px = position_sigma_m * self.sine / candidates.pixel_m
+        return np.asarray(np.hypot(sigma_px, shown_px) * (1 + self.cost))
 
 
 def focal_px(camera: Camera) -> float:
@@ -54,24 +60,11 @@ def focal_px(camera: Camera) -> float:
     return float(np.sqrt(camera.fx * camera.fy))
 
 
-def slabs(
-    world_T_camera: FloatArray, camera: Camera, near_m: float, far_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """The part of the world in view between two depths, in slices that double in depth.
-
-    Returns:
-        ``depth_m`` (S, 2) from and to, and ``box`` (S, 2, 3) least and greatest world coordinates of each.
-    """
-    near_m = max(near_m, MIN_DEPTH_M)
-    if not far_m > near_m:
-        return np.zeros((0, 2)), np.zeros((0, 2, 3))
-    count = max(1, int(np.ceil(np.log2(far_m / near_m))))
-    edges = np.geomspace(near_m, far_m, count + 1)
+def corner_cosine(camera: Camera) -> float:
+    """Cosine of the angle between the optical axis and the ray of the image's furthest corner."""
     uv = _CORNERS * (camera.width, camera.height) - 0.5
-    rays = np.column_stack([(uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(4)])
-    corners = edges[:, None, None] * (rays @ world_T_camera[:3, :3].T) + world_T_camera[:3, 3]
-    both = np.concatenate([corners[:-1], corners[1:]], axis=1)
-    return np.column_stack([edges[:-1], edges[1:]]), np.stack([both.min(axis=1), both.max(axis=1)], axis=1)
+    rays = (uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    return float(1 / np.sqrt(1 + np.sum(rays**2, axis=1).max()))
 
 
 def in_image(
@@ -85,28 +78,32 @@ def in_image(
     row = np.flatnonzero((depth > MIN_DEPTH_M) & (depth <= limit))
     depth = depth[row]
     uv = camera_p[row, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    inside = ((uv >= -0.5) & (uv < (camera.width - 0.5, camera.height - 0.5))).all(axis=1)
+    u, v = uv[:, 0], uv[:, 1]
+    inside = (u >= -0.5) & (u < camera.width - 0.5) & (v >= -0.5) & (v < camera.height - 0.5)
     row, uv, depth = row[inside], uv[inside], depth[inside]
     look = to_point[row]
     direction = -look / np.sqrt(np.einsum("ij,ij->i", look, look))[:, None]
     return Candidates(row, uv, depth / focal_px(camera), direction)
 
 
-def best_views(candidates: Candidates, looks: npt.NDArray[np.float32], config: SelectionConfig) -> BestViews:
+def best_views(
+    candidates: Candidates, looks: npt.NDArray[np.float32], there: BoolArray, config: SelectionConfig
+) -> BestViews:
     """The view of each candidate that is nearest to the camera in direction and in scale.
 
     Args:
         candidates: n landmarks.
-        looks: (n, V, 7) direction, normal and log2 of the pixel size of each view, NaN where there is none.
+        looks: (n, V, 7) direction, normal and log2 of the pixel size of each view.
+        there: (n, V) whether there is such a view.
         config: What still suits.
     """
     if not len(looks):
         return BestViews(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-    direction = candidates.direction.astype(np.float32)
-    cosine = np.einsum("nvi,ni->nv", looks[..., :3], direction)
-    facing = np.einsum("nvi,ni->nv", looks[..., 3:6], direction)
+    direction = candidates.direction.astype(np.float32)[:, :, None]
+    cosine = (looks[..., :3] @ direction)[..., 0]
+    facing = (looks[..., 3:6] @ direction)[..., 0]
     octaves = np.log2(candidates.pixel_m).astype(np.float32)[:, None] - looks[..., 6]
-    suits = cosine >= np.cos(np.radians(config.max_view_angle_deg))
+    suits = there & (cosine >= np.cos(np.radians(config.max_view_angle_deg)))
     suits &= facing >= np.cos(np.radians(config.max_tilt_deg))
     suits &= (octaves >= -config.nearer_octaves) & (octaves <= config.further_octaves)
     angle2 = 2 * (1 - cosine) / np.radians(config.angle_unit_deg) ** 2
@@ -132,11 +129,14 @@ def spread(uv_px: FloatArray, badness: FloatArray, camera: Camera, count: int) -
     if len(uv_px) <= count:
         return np.arange(len(uv_px))
     side = np.sqrt(camera.width * camera.height / max(count, 1))
-    column, line = np.floor((uv_px + 0.5) / side).astype(np.int64).T
-    part = line * (int(camera.width / side) + 1) + column
-    order = np.lexsort((badness, part))
-    ordered = part[order]
-    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
-    rank = np.arange(len(order)) - np.repeat(begins, np.diff(np.append(begins, len(order))))
-    taken = np.lexsort((badness[order], rank))[:count]
-    return np.sort(order[taken])
+    column, line = ((uv_px.T + 0.5) / side).astype(np.int64)
+    part = (line * (int(camera.width / side) + 1) + column).astype(np.uint32)
+    if part.max() < 2**16:
+        part = part.astype(np.uint16)  # sorted in linear time
+    by_badness = np.argsort(badness, kind="stable")
+    by_part = np.argsort(part[by_badness], kind="stable")
+    begins = np.flatnonzero(np.diff(part[by_badness[by_part]], prepend=part.max() + 1))
+    rank = np.empty(len(part), np.int64)
+    rank[by_part] = np.arange(len(part)) - np.repeat(begins, np.diff(np.append(begins, len(part))))
+    taken = np.argsort(rank, kind="stable")[:count]
+    return np.sort(by_badness[taken])

@@ -1,0 +1,146 @@
+"""What is known of landmarks and views, in memory from when it is first needed; templates, the last used."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from vgps.landmarks.cells import ranges
+from vgps.landmarks.opening import DatabaseFile
+from vgps.landmarks.schema import CELL_COLUMNS, check_sum, decode_cell
+from vgps.model import FloatArray, IntArray
+
+Float32Array = npt.NDArray[np.float32]
+Templates = npt.NDArray[np.uint8]
+
+
+class LandmarkPool:
+    """Landmarks and views in the order of the file; those of cells that were asked for are filled in.
+
+    Attributes:
+        landmark: (L,) ids.
+        numbers: (L, 5) position, sigma_px, position_sigma_m.
+        first, count: (L,) the views of each landmark.
+        mean_direction: (L, 3) unit, to the places from which it was seen.
+        slack_rad: (L,) the largest angle from there to one of them.
+        octaves: (L, 2) least and greatest log2 of the pixel sizes of its views.
+        view_numbers: (V, 9) world_p_camera, world_v_column, world_v_row.
+        looks: (V, 7) of each view: direction to its camera (3), normal (3), log2 of its pixel size.
+    """
+
+    def __init__(self, file: DatabaseFile) -> None:
+        self._file, meta = file, file.meta
+        # memory that is not touched is not taken
+        self.landmark = np.empty(meta.landmarks, np.int64)
+        self.numbers = np.empty((meta.landmarks, 5))
+        self.first, self.count = np.empty(meta.landmarks, np.int64), np.empty(meta.landmarks, np.int64)
+        self.mean_direction = np.empty((meta.landmarks, 3), np.float32)
+        self.slack_rad = np.empty(meta.landmarks, np.float32)
+        self.octaves = np.empty((meta.landmarks, 2), np.float32)
+        self.view_numbers = np.empty((meta.views, 9))
+        self.looks = np.empty((meta.views, 7), np.float32)
+        self._rows: dict[int, tuple[int, int]] = {}
+
+    def rows(self, keys: Sequence[int]) -> IntArray:
+        """Rows of the landmarks of cells, read from the file if they have not been.
+
+        Raises:
+            LandmarkDatabaseError: The file is damaged.
+        """
+        new = [key for key in keys if key not in self._rows]
+        if new:
+            self._derive(np.concatenate([self._read(key) for key in new]))
+        spans = np.array([self._rows[key] for key in keys], np.int64).reshape(-1, 2)
+        return ranges(spans[:, 0], spans[:, 1])
+
+    def _read(self, key: int) -> IntArray:
+        found = self._file.rows(
+            f"SELECT first_landmark, first_view, {CELL_COLUMNS} FROM cell WHERE id = ?", (key,)
+        )
+        try:
+            ((first_landmark, first_view, *values),) = found
+            cell = decode_cell(*values)
+            rows = slice(first_landmark, first_landmark + len(cell.landmark))
+            self.landmark[rows], self.numbers[rows], self.count[rows] = (
+                cell.landmark,
+                cell.numbers,
+                cell.count,
+            )
+            self.first[rows] = first_view + np.cumsum(cell.count) - cell.count
+            self.view_numbers[first_view : first_view + len(cell.view_numbers)] = cell.view_numbers
+        except (TypeError, ValueError) as error:
+            raise self._file.damaged(f"cell {key}") from error
+        self._rows[key] = first_landmark, len(cell.landmark)
+        return np.arange(rows.start, rows.stop)
+
+    def _derive(self, rows: IntArray) -> None:
+        """What selection asks, of landmarks that were just read."""
+        count = self.count[rows]
+        views = ranges(self.first[rows], count)
+        begin = np.cumsum(count) - count
+        point = np.repeat(self.numbers[rows, :3], count, axis=0)
+        camera, column, row = np.split(self.view_numbers[views], 3, axis=1)
+        direction, _ = _unit(camera - point)
+        normal, area = _unit(-np.cross(column, row))
+        octave = np.log2(area) / 2
+        self.looks[views] = np.hstack([direction, normal, octave])
+        mean, _ = _unit(np.add.reduceat(direction, begin))
+        cosine = np.einsum("ij,ij->i", direction, np.repeat(mean, count, axis=0))
+        self.mean_direction[rows] = mean
+        self.slack_rad[rows] = np.arccos(np.clip(np.minimum.reduceat(cosine, begin), -1, 1))
+        self.octaves[rows] = np.hstack(
+            [reduce.reduceat(octave, begin) for reduce in (np.minimum, np.maximum)]
+        )
+
+
+def _unit(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (N, 3) and lengths (N, 1); any unit vector for one without length."""
+    length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
+    safe = np.where(length > 0, vectors, (1.0, 0.0, 0.0))
+    return safe / np.where(length > 0, length, 1.0), length
+
+
+class TemplateCache:
+    """Templates of landmarks; those used longest ago go once all take more than ``cache_mb``."""
+
+    def __init__(self, file: DatabaseFile, cache_mb: int) -> None:
+        self._file, self._limit = file, cache_mb * 2**20
+        self._kept: OrderedDict[int, Templates] = OrderedDict()
+        self._bytes = 0
+
+    def take(self, rows: IntArray, views: IntArray) -> Templates:
+        """(N, levels, P, P) templates of landmarks in rows (N,), of each the view (N,) by its number.
+
+        Raises:
+            LandmarkDatabaseError: The file is damaged.
+        """
+        meta = self._file.meta
+        out = np.empty((len(rows), meta.levels, meta.patch_px, meta.patch_px), np.uint8)
+        for i, (row, view) in enumerate(zip(rows.tolist(), views.tolist(), strict=True)):
+            out[i] = self._of(row)[view]
+        return out
+
+    def _of(self, row: int) -> Templates:
+        kept = self._kept.get(row)
+        if kept is not None:
+            self._kept.move_to_end(row)
+            return kept
+        read = self._read(row)
+        self._kept[row] = read
+        self._bytes += read.nbytes
+        while self._bytes > self._limit and len(self._kept) > 1:
+            _, old = self._kept.popitem(last=False)
+            self._bytes -= old.nbytes
+        return read
+
+    def _read(self, row: int) -> Templates:
+        meta = self._file.meta
+        found = self._file.rows("SELECT pixels, check_sum FROM template WHERE id = ?", (row,))
+        try:
+            ((pixels, crc),) = found
+            if check_sum(pixels) != crc:
+                raise ValueError("check sum")
+            return np.frombuffer(pixels, np.uint8).reshape(-1, meta.levels, meta.patch_px, meta.patch_px)
+        except (TypeError, ValueError) as error:
+            raise self._file.damaged(f"templates of landmark {row}") from error
