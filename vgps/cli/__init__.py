@@ -7,7 +7,17 @@ import sys
 
 import cyclopts
 
-from vgps.cli import calibrating, exchanging, inspecting, judging, landmarks, landmarks_track, online, reporting, smoothing  # noqa: F401  (importing makes verbs)
+from vgps.cli import (  # noqa: F401  (importing makes verbs)
+    calibrating,
+    exchanging,
+    inspecting,
+    judging,
+    landmarks,
+    landmarks_track,
+    online,
+    reporting,
+    smoothing,
+)
 from vgps.cli.app import app
 from vgps.errors import VgpsError
 
