@@ -67,6 +67,7 @@ def test_demo_ends_with_its_error(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "camera position [m]" in done.stdout
     assert (tmp_path / "demo" / "run" / "solution.json").is_file()
+    assert (tmp_path / "demo" / "report.html").is_file()
 
 
 def broken(folder: Path, name: str, how) -> Path:

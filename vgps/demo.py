@@ -6,16 +6,17 @@ from vgps.config import Config
 from vgps.evaluate import Evaluation, evaluate_run
 from vgps.offline import Progress, smooth
 from vgps.readers.recording import open_recording
+from vgps.report import write_report
 from vgps.simulate import simulate
 from vgps.solution import Solution
 from vgps.writers.run_folder import write_run
 
 
 def demo(out: Path, seed: int, progress: Progress) -> tuple[Solution, Evaluation]:
-    """Simulate, smooth, evaluate.
+    """Simulate, smooth, evaluate, report.
 
     Args:
-        out: Gets ``recording`` and ``run``.
+        out: Gets ``recording``, ``run`` and ``report.html``.
         seed: Of the world, the sensors' errors and the front end.
         progress: Shows how far it is.
     """
@@ -24,4 +25,5 @@ def demo(out: Path, seed: int, progress: Progress) -> tuple[Solution, Evaluation
     simulate(recording, "demo", seed)
     solution = smooth(open_recording(recording), Config(seed=seed), progress)
     write_run(solution, run)
+    write_report(solution, out / "report.html")
     return solution, evaluate_run(run, recording / "truth.tum")

@@ -20,7 +20,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
     """Simulate a short recording, smooth it, evaluate it against its truth, and say where the results are.
 
     Args:
-        out: Folder for the recording and the run.
+        out: Folder for the recording, the run and its report.
         seed: Of the simulated world and its GPS errors.
     """
     solution, evaluation = run_demo(out, seed, TerminalProgress())
@@ -28,6 +28,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
     _summary(console, solution, out / "run")
     console.print(as_table(evaluation, "against the simulation's exact truth"))
     console.print(f"recording: {out / 'recording'}\nresults:   {out / 'run'}", highlight=False)
+    console.print(f"report:    {out / 'report.html'}", highlight=False)
 
 
 @app.command
