@@ -136,7 +136,7 @@ class LandmarkDatabase:
         return self._file.verify()
 
     def _keys(self) -> list[int]:
-        return [key for (key,) in self._file.rows("SELECT id FROM cell ORDER BY id")]
+        return [key for (key,) in self._file.rows("SELECT id FROM cell_box ORDER BY id")]
 
     def _region_around(self, place: FloatArray, camera: Camera, max_depth_m: float | None) -> Region:
         """What may be of use from there: what was found last, as long as the camera has not gone far."""
