@@ -50,7 +50,7 @@ def green_to_red(values: FloatArray, good: float, bad: float) -> Colours:
     place = np.clip((values - good) / (bad - good), 0.0, 1.0)
     known = np.nan_to_num(place)
     mixed = np.stack([np.interp(known, [0.0, 0.5, 1.0], channel) for channel in _SCALE.T], axis=-1)
-    return np.where(np.isfinite(place)[:, None], mixed, 128.0).astype(np.uint8)
+    return np.rint(np.where(np.isfinite(place)[:, None], mixed, 128.0)).astype(np.uint8)
 
 
 def faint(colour: Colour, alpha: int) -> Colour:

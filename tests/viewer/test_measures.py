@@ -1,0 +1,65 @@
+"""Numbers behind the pictures, computed by hand or by another function."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vgps.camera import project as project_distorted
+from vgps.solution import Solution
+from vgps.viewer.measures import fix_ratios, gps_terms, per_frame, sightings, video_terms
+
+PLANTED = [0.6, -0.8]
+
+
+def test_sightings_are_in_order_of_frames_and_in_the_picture_that_the_video_shows(solution: Solution) -> None:
+    seen = sightings(solution)
+    assert seen.frame.tolist() == sorted(solution.observations.frame.tolist())
+    assert seen.per_frame.tolist() == [3] * 6
+    np.testing.assert_array_equal(solution.observations.landmark[seen.order], seen.landmark)
+    rotation, centre = solution.world_T_camera[seen.frame, :3, :3], solution.world_T_camera[seen.frame, :3, 3]
+    point = solution.landmarks.world_p_landmark[seen.landmark] - centre
+    camera_p = np.einsum("nji,nj->ni", rotation, point)
+    np.testing.assert_allclose(seen.reprojected_px, project_distorted(solution.camera, camera_p), atol=1e-9)
+
+
+def test_the_planted_error_is_found_in_the_pinhole_image(solution: Solution) -> None:
+    seen = sightings(solution)
+    planted = (seen.frame == 0) & (seen.landmark == 0)
+    np.testing.assert_allclose(seen.error_px[planted], [[-PLANTED[0], -PLANTED[1]]], atol=1e-9)
+    np.testing.assert_allclose(seen.error_px[~planted], 0.0, atol=1e-9)
+
+
+def test_the_term_of_a_frame_is_equation_12(solution: Solution) -> None:
+    # one error of 1 px among 3 features, sigma_j = 0.5: mu = 2, Phi = 2 * 1 / 3
+    np.testing.assert_allclose(video_terms(solution, sightings(solution)), [2 / 3, 0, 0, 0, 0, 0], atol=1e-9)
+    rms, largest = per_frame(sightings(solution), 6)
+    np.testing.assert_allclose([rms[0], largest[0], largest[1]], [np.sqrt(1 / 3), 1.0, 0.0], atol=1e-9)
+
+
+def test_a_frame_without_features_has_no_term(solution: Solution) -> None:
+    seen = solution.observations
+    kept = seen.frame != 3
+    fewer = replace(
+        solution,
+        observations=replace(
+            seen, frame=seen.frame[kept], landmark=seen.landmark[kept], uv_px=seen.uv_px[kept]
+        ),
+    )
+    rms, largest = per_frame(sightings(fewer), 6)
+    for values in (video_terms(fewer, sightings(fewer)), rms, largest):
+        assert np.isnan(values).tolist() == [False, False, False, True, False, False]
+
+
+def test_the_term_of_a_fix_is_equation_16_and_only_of_fixes_that_were_used(solution: Solution) -> None:
+    # fix 0 on the cylinder's wall: omega 1; fix 1 at (r/2, h/2): omega (1/16 + 1/16); fix 2 at h/12
+    expected = [0.5, 0.5 * 2 / 16, 0.5 / 12**4, np.nan, np.nan]
+    np.testing.assert_allclose(gps_terms(solution), expected, rtol=1e-9)
+    horizontal, vertical = fix_ratios(solution)
+    np.testing.assert_allclose(horizontal, [1.0, 0.5, 0.0, 300.0, np.nan], rtol=1e-9)
+    np.testing.assert_allclose(vertical, [0.0, 0.5, 1 / 12, 0.0, np.nan], rtol=1e-9)
+
+
+@pytest.mark.parametrize("gps", [{"model": "none"}, {"model": "of a later version"}, {"unheard": 1}])
+def test_a_run_without_a_gps_model_that_is_known_has_no_terms(solution: Solution, gps: dict) -> None:
+    assert np.isnan(gps_terms(replace(solution, config={"gps": gps}))).all()
