@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vgps.smoothing.band import POSE, Band, NotPositiveDefiniteError
-from vgps.smoothing.elimination import Group
+from vgps.smoothing.blocks import Group
 
 
 def random_matrix(poses: int, reach: int, seed: int) -> np.ndarray:

@@ -54,6 +54,20 @@ class Band:
         offset = step * (rows.start + columns.start * self.stride)
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
+    def add_square(self, frames: IntArray, square: FloatArray) -> None:
+        """Add a block over ascending frames (s,), (6 s, 6 s), zero above its diagonal.
+
+        No single track is longer than the band: entries beyond it are zero, and have no place of their own.
+        """
+        if frames[-1] - frames[0] + 1 == len(frames):
+            self.add_lower(POSE * int(frames[0]), square)
+            return
+        rows, columns = np.tril_indices(len(square))
+        index = (POSE * frames[:, None] + np.arange(POSE)).ravel()
+        i, j = index[rows], index[columns]
+        near = i - j < len(self.ab)
+        self.add_entries(i[near], j[near], square[rows[near], columns[near]])
+
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``; it must be zero above its diagonal.
 

@@ -74,15 +74,15 @@ def optimise_graph(
             raise NotABundleError(_too_dense(structure, settings))
     except NotABundleError as no:
         found = optimise_with_gtsam(graph, values, _landmarks_first(graph, values), settings)
-        moved, solver, why = found.values, "gtsam", str(no)
+        moved, why = found.values, str(no)
         told = found.iterations, found.reason, found.converged
     else:
         with one_blas_thread():
             outcome = levenberg(bundle.problem, structure, settings)
-        moved, solver, why = bundle.values_of(outcome.problem), "schur", ""
+        moved, why = bundle.values_of(outcome.problem), ""
         told = outcome.iterations, outcome.reason, outcome.converged
     after, seconds = graph.error(moved), time.perf_counter() - begun
-    return GraphResult(moved, before, after, *told, solver, why, seconds)
+    return GraphResult(moved, before, after, *told, "gtsam" if why else "schur", why, seconds)
 
 
 def _too_dense(structure: Structure, settings: SolverSettings) -> str:

@@ -96,7 +96,7 @@ def _sorted_out(graph: gtsam.NonlinearFactorGraph) -> tuple[list[_Projection], l
     projections, others = [], []
     # GTSAM hands out one object for one model as long as it lives: each is read once
     noises: dict[int, tuple[object, Noise | None]] = {}
-    cameras: dict[int, tuple[object, tuple[float, ...]]] = {}
+    cameras: dict[int, tuple[object, tuple[float, float, float, float, float]]] = {}
     for place in range(graph.size()):
         factor = graph.at(place)
         if factor is None:
@@ -146,10 +146,10 @@ def _pose_graph(
     pose_graph, held = gtsam.NonlinearFactorGraph(), set()
     for place in places:
         factor = graph.at(place)
-        model = factor.noiseModel() if isinstance(factor, gtsam.NoiseModelFactor) else None
-        if model is None or not model.isConstrained():
+        if not isinstance(factor, gtsam.NoiseModelFactor) or not factor.noiseModel().isConstrained():
             pose_graph.push_back(factor)
             continue
+        model = factor.noiseModel()
         rigid = isinstance(factor, gtsam.NonlinearEqualityPose3 | gtsam.PriorFactorPose3)
         if not rigid or np.any(model.sigmas()) or np.abs(factor.unwhitenedError(values)).max() > 1e-9:
             raise NotABundleError("a hard constraint that does not just hold a pose where it is")

@@ -136,7 +136,7 @@ def _tolerance(cost: float, settings: SolverSettings) -> float:
 def _step(linear: Linearization, structure: Structure, damping: float) -> _Step | None:
     band, gradient = reduce_to_poses(linear, structure, damping)
     try:
-        factor = band.cholesky(structure.half_bandwidth)
+        factor = structure.cholesky(band)
     except NotPositiveDefiniteError:
         return None
     free_step, shared, _, _ = linear.border.eliminate(factor, gradient, damping)

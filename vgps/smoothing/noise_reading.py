@@ -29,16 +29,17 @@ def read_noise(model: gtsam.noiseModel.Base) -> Noise | None:
     Returns:
         Nothing where the coordinates differ or hang together, or the loss is not Huber's or Cauchy's.
     """
-    inner = model.noise() if isinstance(model, gtsam.noiseModel.Robust) else model
+    robust = model if isinstance(model, gtsam.noiseModel.Robust) else None
+    inner = model if robust is None else robust.noise()
     if not isinstance(inner, gtsam.noiseModel.Diagonal) or inner.isConstrained():
         return None
     sigmas = np.asarray(inner.sigmas())
     if sigmas.shape != (2,) or sigmas[0] != sigmas[1]:
         return None
     sigma = float(sigmas[0])
-    if inner is model:
+    if robust is None:
         return Noise(sigma, "none", np.inf)
-    loss = model.robust()
+    loss = robust.robust()
     if isinstance(loss, mEstimator.Huber):
         noise = Noise(sigma, "huber", loss.weight(1e9) * 1e9)
     elif isinstance(loss, mEstimator.Cauchy):

@@ -12,9 +12,9 @@ import numpy as np
 from scipy import sparse
 
 from vgps.model import FloatArray
-from vgps.smoothing.band import POSE, Band
+from vgps.smoothing.band import POSE
 from vgps.smoothing.bundle import BundleProblem, camera_points, residuals, robust_weight
-from vgps.smoothing.elimination import Chunk, Structure
+from vgps.smoothing.elimination import Chunk, Matrix, Structure
 from vgps.smoothing.pose_normal import MIN_DIAGONAL, Border, pose_graph_normal
 
 _PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a point seen along one ray
@@ -204,9 +204,9 @@ def factor_points(linear: LinearChunk, damping: float) -> PointFactors:
     return PointFactors(np.stack([m11, m21, m22, m31, m32, m33]))
 
 
-def reduce_to_poses(linear: Linearization, structure: Structure, damping: float) -> tuple[Band, FloatArray]:
+def reduce_to_poses(linear: Linearization, structure: Structure, damping: float) -> tuple[Matrix, FloatArray]:
     """Schur complement on the free poses with ``damping`` times its own diagonal added, and its gradient."""
-    band = Band.zeros(POSE * structure.n_free, structure.rows)
+    band = structure.empty()
     hessian = linear.hessian
     band.add_entries(hessian.row.astype(np.int64), hessian.col.astype(np.int64), hessian.data)
     band.add_diagonal(damping * linear.diagonal)

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 from scipy import sparse
 
 from vgps.model import FloatArray, IntArray
-from vgps.smoothing.band import POSE, Band
+from vgps.smoothing.band import POSE
 from vgps.smoothing.bundle import BundleProblem
-from vgps.smoothing.elimination import Structure
+from vgps.smoothing.elimination import Matrix, Structure
 
 MIN_DIAGONAL = 1e-6  # damped at least as if the diagonal were this, GTSAM's default
 
@@ -35,7 +34,7 @@ class Border:
         return np.maximum(np.diagonal(self.hessian), MIN_DIAGONAL)
 
     def eliminate(
-        self, factor: Band, gradient: FloatArray, damping: float
+        self, factor: Matrix, gradient: FloatArray, damping: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Solve for poses and shared coordinates together.
 

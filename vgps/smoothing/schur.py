@@ -13,9 +13,9 @@ import numpy as np
 
 from vgps.errors import GeometryError
 from vgps.model import FloatArray
-from vgps.smoothing.band import POSE, Band, NotPositiveDefiniteError
+from vgps.smoothing.band import POSE, NotPositiveDefiniteError
 from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
-from vgps.smoothing.elimination import Structure, structure_of
+from vgps.smoothing.elimination import Matrix, Structure, structure_of
 from vgps.smoothing.gtsam_solver import levenberg_of_gtsam
 from vgps.smoothing.levenberg import SolverSettings, levenberg
 from vgps.smoothing.normal import Linearization, linearize, reduce_to_poses
@@ -141,7 +141,7 @@ def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, F
     return blocks
 
 
-def factorised(linear: Linearization, structure: Structure) -> tuple[Band, FloatArray]:
+def factorised(linear: Linearization, structure: Structure) -> tuple[Matrix, FloatArray]:
     """Cholesky factor of the reduced matrix of the poses, not damped, and their reduced gradient.
 
     Raises:
@@ -149,7 +149,7 @@ def factorised(linear: Linearization, structure: Structure) -> tuple[Band, Float
     """
     band, gradient = reduce_to_poses(linear, structure, 0.0)
     try:
-        return band.cholesky(structure.half_bandwidth, _LEAST_PIVOT * linear.diagonal), gradient
+        return structure.cholesky(band, _LEAST_PIVOT * linear.diagonal), gradient
     except NotPositiveDefiniteError as error:
         frame = int(np.flatnonzero(structure.free >= 0)[error.column // POSE])
         raise GeometryError(
