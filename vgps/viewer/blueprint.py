@@ -39,7 +39,7 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
                 rrb.Horizontal(
                     rrb.GraphView(origin=GRAPH, name="Factor graph, sampled, around this time"),
                     rrb.Tabs(*tabs),
-                    column_shares=[4, 3],
+                    column_shares=[1, 1],
                 ),
                 row_shares=[3, 2],
             ),
@@ -100,7 +100,7 @@ def eye_above(solution: Solution) -> tuple[FloatArray, FloatArray]:
     across = np.array([along[1], -along[0], 0.0])
     across *= -1.0 if across[1] > 0 else 1.0  # from the south rather than from the north
     span = max(2.0, float(np.ptp(flat @ along)))
-    return middle + span * (0.8 * across + (0.0, 0.0, 0.8)), middle
+    return middle + span * (0.75 * across + (0.0, 0.0, 0.75)), middle
 
 
 def _plot_grid(solution: Solution) -> rrb.Container:
