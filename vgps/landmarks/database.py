@@ -18,7 +18,7 @@ from vgps.landmarks.selection import Candidates, best_views, in_image, spread
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, IntArray
 
-_MORE = 3  # candidates whose views are looked at, for each landmark that is wanted
+_MORE = 2  # candidates whose views are looked at, for each landmark that is wanted
 
 
 class LandmarkDatabase:
@@ -92,12 +92,13 @@ class LandmarkDatabase:
         """
         region = self._region_around(world_T_camera[:3, 3], camera, max_depth_m)
         seen = in_image(world_T_camera, camera, region.points, max_depth_m)
+        place = world_T_camera[:3, 3]
         if max_landmarks is None:
-            return self._gather(*self._suiting(region, seen, camera, len(seen.row)))
-        few = seen.take(spread(seen.uv_px, region.sigma_px[seen.row], camera, _MORE * max_landmarks))
-        rows, views = self._suiting(region, few, camera, max_landmarks)
+            return self._gather(*self._suiting(place, region, seen, camera, len(seen.row)))
+        few = seen.take(spread(seen.uv_px, camera, _MORE * max_landmarks))
+        rows, views = self._suiting(place, region, few, camera, max_landmarks)
         if len(rows) < max_landmarks and len(few.row) < len(seen.row):
-            rows, views = self._suiting(region, seen, camera, max_landmarks)
+            rows, views = self._suiting(place, region, seen, camera, max_landmarks)
         return self._gather(rows, views)
 
     def all_views(self) -> LandmarkViews:
@@ -146,15 +147,17 @@ class LandmarkDatabase:
         return self._region
 
     def _suiting(
-        self, region: Region, seen: Candidates, camera: Camera, count: int
+        self, place: FloatArray, region: Region, seen: Candidates, camera: Camera, count: int
     ) -> tuple[IntArray, IntArray]:
         """Rows of the pool of up to ``count`` landmarks, and of each the view that suits best."""
         rows = region.rows[seen.row]
-        best = best_views(seen, *self._looks(rows), self._selection)
+        numbers = self._pool.numbers[rows]
+        best = best_views(place - numbers[:, :3], seen.pixel_m, *self._looks(rows), self._selection)
         usable = np.flatnonzero(best.view >= 0)
         if len(usable) > count:
-            badness = best.badness(seen, *self._pool.numbers[rows, 3:].T)[usable]
-            usable = usable[spread(seen.uv_px[usable], badness, camera, count)]
+            badness = best.badness(seen.pixel_m, numbers[:, 3], numbers[:, 4])[usable]
+            usable = usable[np.argsort(badness, kind="stable")]
+            usable = usable[spread(seen.uv_px[usable], camera, count)]
         return rows[usable], best.view[usable]
 
     def _looks(self, rows: IntArray) -> tuple[npt.NDArray[np.float32], BoolArray]:

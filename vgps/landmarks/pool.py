@@ -106,7 +106,7 @@ class TemplateCache:
 
     def __init__(self, file: DatabaseFile, cache_mb: int) -> None:
         self._file, self._limit = file, cache_mb * 2**20
-        self._kept: OrderedDict[int, Templates] = OrderedDict()
+        self._kept: OrderedDict[int, bytes] = OrderedDict()
         self._bytes = 0
 
     def take(self, rows: IntArray, views: IntArray) -> Templates:
@@ -116,31 +116,33 @@ class TemplateCache:
             LandmarkDatabaseError: The file is damaged.
         """
         meta = self._file.meta
-        out = np.empty((len(rows), meta.levels, meta.patch_px, meta.patch_px), np.uint8)
-        for i, (row, view) in enumerate(zip(rows.tolist(), views.tolist(), strict=True)):
-            out[i] = self._of(row)[view]
-        return out
+        shape = meta.levels, meta.patch_px, meta.patch_px
+        size = meta.levels * meta.patch_px**2
+        parts = [
+            self._of(row)[view * size : view * size + size]
+            for row, view in zip(rows.tolist(), views.tolist(), strict=True)
+        ]
+        # bytes joined are several times faster than arrays so small
+        return np.frombuffer(bytearray().join(parts), np.uint8).reshape(-1, *shape)
 
-    def _of(self, row: int) -> Templates:
+    def _of(self, row: int) -> bytes:
         kept = self._kept.get(row)
         if kept is not None:
             self._kept.move_to_end(row)
             return kept
         read = self._read(row)
         self._kept[row] = read
-        self._bytes += read.nbytes
+        self._bytes += len(read)
         while self._bytes > self._limit and len(self._kept) > 1:
-            _, old = self._kept.popitem(last=False)
-            self._bytes -= old.nbytes
+            self._bytes -= len(self._kept.popitem(last=False)[1])
         return read
 
-    def _read(self, row: int) -> Templates:
-        meta = self._file.meta
+    def _read(self, row: int) -> bytes:
         found = self._file.rows("SELECT pixels, check_sum FROM template WHERE id = ?", (row,))
         try:
             ((pixels, crc),) = found
             if check_sum(pixels) != crc:
                 raise ValueError("check sum")
-            return np.frombuffer(pixels, np.uint8).reshape(-1, meta.levels, meta.patch_px, meta.patch_px)
         except (TypeError, ValueError) as error:
             raise self._file.damaged(f"templates of landmark {row}") from error
+        return bytes(pixels)

@@ -23,9 +23,8 @@ class Region:
     """Landmarks of use within ``radius_m`` of a place to a camera of such optics.
 
     Attributes:
-        rows: (n,) of the pool.
-        points: (n, 3).
-        sigma_px: (n,).
+        rows: (n,) of the pool, the most reliable landmark first.
+        points: (3, n) a column each.
     """
 
     centre: FloatArray
@@ -33,7 +32,6 @@ class Region:
     optics: tuple[float, float, float | None]
     rows: IntArray
     points: FloatArray
-    sigma_px: FloatArray
 
     def serves(self, place: FloatArray, optics: tuple[float, float, float | None]) -> bool:
         """Whether a camera there is within it."""
@@ -59,10 +57,10 @@ def region_around(
         LandmarkDatabaseError: The file is damaged.
     """
     rows = pool.rows(_cells_around(centre, seen_by, file, config))
-    points = pool.numbers[rows, :3]
-    rows = rows[_may_suit(centre, points, rows, seen_by, pool, config)]
-    numbers = pool.numbers[rows]
-    return Region(centre, config.region_m, seen_by, rows, np.ascontiguousarray(numbers[:, :3]), numbers[:, 3])
+    rows = rows[_may_suit(centre, pool.numbers[rows, :3], rows, seen_by, pool, config)]
+    rows = rows[np.argsort(pool.numbers[rows, 3], kind="stable")]
+    points = np.ascontiguousarray(pool.numbers[rows, :3].T)
+    return Region(centre, config.region_m, seen_by, rows, points)
 
 
 def _cells_around(
