@@ -193,6 +193,12 @@ class BatchConfig(_Stage):
     """Eq. (12) divides by the number of features in the frame; per_observation does not."""
     video_sigma_scale: PositiveFloat = 8.0
     """Pixel sigmas are multiplied by this: tracks drift together, so their errors are not independent."""
+    balance: Literal["fixed", "estimated"] = "fixed"
+    """Whether the scale stays, or follows the misfit of the fixes from round to round."""
+    balance_worth: PositiveFloat = 4.0
+    """The scale before anything was seen counts as so many independent fixes that fit as expected."""
+    balance_range: PositiveFloat = 8.0
+    """The estimated scale stays within this factor of it."""
     draws: PositiveInt = 200
     """Draws of all errors behind the standard deviations, known to 1 / sqrt(2 draws) of themselves."""
 
@@ -217,6 +223,21 @@ def _default_regions() -> dict[FixClass, Region]:
     }
 
 
+class QualityConfig(_Stage):
+    """When a fix is worse than its class: its region then grows, it never shrinks."""
+
+    enlarge: bool = True
+    """Whether regions depend on more than the class."""
+    good_hdop: PositiveFloat = 2.0
+    """A region grows in proportion to a horizontal dilution of precision beyond this."""
+    good_satellites: PositiveInt = 8
+    """Where the log has no dilution: it grows with the root of what is left over of so many satellites."""
+    fresh_s: PositiveFloat = 10.0
+    """Corrections are good for this long."""
+    age_rate_m_s: PositiveFloat = 0.002
+    """So much is added for every second more: how fast a satellite's clock and the air wander."""
+
+
 class GpsConfig(_Stage):
     """The GPS term of the energy (11)."""
 
@@ -229,6 +250,7 @@ class GpsConfig(_Stage):
     """No receiver's own sigma is believed below this."""
     gaussian_sigma_m: PositiveFloat = 1.0
     """Sigma of every fix under `gaussian`, which ignores accuracy (14)."""
+    quality: QualityConfig = QualityConfig()
     regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
     """r(p) and h(p) per fix class, from a survey of the receiver. Classes not named are not used."""
 

@@ -19,7 +19,8 @@ from vgps.online.result import Fed, PassedVideo, solution_as_it_is
 from vgps.online.telling import VerdictTeller
 from vgps.readers.fixes import Fix
 from vgps.sequence import Forgotten, Memory, Sequence
-from vgps.smoothing.fixes import Fixes, fixes_in_world, region_sizes
+from vgps.smoothing.fixes import Fixes, fixes_in_world
+from vgps.smoothing.regions import region_sizes
 from vgps.solution import Solution
 from vgps.threads import one_blas_thread
 

@@ -16,6 +16,7 @@ from vgps.smoothing.assembly import (
     other_pose_factors,
     select_observations,
 )
+from vgps.smoothing.balance import balanced
 from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes, antenna_at, gps_graph, place, taking_part
 from vgps.smoothing.judging import Judgement, judges, probabilities
@@ -86,6 +87,7 @@ def optimise_batch(
     current, iterations = scene, 0
     remark: tuple[str, ...] = ()
     judgement = judgement or Judgement.none(len(fixes))
+    weighted = config
     for round_ in range(config.batch.rounds):
         # maps that were only just joined show lags that are none
         if round_ == 1:
@@ -98,7 +100,7 @@ def optimise_batch(
             began = sensors
             graph = gps_and_motion(kept, K, in_time, began, config, n)
             reliability = np.nan_to_num(sigma, nan=1.0)
-            problem = build_problem(kept, K, reliability, graph, config, fixed, sensors.shared())
+            problem = build_problem(kept, K, reliability, graph, weighted, fixed, sensors.shared())
             last = round_ == config.batch.rounds - 1
             result = solve(problem, _settings(config, last), config.batch.solver)
             if result.stuck and round_ == 0:
@@ -113,7 +115,9 @@ def optimise_batch(
             sensors = sensors.moved(result.problem.shared)
         if round_ < config.batch.rounds - 1:
             current = _retriangulated(current, K, sigma, config)
-            judgement = judgement.updated(_judged(current, fixes.earlier(sensors.lag_s), sensors, config))
+            in_time = fixes.earlier(sensors.lag_s)
+            judgement = judgement.updated(_judged(current, in_time, sensors, config))
+            weighted = _rebalanced(config, weighted, current, judgement.applied(in_time), sensors)
     after = result.problem
     report, warnings = _report(scene, after, iterations, result.report.stop_reason)
     if not result.converged:
@@ -132,6 +136,13 @@ def optimise_batch(
         report,
         (*remark, *warnings, *doubts),
     )
+
+
+def _rebalanced(config: Config, weighted: Config, scene: Scene, fixes: Fixes, sensors: Sensors) -> Config:
+    """The configuration with the video's scale as the fixes' misfit asks for it."""
+    scale = weighted.batch.video_sigma_scale
+    scale = balanced(config, scale, scene.poses, scene.t_s, fixes, sensors.camera_p_antenna)
+    return config.model_copy(update={"batch": config.batch.model_copy(update={"video_sigma_scale": scale})})
 
 
 def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Judgement:

@@ -9,6 +9,7 @@ from gtsam.symbol_shorthand import X
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between, gps_factor_calibrating
 from vgps.config import GpsConfig
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
+from vgps.smoothing.regions import enlarged, region_sizes
 from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
 
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
@@ -71,25 +72,17 @@ class Fixes:
         return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool), n)
 
 
-def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
-    """(M,) radius and (M,) half height of every fix by its class, NaN for a class without a region."""
-    regions = config.regions
-    r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
-    h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
-    return r_m, h_m
-
-
 def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> Fixes:
-    """The fixes of a log with the regions of their classes; those of a class without one are not used.
+    """The fixes of a log with their regions; those of a class without one are not used.
 
     Args:
         log: As read.
         world_p_fix: (M, 3) its positions, ENU metres.
         config: Regions.
     """
-    r_m, h_m = region_sizes(log.fix_class, config)
+    r_m, h_m = enlarged(*region_sizes(log.fix_class, config), log, config.quality)
     lower = tuple(_MAY_BE.get(name, FixClass.UNKNOWN) for name in log.fix_class)
-    lower_r_m, lower_h_m = region_sizes(lower, config)
+    lower_r_m, lower_h_m = enlarged(*region_sizes(lower, config), log, config.quality)
     alike = [
         config.regions[name].correlation_s if name in config.regions else np.nan for name in log.fix_class
     ]

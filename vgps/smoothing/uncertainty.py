@@ -29,10 +29,9 @@ from vgps.smoothing.elimination import Structure, structure_of
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.normal import Linearization, linearize, pose_scores
 from vgps.smoothing.pose_normal import whitened_jacobian
+from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.smoothing.schur import Covariances, factorised, shared_blocks
 from vgps.threads import one_blas_thread
-
-_INSIDE = np.sqrt(-2.0 * np.log(0.05)), 1.96  # sigmas within which 95 % lie, in the plane and along a line
 
 
 @dataclass(frozen=True)
@@ -152,8 +151,13 @@ def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray
             gap_s = fixes.t_s[row] - fixes.t_s[before]
             kept = np.exp(-2.0 * gap_s / fixes.correlation_s[row])
             unit[row] = kept * unit[before] + np.sqrt(1.0 - kept**2) * white[row]
-    sigma = np.stack([fixes.r_m / _INSIDE[0], fixes.r_m / _INSIDE[0], fixes.h_m / _INSIDE[1]], axis=1)
-    return np.asarray(sigma[:, :, None] * unit)
+    return np.asarray(region_sigmas(fixes)[:, :, None] * unit)
+
+
+def region_sigmas(fixes: Fixes) -> FloatArray:
+    """(M, 3) standard deviations east, north, up of errors of which the region holds 95 %."""
+    horizontal, vertical = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
+    return np.stack([horizontal, horizontal, vertical], axis=1)
 
 
 def _like_fixes(fixes: Fixes) -> list[IntArray]:

@@ -1,0 +1,53 @@
+"""The region of every fix: its class's, and larger where the log says that this fix is worse than its class.
+
+A survey is made in good conditions, and r(p) and h(p) hold there (future work of Kume 2010: accuracy from
+more than the fix class). Nothing makes a region smaller: receivers think too well of themselves.
+"""
+
+import numpy as np
+
+from vgps.config import GpsConfig, QualityConfig
+from vgps.model import FixClass, FloatArray, GpsLog
+
+INSIDE_PLANE, INSIDE_LINE = float(np.sqrt(-2.0 * np.log(0.05))), 1.96
+"""Sigmas within which 95 % of Gaussian errors lie, in a plane and along a line."""
+_UNKNOWNS = 4  # place and clock: so many satellites leave nothing over
+
+
+def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
+    """(M,) radius and (M,) half height of every fix by its class, NaN for a class without a region."""
+    regions = config.regions
+    r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
+    h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
+    return r_m, h_m
+
+
+def enlarged(
+    r_m: FloatArray, h_m: FloatArray, log: GpsLog, config: QualityConfig
+) -> tuple[FloatArray, FloatArray]:
+    """Regions (M,) and (M,) of the log's fixes, larger where DOP, satellites, age or sigmas ask for it.
+
+    In this order: times :func:`geometry_factor`; plus what the corrections lost since they were fresh; and at
+    least what holds 95 % of errors of the receiver's own sigmas.
+    """
+    if not config.enlarge:
+        return r_m, h_m
+    factor = geometry_factor(log.hdop, log.satellites, config)
+    stale = config.age_rate_m_s * np.fmax(np.nan_to_num(log.correction_age_s) - config.fresh_s, 0.0)
+    r_m, h_m = factor * r_m + stale, factor * h_m + stale
+    along = np.hypot(log.sigma_m[:, 0], log.sigma_m[:, 1]) / np.sqrt(2.0)
+    known = np.isfinite(r_m)
+    wider, higher = np.fmax(r_m, INSIDE_PLANE * along), np.fmax(h_m, INSIDE_LINE * log.sigma_m[:, 2])
+    return np.where(known, wider, r_m), np.where(known, higher, h_m)
+
+
+def geometry_factor(hdop: FloatArray, satellites: FloatArray, config: QualityConfig) -> FloatArray:
+    """(M,) how much worse the satellites stand than in a survey, at least 1.
+
+    An error grows with the dilution of precision; where the log has none, with the root of the satellites
+    that are left over to check the others.
+    """
+    by_dilution = hdop / config.good_hdop
+    left = np.maximum(satellites - _UNKNOWNS, 1.0)  # unknown stays unknown
+    by_count = np.sqrt((config.good_satellites - _UNKNOWNS) / left)
+    return np.fmax(np.where(np.isfinite(hdop), by_dilution, by_count), 1.0)
