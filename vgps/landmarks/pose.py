@@ -103,17 +103,13 @@ def _settle(
     """Refine, and decide again which matches agree, until that settles."""
     inlier = agreeing(K, pose, points, uv_px, limit_px)
     covariance = np.full((6, 6), np.nan)
-    for _ in range(4):
+    for iterations in (2, 2, 2, 10):
         if inlier.sum() < _LEAST:
             return None
-        pose, covariance = refine_pose(
-            K, pose, points[inlier], uv_px[inlier], sigma_px[inlier], huber_px=huber_px
-        )
-        now = agreeing(K, pose, points, uv_px, limit_px)
-        if np.array_equal(now, inlier):
-            break
-        inlier = now
-    return PoseEstimate(pose, covariance, inlier)
+        used = points[inlier], uv_px[inlier], sigma_px[inlier]
+        pose, covariance = refine_pose(K, pose, *used, huber_px=huber_px, iterations=iterations)
+        inlier = agreeing(K, pose, points, uv_px, limit_px)
+    return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _LEAST else None
 
 
 def agreeing(

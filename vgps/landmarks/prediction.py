@@ -1,6 +1,7 @@
 """Where the camera will be, and where its landmarks: (A), (B) and Eq. (6) of Matsuda 2007."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -40,6 +41,8 @@ class Turns:
     def __init__(self, gyro: GyroIntegral | None, gyro_R_camera: FloatArray | None) -> None:
         self._gyro = gyro if gyro_R_camera is not None else None
         self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
+        # every search of a frame asks for the same few turns
+        self._gyro_turn = lru_cache(maxsize=32)(self._integrated)
 
     def covered(self, start_s: float, end_s: float) -> bool:
         """Whether the gyro tells of the whole interval."""
@@ -54,11 +57,14 @@ class Turns:
         if not self.covered(start_s, end_s):
             rotation = Rotation.from_rotvec(motion.camera_w_rad_s * (end_s - start_s)).as_matrix()
             return np.asarray(rotation, np.float64)
+        turn = self._gyro_turn(min(start_s, end_s), max(start_s, end_s), tuple(motion.gyro_bias_rad_s))
+        return turn if end_s >= start_s else turn.T
+
+    def _integrated(self, start_s: float, end_s: float, bias_rad_s: tuple[float, ...]) -> FloatArray:
         assert self._gyro is not None
-        first, last = np.array([min(start_s, end_s)]), np.array([max(start_s, end_s)])
-        gyro_turn = self._gyro.turns(first, last, motion.gyro_bias_rad_s)[0]
-        turn = self._mount.T @ gyro_turn @ self._mount
-        return np.asarray(turn if end_s >= start_s else turn.T)
+        bias = np.array(bias_rad_s)
+        turn = self._gyro.turns(np.array([start_s]), np.array([end_s]), bias)[0]
+        return np.asarray(self._mount.T @ turn @ self._mount)
 
 
 def predict(motion: Motion, turns: Turns, t_s: float) -> FloatArray:
