@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 import tty
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -65,14 +66,14 @@ def mpeg_ts(video: Path, out: Path, frames: int = 10**9) -> Path:
     """The video's first frames as a transport stream that can be cut anywhere."""
     with av.open(str(video)) as source, av.open(str(out), "w", format="mpegts") as sink:
         stream = source.streams.video[0]
-        target = sink.add_stream("mpeg2video", rate=15)
+        target = sink.add_stream("libx264", rate=15, options={"tune": "zerolatency", "preset": "ultrafast"})
         target.width, target.height, target.pix_fmt = stream.width, stream.height, "yuv420p"
-        target.bit_rate = 8_000_000
+        target.bit_rate = 4_000_000
         target.gop_size = 1
         for count, frame in enumerate(source.decode(video=0)):
             if count == frames:
                 break
-            frame.pts = None
+            frame.pts, frame.time_base = count, Fraction(1, 15)
             sink.mux(target.encode(frame))
         sink.mux(target.encode(None))
     return out

@@ -18,6 +18,13 @@ _TIMEOUT_S = 10.0
 _RETRY_S = (0.2, 5.0)
 _BACKLOG_S = 3.0  # what a stream had stored is passed over for no longer than this
 _LEAST_STEP_S = 1e-4
+# FFmpeg would look at a stream for five seconds first
+_PROMPTLY = {
+    "fflags": "nobuffer",
+    "rtsp_transport": "tcp",
+    "analyzeduration": "500000",
+    "probesize": "500000",
+}
 
 
 class VideoSource:
@@ -80,7 +87,7 @@ class VideoSource:
 
     def _opened(self) -> av.container.InputContainer:
         device = self.address.startswith("/dev/video")
-        options = {"fflags": "nobuffer", "rtsp_transport": "tcp"} if self.live and not device else {}
+        options = _PROMPTLY if self.live and not device else {}
         form = "v4l2" if device else None
         return av.open(self.address, format=form, options=options, timeout=_TIMEOUT_S if self.live else None)
 
