@@ -199,7 +199,7 @@ def main() -> None:
     )
     lines = [head, "|" + "---|" * 8]
     found: dict[str, Errors] = {}
-    with LandmarkDatabase.open(given.landmarks) as database:
+    with LandmarkDatabase.open(given.landmarks, TrackConfig().selection) as database:
         if recording.rig.world_origin is not None and database.world_origin is not None:
             truth = in_world(truth, recording.rig.world_origin, database.world_origin)
         for name, changes in METHODS.items():

@@ -43,7 +43,7 @@ def track(
     if estimator is not None:
         settings = settings.model_copy(update={"estimator": estimator})
     opened = open_recording(recording, camera=camera, rig=rig, with_gps=False)
-    with LandmarkDatabase.open(landmarks) as database:
+    with LandmarkDatabase.open(landmarks, settings.selection) as database:
         solution = localise(opened, database, settings, TerminalProgress())
     write_run(solution, out)
     console = Console()

@@ -41,7 +41,7 @@ def localise(
 
     Args:
         recording: Video, camera, and if there are any rig and gyro; GPS is not used.
-        database: Of the place.
+        database: Of the place, opened with ``config.selection``.
         config: Defaults if none is given.
         progress: Shows how far it is.
 

@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from vgps.landmarks.build_settings import SelectionConfig
+
 
 class TrackConfig(BaseModel):
     """The tracker of Matsuda 2007, (A) to (E), and its variants."""
@@ -22,6 +24,8 @@ class TrackConfig(BaseModel):
     window: Literal["depth", "fixed"] = "depth"
     """(D) window by depth, Eq. (6), or one size for all."""
 
+    selection: SelectionConfig = SelectionConfig(nearer_octaves=0.7, further_octaves=0.7)
+    """Views that suit, for opening the database. What was seen from much nearer may be hidden from afar."""
     max_landmarks: PositiveInt = Field(default=160, le=2000)
     """Landmarks looked for in a frame."""
     first_landmarks: PositiveInt = Field(default=60, le=2000)
