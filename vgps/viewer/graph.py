@@ -1,20 +1,21 @@
 """The factor graph around the time shown: poses, landmarks, GPS factors, each with its residuals in words."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import rerun as rr
 
-from vgps.model import FloatArray, IntArray
+from vgps.model import IntArray
 from vgps.solution import FrameState, Solution
 from vgps.viewer import colours
-from vgps.viewer.measures import Sightings, gps_terms, judged, video_terms
+from vgps.viewer.lookup import Lookup
+from vgps.viewer.measures import Sightings, judged
 from vgps.viewer.sheet import Sheet
 from vgps.viewer.words import fix_text, landmark_text, pose_text
 
 GRAPH = "graph"
-MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 90, 80, 90
+MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 60, 60, 90
+_LEAST_IN_TRACK, _MOST_IN_TRACK = 3, 8  # poses of the sample
 _STEP, _ROW, _LEVEL = (
     70.0,
     260.0,
@@ -38,61 +39,6 @@ class Graph:
 
     nodes: list[Node]
     edges: list[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class _Run:
-    """A run with what all of its stretches need."""
-
-    solution: Solution
-    seen: Sightings
-
-    @cached_property
-    def phi(self) -> FloatArray:
-        return video_terms(self.solution, self.seen)
-
-    @cached_property
-    def gps(self) -> FloatArray:
-        return gps_terms(self.solution)
-
-    @cached_property
-    def lengths_px(self) -> FloatArray:
-        return self.seen.length_px
-
-    @cached_property
-    def _first_row(self) -> IntArray:
-        return np.concatenate([[0], np.cumsum(self.seen.per_frame)])
-
-    @cached_property
-    def _by_landmark(self) -> tuple[IntArray, IntArray]:
-        order = np.argsort(self.seen.landmark, kind="stable")
-        count = len(self.solution.landmarks.sigma_px)
-        return order, np.searchsorted(self.seen.landmark[order], np.arange(count + 1))
-
-    def rows_of_frame(self, frame: int) -> tuple[int, int]:
-        """First row of the sightings, and the row after the last."""
-        return int(self._first_row[frame]), int(self._first_row[frame + 1])
-
-    def of_frame(self, frame: int) -> slice:
-        """Rows of the sightings."""
-        return slice(*self.rows_of_frame(frame))
-
-    def of_landmark(self, landmark: int) -> IntArray:
-        """Rows of the sightings, in order of time."""
-        order, first = self._by_landmark
-        return order[first[landmark] : first[landmark + 1]]
-
-    @cached_property
-    def fixes_of_frame(self) -> dict[int, list[int]]:
-        """The fixes whose factors act on each frame: the one before and the one after."""
-        acting: dict[int, list[int]] = {}
-        if self.solution.fixes is None or self.solution.gps is None:
-            return acting
-        before = np.searchsorted(self.solution.t_s, self.solution.gps.t_s, side="right") - 1
-        for row in np.flatnonzero(self.solution.fixes.used):
-            for frame in (before[row], before[row] + 1):
-                acting.setdefault(int(frame), []).append(int(row))
-        return acting
 
 
 class _Rows:
@@ -137,14 +83,15 @@ def factor_graphs(solution: Solution, seen: Sightings) -> list[tuple[IntArray, G
 
     Every k-th pose ``x``, the landmarks ``l`` with the most sightings in these, spread over the stretch, and
     a factor ``gps`` per fix, joined to the nearest of these poses. An edge from a pose to a landmark is a
-    projection factor; one from a pose to the next stands for the landmarks that both see. k is as large as
-    long tracks allow: poses that share no landmark would show nothing.
+    projection factor; one from a pose to the next stands for the landmarks that both see. k is such that
+    a long track holds three to eight of these poses: fewer share no landmark, more are a thicket of edges.
 
     Returns:
         For each stretch its frames and its graph.
     """
-    run, count = _Run(solution, seen), len(solution.t_s)
-    step = min(-(-count // MAX_POSES), max(1, _long_track(seen, len(solution.landmarks.sigma_px)) // 3))
+    run, count = Lookup(solution, seen), len(solution.t_s)
+    track = _long_track(seen, len(solution.landmarks.sigma_px))
+    step = max(1, int(np.clip(-(-count // MAX_POSES), track // _MOST_IN_TRACK, track // _LEAST_IN_TRACK)))
     frames = np.arange(0, count, step)
     stretches = np.array_split(frames, -(-len(frames) // MAX_POSES))
     return [(stretch, _graph(run, stretch, step)) for stretch in stretches]
@@ -159,7 +106,7 @@ def _long_track(seen: Sightings, landmarks: int) -> int:
     return int(np.percentile((last - first)[seen_at_all], 90)) if seen_at_all.any() else 1
 
 
-def _graph(run: _Run, frames: IntArray, step: int) -> Graph:
+def _graph(run: Lookup, frames: IntArray, step: int) -> Graph:
     seen, places = run.seen, _Rows(frames)
     chosen = _landmarks(run, frames)
     fixes = _fixes(run.solution, int(frames[0]), int(frames[-1]) + step)
@@ -176,13 +123,14 @@ def _graph(run: _Run, frames: IntArray, step: int) -> Graph:
     )
 
 
-def _landmarks(run: _Run, frames: IntArray) -> IntArray:
+def _landmarks(run: Lookup, frames: IntArray) -> IntArray:
     """Landmarks with sightings in two or more of the frames: in each part of the stretch the best."""
     seen = run.seen
     rows = np.concatenate([np.arange(*run.rows_of_frame(int(frame))) for frame in frames])
     found, first, views = np.unique(seen.landmark[rows], return_index=True, return_counts=True)
     begins, common = seen.frame[rows][first], views >= 2
-    part = (begins - frames[0]) * MAX_LANDMARKS // (frames[-1] - frames[0] + 1)
+    parts = min(MAX_LANDMARKS, len(frames))
+    part = (begins - frames[0]) * parts // (frames[-1] - frames[0] + 1)
     order = np.lexsort((-views[common], part[common]))
     _, best = np.unique(part[common][order], return_index=True)
     return found[common][order][best]
@@ -207,7 +155,7 @@ def _fix_edges(solution: Solution, fixes: list[int], frames: IntArray) -> list[t
     return [(f"gps{row}", f"x{frame}") for row, frame in zip(fixes, nearest, strict=True)]
 
 
-def _chain(run: _Run, frames: IntArray) -> list[tuple[str, str]]:
+def _chain(run: Lookup, frames: IntArray) -> list[tuple[str, str]]:
     """Edges between successive poses that see a landmark in common."""
     sets = [run.seen.landmark[run.of_frame(int(frame))] for frame in frames]
     return [
@@ -217,7 +165,7 @@ def _chain(run: _Run, frames: IntArray) -> list[tuple[str, str]]:
     ]
 
 
-def _pose_node(run: _Run, frame: int, places: _Rows) -> Node:
+def _pose_node(run: Lookup, frame: int, places: _Rows) -> Node:
     errors, acting = run.lengths_px[run.of_frame(frame)], run.fixes_of_frame.get(frame, [])
     bridged = run.solution.state[frame] is FrameState.BRIDGED
     return Node(
@@ -228,7 +176,7 @@ def _pose_node(run: _Run, frame: int, places: _Rows) -> Node:
     )
 
 
-def _landmark_node(run: _Run, landmark: int, k: int, frames: IntArray, places: _Rows) -> Node:
+def _landmark_node(run: Lookup, landmark: int, k: int, frames: IntArray, places: _Rows) -> Node:
     rows, sigma = run.of_landmark(landmark), run.solution.landmarks.sigma_px[[landmark]]
     seen_in = run.seen.frame[rows]
     red, green, blue = colours.green_to_red(sigma, colours.GOOD_SIGMA_PX, colours.BAD_SIGMA_PX)[0].tolist()
@@ -240,7 +188,7 @@ def _landmark_node(run: _Run, landmark: int, k: int, frames: IntArray, places: _
     )
 
 
-def _fix_node(run: _Run, row: int, k: int, places: _Rows) -> Node:
+def _fix_node(run: Lookup, row: int, k: int, places: _Rows) -> Node:
     log, table = judged(run.solution)
     frame = float(np.interp(log.t_s[row], run.solution.t_s, np.arange(len(run.solution.t_s))))
     return Node(
