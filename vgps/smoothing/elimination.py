@@ -22,6 +22,7 @@ __all__ = ["Chunk", "Matrix", "Structure", "structure_of"]
 Matrix = Band | Tiles
 
 _QUICK = 5e9  # operations of a band below which tiles are not looked into
+_DEARER = 4.0  # times as long as in a band an operation in tiles takes
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def structure_of(problem: BundleProblem) -> Structure:
     if band.flops <= _QUICK:
         return band
     tiles = _in_tiles(problem, free, together)
-    return tiles if tiles.flops < band.flops else band
+    return tiles if _DEARER * tiles.flops < band.flops else band
 
 
 def _as_band(problem: BundleProblem, free: IntArray, together: list[IntArray]) -> Structure:
