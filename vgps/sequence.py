@@ -6,6 +6,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError
+from vgps.forgetting import Forgotten, Memory, oldest, whole
 from vgps.growing import GrowingRows
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
@@ -24,35 +25,6 @@ from vgps.tracking.relocaliser import Relocaliser
 _UNKNOWN = np.full((4, 4), np.nan)
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
 _MOST_FAILURES = 3  # of stage C in a row, before a map is given up
-
-
-@dataclass(frozen=True)
-class Memory:
-    """How far back a sequence remembers: sightings and views in frames, path and fixes in seconds.
-
-    Stage C needs the sightings of a window and of the longest track before it; more changes nothing. Drift
-    and verdicts are found on the path.
-    """
-
-    view_frames: int
-    path_s: float
-
-    @classmethod
-    def of(cls, config: Config) -> "Memory":
-        """The least that leaves stage C what it needs."""
-        window = config.window
-        frames = window.length_frames + window.every_frames + config.mapping.max_track_frames
-        return cls(frames, config.online.keep_s)
-
-
-@dataclass(frozen=True)
-class Forgotten:
-    """Poses (n, 4, 4) of the frames from ``first_frame`` on, which a sequence will not change any more."""
-
-    first_frame: int
-    poses: FloatArray
-    aligned: bool
-    bridged: frozenset[int]
 
 
 @dataclass
@@ -162,21 +134,14 @@ class Sequence:
             return []
         horizon_s = float(self.t_s[-1]) - self._memory.path_s
         current = self.current
-        gone = [_whole(local_map) for local_map in self.maps if local_map is not current]
+        gone = [whole(local_map) for local_map in self.maps if local_map is not current]
         self.maps = [current] if current is not None else []
         for growing in (self._current, self._next):
             if growing is not None:
-                part = self._oldest(growing.local_map, horizon_s)
+                part = oldest(growing.local_map, self.t_s, horizon_s, self._memory)
                 gone += [part] if growing.started else []
         self.ledger.forget(horizon_s)
         return [part for part in gone if len(part.poses)]
-
-    def _oldest(self, local_map: LocalMap, horizon_s: float) -> Forgotten:
-        assert self._memory is not None
-        first, bridged = local_map.first_frame, frozenset(local_map.bridged)
-        before_frame = int(np.searchsorted(self.t_s, horizon_s))
-        poses = local_map.forget(before_frame, local_map.next_frame - self._memory.view_frames)
-        return Forgotten(first, poses, local_map.aligned, bridged)
 
     def _grow_start(self, growing: _Growing | None, frame: Frame) -> _Growing | None:
         """Follow features without positions until two views begin the map; start over when they are lost."""
@@ -322,7 +287,3 @@ class Sequence:
             f"tracking was lost from frame {last + 1} to {frame.index - 1} and found again; "
             "these frames are bridged"
         )
-
-
-def _whole(local_map: LocalMap) -> Forgotten:
-    return Forgotten(local_map.first_frame, local_map.poses, local_map.aligned, frozenset(local_map.bridged))

@@ -135,7 +135,7 @@ def test_memory_does_not_grow(walk):
         if current is not None and index >= 300:
             ledger = smoother._sequence.ledger
             sizes = len(current.poses), current.feature_count, len(current.observations().frame)
-            counts.append((*sizes, len(ledger.fixes), len(smoother._teller._told)))
+            counts.append((*sizes, len(ledger.fixes), len(smoother._teller.told)))
 
     tracemalloc.start()
     try:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.forgetting import Forgotten
 from vgps.growing import GrowingRows
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.readers.fixes import Fix
-from vgps.sequence import Forgotten
 from vgps.smoothing.judging import Judgement
 from vgps.solution import FrameState
 
@@ -73,9 +73,9 @@ class FixArchive:
         """Times of the fixes from row ``since`` on."""
         return self._rows.values[since:, 0]
 
-    def classes(self, rows: np.ndarray) -> tuple[FixClass, ...]:
-        """Classes of the fixes ``rows`` (M,)."""
-        return tuple(_CLASSES[int(code)] for code in self._rows.values[rows, 11])
+    def fix_class(self, row: int) -> FixClass:
+        """Class of a fix."""
+        return _CLASSES[int(self._rows.values[row, 11])]
 
     def judge(self, number: np.ndarray, judgement: Judgement) -> None:
         """The newest verdicts, on the fixes ``number`` (M,)."""

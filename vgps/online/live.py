@@ -57,6 +57,7 @@ def live_feed(
     """
     clock: VideoClock | None = None
     early: list[ReceivedFix] = []
+    tell = 1
     while not stop.is_set() and not video.ended:
         frame = video.next(0.05)
         yield from (Note(text) for text in video.notes())
@@ -72,6 +73,9 @@ def live_feed(
                 yield from () if note is None else (Note(note),)
                 yield placed
             early = []
+        if video.dropped >= tell:
+            tell *= 10
+            yield Note(f"frames come faster than they are posed: {video.dropped} have been left out so far")
         if frame is not None:
             yield frame
 

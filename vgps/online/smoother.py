@@ -8,6 +8,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import ConfigError, VideoError
+from vgps.forgetting import Memory, whole
 from vgps.geodesy import to_enu
 from vgps.local_map import NO_CONTROLS
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
@@ -18,7 +19,7 @@ from vgps.online.following import Follower
 from vgps.online.result import Fed, PassedVideo, solution_as_it_is
 from vgps.online.telling import VerdictTeller
 from vgps.readers.fixes import Fix
-from vgps.sequence import Forgotten, Memory, Sequence
+from vgps.sequence import Sequence
 from vgps.smoothing.fixes import Fixes, fixes_in_world
 from vgps.smoothing.regions import region_sizes
 from vgps.solution import Solution
@@ -175,8 +176,7 @@ class OnlineSmoother:
         if stage_d and sequence.maps:
             return optimise_all(self._front_end(fed), self._config)
         for local_map in sequence.maps:
-            bridged = frozenset(local_map.bridged)
-            self._frames.settle(Forgotten(local_map.first_frame, local_map.poses, local_map.aligned, bridged))
+            self._frames.settle(whole(local_map))
         return solution_as_it_is(fed, tuple(self._warnings))
 
     def _front_end(self, fed: Fed) -> FrontEnd:
@@ -225,9 +225,8 @@ class OnlineSmoother:
         if current is None or not current.aligned:
             return
         t_s = self._sequence.t_s
-        classes = self._fixes.classes(ledger.number)
         since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
-        self._events += self._teller.news(ledger, classes, since_s, until_s)
+        self._events += self._teller.news(ledger, self._fixes.fix_class, since_s, until_s)
 
     def _note_warnings(self, t_s: float) -> None:
         """New warnings become events; the result keeps the first of them."""

@@ -1,5 +1,7 @@
 """Verdicts on fixes as events: told when a fix is first passed, and when its verdict changes."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from vgps.model import FixClass
@@ -7,47 +9,49 @@ from vgps.online.estimate import OnlineEvent
 from vgps.smoothing.ledger import FixLedger
 from vgps.solution import Verdict
 
+_VERDICTS = (Verdict.NOT_USED, Verdict.USED, Verdict.DOWN_CLASSED, Verdict.REJECTED)
+
 
 class VerdictTeller:
     """Remembers what was told of the fixes that a ledger still holds."""
 
     def __init__(self) -> None:
-        self._told: dict[int, Verdict] = {}
+        self.told: dict[int, int] = {}
 
     def news(
-        self, ledger: FixLedger, fix_class: tuple[FixClass, ...], since_s: float, until_s: float
+        self, ledger: FixLedger, class_of: Callable[[int], FixClass], since_s: float, until_s: float
     ) -> list[OnlineEvent]:
         """What there is to tell of fixes between two times of the video.
 
         Args:
             ledger: The fixes.
-            fix_class: (M,) theirs.
+            class_of: Class of a fix by its number.
             since_s, until_s: The path in the world so far.
         """
         fixes, judgement = ledger.fixes, ledger.judgement
-        inside = (fixes.t_s >= since_s) & (fixes.t_s <= until_s)
-        rejected, lowered = judgement.rejected, judgement.lowered
-        events, told = [], {}
-        for row in np.flatnonzero(inside).tolist():
-            verdict = Verdict.USED if fixes.used[row] else Verdict.NOT_USED
-            if fixes.used[row] and rejected[row]:
-                verdict = Verdict.REJECTED
-            elif fixes.used[row] and lowered[row]:
-                verdict = Verdict.DOWN_CLASSED
-            number = int(ledger.number[row])
-            before = self._told.get(number)
-            told[number] = verdict
-            if verdict is before:
-                continue
-            t_s, probability = float(fixes.t_s[row]), float(judgement.own[row])
-            was = "" if before is None else f", before {before}"
-            text = f"{fix_class[row]} of {t_s:.2f} s {verdict}{was}"
-            details = {
-                "fix_t_s": t_s,
-                "class": str(fix_class[row]),
-                "verdict": str(verdict),
-                "probability": probability if np.isfinite(probability) else None,
-            }
-            events.append(OnlineEvent(until_s, "fix", text, details))
-        self._told = told
+        rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
+        code = np.where(judgement.rejected, 3, np.where(judgement.lowered, 2, 1))
+        now = dict(
+            zip(ledger.number[rows].tolist(), np.where(fixes.used, code, 0)[rows].tolist(), strict=True)
+        )
+        before, self.told = self.told, now
+        events = []
+        for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
+            if before.get(number) != verdict:
+                t_s, own = float(fixes.t_s[row]), float(judgement.own[row])
+                kind = class_of(number)
+                events.append(_event(until_s, t_s, kind, verdict, before.get(number), own))
         return events
+
+
+def _event(
+    t_s: float, fix_t_s: float, kind: FixClass, verdict: int, before: int | None, own: float
+) -> OnlineEvent:
+    was = "" if before is None else f", before {_VERDICTS[before]}"
+    details = {
+        "fix_t_s": fix_t_s,
+        "class": str(kind),
+        "verdict": str(_VERDICTS[verdict]),
+        "probability": own if np.isfinite(own) else None,
+    }
+    return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {_VERDICTS[verdict]}{was}", details)
