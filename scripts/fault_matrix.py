@@ -11,8 +11,9 @@ That front end runs with the cylinder, so the columns say what stage D makes of 
 what a whole run would make of it with a Gaussian from its first frame on. The truth is used for evaluation
 alone.
 
-The table and the picture are written anew after every fault: a run that is stopped leaves what it has. On 80
-s of kitti03 a fault takes about two minutes of one core, all of them half an hour.
+The table and the picture are written anew after every fault: a run that is stopped leaves what it has. On
+the 80 s of kitti03 a fault was measured to take three and a half minutes of processor time on a busy
+machine, so all thirteen take three quarters of an hour there; --only runs some.
 """
 
 import argparse
