@@ -11,6 +11,7 @@ from vgps.model import BoolArray, FloatArray
 
 _CONFIDENCE = 0.9999
 _LEAST = 4  # matches a linear solution needs
+_PLENTY = 0.7  # where such a share of the matches agrees with the guess, nothing is sampled
 _SETTLED = 1e-5  # rad and m: no step worth another
 
 
@@ -56,13 +57,14 @@ def pose_from_matches(
     """
     if len(points) < _LEAST:
         return None
-    candidates = [] if guess is None else [guess]
-    sampled = _ransac(K, points, uv_px, limit_px, samples)
-    candidates += [] if sampled is None else [sampled]
-    if not candidates:
-        return None
-    best = max(candidates, key=lambda pose: agreeing(K, pose, points, uv_px, limit_px).sum())
-    return _settle(K, best, points, uv_px, sigma_px, limit_px, huber_px)
+    best, support = guess, 0
+    if guess is not None:
+        support = int(agreeing(K, guess, points, uv_px, limit_px).sum())
+    if support < _PLENTY * len(points):
+        sampled = _ransac(K, points, uv_px, limit_px, samples)
+        if sampled is not None and agreeing(K, sampled, points, uv_px, limit_px).sum() > support:
+            best = sampled
+    return None if best is None else _settle(K, best, points, uv_px, sigma_px, limit_px, huber_px)
 
 
 def _ransac(

@@ -197,7 +197,7 @@ class LandmarkTracker:
         else:
             blur = exposure_motion_px(self._K, motion, self._turns, t_s, self._exposure_s, points)
         length = np.linalg.norm(blur, axis=1, keepdims=True)
-        return blur * np.minimum(1.0, config.max_blur_px / np.maximum(length, 1e-9))
+        return np.asarray(blur * np.minimum(1.0, config.max_blur_px / np.maximum(length, 1e-9)))
 
     def _plausible(self, pose: FloatArray, predicted: FloatArray, dt: float, widen: float) -> bool:
         """Whether a pose is one that the camera can have reached."""
