@@ -61,4 +61,4 @@ class SelectionConfig(BaseModel):
     region_m: PositiveFloat = 4.0
     """What may be of use is looked up anew when the camera has gone so far."""
     cache_mb: PositiveInt = 256
-    """Memory for the templates that were used last."""
+    """Memory for the templates that were read last."""

@@ -1,6 +1,5 @@
-"""What is known of landmarks and views, in memory from when it is first needed; templates, the last used."""
+"""What is known of landmarks and views, in memory from when it is first needed; templates, those last read."""
 
-from collections import OrderedDict
 from collections.abc import Sequence
 
 import numpy as np
@@ -102,11 +101,11 @@ def _unit(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 class TemplateCache:
-    """Templates of landmarks; those used longest ago go once all take more than ``cache_mb``."""
+    """Templates of landmarks; those read longest ago go once all take more than ``cache_mb``."""
 
     def __init__(self, file: DatabaseFile, cache_mb: int) -> None:
         self._file, self._limit = file, cache_mb * 2**20
-        self._kept: OrderedDict[int, bytes] = OrderedDict()
+        self._kept: dict[int, bytes] = {}
         self._bytes = 0
 
     def take(self, rows: IntArray, views: IntArray) -> Templates:
@@ -115,26 +114,22 @@ class TemplateCache:
         Raises:
             LandmarkDatabaseError: The file is damaged.
         """
-        meta = self._file.meta
-        shape = meta.levels, meta.patch_px, meta.patch_px
+        meta, kept = self._file.meta, self._kept
         size = meta.levels * meta.patch_px**2
         parts = [
-            self._of(row)[view * size : view * size + size]
-            for row, view in zip(rows.tolist(), views.tolist(), strict=True)
+            (kept.get(row) or self._keep(row))[start : start + size]
+            for row, start in zip(rows.tolist(), (views * size).tolist(), strict=True)
         ]
         # bytes joined are several times faster than arrays so small
-        return np.frombuffer(bytearray().join(parts), np.uint8).reshape(-1, *shape)
+        flat = np.frombuffer(bytearray().join(parts), np.uint8)
+        return flat.reshape(-1, meta.levels, meta.patch_px, meta.patch_px)
 
-    def _of(self, row: int) -> bytes:
-        kept = self._kept.get(row)
-        if kept is not None:
-            self._kept.move_to_end(row)
-            return kept
+    def _keep(self, row: int) -> bytes:
         read = self._read(row)
         self._kept[row] = read
         self._bytes += len(read)
         while self._bytes > self._limit and len(self._kept) > 1:
-            self._bytes -= len(self._kept.popitem(last=False)[1])
+            self._bytes -= len(self._kept.pop(next(iter(self._kept))))
         return read
 
     def _read(self, row: int) -> bytes:

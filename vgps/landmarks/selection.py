@@ -128,13 +128,13 @@ def spread(uv_px: FloatArray, camera: Camera, count: int) -> IntArray:
     if len(uv_px) <= count:
         return np.arange(len(uv_px))
     side = np.sqrt(camera.width * camera.height / max(count, 1))
-    column, line = ((uv_px.T + 0.5) / side).astype(np.int64)
-    part = (line * (int(camera.width / side) + 1) + column).astype(np.uint32)
-    if part.max() < 2**16:
-        part = part.astype(np.uint16)  # sorted in linear time
+    column, line = ((uv_px.T + 0.5) / side).astype(np.int32)
+    # there are hardly more squares than count; sixteen bits are sorted in linear time
+    part = (line * (int(camera.width / side) + 1) + column).astype(np.uint16 if count < 2**14 else np.uint32)
     by_part = np.argsort(part, kind="stable")
-    begins = np.flatnonzero(np.diff(part[by_part], prepend=part.max() + 1))
+    ordered = part[by_part]
+    begins = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    row = np.arange(len(part))
     rank = np.empty(len(part), np.int64)
-    rank[by_part] = np.arange(len(part)) - np.repeat(begins, np.diff(np.append(begins, len(part))))
-    taken = np.argpartition(rank * len(rank) + np.arange(len(rank)), count - 1)[:count]
-    return np.sort(taken)
+    rank[by_part] = row - np.repeat(begins, np.diff(begins, append=len(part)))
+    return np.sort(np.argpartition(rank * len(part) + row, count - 1)[:count])
