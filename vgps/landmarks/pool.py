@@ -1,4 +1,4 @@
-"""What is known of landmarks and views, in memory from when it is first needed; templates, those last read."""
+"""What is known of landmarks and views, in memory from when it is first needed; templates read last."""
 
 from collections.abc import Sequence
 
