@@ -114,15 +114,15 @@ class WallDatabase:
             parts.append(views_from(pose, first_id=1000 * k))
         self._parts = parts
         names = list(LandmarkViews.__dataclass_fields__)
-        self._all = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        self.all_views = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
 
     def views(self, pose, camera, *, max_landmarks=None, max_depth_m=None):
-        camera_p = (self._all["world_p_landmark"] - pose[:3, 3]) @ pose[:3, :3]
+        camera_p = (self.all_views["world_p_landmark"] - pose[:3, 3]) @ pose[:3, :3]
         uv = camera_p[:, :2] / camera_p[:, 2:] * 300.0 + (160, 120)
         seen = np.flatnonzero((camera_p[:, 2] > 1) & (uv > 0).all(axis=1) & (uv < (320, 240)).all(axis=1))
         if max_landmarks is not None and len(seen) > max_landmarks:
             seen = seen[np.linspace(0, len(seen) - 1, max_landmarks).astype(int)]
-        return LandmarkViews(**{name: values[seen] for name, values in self._all.items()})
+        return LandmarkViews(**{name: values[seen] for name, values in self.all_views.items()})
 
     def keyframes(self):
         out = []

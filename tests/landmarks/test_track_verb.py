@@ -1,0 +1,105 @@
+"""`vgps track` as a user calls it: a folder of images, a gyro, and a database on disk."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo, gyro, pose_at
+
+from vgps.camera import camera_fields
+from vgps.cli import main
+from vgps.landmarks.contents import LandmarkContents, Source
+from vgps.landmarks.database_writer import write_database
+from vgps.landmarks.views import LandmarkViews
+from vgps.readers.trajectory import read_trajectory
+
+VIDEO = WallVideo(8)
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory):
+    wall = WallDatabase()
+    views = LandmarkViews(**wall.all_views)
+    path = tmp_path_factory.mktemp("wall") / "wall.db"
+    write_database(
+        LandmarkContents(ORIGIN, views, wall.keyframes(), (Source("wall", "all", len(views)),)), path
+    )
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    folder = tmp_path / "wall"
+    (folder / "images").mkdir(parents=True)
+    for frame in VIDEO.frames():
+        cv2.imwrite(str(folder / "images" / f"{frame.index:03}.png"), frame.gray)
+    times = "".join(f"{i},{t}\n" for i, t in enumerate(VIDEO.times_s))
+    (folder / "images" / "frame_times.csv").write_text(f"frame,t_s\n{times}")
+    (folder / "camera.yaml").write_text(yaml.safe_dump(camera_fields(CAMERA)))
+    rig = {"gyro_R_camera": GYRO_R_CAMERA.tolist(), "exposure_s": VIDEO.exposure_s}
+    (folder / "rig.yaml").write_text(yaml.safe_dump(rig))
+    log = gyro(0.8)
+    table = np.column_stack([log.t_s, log.rate_rad_s])
+    head = "t_s,wx_rad_s,wy_rad_s,wz_rad_s"
+    np.savetxt(folder / "gyro.csv", table, "%.6f", ",", header=head, comments="")
+    return folder
+
+
+def run(monkeypatch, capsys, *words):
+    """Exit code, standard output and standard error."""
+    monkeypatch.setattr(sys, "argv", ["vgps", *map(str, words)])
+    code = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code or 0
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_track_writes_a_run(recording, database, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "run"
+    code, said, error = run(monkeypatch, capsys, "track", recording, "--landmarks", database, "--out", out)
+    assert (code, error) == (0, "")
+    assert "8 of 8 frames tracked" in said
+    poses = read_trajectory(out / "poses.tum")
+    true = np.array([pose_at(t) for t in poses.t_s])
+    assert np.linalg.norm(poses.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1).max() < 0.1
+
+
+def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, monkeypatch, capsys):
+    (recording / "gyro.csv").unlink()
+    words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--estimator", "frame")
+    code, said, _ = run(monkeypatch, capsys, *words)
+    assert code == 0
+    assert "note: there is no gyro: rotation is predicted at constant angular velocity" in said
+    assert "estimator: frame" in (tmp_path / "run" / "config.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ("max_landmark: 3\n", "key max_landmark: unknown key"),
+        ("blur: some\n", "key blur: found 'some'"),
+        ("selection: {octaves: 1}\n", "key selection.octaves: unknown key"),
+    ],
+)
+def test_a_bad_setting_is_one_line(recording, database, tmp_path, monkeypatch, capsys, config, said):
+    file = tmp_path / "track.yaml"
+    file.write_text(config)
+    words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--config", file)
+    code, _, error = run(monkeypatch, capsys, *words)
+    assert code == 2
+    assert error.count("\n") == 1
+    assert said in error
+    assert not (tmp_path / "run").exists()
+
+
+def test_no_database_is_one_line(recording, tmp_path, monkeypatch, capsys):
+    words = ("track", recording, "--landmarks", tmp_path / "none.db", "--out", tmp_path / "run")
+    code, _, error = run(monkeypatch, capsys, *words)
+    assert code == 2
+    assert error.count("\n") == 1
+    assert "none.db" in error
