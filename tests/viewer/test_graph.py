@@ -51,7 +51,7 @@ def test_a_small_run_is_shown_whole(solution: Solution) -> None:
 
 
 def test_each_node_says_its_factors_and_residuals(solution: Solution) -> None:
-    text = {node.name: node.text for node in only(solution).nodes}
+    text = {node.name: node.facts.details for node in only(solution).nodes}
     assert "3 projection factors: rms 0.58 px, largest 1.00 px, Phi = 0.667" in text["x0"]
     assert "fix 0 (line 3) at 0.03 s: rtk_fix, used" in text["x0"]
     assert "fix 0" in text["x1"]  # the factor acts on both frames around the fix
@@ -62,6 +62,22 @@ def test_each_node_says_its_factors_and_residuals(solution: Solution) -> None:
     assert "omega Psi = 0.0625" in text["gps1"]
     assert "acts between frames 1 and 2" in text["gps1"]
     assert "no term in the energy" in text["gps3"]
+
+
+def test_what_the_panel_shows_fits_a_line_of_it(solution: Solution) -> None:
+    facts = {node.name: node.facts for node in only(solution).nodes}
+    assert facts["x0"].factors == "3 video, 1 gps"
+    assert facts["x0"].residual == "rms 0.58 px"
+    assert facts["x3"].verdict == "bridged"
+    assert facts["gps1"].residual == "0.50 r, 0.50 h"
+    assert facts["gps1"].cost == "omega Psi 0.0625"
+    assert facts["gps1"].factors == "frames 1, 2"
+    assert facts["gps3"].factors == facts["gps3"].cost == "none"
+    assert facts["gps3"].verdict == "rejected"
+    assert facts["l0"].cost == "sigma_j 0.50 px"
+    assert all(
+        len(line) <= 28 for f in facts.values() for line in (f.what, f.factors, f.residual, f.cost, f.verdict)
+    )
 
 
 def test_nodes_have_the_colours_of_verdict_and_state(solution: Solution) -> None:

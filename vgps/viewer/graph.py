@@ -1,6 +1,7 @@
 """The factor graph around the time shown: poses, landmarks, GPS factors, each with its residuals in words."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -11,7 +12,7 @@ from vgps.viewer import colours
 from vgps.viewer.lookup import Lookup
 from vgps.viewer.measures import Sightings, judged
 from vgps.viewer.sheet import Sheet
-from vgps.viewer.words import fix_text, landmark_text, pose_text
+from vgps.viewer.words import Facts, fix_facts, landmark_facts, pose_facts
 
 GRAPH = "graph"
 MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 60, 60, 90
@@ -28,7 +29,7 @@ class Node:
     """A variable or a GPS factor: its name, what is said of it, its colour, and where it is drawn."""
 
     name: str
-    text: str
+    facts: Facts
     colour: colours.Colour
     place: tuple[float, float]
 
@@ -74,8 +75,13 @@ def log_graph(sheet: Sheet, solution: Solution, seen: Sightings) -> None:
                 labels=[node.name for node in graph.nodes],
             ),
             rr.GraphEdges(graph.edges, graph_type="undirected"),
-            rr.AnyValues(factors=[node.text for node in graph.nodes]),
+            rr.AnyValues(**_columns(graph)),
         )
+
+
+def _columns(graph: Graph) -> dict[str, Any]:
+    """The facts of all nodes, a list for each kind."""
+    return {item.name: [getattr(node.facts, item.name) for node in graph.nodes] for item in fields(Facts)}
 
 
 def factor_graphs(solution: Solution, seen: Sightings) -> list[tuple[IntArray, Graph]]:
@@ -170,7 +176,7 @@ def _pose_node(run: Lookup, frame: int, places: _Rows) -> Node:
     bridged = run.solution.state[frame] is FrameState.BRIDGED
     return Node(
         f"x{frame}",
-        pose_text(run.solution, frame, errors, float(run.phi[frame]), acting),
+        pose_facts(run.solution, frame, errors, float(run.phi[frame]), acting),
         colours.BRIDGED if bridged else colours.POSE,
         places.at(frame, 0.0),
     )
@@ -182,7 +188,7 @@ def _landmark_node(run: Lookup, landmark: int, k: int, frames: IntArray, places:
     red, green, blue = colours.green_to_red(sigma, colours.GOOD_SIGMA_PX, colours.BAD_SIGMA_PX)[0].tolist()
     return Node(
         f"l{landmark}",
-        landmark_text(run.solution, landmark, run.seen, rows),
+        landmark_facts(run.solution, landmark, run.seen, rows),
         (red, green, blue, 255),
         places.at(float(np.median(seen_in[np.isin(seen_in, frames)])), 1.2 + k % 3),
     )
@@ -193,7 +199,7 @@ def _fix_node(run: Lookup, row: int, k: int, places: _Rows) -> Node:
     frame = float(np.interp(log.t_s[row], run.solution.t_s, np.arange(len(run.solution.t_s))))
     return Node(
         f"gps{row}",
-        fix_text(run.solution, row, float(run.gps[row])),
+        fix_facts(run.solution, row, float(run.gps[row])),
         colours.of_fix(log.fix_class[row], table.verdict[row]),
         places.at(frame, -1.2 - k % 2),
     )

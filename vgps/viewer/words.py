@@ -1,5 +1,7 @@
 """What is said of frames, landmarks and fixes when they are selected."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
@@ -9,6 +11,27 @@ from vgps.viewer.measures import Sightings, judged
 _LISTED = 40  # residuals of a landmark that are spelt out
 
 
+@dataclass(frozen=True)
+class Facts:
+    """What the selection panel shows of a node, each short enough for a line of it.
+
+    Attributes:
+        what: Its name and time.
+        factors: How many act on it, or on which frames it acts.
+        residual: Theirs.
+        cost: Its term of the energy, or its weight in it.
+        verdict: What was made of it.
+        details: All of it at length; the panel shows its beginning, and the rest under the pointer.
+    """
+
+    what: str
+    factors: str
+    residual: str
+    cost: str
+    verdict: str
+    details: str
+
+
 def fix_title(solution: Solution, row: int) -> str:
     """A fix in a line: number, line of the log, time, class, verdict."""
     log, table = judged(solution)
@@ -16,7 +39,7 @@ def fix_title(solution: Solution, row: int) -> str:
     return f"{place}: {log.fix_class[row]}, {table.verdict[row]}"
 
 
-def fix_text(solution: Solution, row: int, term: float) -> str:
+def fix_facts(solution: Solution, row: int, term: float) -> Facts:
     """Everything about the factor of a fix."""
     log, table = judged(solution)
     east, north, up = table.residual_m[row]
@@ -24,20 +47,26 @@ def fix_text(solution: Solution, row: int, term: float) -> str:
     between = int(
         np.clip(np.searchsorted(solution.t_s, log.t_s[row], side="right") - 1, 0, len(solution.t_s) - 2)
     )
-    return "\n".join(
-        [
-            fix_title(solution, row),
-            table.reason[row],
-            f"residual, antenna minus fix: east {east:+.3f}, north {north:+.3f}, up {up:+.3f} m",
-            f"region: r {r_m:g} m, h {h_m:g} m",
-            f"residual over region: {np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h",
-            f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
-            f"acts between frames {between} and {between + 1}",
-        ]
+    over = f"{np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h"
+    details = [
+        fix_title(solution, row),
+        table.reason[row],
+        f"residual, antenna minus fix: east {east:+.3f}, north {north:+.3f}, up {up:+.3f} m",
+        f"region: r {r_m:g} m, h {h_m:g} m; residual over region: {over}",
+        f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
+        f"acts between frames {between} and {between + 1}",
+    ]
+    return Facts(
+        what=f"fix {row}, {log.t_s[row]:.2f} s, {log.fix_class[row]}",
+        factors=f"frames {between}, {between + 1}" if np.isfinite(term) else "none",
+        residual=over,
+        cost=f"omega Psi {term:.4g}" if np.isfinite(term) else "none",
+        verdict=str(table.verdict[row]),
+        details="\n".join(details),
     )
 
 
-def pose_text(solution: Solution, frame: int, errors_px: FloatArray, phi: float, fixes: list[int]) -> str:
+def pose_facts(solution: Solution, frame: int, errors_px: FloatArray, phi: float, fixes: list[int]) -> Facts:
     """Everything about the factors on the pose of a frame.
 
     Args:
@@ -56,18 +85,23 @@ def pose_text(solution: Solution, frame: int, errors_px: FloatArray, phi: float,
         + ", ".join(f"{name} {s:.3f}" for name, s in zip(("east", "north", "up"), sigma, strict=True))
         + " m",
     ]
+    rms = np.sqrt(np.mean(errors_px**2)) if len(errors_px) else np.nan
     if len(errors_px):
-        rms = np.sqrt(np.mean(errors_px**2))
         lines.append(
             f"{len(errors_px)} projection factors: rms {rms:.2f} px, largest {errors_px.max():.2f} px, "
             f"Phi = {phi:.3f}, Eq. (12)"
         )
-    else:
-        lines.append("no projection factors")
-    return "\n".join([*lines, *(fix_title(solution, row) for row in fixes)])
+    return Facts(
+        what=f"frame {frame}, {solution.t_s[frame]:.2f} s",
+        factors=f"{len(errors_px)} video, {len(fixes)} gps",
+        residual=f"rms {rms:.2f} px",
+        cost=f"Phi {phi:.3f}",
+        verdict=str(solution.state[frame]),
+        details="\n".join([*lines, *(fix_title(solution, row) for row in fixes)]),
+    )
 
 
-def landmark_text(solution: Solution, landmark: int, seen: Sightings, rows: IntArray) -> str:
+def landmark_facts(solution: Solution, landmark: int, seen: Sightings, rows: IntArray) -> Facts:
     """Everything about the factors on a landmark: ``rows`` are its rows of the sightings."""
     east, north, up = solution.landmarks.world_p_landmark[landmark]
     frames, errors = seen.frame[rows], seen.error_px[rows]
@@ -76,12 +110,19 @@ def landmark_text(solution: Solution, landmark: int, seen: Sightings, rows: IntA
         f"frame {frame}: u {u:+.2f}, v {v:+.2f} px" for frame, (u, v) in zip(frames, errors, strict=True)
     ]
     more = [f"and {len(residuals) - _LISTED} more"] if len(residuals) > _LISTED else []
-    return "\n".join(
-        [
-            f"landmark {landmark}: east {east:.3f}, north {north:.3f}, up {up:.3f} m",
-            f"{len(frames)} projection factors in frames {frames[0]} to {frames[-1]}: rms {rms:.2f} px",
-            f"sigma_j = {solution.landmarks.sigma_px[landmark]:.2f} px, Eq. (13)",
-            *residuals[:_LISTED],
-            *more,
-        ]
+    sigma_px = solution.landmarks.sigma_px[landmark]
+    details = [
+        f"landmark {landmark}: east {east:.3f}, north {north:.3f}, up {up:.3f} m",
+        f"{len(frames)} projection factors in frames {frames[0]} to {frames[-1]}: rms {rms:.2f} px",
+        f"sigma_j = {sigma_px:.2f} px, Eq. (13)",
+        *residuals[:_LISTED],
+        *more,
+    ]
+    return Facts(
+        what=f"landmark {landmark}",
+        factors=f"{len(frames)} in {frames[0]} to {frames[-1]}",
+        residual=f"rms {rms:.2f} px",
+        cost=f"sigma_j {sigma_px:.2f} px",
+        verdict="used",
+        details="\n".join(details),
     )
