@@ -8,7 +8,7 @@ from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.opening import DatabaseFile
 from vgps.landmarks.pool import LandmarkPool
 from vgps.landmarks.selection import corner_cosine, focal_px
-from vgps.model import Camera, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, IntArray
 
 _AROUND = """
 SELECT id FROM cell_box
@@ -23,7 +23,7 @@ class Region:
     """Landmarks of use within ``radius_m`` of a place to a camera of such optics.
 
     Attributes:
-        rows: (n,) of the pool, the most reliable landmark first.
+        rows: (n,) of the pool, the best prospect first.
         points: (3, n) a column each.
     """
 
@@ -57,10 +57,10 @@ def region_around(
         LandmarkDatabaseError: The file is damaged.
     """
     rows = pool.rows(_cells_around(centre, seen_by, file, config))
-    rows = rows[_may_suit(centre, pool.numbers[rows, :3], rows, seen_by, pool, config)]
-    rows = rows[np.argsort(pool.numbers[rows, 3], kind="stable")]
-    points = np.ascontiguousarray(pool.numbers[rows, :3].T)
-    return Region(centre, config.region_m, seen_by, rows, points)
+    suits, cost = _prospects(centre, rows, seen_by, pool, config)
+    rows, badness = rows[suits], (pool.numbers[rows, 3] * (1 + cost))[suits]
+    rows = rows[np.argsort(badness, kind="stable")]
+    return Region(centre, config.region_m, seen_by, rows, np.ascontiguousarray(pool.numbers[rows, :3].T))
 
 
 def _cells_around(
@@ -89,25 +89,33 @@ def _cells_around(
     return sorted(found)
 
 
-def _may_suit(
+def _prospects(
     centre: FloatArray,
-    points: FloatArray,
     rows: IntArray,
     seen_by: tuple[float, float, float | None],
     pool: LandmarkPool,
     config: SelectionConfig,
-) -> IntArray:
-    """Of landmarks (n, 3) those that were seen about so large and from about there."""
+) -> tuple[BoolArray, FloatArray]:
+    """Of landmarks (n,) whether they were seen about so large and from about there, and what that costs.
+
+    The cost is that of a view as near as the landmark's views reach, in direction and in scale.
+    """
     focal, cosine, _ = seen_by
-    to_camera = centre - points
-    distance = np.sqrt(np.einsum("ij,ij->i", to_camera, to_camera))
-    nearest = np.maximum(distance - config.region_m, 1e-9)
-    octaves = pool.octaves[rows]
-    suits = np.log2((distance + config.region_m) / focal) >= octaves[:, 0] - config.nearer_octaves - _ROUNDING
-    suits &= np.log2(nearest * cosine / focal) <= octaves[:, 1] + config.further_octaves + _ROUNDING
-    turned = np.arcsin(np.minimum(config.region_m / np.maximum(distance, 1e-9), 1.0))
-    limit = np.radians(config.max_view_angle_deg) + pool.slack_rad[rows] + turned + _ROUNDING
-    along = np.einsum("ij,ij->i", to_camera, pool.mean_direction[rows])
-    near = distance <= config.region_m
-    suits &= near | (along >= distance * np.cos(np.minimum(limit, np.pi)))
-    return np.flatnonzero(suits)
+    to_camera = centre - pool.numbers[rows, :3]
+    distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", to_camera, to_camera)), 1e-9)
+    least, most = pool.octaves[rows].T
+    nearest = np.log2(np.maximum(distance - config.region_m, 1e-9) * cosine / focal)
+    furthest = np.log2((distance + config.region_m) / focal)
+    suits = (furthest >= least - config.nearer_octaves - _ROUNDING) & (
+        nearest <= most + config.further_octaves + _ROUNDING
+    )
+    along = np.einsum("ij,ij->i", to_camera, pool.mean_direction[rows]) / distance
+    angle = np.arccos(np.clip(along, -1.0, 1.0)) - pool.slack_rad[rows]
+    turned = np.arcsin(np.minimum(config.region_m / distance, 1.0))
+    limit = np.radians(config.max_view_angle_deg) + turned + _ROUNDING
+    suits &= (angle <= limit) | (distance <= config.region_m)
+
+    here = np.log2(distance / focal)
+    octaves = np.maximum(0.0, np.maximum(least - here, here - most))
+    cost = (np.maximum(angle, 0.0) / np.radians(config.angle_unit_deg)) ** 2
+    return suits, cost + (octaves / config.octave_unit) ** 2
