@@ -47,6 +47,9 @@ class OnlineSmoother:
         config: Defaults if none is given.
         keep_all: Remember every sighting, for a result with stage D.
         source: What the result is said to be made from.
+
+    Attributes:
+        video_start_utc: UTC of the first frame, if it is known: the rig's, or what is set here.
     """
 
     def __init__(
@@ -70,6 +73,7 @@ class OnlineSmoother:
         self._estimate: OnlineEstimate | None = None
         self._refined = 0
         self._origin: GeodeticPoint | None = rig.world_origin
+        self.video_start_utc = rig.video_start_utc
 
     def add_fix(self, fix: Fix) -> bool:
         """A fix, of any time: late and out of order it lands at its own.
@@ -166,7 +170,7 @@ class OnlineSmoother:
         fed = Fed(
             self._source,
             self._camera,
-            self._rig,
+            replace(self._rig, video_start_utc=self.video_start_utc),
             self._config,
             self._origin,
             sequence,
@@ -184,7 +188,7 @@ class OnlineSmoother:
         video = PassedVideo(self._source, fed.sequence.t_s, self._camera.width, self._camera.height)
         samples = np.array(self._gyro).reshape(-1, 4)
         gyro = GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None
-        rig = replace(self._rig, world_origin=self._origin)
+        rig = replace(fed.rig, world_origin=self._origin)
         recording = Recording(self._source, video, self._camera, rig, log, gyro)
         fed.sequence.warnings[:] = self._warnings
         return FrontEnd(recording, self._origin, fed.sequence.ledger.fixes, NO_CONTROLS, fed.sequence)

@@ -108,7 +108,7 @@ def pose_live(
     gps = GpsSource(options.gps) if options.gps is not None else None
     smoother = OnlineSmoother(lens, rig, options.config, keep_all=options.finish, source=Path(video))
     stop, lines = threading.Event(), JsonLines(stream or sys.stdout)
-    feed = _timed(live_feed(source, gps, rig, stop, delay_s), lines, source, rig, delay_s)
+    feed = _timed(live_feed(source, gps, rig, stop, delay_s), lines, smoother, source, rig, delay_s)
     try:
         return _run(feed, smoother, lines, options, stop)
     finally:
@@ -118,12 +118,17 @@ def pose_live(
 
 
 def _timed(
-    feed: Iterable[Item], lines: JsonLines, source: VideoSource, rig: Rig, delay_s: float
+    feed: Iterable[Item],
+    lines: JsonLines,
+    smoother: OnlineSmoother,
+    source: VideoSource,
+    rig: Rig,
+    delay_s: float,
 ) -> Iterator[Item]:
-    """The same, while the lines learn the UTC of the first frame."""
+    """The same, while lines and result learn the UTC of the first frame."""
     for item in feed:
-        if lines.start_utc is None and source.start_unix_s:
-            lines.start_utc = start_utc(source, rig, delay_s)
+        if lines.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
+            lines.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
         yield item
 
 
