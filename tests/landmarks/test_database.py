@@ -76,6 +76,46 @@ def test_a_query_finds_what_looking_at_every_view_finds(tmp_path: Path, seed: in
                 np.testing.assert_array_equal(camera_p, expected[landmark])
 
 
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_what_was_looked_up_for_one_place_serves_those_around(tmp_path: Path, seed: int) -> None:
+    contents = random_contents(seed, landmarks=300, spread_m=8.0)
+    rng = np.random.default_rng(seed)
+    config = SelectionConfig(region_m=3.0)
+    with LandmarkDatabase.open(written(tmp_path, contents), config) as database:
+        pose = random_poses(rng, 1, 10.0)[0]
+        for camera, max_depth_m in [(CAMERA, 60.0)] * 6 + [(CAMERA, 9.0), (replace(CAMERA, fx=520.0), 9.0)]:
+            pose = pose.copy()
+            pose[:3, :3] = pose[:3, :3] @ random_poses(rng, 1)[0, :3, :3]
+            pose[:3, 3] += rng.normal(scale=1.0, size=3)
+            found = database.views(pose, camera, max_depth_m=max_depth_m)
+            expected = brute_force(contents.views, pose, camera, config, max_depth_m)
+            assert found.landmark.tolist() == sorted(expected)
+
+
+def test_of_two_equally_reliable_landmarks_the_one_seen_from_nearer_by_is_taken(tmp_path: Path) -> None:
+    contents = random_contents(8, landmarks=9000, max_views=1)
+    views = replace(contents.views, sigma_px=np.full(len(contents.views), 0.5))
+    pose = random_poses(np.random.default_rng(8), 1, 1.0)[0]
+    with LandmarkDatabase.open(written(tmp_path, replace(contents, views=views))) as database:
+        angle = {}
+        for count in (15, None):
+            found = database.views(pose, CAMERA, max_landmarks=count)
+            here, there = pose[:3, 3] - found.world_p_landmark, found.world_p_camera - found.world_p_landmark
+            cosine = (
+                np.sum(here * there, axis=1) / np.linalg.norm(here, axis=1) / np.linalg.norm(there, axis=1)
+            )
+            angle[count] = np.degrees(np.arccos(cosine))
+    assert len(angle[15]) == 15 < len(angle[None])
+    assert angle[15].mean() < angle[None].mean() - 3
+
+
+def test_an_unknown_pose_sees_nothing(tmp_path: Path) -> None:
+    with LandmarkDatabase.open(written(tmp_path, random_contents())) as database:
+        assert len(database.views(np.full((4, 4), np.nan), CAMERA)) == 0
+        assert len(database.views(np.full((4, 4), np.nan), CAMERA, max_landmarks=5)) == 0
+
+
 def test_the_brute_force_finds_something() -> None:
     contents = random_contents(4, landmarks=400)
     counts = [
