@@ -69,11 +69,12 @@ def test_what_the_panel_shows_fits_a_line_of_it(solution: Solution) -> None:
     assert facts["x0"].factors == "3 video, 1 gps"
     assert facts["x0"].residual == "rms 0.58 px"
     assert facts["x3"].verdict == "bridged"
-    assert facts["gps1"].residual == "0.50 r, 0.50 h"
-    assert facts["gps1"].cost == "omega Psi 0.0625"
+    assert facts["gps1"].residual == "-1.20 +0.00 +3.00 m"
+    assert facts["gps1"].cost == "0.50 r, 0.50 h: 0.062"
     assert facts["gps1"].factors == "frames 1, 2"
-    assert facts["gps3"].factors == facts["gps3"].cost == "none"
-    assert facts["gps3"].verdict == "rejected"
+    assert facts["gps3"].factors == "none"
+    assert facts["gps3"].cost == "300.00 r, 0.00 h"
+    assert facts["gps3"].verdict == "rtk_fix, rejected"
     assert facts["l0"].cost == "sigma_j 0.50 px"
     assert all(
         len(line) <= 28 for f in facts.values() for line in (f.what, f.factors, f.residual, f.cost, f.verdict)

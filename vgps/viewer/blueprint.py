@@ -24,7 +24,7 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
     Args:
         solution: The run; it says from where the scene is seen at first.
         has_map: Whether there is anything on the map.
-        for_picture: Leave out the menu.
+        for_picture: Leave out the menu and the panel that tells of what is selected.
     """
     tabs: list[rrb.View] = [_text_view(plots.SUMMARY, "Summary")]
     if has_map:
@@ -47,7 +47,7 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
         ),
         rrb.TopPanel(state="hidden" if for_picture else "expanded"),
         rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed" if for_picture else "expanded"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
         auto_views=False,
         auto_layout=False,

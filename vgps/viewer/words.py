@@ -18,8 +18,8 @@ class Facts:
     Attributes:
         what: Its name and time.
         factors: How many act on it, or on which frames it acts.
-        residual: Theirs.
-        cost: Its term of the energy, or its weight in it.
+        residual: Theirs; of a fix, antenna minus fix, east, north, up.
+        cost: Its term of the energy, or its weight in it; of a fix after the residual over its region.
         verdict: What was made of it.
         details: All of it at length; the panel shows its beginning, and the rest under the pointer.
     """
@@ -57,11 +57,11 @@ def fix_facts(solution: Solution, row: int, term: float) -> Facts:
         f"acts between frames {between} and {between + 1}",
     ]
     return Facts(
-        what=f"fix {row}, {log.t_s[row]:.2f} s, {log.fix_class[row]}",
+        what=f"fix {row}, {log.t_s[row]:.2f} s",
         factors=f"frames {between}, {between + 1}" if np.isfinite(term) else "none",
-        residual=over,
-        cost=f"omega Psi {term:.4g}" if np.isfinite(term) else "none",
-        verdict=str(table.verdict[row]),
+        residual=f"{east:+.2f} {north:+.2f} {up:+.2f} m",
+        cost=f"{over}: {term:.2g}" if np.isfinite(term) else over,
+        verdict=f"{log.fix_class[row]}, {table.verdict[row]}",
         details="\n".join(details),
     )
 
