@@ -11,7 +11,9 @@ from synthetic_bundle import ANTENNA, K, drive
 from factors import Cylinder, Gaussian, gps_factor, gps_factor_between, gps_factor_calibrating
 from vgps.errors import GeometryError
 from vgps.smoothing.bundle import BundleProblem, to_graph
+from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.graph import GraphResult, SolverSettings, optimise_graph, pose_marginals
+from vgps.smoothing.graph_reading import read_graph
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 POSE_NOISE = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))
@@ -124,6 +126,25 @@ def other_keys() -> Graph:
     return renamed, there
 
 
+def shuffled_keys(frames: int = 24) -> Graph:
+    """Pictures of no order: neighbours in time have keys far apart."""
+    problem, _ = drive(frames=frames, landmarks=6 * frames)
+    place = np.random.default_rng(1).permutation(frames)
+    graph, values = to_graph(replace(problem, pose_graph=gtsam.NonlinearFactorGraph()))
+    renamed, there = gtsam.NonlinearFactorGraph(), gtsam.Values(values)
+    names = {X(i): X(int(place[i])) for i in range(frames)}
+    for factor in map(graph.at, range(graph.size())):
+        renamed.push_back(factor.rekey([names.get(key, key) for key in list(factor.keys())]))
+    noise = gtsam.noiseModel.Isotropic.Sigma(3, 0.1)
+    loose = gtsam.noiseModel.Isotropic.Sigma(6, 1.0)
+    for i in range(frames):
+        pose = values.atPose3(X(i))
+        there.update(names[X(i)], pose)
+        renamed.push_back(gtsam.GPSFactor(names[X(i)], pose.translation(), noise))
+        renamed.push_back(gtsam.PriorFactorPose3(names[X(i)], pose, loose))
+    return renamed, there
+
+
 CASES: dict[str, Callable[[], Graph]] = {
     "plain": plain,
     "huber": huber,
@@ -134,6 +155,7 @@ CASES: dict[str, Callable[[], Graph]] = {
     "held": held,
     "known points": known_points,
     "other keys": other_keys,
+    "shuffled keys": shuffled_keys,
 }
 
 
@@ -163,6 +185,12 @@ def test_ends_where_gtsams_own_optimiser_ends(case: str) -> None:
     assert_same_poses(ours.values, theirs)
     assert sorted(ours.values.keys()) == sorted(values.keys())
     assert ours.error_after < (1.0 if case == "behind" else 0.5) * ours.error_before
+
+
+def test_keys_of_no_order_give_a_narrow_band() -> None:
+    narrow = structure_of(read_graph(*shuffled_keys(100)).problem).half_bandwidth
+    by_time = structure_of(drive(frames=100, landmarks=600)[0]).half_bandwidth
+    assert by_time < 200 and narrow < 1.3 * by_time
 
 
 def test_a_held_pose_stays_to_the_last_bit() -> None:
@@ -205,7 +233,7 @@ def test_a_lag_and_a_lever_arm_are_estimated_with_the_poses() -> None:
     assert_same_poses(ours.values, theirs)
 
 
-@pytest.mark.parametrize("case", ["plain", "huber", "fixes", "known points", "other keys"])
+@pytest.mark.parametrize("case", ["plain", "huber", "fixes", "known points", "other keys", "shuffled keys"])
 def test_marginals_are_gtsams(case: str) -> None:
     graph, values = CASES[case]()
     best = optimise_graph(graph, values, TIGHT).values

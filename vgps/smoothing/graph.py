@@ -57,7 +57,7 @@ def optimise_graph(
     with the landmarks first; ``why_gtsam`` says why.
 
     Args:
-        graph: Poses are ``Pose3``, world_T_camera; any keys. Those of poses follow time.
+        graph: Poses are ``Pose3``, world_T_camera; any keys.
         values: Start, for every variable of the graph; what the graph does not have stays as it is.
         settings: When to stop, how to damp, and how much the engine may take on.
 
@@ -105,6 +105,9 @@ def pose_marginals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> M
     try:
         bundle = read_graph(graph, values)
     except NotABundleError:
+        return _marginals_of_gtsam(graph, values)
+    limits = SolverSettings()
+    if not structure_of(bundle.problem).fits(limits.max_flops, limits.max_bytes):
         return _marginals_of_gtsam(graph, values)
     blocks = covariances(bundle.problem).poses
     return dict(zip(bundle.problem.keys.tolist(), blocks, strict=True))

@@ -1,16 +1,17 @@
 """A GTSAM factor graph read as a bundle problem: the projections as arrays, every other factor as it is."""
 
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import gtsam
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
-from vgps.smoothing.noise_reading import Noise, read_noise
+from vgps.smoothing.graph_sightings import Calibration, Sightings, sorted_out, usual, with_more
+from vgps.smoothing.noise_reading import Noise
 
 _MOST_SHARED = 300  # coordinates solved for beside the poses; they are a dense border of the matrix
 _SAME_COST = 1e-9  # relative: what was read costs what the graph does
@@ -20,23 +21,12 @@ class NotABundleError(Exception):
     """The graph is none that the engine solves; the message says why."""
 
 
-class _Projection(NamedTuple):
-    """A projection factor by its place in the graph, with what is easily read of it."""
-
-    place: int
-    pose: int
-    point: int
-    noise: Noise | None
-    K: tuple[float, float, float, float, float]
-    uv_px: FloatArray
-
-
 @dataclass(frozen=True)
 class GraphBundle:
     """A bundle problem and where it came from.
 
     Attributes:
-        problem: Its frames are the graph's poses in ascending order of their keys.
+        problem: Its frames are the graph's poses.
         landmark_keys: (L,).
         values: The graph's.
     """
@@ -74,69 +64,20 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
         NotABundleError: It is no bundle problem: few projections, variables that are neither poses nor
             vectors, hard constraints other than held poses, factors that are not least squares.
     """
-    projections, others = _sorted_out(graph)
-    if len(projections) <= len(others):
+    sightings, noises, cameras, others = sorted_out(graph)
+    if len(sightings.place) <= len(others):
         raise NotABundleError(
-            f"{len(projections)} projections among {len(projections) + len(others)} factors"
+            f"{len(sightings.place)} projections among {len(sightings.place) + len(others)} factors"
         )
-    usual = _usual(projections)
-    with_more = _points_with_more(graph, projections, usual, others)
-    arrays = [p for p in usual if p.point not in with_more]
-    if not arrays:
+    read = usual(sightings, noises, cameras)
+    read &= ~with_more(graph, sightings, read, others)
+    if not np.any(read):
         raise NotABundleError("no projection that can be read")
-    read = {p.place for p in arrays}
-    others = sorted([*others, *(p.place for p in projections if p.place not in read)])
+    others = sorted([*others, *sightings.place[~read].tolist()])
     pose_graph, held = _pose_graph(graph, others, values)
-    bundle = _bundle(arrays, pose_graph, held, values)
+    bundle = _bundle(sightings.only(read), noises, cameras, pose_graph, held, values)
     _check(bundle.problem, graph, values)
     return bundle
-
-
-def _sorted_out(graph: gtsam.NonlinearFactorGraph) -> tuple[list[_Projection], list[int]]:
-    projections, others = [], []
-    # GTSAM hands out one object for one model as long as it lives: each is read once
-    noises: dict[int, tuple[object, Noise | None]] = {}
-    cameras: dict[int, tuple[object, tuple[float, float, float, float, float]]] = {}
-    for place in range(graph.size()):
-        factor = graph.at(place)
-        if factor is None:
-            continue
-        if type(factor) is not gtsam.GenericProjectionFactorCal3_S2 or factor.throwCheirality():
-            others.append(place)
-            continue
-        model, K = factor.noiseModel(), factor.calibration()
-        if id(model) not in noises:
-            noises[id(model)] = model, read_noise(model)
-        if id(K) not in cameras:
-            cameras[id(K)] = K, (K.fx(), K.fy(), K.skew(), K.px(), K.py())
-        pose, point = factor.keys()
-        read = noises[id(model)][1], cameras[id(K)][1], factor.measured()
-        projections.append(_Projection(place, pose, point, *read))
-    return projections, others
-
-
-def _usual(projections: list[_Projection]) -> list[_Projection]:
-    """Those of one calibration without skew, and of no loss or the most frequent one."""
-    known = [(p, p.noise) for p in projections if p.noise is not None and p.K[2] == 0.0]
-    cameras = Counter(p.K for p, _ in known)
-    losses = Counter(noise.loss for _, noise in known if noise.loss != "none")
-    K = cameras.most_common(1)[0][0] if cameras else None
-    fitting = {"none", *(loss for loss, _ in losses.most_common(1))}
-    return [p for p, noise in known if p.K == K and noise.loss in fitting]
-
-
-def _points_with_more(
-    graph: gtsam.NonlinearFactorGraph,
-    projections: list[_Projection],
-    usual: list[_Projection],
-    others: list[int],
-) -> set[int]:
-    """Keys of landmarks that have other factors than readable projections, or two in one pose."""
-    read = {p.place for p in usual}
-    unread = [p.place for p in projections if p.place not in read]
-    twice = [pair for pair, times in Counter((p.pose, p.point) for p in usual).items() if times > 1]
-    touched = {key for place in (*others, *unread) for key in list(graph.at(place).keys())}
-    return {p.point for p in usual if p.point in touched} | {point for _, point in twice}
 
 
 def _pose_graph(
@@ -158,32 +99,64 @@ def _pose_graph(
 
 
 def _bundle(
-    arrays: list[_Projection], pose_graph: gtsam.NonlinearFactorGraph, held: set[int], values: gtsam.Values
+    sightings: Sightings,
+    noises: list[Noise | None],
+    cameras: list[Calibration],
+    pose_graph: gtsam.NonlinearFactorGraph,
+    held: set[int],
+    values: gtsam.Values,
 ) -> GraphBundle:
-    seen_from = {p.pose for p in arrays}
+    seen_from = set(np.unique(sightings.pose).tolist())
     more = {int(key) for key in pose_graph.keyVector()} - seen_from
     poses = seen_from | held | {key for key in more if is_pose(values, key)}
-    pose_keys = np.array(sorted(poses), dtype=np.int64)
-    landmark_keys, landmark = np.unique([p.point for p in arrays], return_inverse=True)
-    noises = [p.noise for p in arrays if p.noise is not None]
-    losses = {noise.loss for noise in noises} - {"none"}
-    fx, fy, _, cx, cy = arrays[0].K
+    in_order = np.array(sorted(poses), dtype=np.int64)
+    landmark_keys, landmark = np.unique(sightings.point, return_inverse=True)
+    frame = np.searchsorted(in_order, sightings.pose)
+    pose_keys, frame = _near_each_other(in_order, frame, landmark)
+    known = [noise or Noise(1.0, "none", np.inf) for noise in noises]  # of those read none is unknown
+    losses = {known[i].loss for i in np.unique(sightings.noise).tolist()} - {"none"}
+    fx, fy, _, cx, cy = cameras[int(sightings.camera[0])]
     problem = BundleProblem(
         K=(fx, fy, cx, cy),
         world_T_camera=np.stack([values.atPose3(key).matrix() for key in pose_keys.tolist()]),
         world_p_landmark=np.stack([values.atPoint3(key) for key in landmark_keys.tolist()]),
-        frame=np.searchsorted(pose_keys, np.array([p.pose for p in arrays])),
+        frame=frame,
         landmark=landmark,
-        uv_px=np.stack([p.uv_px for p in arrays]),
-        sigma_px=np.array([noise.sigma_px for noise in noises]),
+        uv_px=sightings.uv_px,
+        sigma_px=np.array([noise.sigma_px for noise in known])[sightings.noise],
         robust=losses.pop() if losses else "none",
-        robust_k=np.array([noise.k for noise in noises]),
+        robust_k=np.array([noise.k for noise in known])[sightings.noise],
         pose_graph=pose_graph,
         fixed=np.isin(pose_keys, np.array(sorted(held), dtype=np.int64)),
         shared=_vectors(values, more - poses),
         pose_keys=pose_keys,
     )
     return GraphBundle(problem, landmark_keys, values)
+
+
+def _near_each_other(pose_keys: IntArray, frame: IntArray, landmark: IntArray) -> tuple[IntArray, IntArray]:
+    """Keys and frames in an order that has the sightings of a landmark near each other.
+
+    That of the keys, unless reverse Cuthill and McKee's halves the frames between first and last sighting.
+    """
+    shape = int(landmark.max()) + 1, len(pose_keys)
+    seen = sparse.csr_array((np.ones(len(frame)), (landmark, frame)), shape=shape)
+    order = reverse_cuthill_mckee(sparse.csr_matrix(seen.T @ seen), symmetric_mode=True)
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    if 2 * _spans(place[frame], landmark) > _spans(frame, landmark):
+        return pose_keys, frame
+    return pose_keys[order], place[frame]
+
+
+def _spans(frame: IntArray, landmark: IntArray) -> int:
+    first, last = (
+        np.full(int(landmark.max()) + 1, np.iinfo(np.int64).max),
+        np.zeros(int(landmark.max()) + 1, int),
+    )
+    np.minimum.at(first, landmark, frame)
+    np.maximum.at(last, landmark, frame)
+    return int(np.sum(last - first))
 
 
 def is_pose(values: gtsam.Values, key: int) -> bool:
