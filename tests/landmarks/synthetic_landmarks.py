@@ -45,7 +45,7 @@ def random_contents(
         position_sigma_m=rng.uniform(0.01, 0.5, landmarks)[owner],
     )
     keys = tuple(_keyframe(rng, views, pose) for pose in random_poses(rng, keyframes))
-    return LandmarkContents(ORIGIN, views, keys, (Source("rec/wälk", "even", landmarks),))
+    return LandmarkContents(ORIGIN, views, keys, (Source("rec/wälk", "even", landmarks, '{"max_views":4}'),))
 
 
 def _keyframe(rng: np.random.Generator, views: LandmarkViews, pose: np.ndarray) -> Keyframe:

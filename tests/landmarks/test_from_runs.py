@@ -34,13 +34,15 @@ def vgps(monkeypatch, capsys, *words) -> tuple[int, str, str]:
 
 def test_build_and_info_say_the_same(monkeypatch, capsys, wall: WallRun, tmp_path: Path) -> None:
     out = tmp_path / "wall.vgps"
-    code, told, _ = vgps(monkeypatch, capsys, "build", wall.run, "--out", out, "--frames", "even")
+    words = ("build", wall.run, "--out", out, "--frames", "even", "--max-views", 3)
+    code, told, _ = vgps(monkeypatch, capsys, *words)
     assert code == 0
     assert vgps(monkeypatch, capsys, "info", out) == (0, told, "")
     found = database_info(out)
     for number in (found.landmarks, found.views, found.descriptors, found.sha256):
         assert str(number) in told
-    assert f"even frames, {found.landmarks} landmarks" in told
+    assert f"even frames, {found.landmarks} landmarks, max_views 3" in told
+    assert found.landmarks < found.views <= 3 * found.landmarks
     with LandmarkDatabase.open(out) as database:
         points = database.all_views().world_p_landmark
         assert found.keyframes == len(database.keyframes()) == 3
@@ -82,6 +84,7 @@ def test_mistakes_are_one_line(monkeypatch, capsys, wall: WallRun, tmp_path: Pat
         (("build", "--out", out), "no run is given"),
         (("build", tmp_path / "no", "--out", out), "is no folder"),
         (("build", wall.run, "--out", tmp_path), "is a folder"),
+        (("build", wall.run, "--out", out, "--levels", 9), "less than or equal to 6"),
         (("info", tmp_path / "no.vgps"), "no such file"),
         (("info", wall.run / "poses.tum"), "is no SQLite database"),
     ):

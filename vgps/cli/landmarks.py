@@ -1,23 +1,31 @@
 """Verbs about landmark databases."""
 
 from pathlib import Path
+from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 from rich.console import Console
 from rich.table import Table
 
 from vgps.cli.app import app
-from vgps.landmarks.build_settings import Frames
+from vgps.landmarks.build_settings import Frames, LandmarksConfig
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.from_runs import DatabaseInfo, build_from_runs, database_info
 from vgps.progress import TerminalProgress
 
 landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localise other cameras by.")
 app.command(landmarks)
+_DEFAULTS = LandmarksConfig()
 
 
 @landmarks.command
-def build(*runs: Path, out: Path, frames: Frames = "all", recording: Path | None = None) -> None:
+def build(
+    *runs: Path,
+    out: Path,
+    frames: Frames = "all",
+    recording: Path | None = None,
+    settings: Annotated[LandmarksConfig, Parameter(name="*")] = _DEFAULTS,
+) -> None:
     """Make a landmark database from one or several runs.
 
     Args:
@@ -26,8 +34,9 @@ def build(*runs: Path, out: Path, frames: Frames = "all", recording: Path | None
         frames: Which frames of the video give templates: all, even or odd. The landmarks' positions are
             those of the whole run in any case.
         recording: Folder of the recording, where it has moved since the run.
+        settings: Which landmarks are known well enough, and what is kept of them.
     """
-    contents = build_from_runs(runs, frames, recording=recording, track=TerminalProgress().track)
+    contents = build_from_runs(runs, frames, settings, recording, track=TerminalProgress().track)
     write_database(contents, out)
     Console().print(_as_table(database_info(out)))
 
@@ -57,7 +66,11 @@ def _as_table(found: DatabaseInfo) -> Table:
     for axis, least, greatest in zip(("east", "north", "up"), *found.extent_m.tolist(), strict=True):
         table.add_row(axis, f"{least:.1f} to {greatest:.1f} m")
     for source in found.sources:
-        table.add_row(f"from {source.recording}", f"{source.frames} frames, {source.landmarks} landmarks")
+        given = LandmarksConfig.model_validate_json(source.settings).model_dump(exclude_defaults=True)
+        changed = "".join(f", {name} {value}" for name, value in given.items())
+        table.add_row(
+            f"from {source.recording}", f"{source.frames} frames, {source.landmarks} landmarks{changed}"
+        )
     table.add_row("size", f"{found.file_bytes / 2**20:.1f} MB")
     table.add_row("SHA-256", found.sha256)
     return table

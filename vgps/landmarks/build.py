@@ -70,7 +70,8 @@ def build_database(
         if frame.index in keys:
             keyframes.append(_keyframe(frame, solution, keyed, config))
     views = _views(solution, chosen, sigma_m, templates)
-    source = Source(str(recording.path), frames, len(np.unique(views.landmark)))
+    count = len(np.unique(views.landmark))
+    source = Source(str(recording.path), frames, count, config.model_dump_json())
     return LandmarkContents(solution.world_origin, views, tuple(keyframes), (source,))
 
 

@@ -28,11 +28,11 @@ class LandmarksConfig(BaseModel):
     max_error_px: PositiveFloat = 3.0
     """Sightings that miss their landmark's projection by more give no view."""
     angle_unit_deg: PositiveFloat = 10.0
-    """Views are spread in direction, in this unit,"""
+    """Views of a landmark are spread: so far apart in direction counts as one,"""
     octave_unit: PositiveFloat = 0.5
-    """and in scale, in this one."""
+    """and so many doublings of its size in the image as much."""
     least_difference: NonNegativeFloat = 0.1
-    """A view that differs from another by no more, in these units, is not kept."""
+    """A view that differs from another by no more than this count is not kept."""
     keyframe_every: PositiveInt = 10
     """A keyframe for re-initialisation every so many frames of the video."""
     keyframe_reach_px: PositiveFloat = 4.0

@@ -30,11 +30,19 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class Source:
-    """A run that a database was made from: its recording, which frames gave templates, landmarks it gave."""
+    """A run that a database was made from.
+
+    Attributes:
+        recording: Of the run.
+        frames: Which of its frames gave templates: all, even or odd.
+        landmarks: How many it gave.
+        settings: The :class:`vgps.landmarks.build_settings.LandmarksConfig`, as JSON.
+    """
 
     recording: str
     frames: str
     landmarks: int
+    settings: str
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.opening import DatabaseFile
 from vgps.landmarks.pool import LandmarkPool, TemplateCache
 from vgps.landmarks.region import Region, optics, region_around
-from vgps.landmarks.schema import KEYFRAME_COLUMNS, decode_keyframe
+from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
 from vgps.landmarks.selection import Candidates, best_views, in_image, spread
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, IntArray
@@ -121,7 +121,7 @@ class LandmarkDatabase:
 
     def sources(self) -> tuple[Source, ...]:
         """The runs that it was made from."""
-        rows = self._file.rows("SELECT recording, frames, landmarks FROM source ORDER BY id")
+        rows = self._file.rows(f"SELECT {SOURCE_COLUMNS} FROM source ORDER BY id")
         return tuple(Source(*row) for row in rows)
 
     def contents(self) -> LandmarkContents:

@@ -63,7 +63,8 @@ def _fill(connection: sqlite3.Connection, contents: LandmarkContents) -> None:
             _insert(connection, "template", (row, check_sum(raw), raw))
         landmarks, views = landmarks + len(cell.landmark), views + len(templates)
     for number, source in enumerate(contents.sources, start=1):
-        _insert(connection, "source", (number, source.recording, source.frames, source.landmarks))
+        values = (source.recording, source.frames, source.landmarks, source.settings)
+        _insert(connection, "source", (number, *values))
     for number, keyframe in enumerate(contents.keyframes, start=1):
         _insert(connection, "keyframe", (number, *encode_keyframe(keyframe)))
     _insert(connection, "meta", (*_meta(contents), ""))

@@ -25,7 +25,9 @@ CREATE TABLE meta (
     landmarks INTEGER NOT NULL, views INTEGER NOT NULL, finest_m REAL NOT NULL, coarsest_m REAL NOT NULL,
     digest TEXT NOT NULL
 );
-CREATE TABLE source (id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER);
+CREATE TABLE source (
+    id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER, settings TEXT
+);
 CREATE TABLE cell (
     id INTEGER PRIMARY KEY, first_landmark INTEGER, first_view INTEGER,
     landmark BLOB, numbers BLOB, views BLOB, view_numbers BLOB, check_sum INTEGER
@@ -40,6 +42,7 @@ CREATE TABLE keyframe (
 );
 """
 CELL_COLUMNS = "landmark, numbers, views, view_numbers, check_sum"
+SOURCE_COLUMNS = "recording, frames, landmarks, settings"
 KEYFRAME_COLUMNS = "world_T_camera, landmark, points, descriptors, width, height, thumbnail"
 
 META_COLUMNS = (
