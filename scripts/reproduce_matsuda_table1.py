@@ -10,6 +10,7 @@ and table1.png.
 import argparse
 import csv
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +35,7 @@ from vgps.threads import one_blas_thread
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-PAPER = {"estimator": "frame", "blur": "interval"}
+PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
 METHODS: dict[str, dict[str, object]] = {
     "Matsuda 2007 (A)-(E)": PAPER,
     "(1) selected by the last pose": PAPER | {"select": "last_pose"},
@@ -68,10 +69,11 @@ class Errors:
         )
 
 
-def run(recording: Recording, database: LandmarkDatabase, config: TrackConfig) -> list[TrackedFrame]:
+def run(place: Path, landmarks: Path, changes: dict[str, object]) -> list[TrackedFrame]:
     """Track every frame, as it comes."""
-    localiser = Localiser(recording, database, config)
-    with one_blas_thread():
+    recording, config = open_recording(place, with_gps=False), TrackConfig.model_validate(changes)
+    with one_blas_thread(), LandmarkDatabase.open(landmarks, config.selection) as database:
+        localiser = Localiser(recording, database, config)
         return [localiser.add(frame.t_s, localiser.undistort(frame.gray)) for frame in frames_of(recording)]
 
 
@@ -202,11 +204,12 @@ def main() -> None:
     with LandmarkDatabase.open(given.landmarks, TrackConfig().selection) as database:
         if recording.rig.world_origin is not None and database.world_origin is not None:
             truth = in_world(truth, recording.rig.world_origin, database.world_origin)
-        for name, changes in METHODS.items():
-            frames = run(recording, database, TrackConfig.model_validate(changes))
-            found[name] = errors_of(frames, truth.world_T_camera)
-            lines.append(found[name].row(name, counted))
-            print(lines[-1], flush=True)
+        with ProcessPoolExecutor(2) as pool:
+            places = [given.recording] * len(METHODS), [given.landmarks] * len(METHODS)
+            for name, frames in zip(METHODS, pool.map(run, *places, METHODS.values()), strict=True):
+                found[name] = errors_of(frames, truth.world_T_camera)
+                lines.append(found[name].row(name, counted))
+                print(lines[-1], flush=True)
         blur = correlations(recording, database, found["graph (default)"].frames, counted)
     lines.append(
         f"\nmedian correlation without and with blur: {np.median(blur[0]):.2f}, {np.median(blur[1]):.2f}"

@@ -81,7 +81,11 @@ def test_lost_for_long_it_finds_itself_by_descriptors(database):
     recording = recording_of(WallVideo(14, black=tuple(range(3, 10))))
     localiser = Localiser(recording, database, config)
     frames = [localiser.add(f.t_s, localiser.undistort(f.gray)) for f in recording.video.frames()]
-    assert [frame.recovered for frame in frames] == [i in {0, 10} for i in range(14)]
+    # a vain try is followed by a pause of a quarter of a second
+    start, again = (i for i, frame in enumerate(frames) if frame.recovered)
+    assert start == 0
+    assert again in {10, 11, 12}
+    assert all(frame.tracked for frame in frames[again:])
     assert not any(frame.tracked for frame in frames[3:10])
 
 

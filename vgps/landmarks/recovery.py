@@ -12,8 +12,8 @@ from vgps.landmarks.pose import pose_from_matches
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.model import BoolArray, FloatArray, GrayImage, IntArray
 
-Describe = Callable[[GrayImage], tuple[FloatArray, npt.NDArray[np.uint8]]]
-"""Features of an image: positions (N, 2) and descriptors (N, D)."""
+Describe = Callable[[GrayImage, int], tuple[FloatArray, npt.NDArray[np.uint8]]]
+"""The strongest so many features of an image: positions (N, 2) and descriptors (N, D)."""
 
 _NEIGHBOURS = 6  # a landmark is in several keyframes; the next other one must be among these
 
@@ -53,7 +53,9 @@ class DescriptorRecovery:
 
     def _match(self, image: Float32Array) -> tuple[FloatArray, IntArray, FloatArray]:
         """Features of the image with the one landmark that looks like them."""
-        uv, descriptors = self._describe(np.clip(image, 0, 255).astype(np.uint8))
+        uv, descriptors = self._describe(
+            np.clip(image, 0, 255).astype(np.uint8), self._config.recovery_features
+        )
         if self._descriptors is None or len(self._descriptors) < _NEIGHBOURS or len(uv) == 0:
             return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 3))
         neighbours = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, self._descriptors, k=_NEIGHBOURS)
@@ -73,6 +75,8 @@ class DescriptorRecovery:
 
     def _pose(self, points: FloatArray, uv: FloatArray) -> tuple[int, FloatArray] | None:
         config = self._config
+        if len(points) < config.min_inliers:
+            return None
         pose = pose_from_matches(
             self._K,
             points,

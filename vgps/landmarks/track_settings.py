@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from vgps.landmarks.build_settings import SelectionConfig
 
@@ -54,6 +54,10 @@ class TrackConfig(BaseModel):
     refine_window_px: PositiveInt = 3
     """Half side of the second search, around the first pose; it finds what the first missed."""
 
+    recovery_pause_s: NonNegativeFloat = 0.25
+    """So long after a vain try by descriptors the next one waits: it costs as much as several frames."""
+    recovery_features: PositiveInt = 1500
+    """Features of a frame that are compared with those of the keyframes."""
     recovery_candidates: PositiveInt = 3
     """Poses from descriptors that are searched around."""
     recovery_window_px: PositiveInt = 16

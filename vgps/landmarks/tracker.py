@@ -98,6 +98,7 @@ class LandmarkTracker:
         self._K, self._views, self._turns = K, views, turns
         self._estimator, self._recovery = estimator, recovery
         self._exposure_s, self._config = exposure_s, config
+        self._recover_from_s = -np.inf
 
     def add(self, t_s: float, image: Float32Array) -> TrackedFrame:
         """Track the next frame.
@@ -112,7 +113,10 @@ class LandmarkTracker:
                 found = self._follow(t_s, image, motion, widen)
                 if found.pose is not None:
                     return self._accept(t_s, found.pose, found, anew=False)
-        found = self._recover(t_s, image)
+        found = Found(None, NOTHING_SEEN, 0, 0.0)
+        if t_s >= self._recover_from_s:
+            found = self._recover(t_s, image)
+            self._recover_from_s = t_s + self._config.recovery_pause_s
         if found.pose is not None:
             return self._accept(t_s, found.pose, found, anew=True)
         nowhere = np.full((4, 4), np.nan)
@@ -121,6 +125,7 @@ class LandmarkTracker:
         return TrackedFrame(t_s, pose, unknown, False, False, NOTHING_SEEN, found.sought, found.correlation)
 
     def _accept(self, t_s: float, pose: PoseEstimate, found: Found, *, anew: bool) -> TrackedFrame:
+        self._recover_from_s = -np.inf
         final = self._estimator.add(t_s, pose, found.sightings, anew=anew)
         seen = found.sightings.take(final.inlier)
         return TrackedFrame(
@@ -148,8 +153,9 @@ class LandmarkTracker:
             views = self._views(pose, config.max_landmarks)
             radius = np.full(len(views), float(config.recovery_window_px))
             found = self._search(t_s, image, motion, pose, views, radius)
-            if found.pose is not None and len(found.sightings) > len(best.sightings):
+            if found.pose is not None:
                 best = self._closer(t_s, image, motion, found)
+                break
         return best
 
     def _closer(self, t_s: float, image: Float32Array, motion: Motion, found: Found) -> Found:
