@@ -51,3 +51,14 @@ def test_news_are_fixes_within_the_last_interval_or_late_ones_once():
     unusable = replace(rows_of(fixes, [2]), used=np.array([False]))
     ledger.add(unusable, now_s=t_s)
     assert not ledger.news(t_s, t_s + 0.1)
+
+
+def test_after_forgetting_few_fixes_do_not_change_the_clock():
+    _, poses, t_s, fixes = scene()
+    lagging = replace(fixes, t_s=fixes.t_s + 0.7)
+    ledger = FixLedger(lagging, ANTENNA, Config())
+    ledger.settle_lag(poses, t_s)
+    before = ledger.sensors.lag_s
+    ledger.forget(float(lagging.t_s[5]))
+    ledger.settle_lag(poses[20:], t_s[20:])
+    assert ledger.sensors.lag_s == before

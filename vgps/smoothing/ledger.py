@@ -9,6 +9,8 @@ from vgps.smoothing.judging import Judgement, judge_on_path, judges
 from vgps.smoothing.lag import settle_lag
 from vgps.smoothing.sensors import Sensors
 
+_MANY = 30  # fixes that may change what is believed of the clock
+
 
 class FixLedger:
     """All fixes so far, in order of time however they came.
@@ -66,10 +68,14 @@ class FixLedger:
     def settle_lag(self, poses: FloatArray, t_s: FloatArray) -> None:
         """The clock's lag as the path (F, 4, 4) at ``t_s`` (F,) shows it; the window would bend to it.
 
-        Once what showed the lag has been forgotten, what was found by it is what is believed.
+        Once what showed the lag has been forgotten, what was found by it is what is believed, until many
+        fixes say otherwise: a few, as after an outage, agree with some lag by chance.
         """
         config = self._config.sensors
         if self._forgot:
+            inside = self.fixes.used & (self.fixes.t_s >= t_s[0]) & (self.fixes.t_s <= t_s[-1])
+            if inside.sum() < _MANY:
+                return
             config = config.model_copy(update={"lag_s": self.sensors.lag_s})
         believed = self.judgement.applied(self.fixes)
         self.sensors, _ = settle_lag(self.sensors, poses, t_s, believed, config)
