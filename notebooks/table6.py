@@ -146,7 +146,7 @@ shares.set(ylabel="ratio of mean errors", ylim=(0, None), title="dots: walks; do
 plt.show()
 
 # %% [markdown]
-# Both claims hold: over three walks the regions leave a third of C's error, on single walks between 0.17
+# Both claims hold: over three walks the regions leave a third of C's error, on single walks between 0.15
 # and 0.68, and cylinder and ellipsoid cannot be told apart. Three walks are few: the error of RTK-float on
 # a walk is little more than one draw.
 #
