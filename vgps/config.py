@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
 
 from vgps.errors import ConfigError
-from vgps.model import FixClass
+from vgps.model import FixClass, FloatArray
 
 Settings = TypeVar("Settings", bound=BaseModel)
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
@@ -203,6 +204,29 @@ class BatchConfig(_Stage):
     """Draws of all errors behind the standard deviations, known to 1 / sqrt(2 draws) of themselves."""
 
 
+class IntrinsicsConfig(_Stage):
+    """The camera's calibration, refined with the poses in stage D."""
+
+    refine: bool = False
+    """Whether it is: for calibrations that are only roughly known."""
+    focal_sigma: PositiveFloat = 0.05
+    """Standard deviation of the focal length as it is given, as a share of it."""
+    centre_sigma_px: PositiveFloat = 5.0
+    """The same for the principal point."""
+    distortion_sigma: PositiveFloat = 0.02
+    """The same for the first two coefficients of the lens model, where it has any."""
+    steps: PositiveInt = 8
+    """At most so many turns between poses and calibration."""
+    settled_sigmas: PositiveFloat = 0.5
+    """It ends once a turn changes every number by less than this share of its standard deviation."""
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(5,) of focal length, cx, cy, k1, k2."""
+        rest = [self.centre_sigma_px] * 2 + [self.distortion_sigma] * 2
+        return np.array([self.focal_sigma, *rest])
+
+
 class Region(_Stage):
     """The cylinder of a fix class: radius and half height, metres; 95 % of its fixes lie within each."""
 
@@ -307,6 +331,7 @@ class Config(_Stage):
     drift: DriftConfig = DriftConfig()
     judge: JudgeConfig = JudgeConfig()
     sensors: SensorsConfig = SensorsConfig()
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     gps: GpsConfig = GpsConfig()
     online: OnlineConfig = OnlineConfig()

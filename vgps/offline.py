@@ -1,7 +1,7 @@
 """The main job: stages A to C over the whole video, then D over everything."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,8 +13,10 @@ from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.seconds import Seconds
 from vgps.sequence import Sequence
+from vgps.smoothing.assembly import Scene
 from vgps.smoothing.batch import Smoothed, optimise_batch
 from vgps.smoothing.fixes import Fixes, fixes_in_world, place
+from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.regions import region_sizes
 from vgps.smoothing.verdicts import fix_table
@@ -111,12 +113,28 @@ def optimise_all(front: FrontEnd, config: Config) -> Solution:
         sensors = sequence.sensors
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls, sensors.lag_s)
         held = None if len(front.controls.frame) else _held_frames(joined, config)
-        smoothed = optimise_batch(
-            joined.scene, recording.camera.K, fixes, sensors, config, held, joined.judgement
-        )
+
+        def optimise(scene: Scene, K: FloatArray) -> Smoothed:
+            return optimise_batch(scene, K, fixes, sensors, config, held, joined.judgement)
+
+        if config.intrinsics.refine:
+            smoothed, refined = refine_camera(joined.scene, recording.camera, optimise, config.intrinsics)
+        else:
+            smoothed, refined = optimise(joined.scene, recording.camera.K), None
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
     warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
-    return _solution(recording, config, front.origin, fixes, joined, smoothed, sequence.seconds, warnings)
+    solution = _solution(recording, config, front.origin, fixes, joined, smoothed, sequence.seconds, warnings)
+    return solution if refined is None else _with_camera(solution, refined)
+
+
+def _with_camera(solution: Solution, refined: RefinedCamera) -> Solution:
+    """With the calibration that was estimated, and word of it."""
+    return replace(
+        solution,
+        camera=refined.camera,
+        sensors=replace(solution.sensors, camera_sigma=refined.sigma),
+        warnings=(*solution.warnings, refined.note(solution.camera)),
+    )
 
 
 def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:

@@ -4,7 +4,7 @@ Frames, times and names as in :mod:`vgps.model`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -94,17 +94,20 @@ class FixTable:
 
 @dataclass(frozen=True)
 class SensorReport:
-    """What was found of the GPS's clock and lever arm.
+    """What was found of the GPS's clock and lever arm, and of the camera's calibration.
 
     Attributes:
         lag_s: Positions were taken to be this much older than their time stamps; and its standard deviation
             ``lag_sigma_s``, NaN where it was not estimated.
         antenna_sigma_m: (3,) standard deviations of the lever arm, NaN where it was not estimated.
+        camera_sigma: Standard deviations of the calibration by name, ``focal`` as a share of fx and fy; empty
+            where it was not refined.
     """
 
     lag_s: float
     lag_sigma_s: float
     antenna_sigma_m: tuple[float, float, float]
+    camera_sigma: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

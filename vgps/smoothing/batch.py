@@ -43,6 +43,7 @@ class Smoothed:
         lag_sigma_s: (1,), ``antenna_sigma_m`` (3,): their standard deviations, NaN where not estimated.
         report: Cost per term before and after, iterations, why it stopped.
         warnings: In words.
+        problem: What was solved last, at its end.
     """
 
     poses: FloatArray
@@ -56,6 +57,7 @@ class Smoothed:
     antenna_sigma_m: FloatArray
     report: SolverReport
     warnings: tuple[str, ...]
+    problem: BundleProblem
 
 
 def optimise_batch(
@@ -135,6 +137,7 @@ def optimise_batch(
         _sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report,
         (*remark, *warnings, *doubts),
+        after,
     )
 
 

@@ -1,0 +1,65 @@
+"""A calibration that is wrong is put right with the poses; what is believed of it counts."""
+
+import numpy as np
+import pytest
+from synthetic_bundle import ANTENNA, K
+from synthetic_map import away, map_of, scene
+
+from vgps.camera import distort, undistort
+from vgps.config import BatchConfig, Config, IntrinsicsConfig, SensorsConfig
+from vgps.model import Camera
+from vgps.smoothing.assembly import scene_of_map
+from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
+from vgps.smoothing.sensors import Sensors
+
+CONFIG = Config(sensors=SensorsConfig(estimate_lag="no"), batch=BatchConfig(video_sigma_scale=4.0))
+TRUE = Camera("pinhole", 640, 480, *K)
+LENS = Camera("opencv", 640, 480, *K, distortion=(-0.2, 0.05, 0.0, 0.0))
+
+
+def refined(camera, wrong, **believed):
+    """Stage D with a calibration that is wrong by ``wrong``, and where it ends."""
+    problem, poses, t_s, fixes = scene(disturbed=0.1)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), t_s, 0)
+    start = _changed(camera, np.array(wrong))
+
+    def optimise(scene, matrix):
+        return optimise_batch(scene, matrix, fixes, Sensors.known(ANTENNA), CONFIG)
+
+    settings = IntrinsicsConfig(refine=True, **believed)
+    smoothed, found = refine_camera(_seen_by(start, camera, made), start, optimise, settings)
+    return away(smoothed.poses, poses), start, found
+
+
+def test_a_wrong_focal_length_and_centre_are_found_within_their_sigmas():
+    error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0])
+    camera, sigma = found.camera, found.sigma
+    assert found.settled and error_m < 0.05
+    assert abs(np.log(camera.fx / TRUE.fx)) < min(4 * sigma["focal"], 0.015)
+    assert abs(camera.cx - TRUE.cx) < 4 * sigma["cx"] and abs(camera.cy - TRUE.cy) < 4 * sigma["cy"]
+    assert camera.fx / camera.fy == pytest.approx(TRUE.fx / TRUE.fy)
+    assert found.note(start).startswith("the calibration was refined: fx 515.2 -> ")
+
+
+def test_lens_coefficients_end_where_they_should_whatever_they_began_with():
+    ends = [refined(LENS, [0.0, 0.0, 0.0, wrong, 0.0], distortion_sigma=0.5)[2] for wrong in (0.04, 0.1)]
+    found, other = (np.array(end.camera.distortion[:2]) for end in ends)
+    sigma = np.array([ends[0].sigma["k1"], ends[0].sigma["k2"]])
+    assert np.all(np.abs(found - LENS.distortion[:2]) < 3 * sigma) and np.all(sigma < 0.05)
+    assert np.all(np.abs(found - other) < sigma)
+
+
+def test_what_is_firmly_believed_hardly_moves():
+    _, start, found = refined(TRUE, [0.03, 0.0, 0.0], focal_sigma=1e-6, centre_sigma_px=1e-3)
+    assert found.camera.fx == pytest.approx(start.fx, rel=1e-4)
+    assert found.sigma["focal"] <= 1e-6
+
+
+def test_sightings_go_through_the_old_lens_into_the_new():
+    problem, poses, t_s, _ = scene(frames=12)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), t_s, 0)
+    other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
+    seen = _seen_by(other, LENS, made).observations.uv_px
+    np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
+    np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)

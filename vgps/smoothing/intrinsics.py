@@ -1,0 +1,188 @@
+"""The camera's calibration refined with the poses, on request: where stage D and the calibration take turns.
+
+Stage D is solved for poses and landmarks with the calibration held; then a Gauss-Newton step in the
+calibration is taken in which poses and landmarks follow, as far as the linearised optimum says; and so on
+until the steps are small against their standard deviations.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+
+from vgps.camera import distort, undistort
+from vgps.config import IntrinsicsConfig
+from vgps.model import Camera, FloatArray
+from vgps.smoothing.assembly import Scene
+from vgps.smoothing.batch import Smoothed
+from vgps.smoothing.bundle import BundleProblem, all_pose_values, camera_points, residuals, robust_weight
+from vgps.smoothing.elimination import structure_of
+from vgps.smoothing.normal import LinearChunk, factor_points, linearize, point_steps
+from vgps.smoothing.schur import factorised
+from vgps.solution import Observations
+
+_NAMES = ("focal", "cx", "cy", "k1", "k2")
+_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that give the Jacobian
+
+
+@dataclass(frozen=True)
+class RefinedCamera:
+    """A calibration that was estimated.
+
+    Attributes:
+        camera: The lens model of the one given, with other numbers.
+        sigma: Standard deviations by name: ``focal`` (relative, of fx and fy together), ``cx``, ``cy`` [px],
+            and where the lens has them ``k1``, ``k2``.
+        steps: Taken.
+        settled: Whether the last step was small against its standard deviations.
+    """
+
+    camera: Camera
+    sigma: Mapping[str, float]
+    steps: int
+    settled: bool
+
+    def note(self, given: Camera) -> str:
+        """What was changed, in words."""
+        found = self.camera
+        words = (
+            f"the calibration was refined: fx {given.fx:.1f} -> {found.fx:.1f} px "
+            f"(sigma {found.fx * self.sigma['focal']:.1f}), centre {given.cx:.1f}, {given.cy:.1f} -> "
+            f"{found.cx:.1f}, {found.cy:.1f} px (sigma {self.sigma['cx']:.1f}, {self.sigma['cy']:.1f})"
+        )
+        for k, name in enumerate(name for name in ("k1", "k2") if name in self.sigma):
+            was, now = given.distortion[k], found.distortion[k]
+            words += f", {name} {was:.4f} -> {now:.4f} (sigma {self.sigma[name]:.4f})"
+        return words if self.settled else f"{words}; it had not settled after {self.steps} turns"
+
+
+def refine_camera(
+    scene: Scene, camera: Camera, optimise: Callable[[Scene, FloatArray], Smoothed], config: IntrinsicsConfig
+) -> tuple[Smoothed, RefinedCamera]:
+    """Stage D with the calibration as an unknown.
+
+    Args:
+        scene: As for stage D, sightings undistorted by ``camera``.
+        camera: The calibration to begin with, and what is believed of it.
+        optimise: Stage D, of a scene and the (3, 3) K of its sightings.
+        config: How firmly it is believed, and when to stop.
+    """
+    given, smoothed, turn, settled = camera, optimise(scene, camera.K), 0, False
+    while turn < config.steps and not settled:
+        turn += 1
+        delta, sigma, following = _step(smoothed.problem, camera, given, config)
+        moved = _changed(camera, delta)
+        scene = _seen_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
+        camera = moved
+        smoothed = optimise(scene, camera.K)
+        settled = bool(np.all(np.abs(delta) < config.settled_sigmas * sigma))
+    return smoothed, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), turn, settled)
+
+
+def _changed(camera: Camera, delta: FloatArray) -> Camera:
+    """The camera with its logarithmic focal length, principal point and first coefficients moved."""
+    scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
+    coefficients[: len(delta) - 3] += delta[3:]
+    return replace(
+        camera,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
+        cx=camera.cx + float(delta[1]),
+        cy=camera.cy + float(delta[2]),
+        distortion=tuple(coefficients.tolist()),
+    )
+
+
+def _parameters(camera: Camera) -> int:
+    return 3 + min(len(camera.distortion), 2)
+
+
+def _difference(camera: Camera, given: Camera) -> FloatArray:
+    """What has been changed so far."""
+    ends = np.array(camera.distortion) - np.array(given.distortion)
+    moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
+    return np.array(moved[: _parameters(camera)])
+
+
+def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
+    """The scene with its sightings undistorted by another camera; those that it cannot see stay."""
+    old, controls = scene.observations, scene.controls
+
+    def again(uv_px: FloatArray) -> FloatArray:
+        found = undistort(camera, distort(before, uv_px))
+        return np.where(np.isfinite(found), found, uv_px)
+
+    observations = Observations(old.frame, old.landmark, again(old.uv_px))
+    return replace(scene, observations=observations, controls=replace(controls, uv_px=again(controls.uv_px)))
+
+
+def _step(
+    problem: BundleProblem, camera: Camera, given: Camera, config: IntrinsicsConfig
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    """Step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow it."""
+    structure, size = structure_of(problem), _parameters(camera)
+    linear = linearize(problem, all_pose_values(problem), structure)
+    coupling = np.zeros((6, len(structure.free), size))
+    own, gradient = np.zeros((size, size)), np.zeros(size)
+    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
+    for part, J in zip(linear.chunks, by_camera, strict=True):
+        reduced = np.stack([_beyond_points(part, J[k]) for k in range(size)])
+        frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
+        coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
+        own += np.einsum("kin,min->km", J, reduced)
+        gradient += np.einsum("in,kin->k", part.r, reduced)
+    moves = structure.free >= 0
+    V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
+    factor, pose_gradient = factorised(linear, structure)
+    follow = factor.solve(np.column_stack([V, pose_gradient]))
+    belief = 1.0 / config.sigmas[:size] ** 2
+    information = own - V.T @ follow[:, :-1] + np.diag(belief)
+    gradient = gradient - V.T @ follow[:, -1] + belief * _difference(camera, given)
+    delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
+    sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
+    poses = np.zeros((len(moves), 6))
+    poses[moves] = -(follow[:, :-1] @ delta + follow[:, -1]).reshape(-1, 6)
+    moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, by_camera, strict=True))
+    points = problem.world_p_landmark + point_steps(replace(linear, chunks=moved), poses, 0.0).T
+    retracted = [
+        gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
+    ]
+    return delta, sigma, (np.stack(retracted), points)
+
+
+def _by_camera(problem: BundleProblem, part: LinearChunk, camera: Camera, size: int) -> FloatArray:
+    """(p, 2, n) whitened Jacobians of a chunk's residuals by the calibration, through prediction and lens."""
+    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    camera_p = camera_points(here)
+    error, behind = residuals(here, camera_p)
+    weight = robust_weight(here, np.sum(error**2, axis=0) / here.sigma_px**2)
+    scale = np.where(behind, 0.0, np.sqrt(weight) / here.sigma_px)
+    rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
+    raw = distort(camera, here.uv_px)
+
+    def residual(delta: FloatArray) -> FloatArray:
+        other = _changed(camera, delta)
+        predicted = rays * [[other.fx], [other.fy]] + [[other.cx], [other.cy]]
+        return np.asarray(predicted - undistort(other, raw).T)
+
+    steps = np.diag(_STEPS[:size])
+    slopes = [(residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
+    return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
+
+
+def _beyond_points(part: LinearChunk, r: FloatArray) -> FloatArray:
+    """(2, n) what is left of residuals r once the points have moved to meet them."""
+    at, size = part.chunk.landmark, len(part.chunk.landmarks)
+    gradient = np.array([np.bincount(at, np.sum(part.jl[:, a] * r, axis=0), size) for a in range(3)])
+    points = factor_points(part, 0.0)
+    step = points.transposed_times(points.times(gradient))[:, at]
+    return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
+
+
+def _moved(part: LinearChunk, J: FloatArray, delta: FloatArray) -> LinearChunk:
+    """The chunk's linearisation after a step of the calibration."""
+    shift = np.einsum("kin,k->in", J, delta)
+    at, size = part.chunk.landmark, len(part.chunk.landmarks)
+    more = [np.bincount(at, np.sum(part.jl[:, a] * shift, axis=0), size) for a in range(3)]
+    return replace(part, r=part.r + shift, gradient=part.gradient + np.array(more))
