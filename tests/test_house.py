@@ -66,8 +66,8 @@ def test_only_geodesy_imports_pymap3d() -> None:
     assert rooms_that_use("pymap3d") == {"vgps.geodesy"}
 
 
-def test_only_tracking_uses_the_matching_functions_of_opencv() -> None:
-    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking"}
+def test_only_the_trackers_use_the_matching_functions_of_opencv() -> None:
+    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.landmarks"}
 
 
 def test_only_the_viewer_imports_rerun() -> None:

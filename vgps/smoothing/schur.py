@@ -1,7 +1,7 @@
 """Levenberg-Marquardt on a bundle problem, with the landmarks eliminated and the poses as a band or in tiles.
 
-The result is the minimum that GTSAM's own optimiser finds, several times faster; where the poses hang together
-so much that neither is sparse, GTSAM's optimiser is used.
+The result is the minimum that GTSAM's own optimiser finds, several times faster; where the poses hang
+together so much that neither is sparse, GTSAM's optimiser is used.
 """
 
 import time
