@@ -134,14 +134,18 @@ def rates_deg_s(recording: Recording) -> FloatArray:
 def plot(
     found: dict[str, Errors], rate: FloatArray, counted: slice, blur: tuple[FloatArray, FloatArray], out: Path
 ) -> None:
-    """Error over time, landmarks against rate, correlation against rate."""
-    figure, (over_time, against, correlated) = plt.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
+    """Share of frames against error, landmarks against rate, correlation against rate."""
+    figure, (shares, against, correlated) = plt.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
     for name, errors in found.items():
-        shown = np.where([frame.tracked for frame in errors.frames], errors.position_m, np.nan)
-        over_time.plot(np.arange(len(shown))[counted], shown[counted], label=name, lw=1.2)
-    over_time.set(xlabel="frame", ylabel="position error [m]", yscale="log", title="Unaligned error")
-    over_time.legend(fontsize=7, loc="upper left", ncols=2)
-    over_time.set_ylim(top=over_time.get_ylim()[1] * 8)
+        tracked = np.array([frame.tracked for frame in errors.frames])[counted]
+        error = np.sort(errors.position_m[counted][tracked])
+        width = 2.2 if name == "graph (default)" else 1.2
+        shares.plot(error, 100 * (np.arange(len(error)) + 1) / len(tracked), label=name, lw=width)
+    shares.set(
+        xlabel="unaligned position error [m], or less", ylabel="frames [%]", xscale="log", ylim=(0, 101)
+    )
+    shares.set(title="Frames held")
+    shares.legend(fontsize=7, loc="upper left")
     for name, colour in (("(2) templates not blurred", "tab:green"), ("graph (default)", "tab:blue")):
         count = [len(frame.sightings) for frame in found[name].frames]
         against.scatter(rate, count, s=8, color=colour, label=name, alpha=0.7)
@@ -154,7 +158,7 @@ def plot(
         correlated.scatter(rate[counted][tracked], values, s=8, color=colour, alpha=0.7, label=name)
     correlated.set(xlabel="angular rate [deg/s]", ylabel="median correlation", title="Same poses")
     correlated.legend(fontsize=8)
-    for axes in (over_time, against, correlated):
+    for axes in (shares, against, correlated):
         axes.grid(alpha=0.3)
     figure.savefig(out, dpi=110)
 
