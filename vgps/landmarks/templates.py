@@ -2,11 +2,14 @@
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from vgps.geometry import MIN_DEPTH
 from vgps.landmarks.blur import Float32Array, blur_margin, blur_patches
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import FloatArray
+
+_BLOCK = 16  # so many are sampled at once: what stays in the cache is a third faster
 
 
 def plane_to_image(K: FloatArray, world_T_camera: FloatArray, views: LandmarkViews) -> FloatArray:
@@ -35,19 +38,22 @@ def render_templates(
     Returns:
         (N, side, side) grey values; a template's middle is the landmark.
     """
+    image_to_plane = np.asarray(np.linalg.inv(plane_to_image(K, world_T_camera, views)), np.float64)
     margin = blur_margin(blur_px) if np.any(blur_px) else 0
-    jacobian = plane_to_image(K, world_T_camera, views)
-    patches = _sample(views, np.asarray(np.linalg.inv(jacobian), np.float64), side + 2 * margin)
+    patches = np.empty((len(views), side + 2 * margin, side + 2 * margin), np.float32)
+    for begin in range(0, len(views), _BLOCK):
+        rows = slice(begin, begin + _BLOCK)
+        patches[rows] = _sample(views.templates[rows], image_to_plane[rows], side + 2 * margin)
     return blur_patches(patches, blur_px, side) if margin else patches
 
 
-def _sample(views: LandmarkViews, image_to_plane: FloatArray, side: int) -> Float32Array:
+def _sample(stored: npt.NDArray[np.uint8], image_to_plane: FloatArray, side: int) -> Float32Array:
     """(N, side, side) grey values around each landmark.
 
     A level serves where it is no finer than the image; coarser ones reach farther and fill the
     surroundings.
     """
-    count, levels, p = views.templates.shape[:3]
+    count, levels, p = stored.shape[:3]
     half = p // 2
     offset = np.arange(side, dtype=np.float32) - side // 2
     by = image_to_plane.astype(np.float32)[:, :, :, None, None]
@@ -62,7 +68,7 @@ def _sample(views: LandmarkViews, image_to_plane: FloatArray, side: int) -> Floa
     level = np.maximum(level, finest[:, None, None])
     shrink = (0.5 ** np.arange(levels)).astype(np.float32)[level]
     # one atlas: a row of tiles for each view, a tile for each level
-    atlas = np.ascontiguousarray(views.templates.transpose(0, 2, 1, 3).reshape(count * p, levels * p))
+    atlas = np.ascontiguousarray(stored.transpose(0, 2, 1, 3).reshape(count * p, levels * p))
     x = np.clip(column * shrink, -half, half) + half + p * level
     y = np.clip(row * shrink, -half, half) + half + p * np.arange(count, dtype=np.float32)[:, None, None]
     flat = [np.ascontiguousarray(part.reshape(count, -1), np.float32) for part in (x, y)]

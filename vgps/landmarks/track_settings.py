@@ -26,9 +26,9 @@ class TrackConfig(BaseModel):
 
     selection: SelectionConfig = SelectionConfig(nearer_octaves=0.7, further_octaves=0.7)
     """Views that suit, for opening the database. What was seen from much nearer may be hidden from afar."""
-    max_landmarks: PositiveInt = Field(default=160, le=2000)
+    max_landmarks: PositiveInt = Field(default=120, le=2000)
     """Landmarks looked for in a frame."""
-    first_landmarks: PositiveInt = Field(default=60, le=2000)
+    first_landmarks: PositiveInt = Field(default=40, le=2000)
     """Landmarks looked for around the prediction; all are, in small windows, around the pose these give."""
     template_px: PositiveInt = Field(default=15, le=101)
     """Side of a template in the image, odd."""
