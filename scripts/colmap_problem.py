@@ -1,0 +1,96 @@
+"""A run's observations and fixes as a problem that vgps and COLMAP can both be given."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from vgps.model import FloatArray, IntArray
+from vgps.smoothing.bundle import BundleProblem, projection_errors
+from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.solution import Solution
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Positions of cameras: ``frame`` (M,), ``world_p_camera`` (M, 3), ``sigma_m`` (M, 3)."""
+
+    frame: IntArray
+    world_p_camera: FloatArray
+    sigma_m: FloatArray
+
+    def graph(self) -> gtsam.NonlinearFactorGraph:
+        """The same priors as Gaussian factors."""
+        graph = gtsam.NonlinearFactorGraph()
+        for frame, position, sigma in zip(self.frame, self.world_p_camera, self.sigma_m, strict=True):
+            graph.add(gtsam.GPSFactor(X(int(frame)), position, gtsam.noiseModel.Diagonal.Sigmas(sigma)))
+        return graph
+
+
+def sigmas_of(run: Solution) -> FloatArray:
+    """(M, 3) the receiver's own standard deviations of the fixes, or what their regions stand for."""
+    assert run.gps is not None and run.fixes is not None
+    plane, line = run.fixes.r_m / INSIDE_PLANE, run.fixes.h_m / INSIDE_LINE
+    return np.where(np.isfinite(run.gps.sigma_m), run.gps.sigma_m, np.stack([plane, plane, line], axis=1))
+
+
+def nearest(times_s: FloatArray, at_s: FloatArray) -> IntArray:
+    """Rows of the times nearest to each of ``at_s``."""
+    return np.asarray(np.abs(times_s[None] - at_s[:, None]).argmin(axis=1), np.int64)
+
+
+def centre_priors(run: Solution, frames: int) -> Priors:
+    """The fixes used, as positions of the camera at the nearest frames; their residuals stay."""
+    assert run.gps is not None and run.fixes is not None
+    frame = nearest(run.t_s, run.gps.t_s)
+    rows = np.flatnonzero(run.fixes.used & np.isfinite(run.fixes.residual_m).all(axis=1) & (frame < frames))
+    frame, first = np.unique(frame[rows], return_index=True)
+    rows = rows[first]
+    position = run.world_T_camera[frame, :3, 3] - run.fixes.residual_m[rows]
+    return Priors(frame, position, sigmas_of(run)[rows])
+
+
+def antenna_priors(run: Solution, every: int) -> Priors:
+    """All fixes during the video, moved along their own path to the time of the nearest n-th frame."""
+    assert run.gps is not None and run.fixes is not None
+    t_s, fix = run.gps.t_s, run.fixes.world_p_fix
+    rows = np.flatnonzero(np.isfinite(fix).all(axis=1) & (t_s >= run.t_s[0]) & (t_s <= run.t_s[-1]))
+    frame, first = np.unique(every * nearest(run.t_s[::every], t_s[rows]), return_index=True)
+    position = np.stack([np.interp(run.t_s[frame], t_s[rows], fix[rows, axis]) for axis in range(3)], axis=1)
+    return Priors(frame, position, sigmas_of(run)[rows[first]])
+
+
+def drifted(
+    poses: FloatArray, points: FloatArray, first: IntArray, seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Poses and points after an odometry's drift, 0.01 degrees and 0.01 m a frame; points also scatter by 1 %
+    of their distance from the frame ``first`` that saw them."""
+    rng = np.random.default_rng(seed)
+    slip = rng.normal(size=(len(poses), 6)) * ([np.deg2rad(0.01)] * 3 + [0.01] * 3)
+    motions = np.linalg.inv(poses[:-1]) @ poses[1:]
+    moved = [poses[0]]
+    for motion, d in zip(motions, slip, strict=False):
+        moved.append(moved[-1] @ motion @ gtsam.Pose3.Expmap(d).matrix())
+    out = np.stack(moved)
+    local = np.einsum("nji,nj->ni", poses[first, :3, :3], points - poses[first, :3, 3])
+    local *= 1.0 + rng.normal(0.0, 0.01, (len(points), 1))
+    return out, np.einsum("nij,nj->ni", out[first, :3, :3], local) + out[first, :3, 3]
+
+
+def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, seed: int) -> BundleProblem:
+    """The first frames of a run and the landmarks that three or more of them see, at a drifted start."""
+    seen, c = run.observations, run.camera
+    inside = seen.frame < frames
+    inside &= (np.bincount(seen.landmark[inside], minlength=len(run.landmarks.sigma_px)) > 2)[seen.landmark]
+    frame, uv = seen.frame[inside], seen.uv_px[inside]
+    kept, landmark = np.unique(seen.landmark[inside], return_inverse=True)
+    first = np.full(len(kept), frames)
+    np.minimum.at(first, landmark, frame)
+    poses, points = drifted(run.world_T_camera[:frames], run.landmarks.world_p_landmark[kept], first, seed)
+    sigma = np.full(len(frame), sigma_px)
+    K = (c.fx, c.fy, c.cx, c.cy)
+    problem = BundleProblem(K, poses, points, frame, landmark, uv, sigma, pose_graph=priors.graph())
+    if projection_errors(problem)[1].any():
+        print("warning: the start has points behind cameras, which the two cost functions see differently")
+    return problem
