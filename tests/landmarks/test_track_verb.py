@@ -24,7 +24,8 @@ def database(tmp_path_factory):
     views = LandmarkViews(**wall.all_views)
     path = tmp_path_factory.mktemp("wall") / "wall.db"
     write_database(
-        LandmarkContents(ORIGIN, views, wall.keyframes(), (Source("wall", "all", len(views)),)), path
+        LandmarkContents(ORIGIN, views, wall.keyframes(), (Source("wall", "all", len(views), "{}"),)),
+        path,
     )
     return path
 
