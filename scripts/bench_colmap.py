@@ -5,9 +5,10 @@ python scripts/bench_colmap.py RUN [--frames N] [--repeats 5] [--within 1e-3] [-
 
 Poses, landmarks and observations are those of a run folder, every pixel with the same sigma; the fixes that
 it used are a prior each on the camera's centre, at the nearest frame and less the lever arm, which COLMAP
-does not know. Both start from the same drifted poses and points. Each is given the least number of iterations
-after which its cost, by vgps's cost function, is within a share of the lowest that any of them found; these
-are timed. Writing and reading the problem is not in the time, setting up the optimiser is.
+does not know. Both start from the same poses and points, drifted and then aligned with the priors. Each is
+given the least number of iterations after which its cost, by vgps's cost function, is within a share of the
+lowest that any of them found; these are timed. Writing and reading the problem is not in the time, setting up
+the optimiser is.
 """
 
 import argparse

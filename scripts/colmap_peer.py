@@ -52,6 +52,7 @@ def adjust(
     options.refine_focal_length = options.refine_extra_params = options.print_summary = False
     solver = options.ceres.solver_options
     solver.num_threads, solver.max_num_iterations, solver.function_tolerance = threads, most, tolerance
+    options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
     prior_options.alignment_ransac.max_error = _FAR_M
     prior_options.alignment_ransac.random_seed = 0

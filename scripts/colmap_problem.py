@@ -6,7 +6,9 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
+from vgps.config import StartConfig
 from vgps.model import FloatArray, IntArray
+from vgps.smoothing.alignment import align
 from vgps.smoothing.bundle import BundleProblem, projection_errors
 from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.solution import Solution
@@ -78,6 +80,19 @@ def drifted(
     return out, np.einsum("nij,nj->ni", out[first, :3, :3], local) + out[first, :3, 3]
 
 
+def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
+    """Moved onto the priors as a whole, as vgps does before stage D and COLMAP does in its adjuster."""
+    regions = priors.sigma_m * [INSIDE_PLANE, INSIDE_PLANE, INSIDE_LINE]
+    found = align(poses[priors.frame], priors.world_p_camera, regions, np.zeros(3), StartConfig())
+    if found is None:
+        print("warning: the fixes spread too little to align the start with them")
+        return poses, points
+    R, out = found.scale * found.world_R_map, poses.copy()
+    out[:, :3, :3] = found.world_R_map @ poses[:, :3, :3]
+    out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.world_p_map
+    return out, points @ R.T + found.world_p_map
+
+
 def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, seed: int) -> BundleProblem:
     """The first frames of a run and the landmarks that three or more of them see, at a drifted start."""
     seen, c = run.observations, run.camera
@@ -88,6 +103,7 @@ def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, se
     first = np.full(len(kept), frames)
     np.minimum.at(first, landmark, frame)
     poses, points = drifted(run.world_T_camera[:frames], run.landmarks.world_p_landmark[kept], first, seed)
+    poses, points = aligned(poses, points, priors)
     sigma = np.full(len(frame), sigma_px)
     K = (c.fx, c.fy, c.cx, c.cy)
     problem = BundleProblem(K, poses, points, frame, landmark, uv, sigma, pose_graph=priors.graph())
