@@ -22,6 +22,11 @@ class Priors:
     world_p_camera: FloatArray
     sigma_m: FloatArray
 
+    def first(self, frames: int) -> "Priors":
+        """Those in the first frames."""
+        rows = self.frame < frames
+        return Priors(self.frame[rows], self.world_p_camera[rows], self.sigma_m[rows])
+
     def graph(self) -> gtsam.NonlinearFactorGraph:
         """The same priors as Gaussian factors."""
         graph = gtsam.NonlinearFactorGraph()
@@ -42,25 +47,22 @@ def nearest(times_s: FloatArray, at_s: FloatArray) -> IntArray:
     return np.asarray(np.abs(times_s[None] - at_s[:, None]).argmin(axis=1), np.int64)
 
 
-def centre_priors(run: Solution, frames: int) -> Priors:
-    """The fixes used, as positions of the camera at the nearest frames; their residuals stay."""
+def centre_priors(run: Solution, every: int = 1, *, all_fixes: bool = False) -> Priors:
+    """Fixes as positions of the camera at the nearest of every n-th frame, one a frame; their residuals stay.
+
+    The lever arm and the way from a fix's time to the frame's are the run's, for COLMAP knows neither.
+
+    Args:
+        run: A run with a GPS log.
+        every: Take every n-th frame.
+        all_fixes: The refused ones too.
+    """
     assert run.gps is not None and run.fixes is not None
-    frame = nearest(run.t_s, run.gps.t_s)
-    rows = np.flatnonzero(run.fixes.used & np.isfinite(run.fixes.residual_m).all(axis=1) & (frame < frames))
-    frame, first = np.unique(frame[rows], return_index=True)
+    residual = run.fixes.residual_m
+    rows = np.flatnonzero((run.fixes.used | all_fixes) & np.isfinite(residual).all(axis=1))
+    frame, first = np.unique(every * nearest(run.t_s[::every], run.gps.t_s[rows]), return_index=True)
     rows = rows[first]
-    position = run.world_T_camera[frame, :3, 3] - run.fixes.residual_m[rows]
-    return Priors(frame, position, sigmas_of(run)[rows])
-
-
-def antenna_priors(run: Solution, every: int) -> Priors:
-    """All fixes during the video, moved along their own path to the time of the nearest n-th frame."""
-    assert run.gps is not None and run.fixes is not None
-    t_s, fix = run.gps.t_s, run.fixes.world_p_fix
-    rows = np.flatnonzero(np.isfinite(fix).all(axis=1) & (t_s >= run.t_s[0]) & (t_s <= run.t_s[-1]))
-    frame, first = np.unique(every * nearest(run.t_s[::every], t_s[rows]), return_index=True)
-    position = np.stack([np.interp(run.t_s[frame], t_s[rows], fix[rows, axis]) for axis in range(3)], axis=1)
-    return Priors(frame, position, sigmas_of(run)[rows[first]])
+    return Priors(frame, run.world_T_camera[frame, :3, 3] - residual[rows], sigmas_of(run)[rows])
 
 
 def drifted(
@@ -87,6 +89,10 @@ def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[Floa
     if found is None:
         print("warning: the fixes spread too little to align the start with them")
         return poses, points
+    if found.straight:
+        print(
+            "warning: the fixes lie too straight to determine the roll, and with it the minimum: more frames"
+        )
     R, out = found.scale * found.world_R_map, poses.copy()
     out[:, :3, :3] = found.world_R_map @ poses[:, :3, :3]
     out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.world_p_map
