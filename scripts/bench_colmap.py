@@ -83,7 +83,7 @@ def compare(engines: dict[str, Engine], within: float, repeats: int) -> None:
 
 
 def end_to_end(run: Solution, folder: Path, every: int, most: int | None, seed: int) -> None:
-    """Print the camera's errors against the truth, nothing aligned, and seconds: of a run, of COLMAP's mapping.
+    """Print the camera's unaligned errors against the truth, and seconds, of a run and of COLMAP's mapping.
 
     COLMAP's priors have the lever arm and the motion between fix and frame from the run, which favours it.
     """
