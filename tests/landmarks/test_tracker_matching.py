@@ -19,7 +19,7 @@ def cut(u, v, side=15):
 @given(st.floats(30, 130), st.floats(30, 90), st.floats(-6, 6), st.floats(-6, 6))
 def test_found_to_a_fraction_of_a_pixel(u, v, off_u, off_v):
     found = match_templates(IMAGE, cut(u, v)[None], np.array([[u + off_u, v + off_v]]), np.array([8.0]))
-    np.testing.assert_allclose(found.uv_px, [[u, v]], atol=0.25)
+    np.testing.assert_allclose(found.uv_px, [[u, v]], atol=0.4)
     assert found.correlation[0] > 0.95
 
 
