@@ -197,7 +197,8 @@ class BatchConfig(_Stage):
     balance: Literal["fixed", "estimated"] = "fixed"
     """Whether the scale stays, or follows the misfit of the fixes from round to round."""
     balance_worth: PositiveFloat = 4.0
-    """The scale before anything was seen counts as so many independent fixes that fit as expected."""
+    """What is believed of the fit before anything was seen counts as so many independent fixes; standard
+    deviations follow the misfit as well."""
     balance_range: PositiveFloat = 8.0
     """The estimated scale stays within this factor of it."""
     draws: PositiveInt = 200

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vgps.config import Config
-from vgps.smoothing.balance import balanced, independent_epochs
+from vgps.smoothing.balance import balanced, independent_epochs, variance_factor
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.uncertainty import region_sigmas
 
@@ -55,3 +55,11 @@ def test_without_fixes_it_stays():
     config = Config()
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"balance": "estimated"})})
     assert balanced(config, 8.0, POSES, T_S, Fixes.none(), np.zeros(3)) == 8.0
+
+
+def test_the_variance_factor_is_one_where_fixes_fit_and_where_there_are_none():
+    def factor(found):
+        return variance_factor(Config(), POSES, T_S, found, np.zeros(3))
+
+    assert factor(fixes(1.0)) == pytest.approx(1.0) and factor(Fixes.none()) == 1.0
+    assert factor(fixes(3.0)) == pytest.approx((4 + 50 * 9) / 54)

@@ -34,12 +34,24 @@ def balanced(
     batch = config.batch
     if batch.balance == "fixed":
         return scale
+    share = variance_factor(config, poses, t_s, fixes, camera_p_antenna)
+    return float(np.clip(scale * np.sqrt(share), *_limits(batch)))
+
+
+def variance_factor(
+    config: Config, poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray
+) -> float:
+    """The fixes' squared misfit over the one expected from their regions, drawn towards 1 where they are few.
+
+    Arguments as of :func:`balanced`; 1 without fixes.
+    """
     taking = fixes.where(taking_part(fixes, t_s, config.gps))
+    if len(taking) == 0:
+        return 1.0
     offset = antenna_at(poses, place(t_s, taking.t_s), camera_p_antenna) - taking.world_p_fix
     misfit = np.mean((offset / region_sigmas(taking)) ** 2, axis=1)
-    worth = independent_epochs(taking)
-    share = (batch.balance_worth + worth @ misfit) / (batch.balance_worth + worth.sum())
-    return float(np.clip(scale * np.sqrt(share), *_limits(batch)))
+    worth, believed = independent_epochs(taking), config.batch.balance_worth
+    return float((believed + worth @ misfit) / (believed + worth.sum()))
 
 
 def independent_epochs(fixes: Fixes) -> FloatArray:

@@ -16,7 +16,7 @@ from vgps.smoothing.assembly import (
     other_pose_factors,
     select_observations,
 )
-from vgps.smoothing.balance import balanced
+from vgps.smoothing.balance import balanced, variance_factor
 from vgps.smoothing.bundle import BundleProblem, cost_terms
 from vgps.smoothing.fixes import Fixes, antenna_at, gps_graph, place, taking_part
 from vgps.smoothing.judging import Judgement, judges, probabilities
@@ -204,14 +204,21 @@ def _report(
 def _covariance(
     problem: BundleProblem, scene: Scene, K: FloatArray, fixes: Fixes, sensors: Sensors, config: Config
 ) -> tuple[Covariances, tuple[str, ...]]:
-    """Of the optimum of ``problem``, which was built from the rest."""
+    """Of the optimum of ``problem``, which was built from the rest; larger or smaller by how the fixes fit.
+
+    What all tracks have in common shows in no track, but in fixes that fit worse than their regions say: the
+    covariances are scaled by the variance factor, as geodesy does after an adjustment.
+    """
     sources = ErrorSources(
         gps_graph(fixes, scene.t_s, sensors, config.gps),
         other_pose_factors(scene, K, sensors, config),
         fixes.where(taking_part(fixes, scene.t_s, config.gps)),
     )
+    antenna = sensors.camera_p_antenna
+    factor = variance_factor(config, problem.world_T_camera, scene.t_s, fixes, antenna)
     try:
-        return drawn_covariances(problem, sources, config.batch.draws, config.seed), ()
+        drawn = drawn_covariances(problem, sources, config.batch.draws, config.seed)
+        return drawn.scaled(factor), ()
     except GeometryError as error:
         unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
         return Covariances(unknown, {}), (f"no standard deviations: {error}",)

@@ -109,6 +109,10 @@ class Covariances:
     poses: FloatArray
     shared: Mapping[int, FloatArray]
 
+    def scaled(self, factor: float) -> "Covariances":
+        """All of them times a factor."""
+        return Covariances(factor * self.poses, {key: factor * block for key, block in self.shared.items()})
+
 
 def covariances(problem: BundleProblem) -> Covariances:
     """Marginals of the poses and of what they share: blocks of the inverse of the reduced matrix.
