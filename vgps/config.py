@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
 
 from vgps.errors import ConfigError
-from vgps.model import FixClass, FloatArray
+from vgps.model import FixClass
 
 Settings = TypeVar("Settings", bound=BaseModel)
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
@@ -221,12 +220,6 @@ class IntrinsicsConfig(_Stage):
     settled_sigmas: PositiveFloat = 0.5
     """It ends once a turn changes every number by less than this share of its standard deviation."""
 
-    @property
-    def sigmas(self) -> FloatArray:
-        """(5,) of focal length, cx, cy, k1, k2."""
-        rest = [self.centre_sigma_px] * 2 + [self.distortion_sigma] * 2
-        return np.array([self.focal_sigma, *rest])
-
 
 class Region(_Stage):
     """The cylinder of a fix class: radius and half height, metres; 95 % of its fixes lie within each."""
@@ -234,7 +227,8 @@ class Region(_Stage):
     r_m: PositiveFloat
     h_m: PositiveFloat
     correlation_s: PositiveFloat = 60.0
-    """After this time the error of a fix counts as a new one; only standard deviations depend on it."""
+    """After this time the error of a fix counts as a new one; standard deviations depend on it, and the
+    balance where it is estimated."""
 
 
 def _default_regions() -> dict[FixClass, Region]:

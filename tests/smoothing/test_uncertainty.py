@@ -107,6 +107,26 @@ def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
     np.testing.assert_allclose(later, np.exp(-1.0), atol=0.05)
 
 
+def test_an_enlarged_region_does_not_make_an_error_new():
+    n, none = 100, np.full(100, np.nan)
+    r_m = np.where(np.arange(n) % 2, 2.0, 3.0 + 0.01 * np.arange(n))  # dilution differs from fix to fix
+    fixes = Fixes(
+        np.arange(n) * 0.5,
+        np.zeros((n, 3)),
+        r_m,
+        2 * r_m,
+        none,
+        none,
+        np.full((n, 3), np.nan),
+        none == 0,
+        none,
+    )
+    fixes.correlation_s[:] = 50.0
+    drawn = fix_errors(fixes, 300, np.random.default_rng(0)) / r_m[:, None, None]
+    neighbours = np.mean(drawn[1:] * drawn[:-1]) / np.mean(drawn**2)
+    assert neighbours == pytest.approx(np.exp(-2 * 0.5 / 50.0), abs=0.01)
+
+
 def test_what_nothing_determines_is_refused():
     problem, _, sources = optimum()
     loose = replace(problem, pose_graph=gtsam.NonlinearFactorGraph())

@@ -43,7 +43,8 @@ def variance_factor(
 ) -> float:
     """The fixes' squared misfit over the one expected from their regions, drawn towards 1 where they are few.
 
-    Arguments as of :func:`balanced`; 1 without fixes.
+    Geodesy's variance factor after an adjustment; covariances are scaled by it as well. Arguments are those
+    of :func:`balanced`; it is 1 without fixes.
     """
     taking = fixes.where(taking_part(fixes, t_s, config.gps))
     if len(taking) == 0:

@@ -125,6 +125,10 @@ def optimise_batch(
     if not result.converged:
         warnings = (*warnings, f"stage D did not reach a minimum: {result.report.stop_reason}")
     covariance, doubts = _covariance(after, kept, K, in_time, began, config)
+    # what all tracks have in common shows in no track, but in fixes that fit worse than their regions say
+    in_time = judgement.applied(fixes).earlier(sensors.lag_s)
+    antenna = sensors.camera_p_antenna
+    covariance = covariance.scaled(variance_factor(config, after.world_T_camera, scene.t_s, in_time, antenna))
     return Smoothed(
         after.world_T_camera,
         covariance.poses,
@@ -204,21 +208,14 @@ def _report(
 def _covariance(
     problem: BundleProblem, scene: Scene, K: FloatArray, fixes: Fixes, sensors: Sensors, config: Config
 ) -> tuple[Covariances, tuple[str, ...]]:
-    """Of the optimum of ``problem``, which was built from the rest; larger or smaller by how the fixes fit.
-
-    What all tracks have in common shows in no track, but in fixes that fit worse than their regions say: the
-    covariances are scaled by the variance factor, as geodesy does after an adjustment.
-    """
+    """Of the optimum of ``problem``, which was built from the rest."""
     sources = ErrorSources(
         gps_graph(fixes, scene.t_s, sensors, config.gps),
         other_pose_factors(scene, K, sensors, config),
         fixes.where(taking_part(fixes, scene.t_s, config.gps)),
     )
-    antenna = sensors.camera_p_antenna
-    factor = variance_factor(config, problem.world_T_camera, scene.t_s, fixes, antenna)
     try:
-        drawn = drawn_covariances(problem, sources, config.batch.draws, config.seed)
-        return drawn.scaled(factor), ()
+        return drawn_covariances(problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
         unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
         return Covariances(unknown, {}), (f"no standard deviations: {error}",)

@@ -16,9 +16,9 @@ from vgps.config import IntrinsicsConfig
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.assembly import Scene
 from vgps.smoothing.batch import Smoothed
-from vgps.smoothing.bundle import BundleProblem, all_pose_values, camera_points, residuals, robust_weight
+from vgps.smoothing.bundle import BundleProblem, all_pose_values, camera_points, residuals
 from vgps.smoothing.elimination import structure_of
-from vgps.smoothing.normal import LinearChunk, factor_points, linearize, point_steps
+from vgps.smoothing.normal import LinearChunk, factor_points, linearize, point_steps, whitening
 from vgps.smoothing.schur import factorised
 from vgps.solution import Observations
 
@@ -98,6 +98,12 @@ def _parameters(camera: Camera) -> int:
     return 3 + min(len(camera.distortion), 2)
 
 
+def _sigmas(config: IntrinsicsConfig) -> FloatArray:
+    """(5,) what is believed of each of the parameters."""
+    rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
+    return np.array([config.focal_sigma, *rest])
+
+
 def _difference(camera: Camera, given: Camera) -> FloatArray:
     """What has been changed so far."""
     ends = np.array(camera.distortion) - np.array(given.distortion)
@@ -120,7 +126,10 @@ def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
 def _step(
     problem: BundleProblem, camera: Camera, given: Camera, config: IntrinsicsConfig
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow it."""
+    """Step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow it.
+
+    What all frames share beside it, a lag or a lever arm, is held meanwhile.
+    """
     structure, size = structure_of(problem), _parameters(camera)
     linear = linearize(problem, all_pose_values(problem), structure)
     coupling = np.zeros((6, len(structure.free), size))
@@ -136,7 +145,7 @@ def _step(
     V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
     factor, pose_gradient = factorised(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
-    belief = 1.0 / config.sigmas[:size] ** 2
+    belief = 1.0 / _sigmas(config)[:size] ** 2
     information = own - V.T @ follow[:, :-1] + np.diag(belief)
     gradient = gradient - V.T @ follow[:, -1] + belief * _difference(camera, given)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
@@ -156,8 +165,7 @@ def _by_camera(problem: BundleProblem, part: LinearChunk, camera: Camera, size: 
     here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = residuals(here, camera_p)
-    weight = robust_weight(here, np.sum(error**2, axis=0) / here.sigma_px**2)
-    scale = np.where(behind, 0.0, np.sqrt(weight) / here.sigma_px)
+    scale = np.where(behind, 0.0, whitening(here, error))
     rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
     raw = distort(camera, here.uv_px)
 
@@ -173,16 +181,12 @@ def _by_camera(problem: BundleProblem, part: LinearChunk, camera: Camera, size: 
 
 def _beyond_points(part: LinearChunk, r: FloatArray) -> FloatArray:
     """(2, n) what is left of residuals r once the points have moved to meet them."""
-    at, size = part.chunk.landmark, len(part.chunk.landmarks)
-    gradient = np.array([np.bincount(at, np.sum(part.jl[:, a] * r, axis=0), size) for a in range(3)])
     points = factor_points(part, 0.0)
-    step = points.transposed_times(points.times(gradient))[:, at]
+    step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
 
 
 def _moved(part: LinearChunk, J: FloatArray, delta: FloatArray) -> LinearChunk:
     """The chunk's linearisation after a step of the calibration."""
     shift = np.einsum("kin,k->in", J, delta)
-    at, size = part.chunk.landmark, len(part.chunk.landmarks)
-    more = [np.bincount(at, np.sum(part.jl[:, a] * shift, axis=0), size) for a in range(3)]
-    return replace(part, r=part.r + shift, gradient=part.gradient + np.array(more))
+    return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

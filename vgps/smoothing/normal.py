@@ -58,6 +58,11 @@ class LinearChunk:
         at, frames = self.chunk.frame, self.chunk.frames
         return np.array([np.bincount(at, _dot(self.jp[:, a], r, _ROWS[a]), frames) for a in range(POSE)])
 
+    def landmark_gradient(self, r: FloatArray) -> FloatArray:
+        """(3, m) sums of J^T r by the landmarks, for any (2, n) r."""
+        at, size = self.chunk.landmark, len(self.chunk.landmarks)
+        return np.array([np.bincount(at, _dot(self.jl[:, k], r), size) for k in range(3)])
+
 
 @dataclass(frozen=True)
 class Linearization:
@@ -112,8 +117,7 @@ def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
     here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = residuals(here, camera_p)
-    weight = robust_weight(here, np.sum(error**2, axis=0) / here.sigma_px**2)
-    scale = np.sqrt(weight) / here.sigma_px
+    scale = whitening(here, error)
     jp, jl = _jacobians(here, camera_p, np.where(behind, 0.0, scale))
     r = error * scale
     size = len(chunk.landmarks)
@@ -121,6 +125,12 @@ def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
     hessian = [np.bincount(at, _dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
     gradient = [np.bincount(at, _dot(jl[:, a], r), size) for a in range(3)]
     return LinearChunk(chunk, jp, jl, r, np.array(hessian), np.array(gradient))
+
+
+def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
+    """(n,) factors of residuals whose pixel errors are (2, n): the root of the robust weight over the sigma."""
+    weight = robust_weight(problem, np.sum(error**2, axis=0) / problem.sigma_px**2)
+    return np.asarray(np.sqrt(weight) / problem.sigma_px)
 
 
 def _jacobians(
@@ -259,13 +269,12 @@ def point_steps(linear: Linearization, pose_step: FloatArray, damping: float) ->
     """(3, L) steps of the points that belong to (F, 6) steps of the poses."""
     steps = np.zeros((3, linear.landmarks))
     for part in linear.chunks:
-        chunk, jp, jl = part.chunk, part.jp, part.jl
+        chunk, jp = part.chunk, part.jp
         step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
         r = np.stack(
             [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
         )
-        size = len(chunk.landmarks)
-        moved = [np.bincount(chunk.landmark, _dot(jl[:, k], r), size) for k in range(3)]
         points = factor_points(part, damping)
-        steps[:, chunk.landmarks] = -points.transposed_times(points.times(part.gradient + np.array(moved)))
+        moved = part.gradient + part.landmark_gradient(r)
+        steps[:, chunk.landmarks] = -points.transposed_times(points.times(moved))
     return steps

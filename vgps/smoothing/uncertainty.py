@@ -6,7 +6,7 @@ So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and th
 
 - a **track** errs as one: its own misfit, all of it, with a random sign (the wild bootstrap with a cluster
   per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered Errors,
-  2008). No sigma of a pixel enters;
+  2008). How large its error is, the misfit says; sigmas of pixels only weigh it, as in the estimate;
 - a **fix** errs as its class's region says, of which it leaves a twentieth outside, and its error stays alike
   for the class's correlation time: a Gauss-Markov process;
 - every other factor errs by its own sigma.
@@ -22,7 +22,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 from scipy import sparse
 
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray
 from vgps.smoothing.band import POSE
 from vgps.smoothing.bundle import BundleProblem, all_pose_values
 from vgps.smoothing.elimination import Structure, structure_of
@@ -138,18 +138,20 @@ def _residual_by_fix(
 
 
 def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray:
-    """(M, 3, K) drawn errors east, north, up: a Gauss-Markov process through the fixes of like class.
+    """(M, 3, K) drawn errors east, north, up: a Gauss-Markov process through fixes whose errors last alike.
 
     The correlation time is the time after which an error counts as a new one, the integral of its
-    autocorrelation to both sides; the process forgets to 1/e in half of it.
+    autocorrelation to both sides; the process forgets to 1/e in half of it. Its size is each fix's own: a fix
+    whose region was enlarged errs with its class, only more.
     """
     white = rng.standard_normal((len(fixes), 3, draws))
     unit = np.empty_like(white)
-    for same in _like_fixes(fixes):
+    for correlation_s in np.unique(fixes.correlation_s):
+        same = np.flatnonzero(fixes.correlation_s == correlation_s)
         unit[same[0]] = white[same[0]]
         for before, row in pairwise(same.tolist()):
             gap_s = fixes.t_s[row] - fixes.t_s[before]
-            kept = np.exp(-2.0 * gap_s / fixes.correlation_s[row])
+            kept = np.exp(-2.0 * gap_s / correlation_s)
             unit[row] = kept * unit[before] + np.sqrt(1.0 - kept**2) * white[row]
     return np.asarray(region_sigmas(fixes)[:, :, None] * unit)
 
@@ -158,8 +160,3 @@ def region_sigmas(fixes: Fixes) -> FloatArray:
     """(M, 3) standard deviations east, north, up of errors of which the region holds 95 %."""
     horizontal, vertical = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
     return np.stack([horizontal, horizontal, vertical], axis=1)
-
-
-def _like_fixes(fixes: Fixes) -> list[IntArray]:
-    """Rows of each size of region, in order of time."""
-    return [np.flatnonzero(fixes.r_m == r_m) for r_m in np.unique(fixes.r_m)]
