@@ -2,16 +2,16 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from vgps.config import SettingsModel
 
 Frames = Literal["all", "even", "odd"]
 """Which frames give templates and keyframes; the landmarks' positions are those of the whole run."""
 
 
-class LandmarksConfig(BaseModel):
+class LandmarksConfig(SettingsModel):
     """Which landmarks, views and keyframes of a run go into a database."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     patch_px: Literal[7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31] = 15
     """Side of a template, odd, so that its middle is a pixel."""
@@ -41,10 +41,8 @@ class LandmarksConfig(BaseModel):
     """Width of a keyframe's thumbnail."""
 
 
-class SelectionConfig(BaseModel):
+class SelectionConfig(SettingsModel):
     """Which views of a landmark suit a camera."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     max_view_angle_deg: PositiveFloat = 45.0
     """A view is of use while the landmark is seen within this angle of the direction that it shows."""

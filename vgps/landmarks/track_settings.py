@@ -2,15 +2,14 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
+from vgps.config import SettingsModel
 from vgps.landmarks.build_settings import SelectionConfig
 
 
-class TrackConfig(BaseModel):
+class TrackConfig(SettingsModel):
     """The tracker of Matsuda 2007, (A) to (E), and its variants."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     estimator: Literal["frame", "graph"] = "graph"
     """(E) from the matches of one frame, or a factor graph over the last ones with gyro and motion."""

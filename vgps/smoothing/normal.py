@@ -128,7 +128,7 @@ def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
 
 
 def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
-    """(n,) factors of residuals whose pixel errors are (2, n): the root of the robust weight over the sigma."""
+    """(n,) factors of residuals with pixel errors (2, n): the root of the robust weight over the sigma."""
     weight = robust_weight(problem, np.sum(error**2, axis=0) / problem.sigma_px**2)
     return np.asarray(np.sqrt(weight) / problem.sigma_px)
 
