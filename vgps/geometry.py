@@ -6,7 +6,7 @@ flat arrays, a row each, sorted by feature: a feature seen in three views has th
 
 import numpy as np
 
-from vgps.model import FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray, IntArray
 
 MIN_DEPTH = 1e-6
 
@@ -130,3 +130,47 @@ def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
     trace = np.trace(normal, axis1=1, axis2=2)
     damped = normal + (1e-9 * trace + 1e-300)[:, None, None] * np.eye(3)
     return np.asarray(np.linalg.solve(damped, right[..., None])[..., 0])
+
+
+def linearise_projection(
+    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6) to the pose; both zero behind the camera."""
+    camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
+    front = camera_p[:, 2] > MIN_DEPTH
+    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
+    fx, fy = K[0, 0], K[1, 1]
+    a, b, inverse, zero = x / z, y / z, 1.0 / z, np.zeros_like(z)
+    jacobian = np.stack(
+        [
+            np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx * inverse, zero, fx * a * inverse], axis=1),
+            np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy * inverse, fy * b * inverse], axis=1),
+        ],
+        axis=1,
+    )
+    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
+    return residual * front[:, None], jacobian * front[:, None, None]
+
+
+def reprojection_inliers(
+    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
+) -> BoolArray:
+    """(N,) whether a match agrees with the pose to ``limit_px`` and lies in front of the camera."""
+    predicted, depth = project(K, world_T_camera, points)
+    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
+
+
+def world_sigmas(poses: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations (F, 3) of rotation and position about and along world axes.
+
+    Args:
+        poses: (F, 4, 4).
+        covariance: (F, 6, 6) in the camera's tangent [rotation; translation].
+    """
+    R = poses[:, :3, :3]
+
+    def sigma(block: FloatArray) -> FloatArray:
+        world = R @ block @ R.transpose(0, 2, 1)
+        return np.asarray(np.sqrt(np.diagonal(world, axis1=1, axis2=2)))
+
+    return sigma(covariance[:, :3, :3]), sigma(covariance[:, 3:, 3:])

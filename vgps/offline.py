@@ -9,6 +9,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
+from vgps.geometry import world_sigmas
 from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.seconds import Seconds
@@ -219,7 +220,7 @@ def _solution(
     row_of = np.full(len(smoothed.points), -1)
     row_of[kept] = np.arange(len(kept))
     observations = smoothed.observations
-    rotation_sigma, position_sigma = _world_sigmas(smoothed.poses, smoothed.covariance)
+    rotation_sigma, position_sigma = world_sigmas(smoothed.poses, smoothed.covariance)
     t_s, log, sensors = joined.scene.t_s, recording.gps, smoothed.sensors
     antenna, in_time = sensors.camera_p_antenna, fixes.earlier(sensors.lag_s)
     table = fix_table(log, in_time, smoothed.judgement, t_s, smoothed.poses, antenna, config) if log else None
@@ -248,14 +249,3 @@ def _solution(
         video_start_utc=recording.rig.video_start_utc,
         world_p_before=joined.scene.poses[:, :3, 3].copy(),
     )
-
-
-def _world_sigmas(poses: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations (F, 3) of rotation and position about and along world axes."""
-    R = poses[:, :3, :3]
-
-    def sigma(block: FloatArray) -> FloatArray:
-        world = R @ block @ R.transpose(0, 2, 1)
-        return np.asarray(np.sqrt(np.diagonal(world, axis1=1, axis2=2)))
-
-    return sigma(covariance[:, :3, :3]), sigma(covariance[:, 3:, 3:])

@@ -43,6 +43,12 @@ def test_without_a_gyro_the_camera_turns_evenly():
     np.testing.assert_allclose(steps, np.tile(steps[0], (3, 1)), atol=1e-9)
 
 
+def test_a_gyro_that_ends_within_the_gap_turns_nothing_twice():
+    lost = slice(4, 16)
+    out = bridged(lost, Turns(GyroIntegral(gyro(0.9)), GYRO_R_CAMERA))
+    np.testing.assert_allclose(out, bridged(lost, Turns(None, None)), atol=1e-9)
+
+
 def test_before_the_first_and_after_the_last_the_gyro_goes_on_and_the_velocity_for_a_while():
     out = bridged(np.r_[0:4, 16:20], coast_s=0.2)
     assert turned_deg(out).max() < 0.02

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.geometry import project
-from vgps.landmarks.pose import linearise, pose_from_matches, refine_pose
+from vgps.geometry import linearise_projection, project
+from vgps.landmarks.pose import pose_from_matches, refine_pose
 
 K = np.array([[720.0, 0, 320], [0, 700, 150], [0, 0, 1]])
 POSE = np.eye(4)
@@ -69,7 +69,7 @@ def test_the_covariance_is_that_of_the_errors():
 
 def test_jacobian():
     points, uv = scene(10)
-    _, jacobian = linearise(K, POSE, points, uv)
+    _, jacobian = linearise_projection(K, POSE, points, uv)
     step = 1e-6
     for axis in range(6):
         numerical = []
@@ -79,7 +79,7 @@ def test_jacobian():
             twist[axis] = sign * step
             moved[:3, :3] = Rotation.from_rotvec(twist[:3]).as_matrix()
             moved[:3, 3] = twist[3:]
-            numerical.append(linearise(K, POSE @ moved, points, uv)[0])
+            numerical.append(linearise_projection(K, POSE @ moved, points, uv)[0])
         difference = (numerical[0] - numerical[1]) / (2 * step)
         np.testing.assert_allclose(jacobian[:, :, axis], difference, rtol=1e-4, atol=1e-4)
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.geometry import project
-from vgps.tracking.pose import lmeds_pose, refine_pose, reprojection_inliers
+from vgps.geometry import project, reprojection_inliers
+from vgps.tracking.pose import lmeds_pose, refine_pose
 
 K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
 TRUTH = np.eye(4)

@@ -12,6 +12,7 @@ from vgps.gyro_calibration import GyroCalibration
 from vgps.gyro_calibration import calibrate_gyro as calibrate
 from vgps.progress import TerminalProgress
 from vgps.readers.recording import find_rig, open_recording
+from vgps.writers.placing import check_file
 from vgps.writers.rig import write_rig
 
 
@@ -37,6 +38,7 @@ def calibrate_gyro(
     """
     settings = read_config(config).with_seed(seed)
     opened = open_recording(recording, camera=camera, rig=rig, with_gps=False)
+    check_file(out)
     found = calibrate(opened, settings, TerminalProgress())
     write_rig(found.rig_fields(), out, base=find_rig(recording, rig))
     console = Console()

@@ -1,5 +1,6 @@
 """Verbs about landmark databases."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from vgps.landmarks.build_settings import Frames, LandmarksConfig
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.from_runs import DatabaseInfo, build_from_runs, database_info
 from vgps.progress import TerminalProgress
+from vgps.writers.placing import check_file
 
 landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localise other cameras by.")
 app.command(landmarks)
@@ -36,6 +38,7 @@ def build(
         recording: Folder of the recording, where it has moved since the run.
         settings: Which landmarks are known well enough, and what is kept of them.
     """
+    check_file(out)
     contents = build_from_runs(runs, frames, settings, recording, track=TerminalProgress().track)
     write_database(contents, out)
     Console().print(_as_table(database_info(out)))
@@ -65,9 +68,11 @@ def _as_table(found: DatabaseInfo) -> Table:
         table.add_row("origin", "{:.8f} {:.8f} deg, {:.3f} m".format(*found.world_origin))
     for axis, least, greatest in zip(("east", "north", "up"), *found.extent_m.tolist(), strict=True):
         table.add_row(axis, f"{least:.1f} to {greatest:.1f} m")
+    defaults = LandmarksConfig().model_dump(mode="json")
     for source in found.sources:
-        given = LandmarksConfig.model_validate_json(source.settings).model_dump(exclude_defaults=True)
-        changed = "".join(f", {name} {value}" for name, value in given.items())
+        # plain JSON: another version's settings may have other names
+        given = json.loads(source.settings).items()
+        changed = "".join(f", {name} {value}" for name, value in given if value != defaults.get(name))
         table.add_row(
             f"from {source.recording}", f"{source.frames} frames, {source.landmarks} landmarks{changed}"
         )

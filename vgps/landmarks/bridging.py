@@ -72,11 +72,12 @@ def _rotation(
         assert near is not None
         motion = Motion(t_s[near], poses[near], None, np.zeros(3), bias)
         return np.asarray(poses[near, :3, :3] @ turns.turn(motion, t_s[near], t_s[at]))
-    # without a gyro this turns by nothing, and all of the turn is spread evenly
+    # without a gyro over the whole gap all of the turn is spread evenly
     motion = Motion(t_s[before], poses[before], None, np.zeros(3), bias)
     whole = turns.turn(motion, t_s[before], t_s[after])
     missed = Rotation.from_matrix((poses[before, :3, :3] @ whole).T @ poses[after, :3, :3]).as_rotvec()
-    part = turns.turn(motion, t_s[before], t_s[at])
+    known = turns.covered(t_s[before], t_s[after])
+    part = turns.turn(motion, t_s[before], t_s[at]) if known else np.eye(3)
     rest = part.T @ whole  # the missed turn is said in the axes of the frame after
     share = (t_s[at] - t_s[before]) / (t_s[after] - t_s[before])
     spread = Rotation.from_rotvec(share * (rest @ missed)).as_matrix()

@@ -1,7 +1,6 @@
 """A landmark database from a run: its landmarks, and how they looked in the frames of its recording."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,7 @@ from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
 from vgps.landmarks.patches import Float32Array, Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import Camera, FloatArray, Frame, Recording
+from vgps.model import FloatArray, Frame, Recording
 from vgps.solution import Solution
 
 Track = Callable[[Iterable[Frame], int], Iterable[Frame]]
@@ -62,13 +61,16 @@ def build_database(
     keyed = sightings.take(np.isin(sightings.landmark, chosen.landmark) & (sightings.depth_m > 0))
     keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
     templates = np.zeros((len(chosen.landmark), config.levels, config.patch_px, config.patch_px), np.uint8)
-    keyframes = []
-    for frame in _rectified(recording, solution.camera, track):
-        rows = np.flatnonzero(chosen.frame == frame.index)
+    keyframes, rectify = [], Rectifier(solution.camera)
+    for frame in track(recording.video.frames(), len(recording.video.times_s)):
+        rows, key = np.flatnonzero(chosen.frame == frame.index), frame.index in keys
+        if not (len(rows) or key):
+            continue
+        image = rectify(frame.gray)
         if len(rows):
-            templates[rows] = Pyramid(frame.image, config.levels).sample(chosen.uv_px[rows], config.patch_px)
-        if frame.index in keys:
-            keyframes.append(_keyframe(frame, solution, keyed, config))
+            templates[rows] = Pyramid(image, config.levels).sample(chosen.uv_px[rows], config.patch_px)
+        if key:
+            keyframes.append(_keyframe(frame.index, image, solution, keyed, config))
     views = _views(solution, chosen, sigma_m, templates)
     count = len(np.unique(views.landmark))
     source = Source(str(recording.path), frames, count, config.model_dump_json())
@@ -101,28 +103,14 @@ def _of_another(recording: Recording, what: str, solution: Solution) -> Landmark
     )
 
 
-@dataclass(frozen=True)
-class _Rectified:
-    """An undistorted frame (H, W)."""
-
-    index: int
-    image: Float32Array
-
-
-def _rectified(recording: Recording, camera: Camera, track: Track) -> Iterator[_Rectified]:
-    rectify = Rectifier(camera)
-    for frame in track(recording.video.frames(), len(recording.video.times_s)):
-        yield _Rectified(frame.index, rectify(frame.gray))
-
-
 def _keyframe(
-    frame: _Rectified, solution: Solution, sightings: Sightings, config: LandmarksConfig
+    frame: int, image: Float32Array, solution: Solution, sightings: Sightings, config: LandmarksConfig
 ) -> Keyframe:
-    seen = sightings.take(sightings.frame == frame.index)
+    seen = sightings.take(sightings.frame == frame)
     return make_keyframe(
-        np.clip(np.round(frame.image), 0, 255).astype(np.uint8),
+        np.clip(np.round(image), 0, 255).astype(np.uint8),
         solution.camera,
-        solution.world_T_camera[frame.index],
+        solution.world_T_camera[frame],
         seen.landmark,
         seen.world_p_landmark,
         reach_px=config.keyframe_reach_px,

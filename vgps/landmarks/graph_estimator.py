@@ -12,9 +12,10 @@ from factors import (
     preintegrate_rates,
     steady_centre_factor,
 )
+from vgps.geometry import reprojection_inliers
 from vgps.gyro_integration import GyroIntegral
 from vgps.landmarks.frame_estimator import motion_between
-from vgps.landmarks.pose import PoseEstimate, agreeing
+from vgps.landmarks.pose import PoseEstimate
 from vgps.landmarks.prediction import Motion
 from vgps.landmarks.search import Sightings
 from vgps.landmarks.track_settings import TrackConfig
@@ -53,8 +54,11 @@ class GraphEstimator:
         """As in :class:`vgps.landmarks.tracker.Estimator`."""
         if anew:
             self._begin()
+        before = self._motion
         final = self._update(t_s, pose, seen)
         if final.inlier.sum() < max(self._config.min_inliers, _AGREE * len(seen)):
+            # the graph went astray, and its bias with it
+            self._motion = before
             self._begin()
             final = self._update(t_s, pose, seen)
         return final
@@ -132,7 +136,7 @@ class GraphEstimator:
         return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
 
     def _agree(self, pose: FloatArray, seen: Sightings) -> BoolArray:
-        return agreeing(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)
+        return reprojection_inliers(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)
 
 
 def _x(k: int) -> int:

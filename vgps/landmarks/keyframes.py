@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vgps.geometry import rays
+from vgps.geometry import project, rays
 from vgps.landmarks.contents import Keyframe
 from vgps.landmarks.descriptors import KEYFRAME_FEATURES, describe
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
@@ -39,14 +39,13 @@ def make_keyframe(
         thumbnail_px: Width of the thumbnail.
     """
     rotation, centre = world_T_camera[:3, :3], world_T_camera[:3, 3]
-    camera_p = (world_p_landmark - centre) @ rotation
-    uv_landmark = camera_p[:, :2] / camera_p[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    uv_landmark, depth_m = project(camera.K, world_T_camera, world_p_landmark)
     uv, descriptors = describe(gray, KEYFRAME_FEATURES)
     feature, row = _beside(uv, uv_landmark, reach_px)
     order = np.lexsort((feature, landmark[row]))
     feature, row = feature[order], row[order]
     ray = rays(camera.K, uv[feature])
-    points = ray * (camera_p[row, 2:] / ray[:, 2:])
+    points = ray * (depth_m[row, None] / ray[:, 2:])
     height = max(1, round(thumbnail_px * camera.height / camera.width))
     return Keyframe(
         world_T_camera=world_T_camera,

@@ -76,7 +76,8 @@ def localise(
     path = bridge(
         t_s, np.array(list(poses.values())), found, localiser.turns, localiser.gyro_bias_rad_s, config.coast_s
     )
-    warnings = (*localiser.warnings, *_losses(found, t_s))
+    seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
+    warnings = (*seen_on_the_way, *localiser.warnings, *_losses(found, t_s))
     return as_solution(
         recording, database.world_origin, config, frames, path, gray, seconds.by_stage, warnings
     )

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from vgps.landmarks.blur import Float32Array
-from vgps.model import BoolArray, FloatArray
+from vgps.model import FloatArray
 
 
 @dataclass(frozen=True)
@@ -15,10 +15,6 @@ class Matches:
 
     uv_px: FloatArray
     correlation: FloatArray
-
-    def above(self, limit: float) -> BoolArray:
-        """(N,) those that correlate at least so well."""
-        return self.correlation >= limit
 
 
 def match_templates(

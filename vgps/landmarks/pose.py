@@ -6,7 +6,7 @@ import cv2
 import gtsam
 import numpy as np
 
-from vgps.geometry import MIN_DEPTH, project
+from vgps.geometry import linearise_projection, reprojection_inliers
 from vgps.model import BoolArray, FloatArray
 
 _CONFIDENCE = 0.9999
@@ -59,10 +59,10 @@ def pose_from_matches(
         return None
     best, support = guess, 0
     if guess is not None:
-        support = int(agreeing(K, guess, points, uv_px, limit_px).sum())
+        support = int(reprojection_inliers(K, guess, points, uv_px, limit_px).sum())
     if support < _PLENTY * len(points):
         sampled = _ransac(K, points, uv_px, limit_px, samples)
-        if sampled is not None and agreeing(K, sampled, points, uv_px, limit_px).sum() > support:
+        if sampled is not None and reprojection_inliers(K, sampled, points, uv_px, limit_px).sum() > support:
             best = sampled
     return None if best is None else _settle(K, best, points, uv_px, sigma_px, limit_px, huber_px)
 
@@ -103,23 +103,15 @@ def _settle(
     huber_px: float,
 ) -> PoseEstimate | None:
     """Refine, and decide again which matches agree, until that settles."""
-    inlier = agreeing(K, pose, points, uv_px, limit_px)
+    inlier = reprojection_inliers(K, pose, points, uv_px, limit_px)
     covariance = np.full((6, 6), np.nan)
     for iterations in (2, 2, 2, 10):
         if inlier.sum() < _LEAST:
             return None
         used = points[inlier], uv_px[inlier], sigma_px[inlier]
         pose, covariance = refine_pose(K, pose, *used, huber_px=huber_px, iterations=iterations)
-        inlier = agreeing(K, pose, points, uv_px, limit_px)
+        inlier = reprojection_inliers(K, pose, points, uv_px, limit_px)
     return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _LEAST else None
-
-
-def agreeing(
-    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
-) -> BoolArray:
-    """(N,) matches within ``limit_px`` of where the pose puts them, in front of the camera."""
-    predicted, depth = project(K, world_T_camera, points)
-    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
 
 
 def refine_pose(
@@ -139,7 +131,7 @@ def refine_pose(
     """
     pose, information, spread = world_T_camera, np.eye(6), 1.0
     for _ in range(iterations):
-        residual, jacobian = linearise(K, pose, points, uv_px)
+        residual, jacobian = linearise_projection(K, pose, points, uv_px)
         size = np.linalg.norm(residual, axis=1)
         weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / sigma_px**2
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
@@ -151,18 +143,3 @@ def refine_pose(
         if np.abs(step).max() < _SETTLED:
             break
     return pose, np.asarray(np.linalg.inv(information) * max(spread, 1.0))
-
-
-def linearise(
-    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6) to the pose; both zero behind the camera."""
-    camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
-    front = camera_p[:, 2] > MIN_DEPTH
-    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
-    fx, fy, zero = K[0, 0], K[1, 1], np.zeros_like(z)
-    a, b = x / z, y / z
-    by_u = np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx / z, zero, fx * a / z], axis=1)
-    by_v = np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy / z, fy * b / z], axis=1)
-    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
-    return residual * front[:, None], np.stack([by_u, by_v], axis=1) * front[:, None, None]

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from vgps.geometry import world_sigmas
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.tracker import TrackedFrame
 from vgps.model import FloatArray, GeodeticPoint, Recording
@@ -34,7 +35,8 @@ def as_solution(
         warnings: What to know.
     """
     landmarks, observations = _seen(frames, gray)
-    rotation, position = _sigmas(frames)
+    covariance = np.array([frame.covariance for frame in frames])
+    rotation, position = world_sigmas(np.array([frame.world_T_camera for frame in frames]), covariance)
     return Solution(
         recording=recording.path,
         world_origin=world_origin,
@@ -71,15 +73,3 @@ def _seen(frames: Sequence[TrackedFrame], gray: Sequence[FloatArray]) -> tuple[L
     )
     frame = np.repeat(np.arange(len(seen)), [len(part) for part in seen])
     return landmarks, Observations(frame, row.ravel(), np.concatenate([part.uv_px for part in seen]))
-
-
-def _sigmas(frames: Sequence[TrackedFrame]) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations (F, 3) of rotation [rad] and position [m] along the world's axes."""
-    covariance = np.array([frame.covariance for frame in frames])
-    rotation = np.array([frame.world_T_camera[:3, :3] for frame in frames])
-
-    def sigma(block: FloatArray) -> FloatArray:
-        world = rotation @ block @ rotation.transpose(0, 2, 1)
-        return np.asarray(np.sqrt(np.diagonal(world, axis1=1, axis2=2)))
-
-    return sigma(covariance[:, :3, :3]), sigma(covariance[:, 3:, 3:])

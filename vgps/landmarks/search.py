@@ -50,13 +50,11 @@ class Found:
     Attributes:
         pose: From the matches; None if too few agree on one.
         sightings: Those that agree with the pose; all matches if there is none.
-        sought: Landmarks that were looked for.
         correlation: Median over these; 0 if there were none.
     """
 
     pose: PoseEstimate | None
     sightings: Sightings
-    sought: int
     correlation: float
 
 
@@ -81,7 +79,7 @@ def search_frame(
         config: Settings.
     """
     if len(views) == 0:
-        return Found(None, NOTHING_SEEN, 0, 0.0)
+        return Found(None, NOTHING_SEEN, 0.0)
     predicted, depth = project(K, world_T_camera, views.world_p_landmark)
     templates = render_templates(K, world_T_camera, views, blur_px, config.template_px)
     matches = match_templates(image, templates, predicted, radius_px, config.min_contrast)
@@ -100,8 +98,8 @@ def search_frame(
         guess=world_T_camera,
     )
     if pose is None or pose.inlier.sum() < enough(len(seen), config):
-        return Found(None, seen, len(views), median)
-    return Found(pose, seen.take(pose.inlier), len(views), median)
+        return Found(None, seen, median)
+    return Found(pose, seen.take(pose.inlier), median)
 
 
 def enough(matches: int, config: TrackConfig) -> int:

@@ -95,5 +95,3 @@ class TrackConfig(SettingsModel):
     """Random walk of the gyro's bias, rad/s^2/sqrt(Hz)."""
     acceleration_density_m_s1p5: PositiveFloat = 1.5
     """White noise on the acceleration of the camera's centre, m/s^2/sqrt(Hz)."""
-    turn_density_rad_s1p5: PositiveFloat = 3.0
-    """Without a gyro: white noise on the angular acceleration, rad/s^2/sqrt(Hz)."""

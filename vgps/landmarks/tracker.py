@@ -37,7 +37,6 @@ class TrackedFrame:
         tracked: Posed by landmarks seen in it.
         recovered: Posed by descriptors, without a prediction.
         sightings: The landmarks that agree with the pose.
-        sought: How many were looked for.
         correlation: Median over these.
     """
 
@@ -47,7 +46,6 @@ class TrackedFrame:
     tracked: bool
     recovered: bool
     sightings: Sightings
-    sought: int
     correlation: float
 
 
@@ -113,7 +111,7 @@ class LandmarkTracker:
                 found = self._follow(t_s, image, motion, widen)
                 if found.pose is not None:
                     return self._accept(t_s, found.pose, found, anew=False)
-        found = Found(None, NOTHING_SEEN, 0, 0.0)
+        found = Found(None, NOTHING_SEEN, 0.0)
         if t_s >= self._recover_from_s:
             found = self._recover(t_s, image)
             self._recover_from_s = t_s + self._config.recovery_pause_s
@@ -122,15 +120,13 @@ class LandmarkTracker:
         nowhere = np.full((4, 4), np.nan)
         pose = nowhere if motion is None else predict(motion, self._turns, t_s)
         unknown = np.full((6, 6), np.nan)
-        return TrackedFrame(t_s, pose, unknown, False, False, NOTHING_SEEN, found.sought, found.correlation)
+        return TrackedFrame(t_s, pose, unknown, False, False, NOTHING_SEEN, found.correlation)
 
     def _accept(self, t_s: float, pose: PoseEstimate, found: Found, *, anew: bool) -> TrackedFrame:
         self._recover_from_s = -np.inf
         final = self._estimator.add(t_s, pose, found.sightings, anew=anew)
         seen = found.sightings.take(final.inlier)
-        return TrackedFrame(
-            t_s, final.world_T_camera, final.covariance, True, anew, seen, found.sought, found.correlation
-        )
+        return TrackedFrame(t_s, final.world_T_camera, final.covariance, True, anew, seen, found.correlation)
 
     def _follow(self, t_s: float, image: Float32Array, motion: Motion, widen: float) -> Found:
         """Search around the prediction, Eq. (6), then closer around the pose that this gives."""
@@ -140,14 +136,14 @@ class LandmarkTracker:
         views = self._views(start, config.first_landmarks if widen == 1.0 else config.max_landmarks)
         found = self._search(t_s, image, motion, start, views, widen * self._radius(motion, start, views, dt))
         if found.pose is None or not self._plausible(found.pose.world_T_camera, predicted, dt, widen):
-            return Found(None, NOTHING_SEEN, found.sought, found.correlation)
+            return Found(None, NOTHING_SEEN, found.correlation)
         return self._closer(t_s, image, motion, found)
 
     def _recover(self, t_s: float, image: Float32Array) -> Found:
         """Search around the places where the database has seen such an image."""
         config, before = self._config, self._estimator.motion
         bias = np.zeros(3) if before is None else before.gyro_bias_rad_s
-        best = Found(None, NOTHING_SEEN, 0, 0.0)
+        best = Found(None, NOTHING_SEEN, 0.0)
         for pose in self._recovery.candidates(image):
             motion = Motion(t_s, pose, None, np.zeros(3), bias)
             views = self._views(pose, config.max_landmarks)

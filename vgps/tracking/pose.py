@@ -5,8 +5,8 @@ import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from vgps.geometry import MIN_DEPTH, project
-from vgps.model import BoolArray, FloatArray
+from vgps.geometry import MIN_DEPTH, linearise_projection, project
+from vgps.model import FloatArray
 
 
 def refine_pose(
@@ -32,7 +32,7 @@ def refine_pose(
     """
     pose, information = world_T_camera, np.zeros((6, 6))
     for _ in range(iterations):
-        jacobian, residual = _linearise(K, pose, points, uv_px)
+        residual, jacobian = linearise_projection(K, pose, points, uv_px)
         size = np.linalg.norm(residual, axis=1)
         weight = mu * np.minimum(1.0, huber_px / np.maximum(size, 1e-12))
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
@@ -44,26 +44,6 @@ def refine_pose(
         if np.abs(step).max() < 1e-7:
             break
     return pose, 2.0 * information
-
-
-def _linearise(
-    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6); both zero behind the camera."""
-    camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
-    front = camera_p[:, 2] > MIN_DEPTH
-    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
-    fx, fy = K[0, 0], K[1, 1]
-    a, b, inverse, zero = x / z, y / z, 1.0 / z, np.zeros_like(z)
-    jacobian = np.stack(
-        [
-            np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx * inverse, zero, fx * a * inverse], axis=1),
-            np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy * inverse, fy * b * inverse], axis=1),
-        ],
-        axis=1,
-    )
-    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
-    return jacobian * front[:, None, None], residual * front[:, None]
 
 
 def lmeds_pose(
@@ -121,11 +101,3 @@ def _world_T_camera(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> Floa
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation
     return pose
-
-
-def reprojection_inliers(
-    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
-) -> BoolArray:
-    """(N,) whether a match agrees with the pose to ``limit_px`` and lies in front of the camera."""
-    predicted, depth = project(K, world_T_camera, points)
-    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))

@@ -5,9 +5,10 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.config import TrackingConfig
+from vgps.geometry import reprojection_inliers
 from vgps.local_map import LocalMap
 from vgps.model import Camera, FloatArray, GrayImage
-from vgps.tracking.pose import lmeds_pose, reprojection_inliers
+from vgps.tracking.pose import lmeds_pose
 
 _RATIO = 0.8  # Lowe's test between the best and the second best match
 _SCALE_PX = 12.0

@@ -25,6 +25,20 @@ def check_writable(out: Path) -> None:
         raise _not_writable(out, error) from error
 
 
+def check_file(out: Path) -> None:
+    """Tell before the long work whether a file can be written as ``out``; change nothing.
+
+    Raises:
+        RunFolderError: ``out`` is a folder, or lies where nothing can be written.
+    """
+    if out.is_dir():
+        raise RunFolderError("is a folder", file=out, expected="the name of a file to write")
+    try:
+        _check_place(out.resolve())
+    except OSError as error:
+        raise _not_writable(out, error) from error
+
+
 @contextmanager
 def new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
     """A temporary sibling of ``out`` to write into; it takes the name ``out`` when the block ends well.
@@ -62,8 +76,7 @@ def new_file(out: Path) -> Iterator[Path]:
     Raises:
         RunFolderError: ``out`` is a folder, or cannot be written.
     """
-    if out.is_dir():
-        raise RunFolderError("is a folder", file=out, expected="the name of a file to write")
+    check_file(out)
     out = out.resolve()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -93,6 +106,10 @@ def _check_folder(out: Path) -> None:
             expected="an empty folder or an earlier run",
             remedy="name another --out; nothing was overwritten",
         )
+    _check_place(out)
+
+
+def _check_place(out: Path) -> None:
     nearest = next(parent for parent in out.parents if parent.exists())
     if not nearest.is_dir():
         raise RunFolderError(
