@@ -10,7 +10,8 @@ import numpy as np
 import vgps
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.interpolation import interpolate_poses
-from vgps.model import FixClass, FloatArray, Frame, GpsLog, GrayImage, Recording
+from vgps.model import FixClass, FloatArray, Frame, GrayImage, Recording
+from vgps.online.archive import FixArchive
 from vgps.readers.trajectory import read_trajectory
 
 
@@ -60,21 +61,10 @@ class ToAndFro:
     def recording(self, frames: int) -> Recording:
         """So many frames and their fixes, as a recording like any other."""
         duration_s = (frames - 1) * self.interval_s
-        fixes = [self.fix(second) for second in range(int(duration_s))]
-        unknown = np.full(len(fixes), np.nan)
-        log = GpsLog(
-            t_s=np.array([fix.t_s for fix in fixes]),
-            latitude_deg=np.array([fix.latitude_deg for fix in fixes]),
-            longitude_deg=np.array([fix.longitude_deg for fix in fixes]),
-            height_m=np.array([fix.height_m for fix in fixes]),
-            fix_class=tuple(fix.fix_class for fix in fixes),
-            sigma_m=np.full((len(fixes), 3), np.nan),
-            hdop=unknown,
-            satellites=unknown,
-            correction_age_s=unknown,
-            line=np.arange(1, len(fixes) + 1),
-            source=Path("to_and_fro"),
-        )
+        fixes = FixArchive()
+        for second in range(int(duration_s)):
+            fixes.append(self.fix(second))
+        log = fixes.log(Path("to_and_fro"))
         return replace(self._recording, video=_Played(self, frames), gps=log)
 
 

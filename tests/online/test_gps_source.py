@@ -1,7 +1,5 @@
-import io
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -86,8 +84,9 @@ def test_a_serial_port(log):
     terminal.close()
 
 
-def test_standard_input_ends(log, monkeypatch):
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(log)))
+def test_standard_input_ends(log, monkeypatch, tmp_path):
+    (tmp_path / "fed").write_bytes(log)
+    monkeypatch.setattr(sys, "stdin", (tmp_path / "fed").open(encoding="utf-8"))
     source = GpsSource("-")
     found, notes = collected(source, len(epochs_of(log)))
     same_as_log(found, log)
@@ -112,7 +111,18 @@ def test_gpsd_is_asked_for_sentences(log):
     server.close()
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "/dev/nosuchport", "tcp://", "/dev/null@fast"])
+_UNOPENED = [
+    "tcp://127.0.0.1:1",
+    "/dev/nosuchport",
+    "tcp://",
+    "/dev/null@fast",
+    "tcp://h:99999",
+    "tcp://h:abc",
+]
+_UNOPENED += ["gpsd://h:70000", "tcp://[::1", "/dev/null@99999999999"]
+
+
+@pytest.mark.parametrize("address", _UNOPENED)
 def test_what_cannot_be_opened_is_told_in_one_line(address):
     with pytest.raises(GpsLogError) as caught:
         GpsSource(address)

@@ -12,7 +12,6 @@ from vgps.smoothing.judging import Judgement
 from vgps.solution import FrameState
 
 _CLASSES = tuple(FixClass)
-_UNKNOWN = np.full((3, 4), np.nan)
 
 
 class FrameArchive:

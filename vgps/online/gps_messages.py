@@ -83,7 +83,7 @@ class Epochs:
 
     def _add_ubx(self, raw: bytes) -> list[StreamedFix]:
         at = _NAV_TOW_AT.get(raw[3:4]) if raw[2:3] == b"\x01" else None
-        if at is None:
+        if at is None or not (self._binary or raw[3:4] == b"\x07"):
             return []
         if not self._binary and raw[3:4] == b"\x07":
             self._binary, self._epoch = True, []

@@ -1,6 +1,7 @@
 """A receiver on a serial port, a network port or standard input, read in a thread of its own."""
 
 import contextlib
+import os
 import queue
 import socket
 import stat
@@ -49,14 +50,19 @@ class GpsSource:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self._open, self._again = _opener(address)
         self._messages: queue.Queue[tuple[bytes, float]] = queue.Queue()
         self._notes: queue.Queue[str] = queue.Queue()
         self._epochs, self._last_s = Epochs(), 0.0
         self._closed = threading.Event()
         try:
+            self._open, self._again = _opener(address)
             self._stream: Any = self._open()
-        except (OSError, serial.SerialException) as error:
+        except (
+            OSError,
+            ValueError,
+            OverflowError,
+            serial.SerialException,
+        ) as error:  # a port of no number too
             raise GpsLogError(f"cannot be opened ({_words(error)})", file=address, expected=_FORMS) from error
         threading.Thread(target=self._work, name="gps", daemon=True).start()
 
@@ -79,13 +85,17 @@ class GpsSource:
         return found, notes
 
     def close(self) -> None:
-        """Stop reading."""
+        """Stop reading; a stream that is silent is left to its thread, since closing it would wait for it."""
         self._closed.set()
-        with contextlib.suppress(OSError, serial.SerialException):
-            if self.address != "-":
-                self._stream.close()
 
     def _work(self) -> None:
+        try:
+            self._read_on()
+        finally:
+            with contextlib.suppress(OSError, serial.SerialException):
+                self._stream.close()
+
+    def _read_on(self) -> None:
         while not self._closed.is_set():
             with contextlib.suppress(OSError, serial.SerialException, TypeError, ValueError):
                 for raw in messages(self._stream):
@@ -119,7 +129,8 @@ def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:
         GpsLogError: The address is of no known form.
     """
     if address == "-":
-        return lambda: sys.stdin.buffer, False
+        # not sys.stdin's own buffer: it may not be locked by a waiting thread when Python ends
+        return lambda: os.fdopen(sys.stdin.fileno(), "rb", closefd=False), False
     parts = urlsplit(address)
     if parts.scheme in {"tcp", "gpsd"} and parts.hostname:
         host, watch = parts.hostname, parts.scheme == "gpsd"

@@ -11,22 +11,15 @@ from vgps.online.run import Arrived, GyroSample, Item
 from vgps.readers.fixes import Fix
 
 
-def replay(
-    recording: Recording,
-    stop: threading.Event,
-    *,
-    realtime: bool = False,
-    delay_s: float = 0.0,
-) -> Iterator[Item]:
+def replay(recording: Recording, stop: threading.Event, *, realtime: bool = False) -> Iterator[Item]:
     """Frames, fixes and gyro samples in the order in which they would have come.
 
     Args:
         recording: Opened.
         stop: Ends the waiting too.
         realtime: At its own pace, else as fast as it is taken.
-        delay_s: Fixes come so much later than they were taken.
     """
-    others = _others(recording, delay_s)
+    others = _others(recording)
     waiting = next(others, None)
     begun_s = time.monotonic()
     for frame in recording.video.frames():
@@ -59,11 +52,11 @@ def fixes_of(log: GpsLog) -> Iterator[Fix]:
         )
 
 
-def _others(recording: Recording, delay_s: float) -> Iterator[tuple[float, Item]]:
+def _others(recording: Recording) -> Iterator[tuple[float, Item]]:
     """Fixes and gyro samples with the times at which they come."""
     items: list[tuple[float, Item]] = []
     if recording.gps is not None:
-        items += [(fix.t_s + delay_s, fix) for fix in fixes_of(recording.gps)]
+        items += [(fix.t_s, fix) for fix in fixes_of(recording.gps)]
     if recording.gyro is not None:
         gyro = recording.gyro
         items += [

@@ -111,7 +111,8 @@ def _every_pose(fed: Fed) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
         rows = slice(current.first_frame, current.next_frame)
         poses[rows] = current.poses
         known = np.isfinite(poses[:, 0, 0])
-        states = tuple(FrameState.TRACKED if row else FrameState.BRIDGED for row in known)
+        tracked = known & ~np.isin(np.arange(len(known)), list(current.bridged))
+        states = tuple(FrameState.TRACKED if row else FrameState.BRIDGED for row in tracked)
     if not known.any():
         raise GeometryError(
             "no frame has a pose: the camera hardly moved, or too little was seen, to begin a map",

@@ -34,9 +34,9 @@ _LIVE = Path("live")
 class OnlineSmoother:
     """Stages A, B and C over frames as they come; stage D at the end, if everything was kept.
 
-    The pose of a frame is known after A and B; stage C runs once it is out. The cost of a frame does not grow
-    with the frames before it, nor, without ``keep_all``, does memory, but for some 100 bytes of each frame
-    and fix that the run folder is written from.
+    The pose of a frame is known after A and B; stage C runs once it is out. Without ``keep_all``
+    neither the cost of a frame nor memory grows with the frames before it, but for some 100 bytes of each
+    frame and fix that the run folder is written from.
 
     Stage C optimises the last frames with older ones held: these are its prior. When fixes contradict them,
     after an outage above all, the drift of all that is remembered (``online.keep_s``) is taken out first.
@@ -67,7 +67,10 @@ class OnlineSmoother:
         self._sequence = Sequence(camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
-        self._follower, self._teller = Follower(self._sequence, config.online), VerdictTeller()
+        self._follower, self._teller = (
+            Follower(self._sequence, config.online),
+            VerdictTeller(config.gps.model),
+        )
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
@@ -166,6 +169,8 @@ class OnlineSmoother:
         if stage_d and not self._keep_all:
             raise ConfigError("stage D without the sightings of all frames", remedy="give keep_all")
         self.refine()
+        if self._estimate is not None:
+            self._note_warnings(self._estimate.t_s)
         sequence = self._sequence
         fed = Fed(
             self._source,

@@ -4,19 +4,24 @@ from collections.abc import Callable
 
 import numpy as np
 
+from vgps.config import GpsModel
 from vgps.model import FixClass
 from vgps.online.estimate import OnlineEvent
 from vgps.smoothing.ledger import FixLedger
+from vgps.smoothing.verdicts import verdicts_of
 from vgps.solution import Verdict
-
-_VERDICTS = (Verdict.NOT_USED, Verdict.USED, Verdict.DOWN_CLASSED, Verdict.REJECTED)
 
 
 class VerdictTeller:
-    """Remembers what was told of the fixes that a ledger still holds."""
+    """Remembers what was told of the fixes that a ledger still holds.
 
-    def __init__(self) -> None:
-        self.told: dict[int, int] = {}
+    Args:
+        model: Of the GPS; with ``none`` no fix takes part.
+    """
+
+    def __init__(self, model: GpsModel) -> None:
+        self._model = model
+        self.told: dict[int, Verdict] = {}
 
     def news(
         self, ledger: FixLedger, class_of: Callable[[int], FixClass], since_s: float, until_s: float
@@ -30,10 +35,11 @@ class VerdictTeller:
         """
         fixes, judgement = ledger.fixes, ledger.judgement
         rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
-        code = np.where(judgement.rejected, 3, np.where(judgement.lowered, 2, 1))
-        now = dict(
-            zip(ledger.number[rows].tolist(), np.where(fixes.used, code, 0)[rows].tolist(), strict=True)
-        )
+        found, takes_part = verdicts_of(judgement), fixes.used & (self._model != "none")
+        now = {
+            int(ledger.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
+            for row in rows.tolist()
+        }
         before, self.told = self.told, now
         events = []
         for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
@@ -45,13 +51,13 @@ class VerdictTeller:
 
 
 def _event(
-    t_s: float, fix_t_s: float, kind: FixClass, verdict: int, before: int | None, own: float
+    t_s: float, fix_t_s: float, kind: FixClass, verdict: Verdict, before: Verdict | None, own: float
 ) -> OnlineEvent:
-    was = "" if before is None else f", before {_VERDICTS[before]}"
+    was = "" if before is None else f", before {before}"
     details = {
         "fix_t_s": fix_t_s,
         "class": str(kind),
-        "verdict": str(_VERDICTS[verdict]),
+        "verdict": str(verdict),
         "probability": own if np.isfinite(own) else None,
     }
-    return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {_VERDICTS[verdict]}{was}", details)
+    return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {verdict}{was}", details)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from vgps.config import Config
-from vgps.errors import GpsLogError, RecordingError
+from vgps.errors import ConfigError, GpsLogError, RecordingError
 from vgps.model import Rig
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.gps_source import GpsSource
@@ -43,6 +43,18 @@ class OnlineOptions:
     camera: Path | None = None
     rig: Path | None = None
 
+    def check(self) -> None:
+        """Tell before the long work what cannot be done at its end.
+
+        Raises:
+            ConfigError: Stage D is asked for, and nothing to write its result to.
+            RunFolderError: ``out`` cannot be written.
+        """
+        if self.finish and self.out is None:
+            raise ConfigError("--finish without --out", remedy="name the run folder with --out")
+        if self.out is not None:
+            check_writable(self.out)
+
 
 def pose_recording(
     path: Path | None, options: OnlineOptions, *, realtime: bool = False, stream: TextIO | None = None
@@ -60,8 +72,7 @@ def pose_recording(
     """
     if path is None:
         raise RecordingError("no recording", expected="a folder, or --video SOURCE --camera CAMERA.YAML")
-    if options.out is not None:
-        check_writable(options.out)
+    options.check()
     opened = open_recording(path, gps=options.gps, camera=options.camera, rig=options.rig)
     smoother = OnlineSmoother(
         opened.camera, opened.rig, options.config, keep_all=options.finish, source=opened.path
@@ -94,8 +105,7 @@ def pose_live(
         raise RecordingError("both a recording and --video", expected="one of them")
     if options.camera is None:
         raise RecordingError("--video without a calibration", expected="--camera CAMERA.YAML")
-    if options.out is not None:
-        check_writable(options.out)
+    options.check()
     lens = read_camera(options.camera)
     rig = read_rig(options.rig) if options.rig is not None else Rig()
     source = VideoSource(video)

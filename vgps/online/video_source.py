@@ -51,7 +51,6 @@ class VideoSource:
         self._frames: queue.Queue[Arrived] = queue.Queue(_WAITING)
         self._notes: queue.Queue[str] = queue.Queue()
         self._closed, self._ended = threading.Event(), threading.Event()
-        self._failed: BaseException | None = None
         try:
             container = self._opened()
         except (av.error.FFmpegError, OSError) as error:
@@ -60,6 +59,12 @@ class VideoSource:
                 file=address,
                 expected="a camera, a stream or a video that FFmpeg opens",
             ) from error
+        if not container.streams.video:
+            raise VideoError(
+                "no video in it",
+                file=address,
+                expected="a camera, a stream or a video that FFmpeg opens",
+            )
         threading.Thread(target=self._work, args=(container,), name="video", daemon=True).start()
 
     def next(self, timeout_s: float) -> Arrived | None:
@@ -92,6 +97,12 @@ class VideoSource:
         return av.open(self.address, format=form, options=options, timeout=_TIMEOUT_S if self.live else None)
 
     def _work(self, container: av.container.InputContainer) -> None:
+        try:
+            self._read_on(container)
+        finally:
+            self._ended.set()
+
+    def _read_on(self, container: av.container.InputContainer) -> None:
         while True:
             with contextlib.suppress(av.error.FFmpegError, OSError, IndexError), container:
                 self._read(container)
@@ -102,7 +113,6 @@ class VideoSource:
             if again is None:
                 break
             container = again
-        self._ended.set()
 
     def _reconnected(self) -> av.container.InputContainer | None:
         wait_s = _RETRY_S[0]

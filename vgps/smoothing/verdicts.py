@@ -32,6 +32,7 @@ def fix_table(
     residual = antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix
     residual[~placement.inside] = np.nan
     believed = judgement.applied(fixes)
+    found = verdicts_of(judgement)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
         why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
@@ -39,7 +40,7 @@ def fix_table(
             verdicts.append(Verdict.NOT_USED)
             reasons.append(f"not used: {why_not}")
             continue
-        verdicts.append(_verdict(judgement, row))
+        verdicts.append(found[row])
         where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
         reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row))
     return FixTable(
@@ -61,10 +62,12 @@ def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> s
     return "the GPS model is none" if config.gps.model == "none" else ""
 
 
-def _verdict(judgement: Judgement, row: int) -> Verdict:
-    if judgement.rejected[row]:
-        return Verdict.REJECTED
-    return Verdict.DOWN_CLASSED if judgement.lowered[row] else Verdict.USED
+def verdicts_of(judgement: Judgement) -> list[Verdict]:
+    """What was made of each fix (M,) that took part."""
+    return [
+        Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
+        for rejected, lowered in zip(judgement.rejected, judgement.lowered, strict=True)
+    ]
 
 
 def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
