@@ -68,3 +68,15 @@ def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
 def test_too_few_fixes_tell_nothing():
     found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
     assert found == BELIEVED
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed):
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(0.0, 6.0, 0.1)
+    line = np.stack([0 * t_s, 9.0 * t_s - 0.75 * t_s**2, 0 * t_s], axis=1)
+    fixes = fixes_at(t_s, 0.12, 0.1)
+    seen = line + rng.normal(0.0, 0.05, line.shape)
+    fixes = type(fixes)(t_s, seen, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]])
+    drifted = line + np.cumsum(rng.normal(0.0, 0.01, line.shape), axis=0)
+    assert settle_lag(SENSORS, poses(drifted), t_s, fixes, SensorsConfig()) == (SENSORS, ())

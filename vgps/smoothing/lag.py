@@ -14,6 +14,7 @@ from vgps.smoothing.sensors import Lag, Sensors
 
 _SEEN = 0.5  # of the prior standard deviation: what is larger was not seen
 _LONGEST_S = 3.0  # between two fixes that are compared
+_REACH = 3.0  # prior standard deviations that are searched
 _STEP_S = 0.05  # of the coarse search, a fraction of what a vehicle needs to turn
 _LEAST_M = 0.005
 _WIDTH = 2.0  # Cauchy's loss bends at so many spreads
@@ -36,10 +37,13 @@ def settle_lag(
     believed = Lag(config.lag_s, config.lag_prior_s)
     if not believed.sigma_s:
         return sensors, ()
-    found = lag_by_differences(poses, t_s, fixes, sensors.camera_p_antenna, believed)
+    pairs = _pairs(poses, t_s, fixes, sensors.camera_p_antenna, believed)
+    found = _best_lag(pairs, believed)
     change_s, seen = abs(found.lag_s - believed.lag_s), found.sigma_s < _SEEN * believed.sigma_s
     chance_s = config.significant * float(np.hypot(config.trusted_lag_s, found.sigma_s))
-    if seen and (config.estimate_lag == "yes" or change_s > chance_s):
+    # the best of a grid is narrow by chance too: it must explain the fixes better than what was believed
+    real = change_s > chance_s and pairs.gain(found.lag_s, believed.lag_s) > config.significant**2
+    if seen and (config.estimate_lag == "yes" or real):
         return sensors.with_lag(found), (
             f"the positions of the GPS log are {found.lag_s:.2f} s older than their time stamps say; "
             "this was corrected",
@@ -72,12 +76,23 @@ def lag_by_differences(
         camera_p_antenna: (3,) metres.
         believed: Before anything was seen.
     """
-    reach = 3.0 * believed.sigma_s
-    taken_s = fixes.t_s - believed.lag_s
+    return _best_lag(_pairs(poses, t_s, fixes, camera_p_antenna, believed), believed)
+
+
+def _pairs(
+    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, believed: Lag
+) -> "_Pairs":
+    """Of the fixes that stay within the video whatever the lag may be."""
+    taken_s, reach = fixes.t_s - believed.lag_s, _REACH * believed.sigma_s
     inside = fixes.used & (taken_s > t_s[0] + reach) & (taken_s < t_s[-1] - reach)
-    pairs = _Pairs(poses, t_s, fixes.where(inside), camera_p_antenna)
+    return _Pairs(poses, t_s, fixes.where(inside), camera_p_antenna)
+
+
+def _best_lag(pairs: "_Pairs", believed: Lag) -> Lag:
+    """The best of a grid, refined."""
     if pairs.count < 3:
         return believed
+    reach = _REACH * believed.sigma_s
     grid = believed.lag_s + np.arange(-reach, reach + _STEP_S, _STEP_S)
     lag_s = float(grid[int(np.argmin([np.median(pairs.apart(lag)) for lag in grid.tolist()]))])
     for _ in range(_ITERATIONS):
@@ -118,10 +133,24 @@ class _Pairs:
         apart = self._disagreement(lag_s)
         by_lag = (self._disagreement(lag_s + _DELTA_S) - apart) / _DELTA_S
         length = np.linalg.norm(apart, axis=1)
-        # the median length of a Gaussian in the plane is 1.18 of its spread on an axis
-        spread = max(float(np.median(length)) / 1.1774, _LEAST_M)
+        spread = _spread(length)
         weight = 1.0 / (1.0 + (length / (_WIDTH * spread)) ** 2) / spread**2
         information = float(np.sum(weight[:, None] * by_lag**2)) + believed.sigma_s**-2
         gradient = float(np.sum(weight[:, None] * by_lag * apart))
         gradient += (lag_s - believed.lag_s) / believed.sigma_s**2
         return -gradient / information, information**-0.5
+
+    def gain(self, lag_s: float, other_s: float) -> float:
+        """Twice the log of how much more likely a lag is than another one: 9 is as rare by chance as three
+        standard deviations."""
+        if self.count == 0:
+            return 0.0
+        length, other = self.apart(lag_s), self.apart(other_s)
+        bend = _WIDTH * _spread(length)
+        losses = [np.log1p((apart / bend) ** 2).sum() for apart in (length, other)]
+        return _WIDTH**2 * float(losses[1] - losses[0])
+
+
+def _spread(length: FloatArray) -> float:
+    """On an axis: the median length of a Gaussian in the plane is 1.18 of it."""
+    return max(float(np.median(length)) / 1.1774, _LEAST_M)
