@@ -135,6 +135,11 @@ def test_kalibrs_chain_of_one_camera(read):
     ("content", "message"),
     [
         ({"cam0": {**KALIBR, "camera_model": "omni"}}, r"key cam0\.camera_model: 'omni'; expected pinhole"),
+        (
+            {"cam0": {**KALIBR, "camera_model": ["pinhole"]}},
+            r"key cam0\.camera_model: \['pinhole'\]; expected",
+        ),
+        ({"cam0": {**KALIBR, "distortion_model": {"a": 1}}}, r"distortion_model: \{'a': 1\}; expected equid"),
         ({"cam0": {**KALIBR, "distortion_model": "fov"}}, r"'fov'; expected equidistant or none or radtan"),
         ({"cam0": {**KALIBR, "intrinsics": [1, 2, 3]}}, r"key cam0\.intrinsics: .* a list of 4 numbers"),
         ({"cam0": {**KALIBR, "intrinsics": "wide"}}, r"key cam0\.intrinsics: 'wide'"),

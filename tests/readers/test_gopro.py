@@ -65,6 +65,18 @@ def test_the_fix_and_the_dilution_of_a_payload_are_those_of_its_samples(fix, dop
     assert raw.notes == [note]
 
 
+@pytest.mark.parametrize("key", ["GPSF", "GPSP"])
+def test_a_fix_or_a_dilution_that_is_cut_short_is_not_known(key):
+    about = (encode("GPSF", "L", [[3]]), encode("GPSP", "S", [[154]]))
+    cut = [encode(key, "L", []) if piece[:4] == key.encode() else piece for piece in about]
+    scale = encode("SCAL", "l", [[10_000_000]] * 2 + [[1000], [1000], [100]])
+    raw = read_gopro_gps(
+        telemetry(device("Hero9", stream(encode("GPS5", "l", [[1, 2, 3, 4, 5]]), *cut, scale)))
+    )
+    assert len(raw.fixes) == 1
+    assert raw.fixes[0].hdop == pytest.approx(1.54) if key == "GPSF" else np.isnan(raw.fixes[0].hdop)
+
+
 def gps9(rows):
     """As a HERO11 writes it: a fix and a dilution for every sample."""
     scale = [10_000_000, 10_000_000, 1000, 1000, 100, 1, 1000, 100, 1]
@@ -211,6 +223,15 @@ def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, telling
     np.testing.assert_allclose(opened.gyro.t_s, np.arange(10) / 10)
     assert opened.rig.exposure_s == pytest.approx(0.004)
     np.testing.assert_array_equal(opened.rig.gyro_R_camera, GYRO_R_CAMERA)
+
+
+def test_a_videos_metadata_are_read_once(folder, telling, monkeypatch):
+    telling(walk())
+    told, calls = opening.read_gpmf, []
+    for place in ("vgps.readers.recording.read_gpmf", "vgps.readers.gps.read_gpmf"):
+        monkeypatch.setattr(place, lambda path: calls.append(path) or told(path))
+    assert len(open_recording(folder / "GX010042.MP4").gps) == 8
+    assert calls == [folder / "GX010042.MP4"]
 
 
 def test_files_come_before_what_the_video_says(folder, telling):

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from vgps.errors import RecordingError
 from vgps.readers.gopro import read_gopro_gyro
-from vgps.readers.gpmf import Block, Packet, collect, numbers, packets, parse, read_gpmf, sample_times
+from vgps.readers.gpmf import Block, Packet, collect, first_number, numbers, packets, parse, read_gpmf
+from vgps.readers.gpmf_times import sample_times
 
 LIMITS = {"b": 7, "B": 8, "s": 15, "S": 16, "l": 31, "L": 32, "j": 53, "J": 53}
 keys = st.text("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", min_size=4, max_size=4)
@@ -124,6 +125,29 @@ def test_text_and_unknown_types_are_left_out():
         device("Camera", stream(text("NOTE", "hello")), stream(entry("DATE", "U", b"x" * 16, 16, 1)))
     )
     assert found.sensors == {} and found.damaged == 0
+
+
+@pytest.mark.parametrize(
+    "stamp", [entry("STMP", "J", b"", 8, 0), text("STMP", "noon"), entry("STMP", "", b"", 0, 0)]
+)
+def test_a_stamp_without_a_number_is_no_stamp(stamp):
+    found = telemetry(device("Camera", stream(encode("GYRO", "s", [[1, 2, 3]]), stamp)))
+    (block,) = found.sensors["GYRO"]
+    assert np.isnan(block.stamp_s) and found.damaged == 0
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (encode("GPSF", "L", [[3], [2]]), 3.0),
+        (encode("GPSF", "L", []), -1.0),
+        (text("GPSF", "3D"), -1.0),
+        (encode("GPSP", "L", [[7]]), -1.0),
+    ],
+)
+def test_the_first_number_of_an_entry_or_the_default(said, expected):
+    (found,) = parse(said)
+    assert first_number({found.key: found}, "GPSF", -1.0) == expected
 
 
 def blocks(*rows: tuple[float, int, float]) -> list[Block]:

@@ -143,3 +143,17 @@ def test_what_looks_like_a_log():
     assert looks_like_gps_csv(b"# x\nt_s,latitude_deg,longitude_deg\n")
     assert not looks_like_gps_csv(b"t_s,wx_rad_s,wy_rad_s,wz_rad_s\n")
     assert not looks_like_gps_csv(b"latitude\n")
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"), [("4.0", FixClass.RTK_FIX), ("1e300", FixClass.UNKNOWN), ("inf", FixClass.UNKNOWN)]
+)
+def test_a_quality_of_any_size(tmp_path, cell, expected):
+    text = f"t_s,latitude_deg,longitude_deg,height_m,fix\n0.5,49.2,8.1,100.5,{cell}\n"
+    assert read(tmp_path, text).fixes[0].fix_class is expected
+
+
+@pytest.mark.parametrize("cell", ["nan", "0.0", "0"])
+def test_a_quality_that_is_no_fix(tmp_path, cell):
+    text = f"t_s,latitude_deg,longitude_deg,height_m,fix\n0.5,49.2,8.1,100.5,{cell}\n"
+    assert read(tmp_path, text).fixes == []

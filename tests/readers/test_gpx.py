@@ -74,6 +74,17 @@ def test_a_class_in_a_namespace_of_its_own(tmp_path):
     assert read_gps_log(file).fix_class[0] is FixClass.RTK_FIX
 
 
+@pytest.mark.parametrize("point", ["rte><rtept", "wpt"])
+def test_the_fix_of_a_route_or_a_waypoint_is_not_that_of_the_track_point_before_it(tmp_path, point):
+    file = tmp_path / "gps.gpx"
+    names = point.split("><")
+    other = f'<{point} lat="1" lon="2"><fix>2d</fix>' + "".join(f"</{name}>" for name in names[::-1])
+    file.write_text(GPX.replace("</gpx>", f"{other}</gpx>"))
+    # the last point of the track says that it has none
+    assert read_gps_log(file).fix_class == (FixClass.DGPS, FixClass.SINGLE)
+    assert "1 points without a fix passed over" in read_gps_log(file).skipped
+
+
 def test_points_without_a_fix_are_told(tmp_path):
     file = tmp_path / "gps.gpx"
     file.write_text(GPX)

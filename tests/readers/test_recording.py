@@ -57,6 +57,12 @@ def test_the_rig_that_is_read(folder):
         find_rig(folder, "none.yaml")
 
 
+def test_the_rig_is_found_without_opening_the_video(folder):
+    (folder / "video.mp4").write_bytes(b"no video")
+    (folder / "rig.yaml").write_text("")
+    assert find_rig(folder) == folder / "rig.yaml"
+
+
 def test_a_video_and_a_camera_are_enough(folder):
     for recording in (open_recording(folder), open_recording(str(folder / "video.mp4"))):
         assert (recording.gps, recording.gyro, recording.control_points) == (None, None, None)

@@ -172,6 +172,29 @@ def test_times_before_the_leap_seconds_are_known_are_told(tmp_path):
     )
 
 
+@pytest.mark.parametrize("kind", [0x07, 0x14, 0x04])
+@pytest.mark.parametrize("length", [0, 3, 6, 17])
+def test_a_message_that_is_too_short_is_damage(tmp_path, kind, length):
+    """Its checksum holds; what it lacks would be zero, its position on the equator."""
+    short = framed(kind, bytes(range(length)))
+    found = read_gps_log(log(tmp_path, at(1000) + short))
+    assert len(found) == 1 and found.skipped == ("1 damaged messages passed over",)
+
+
+def test_a_position_that_is_cut_off_is_no_fix(tmp_path):
+    cut = framed(0x07, pvt(second=30)[6:-2][:24])
+    assert len(read_gps_log(log(tmp_path, pvt() + cut))) == 1
+
+
+@pytest.mark.parametrize(
+    "date", [{"month": 0}, {"day": 0}, {"month": 2, "day": 30}, {"year": 0}, {"hour": 24}]
+)
+def test_a_date_that_is_in_no_calendar_is_no_time(tmp_path, date):
+    found = read_gps_log(log(tmp_path, pvt() + pvt(**date)))
+    assert len(found) == 1
+    assert found.skipped == ("1 messages before the receiver knew the time passed over",)
+
+
 def test_damage_is_counted(tmp_path):
     damaged = bytearray(pvt(second=20))
     damaged[30] ^= 0xFF

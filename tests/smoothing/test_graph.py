@@ -10,10 +10,12 @@ from synthetic_bundle import ANTENNA, K, drive
 
 from factors import Cylinder, Gaussian, gps_factor, gps_factor_between, gps_factor_calibrating
 from vgps.errors import GeometryError
+from vgps.smoothing import graph as engine
 from vgps.smoothing.bundle import BundleProblem, to_graph
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.graph import GraphResult, SolverSettings, optimise_graph, pose_marginals
 from vgps.smoothing.graph_reading import read_graph
+from vgps.smoothing.gtsam_solver import optimise_with_gtsam
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 POSE_NOISE = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))
@@ -335,3 +337,31 @@ def test_it_says_when_and_why_it_stopped() -> None:
     assert cut.iterations == 1 and not cut.converged and "1 iteration" in cut.reason
     again = optimise_graph(graph, optimise_graph(graph, values, TIGHT).values)
     assert again.converged and again.iterations <= 1 and "converged" in again.reason
+
+
+def test_gtsams_optimiser_eliminates_what_is_seen_first_and_lever_arms_last(monkeypatch) -> None:
+    graph, values = to_graph(small())
+    values.insert(A(0), np.zeros(1))
+    values.insert(B(0), ANTENNA)
+    for i in (2, 20):
+        at = (float(i), i + 1.0, i + 0.5)
+        fix, penalty = values.atPose3(X(i)).translation(), Gaussian((0.1, 0.1, 0.1))
+        graph.push_back(gps_factor_calibrating(X(i), X(i + 1), A(0), B(0), at, fix, penalty))
+    orders = []
+    own = optimise_with_gtsam
+    monkeypatch.setattr(engine, "optimise_with_gtsam", lambda *a: orders.append(a[2]) or own(*a))
+    optimise_graph(graph, values, replace(TIGHT, max_flops=1e3))
+    (order,) = orders
+    seen = [gtsam.Symbol(key).chr() == ord("l") for key in order]
+    assert seen.index(False) == sum(seen) > 100 and B(0) in order
+
+
+def test_keys_beyond_63_bits_go_to_gtsam() -> None:
+    graph, values = to_graph(small())
+    far = 2**63 + 5
+    values.insert(far, values.atPose3(X(3)))
+    graph.push_back(gtsam.BetweenFactorPose3(X(3), far, gtsam.Pose3(), POSE_NOISE))
+    found = optimise_graph(graph, values, TIGHT)
+    assert found.solver == "gtsam" and found.why_gtsam.startswith("keys beyond 9223372036854775807")
+    assert found.error_after < 0.5 * found.error_before
+    assert pose_marginals(graph, found.values)[far].shape == (6, 6)

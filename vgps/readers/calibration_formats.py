@@ -80,13 +80,13 @@ def camera_from_kalibr(content: dict[str, Any], path: Path) -> dict[str, Any] | 
     name, camera = cameras[0], content[cameras[0]]
     if not isinstance(camera, dict):
         raise CalibrationError("no fields", file=path, place=f"key {name}", expected="a camera of Kalibr's")
-    for key, known in (("camera_model", {"pinhole"}), ("distortion_model", set(_KALIBR))):
+    for key, known in (("camera_model", ["pinhole"]), ("distortion_model", sorted(_KALIBR))):
         if camera.get(key) not in known:
             raise CalibrationError(
                 f"{camera.get(key)!r}",
                 file=path,
                 place=f"key {name}.{key}",
-                expected=" or ".join(sorted(known)),
+                expected=" or ".join(known),
             )
     fx, fy, cx, cy = _numbers(camera, name, "intrinsics", 4, path)
     width, height = _numbers(camera, name, "resolution", 2, path)

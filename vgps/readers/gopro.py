@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from vgps.errors import GpsLogError, GyroLogError, RecordingError
 from vgps.model import FixClass, FloatArray, GyroLog
 from vgps.readers.fixes import Clock, Fix, RawLog
-from vgps.readers.gpmf import Block, Telemetry, numbers, sample_times
+from vgps.readers.gpmf import Block, Telemetry, first_number
+from vgps.readers.gpmf_times import sample_times
 
 # GoPro's axes: X to the left of the lens's view, Y backward, Z up; checked on a MAX by gravity and by its own
 # orientation stream (CORI), whose rates are those of the camera's axes
@@ -162,13 +163,9 @@ def _quality(sensor: list[Block], key: str) -> tuple[FloatArray, FloatArray]:
     if key == "GPS9":
         values = np.concatenate([block.samples for block in sensor])
         return values[:, 8], values[:, 7]
-    fix = [np.full(len(block.samples), _said(block, "GPSF", _FIX_3D)) for block in sensor]
-    dop = [np.full(len(block.samples), _said(block, "GPSP", np.nan) / 100) for block in sensor]
+    fix = [np.full(len(block.samples), first_number(block.about, "GPSF", _FIX_3D)) for block in sensor]
+    dop = [np.full(len(block.samples), first_number(block.about, "GPSP", np.nan) / 100) for block in sensor]
     return np.concatenate(fix), np.concatenate(dop)
-
-
-def _said(block: Block, key: str, default: float) -> float:
-    return float(numbers(block.about[key])[0, 0]) if key in block.about else default
 
 
 def _axes(telemetry: Telemetry) -> str:

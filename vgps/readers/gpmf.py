@@ -8,7 +8,6 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from vgps.model import FloatArray
 
 _HEADER = struct.Struct(">4sBBH")
 _REPEATED = re.compile(r"(.)\[(\d+)\]")  # "f[3]" stands for "fff" in a TYPE
-_TOLERANCE_S = 0.5  # between a stamp and its packet's time; beyond it the stamps begin anew (joined clips)
 _TRACK = ("GoPro MET", "gpmd")
 _NUMBERS = {
     "b": "i1", "B": "u1", "s": ">i2", "S": ">u2", "l": ">i4", "L": ">u4",
@@ -125,6 +123,15 @@ def numbers(entry: Entry, structure: str = "") -> FloatArray:
     return np.stack(columns, axis=1)
 
 
+def first_number(about: dict[str, Entry], key: str, default: float) -> float:
+    """The first number of an entry; the default where there is no such entry or no number in it."""
+    try:
+        values = numbers(about[key]) if key in about else np.zeros((0, 1))
+    except ValueError:
+        return default
+    return float(values[0, 0]) if values.size else default
+
+
 def packets(video: Path) -> list[Packet]:
     """The packets of a video's GPMF track in order; none if it has no such track.
 
@@ -210,48 +217,6 @@ def _add(sensors: dict[str, list[Block]], entries: list[Entry], packet: Packet) 
         if len(scale) not in {1, values.shape[1]} or not scale.all():
             raise ValueError(f"{last.key} has {values.shape[1]} columns and {len(scale)} scales")
         values = values / scale
-    stamp_s = float(numbers(known["STMP"])[0, 0]) * 1e-6 if known.get("STMP") else float("nan")
+    stamp_s = first_number(known, "STMP", float("nan")) * 1e-6
     block = Block(stamp_s, values, known, packet.start_s, packet.duration_s)
     sensors.setdefault(last.key, []).append(block)
-
-
-def sample_times(sensor: list[Block], first_frame: Block | None = None) -> FloatArray:
-    """(N,) times of all samples of a sensor, seconds from the video's first frame on.
-
-    STMP stamps the first sample of a payload, the others lie evenly up to the next payload's stamp, those of
-    the last payload at the rate before it. Where stamps are missing, or begin anew, the samples are spread
-    over the time for which the container shows the payload: right to a few tenths of a second.
-
-    Args:
-        sensor: Its blocks, in order.
-        first_frame: The first block of a stream with a sample per frame (SHUT): its stamp is the first
-            frame's. Without it the stamps are laid on the containers' times, on the whole.
-    """
-    counts = [len(block.samples) for block in sensor]
-    stamps = np.array([block.stamp_s for block in sensor])
-    starts = np.array([block.start_s for block in sensor])
-    ahead = stamps - starts
-    if not np.isfinite(ahead).all() or np.ptp(ahead) > _TOLERANCE_S:
-        firsts, steps = (
-            starts,
-            [block.duration_s / max(n, 1) for block, n in zip(sensor, counts, strict=True)],
-        )
-    else:
-        lead = float(np.median(ahead))
-        frame = np.nan if first_frame is None else first_frame.stamp_s - first_frame.start_s
-        firsts = stamps - (frame if abs(frame - lead) < _TOLERANCE_S else lead)
-        steps = _steps(sensor, firsts, counts)
-    each = zip(firsts.tolist(), steps, counts, strict=True)
-    return np.concatenate([first + step * np.arange(n) for first, step, n in each])
-
-
-def _steps(sensor: list[Block], firsts: FloatArray, counts: list[int]) -> list[float]:
-    """Time between the samples of each payload: up to the next one; before a gap and at the end as before."""
-    steps: list[float] = []
-    step = sensor[0].duration_s / max(counts[0], 1)
-    for index, (block, following) in enumerate(pairwise(sensor)):
-        gap = abs(following.start_s - block.start_s - block.duration_s) > _TOLERANCE_S
-        if counts[index] and not gap:
-            step = float(firsts[index + 1] - firsts[index]) / counts[index]
-        steps.append(step)
-    return [*steps, step]

@@ -12,7 +12,7 @@ from vgps.model import FixClass, FloatArray, GpsLog, Rig
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
-from vgps.readers.gpmf import read_gpmf
+from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gpx import looks_like_gpx, read_gpx
 from vgps.readers.nmea import looks_like_nmea, read_nmea
@@ -49,13 +49,14 @@ def gps_format(path: str | Path) -> str | None:
     return next((form.name for form in _FORMATS if form.matches(data)), None)
 
 
-def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
+def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry | None = None) -> GpsLog:
     """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, DJI subtitles, CSV, or a GoPro's video; content tells.
 
     Args:
         path: The file.
         rig: Its ``video_start_utc`` puts UTC times on the video's clock; a log without a date gets the day
             that lies closest. None (a log without a video): times count from the first fix.
+        telemetry: Of the file, where it is a GoPro's video that has been read.
 
     Returns:
         Fixes in order of time; what was dropped is told in ``skipped``.
@@ -65,7 +66,7 @@ def read_gps_log(path: str | Path, rig: Rig | None = None) -> GpsLog:
             on UTC while the rig has no ``video_start_utc``.
     """
     path = Path(path)
-    raw = _read(path)
+    raw = _read(path) if telemetry is None else read_gopro_gps(telemetry)
     notes = list(raw.notes)
     fixes = _in_order(_with_position(raw.fixes, notes), notes)
     if not fixes:

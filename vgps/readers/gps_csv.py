@@ -148,7 +148,7 @@ def _fix_class(cell: str) -> FixClass | None:
         number = float(name)
     except ValueError:
         return _NAMES.get(name, FixClass.UNKNOWN)
-    return NMEA_QUALITY.get(int(number), FixClass.UNKNOWN) if number >= 1 else None
+    return NMEA_QUALITY.get(int(min(number, 99.0)), FixClass.UNKNOWN) if number >= 1 else None
 
 
 def _optional(table: Table, *names: str) -> FloatArray:

@@ -22,7 +22,7 @@ _CLASSES = {
 }
 _NO_FIX = {"none", "no_fix", "0"}
 _FIX = re.compile(r"<((?:\w+:)?fix)(?:\s[^>]*)?>\s*([^<]*?)\s*</\1\s*>", re.IGNORECASE)
-_POINT = re.compile(r"<trkpt\b")
+_POINT = re.compile(r"<(?:\w+:)?(trkpt|rtept|wpt)\b")
 
 
 def looks_like_gpx(data: bytes) -> bool:
@@ -64,11 +64,14 @@ def _classes(text: str) -> tuple[dict[int, str], str]:
 
     gpxpy refuses a whole file for one fix that GPX does not know.
     """
-    starts = [match.start() for match in _POINT.finditer(text)]
-    found = {
-        int(np.searchsorted(starts, match.start())): re.sub(r"[\s-]+", "_", match[2].lower())
-        for match in _FIX.finditer(text)
-    }
+    points = list(_POINT.finditer(text))
+    in_track = np.array([point[1] == "trkpt" for point in points], bool)
+    starts, numbers = [point.start() for point in points], np.cumsum(in_track)
+    found = {}
+    for match in _FIX.finditer(text):
+        last = int(np.searchsorted(starts, match.start())) - 1  # the point that it stands in
+        if last >= 0 and in_track[last]:
+            found[int(numbers[last])] = re.sub(r"[\s-]+", "_", match[2].lower())
     return found, _FIX.sub("", text)
 
 

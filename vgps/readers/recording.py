@@ -54,7 +54,8 @@ def open_recording(
             than the video; several GPS logs and none named; no fix during the video.
     """
     path = Path(path)
-    folder, video = _video(path)
+    folder, source = _place(path)
+    video = _opened(source)
     lens = _camera(_given(folder, camera, *_CAMERAS), folder, video)
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig()
@@ -89,13 +90,13 @@ def find_rig(path: PathLike, rig: PathLike | None = None) -> Path | None:
     Raises:
         RecordingError: no video, or ``rig`` is named and missing.
     """
-    return _given(_video(Path(path))[0], rig, "rig.yaml")
+    return _given(_place(Path(path))[0], rig, "rig.yaml")
 
 
-def _video(path: Path) -> tuple[Path, VideoFile | ImageFolder]:
-    """The folder in which the other files are, and the video."""
+def _place(path: Path) -> tuple[Path, Path]:
+    """The folder in which the other files are, and the video or the folder of images."""
     if path.is_file():
-        return path.parent, _video_file(path)
+        return path.parent, path
     if not path.is_dir():
         raise RecordingError(
             "no such recording", file=path, expected="a folder with video.mp4 and camera.yaml, or a video"
@@ -107,14 +108,14 @@ def _video(path: Path) -> tuple[Path, VideoFile | ImageFolder]:
             f"several videos: {names}", file=path, remedy="name one of them as the recording"
         )
     if videos:
-        return path, _video_file(videos[0])
+        return path, videos[0]
     inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and list_images(sub))
     if list_images(path):
         # a folder of images itself: its companions stand in it, or beside it
         inside = any((path / name).is_file() for name in ("camera.yaml", "rig.yaml"))
-        return (path if inside else path.parent), ImageFolder(path)
+        return (path if inside else path.parent), path
     if len(inner) == 1:
-        return path, ImageFolder(inner[0])
+        return path, inner[0]
     found = f"several folders of images: {', '.join(sub.name for sub in inner)}" if inner else "no video"
     raise RecordingError(
         found,
@@ -123,7 +124,9 @@ def _video(path: Path) -> tuple[Path, VideoFile | ImageFolder]:
     )
 
 
-def _video_file(path: Path) -> VideoFile:
+def _opened(path: Path) -> VideoFile | ImageFolder:
+    if path.is_dir():
+        return ImageFolder(path)
     table = path.parent / FRAME_TIMES
     return VideoFile(path, table if table.is_file() else None)
 
@@ -172,7 +175,7 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
         given = _given(folder, name)
         assert given is not None
         file = given
-    fixes = read_gps_log(file, rig)
+    fixes = read_gps_log(file, rig, telemetry if file == telemetry.path and telemetry.sensors else None)
     check_overlap(fixes, video.times_s, rig)
     return fixes
 

@@ -20,6 +20,7 @@ from vgps.readers.fixes import Clock, Fix, RawLog, unix_s
 _NAV_PVT = b"\xb5\x62\x01\x07"
 _MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and their length
 _TOW_AT = {"NAV-PVT": 0, "NAV-HPPOSLLH": 4, "NAV-DOP": 0}  # where in the payload the time of week stands
+_LEAST_BYTES = {"NAV-PVT": 84, "NAV-HPPOSLLH": 36, "NAV-DOP": 18}  # of a payload, in the oldest protocol
 _ERRORS = (UBXMessageError, UBXParseError, UBXStreamError, UBXTypeError, ValueError, struct.error)
 _HALF_WEEK_MS = 302_400_000
 _FRAME = 8  # bytes around a payload
@@ -55,13 +56,15 @@ def read_ubx(data: bytes) -> RawLog:
     reading = _read(data)
     fixes, undated, unresolved, lost = [], 0, 0, 0
     for epoch, message, number in reading.fixes:
-        if not (message.validDate and message.validTime):
+        minute = _minute(message)
+        if minute is None:
             undated += 1
         elif not message.gnssFixOk or getattr(message, "invalidLlh", False):
             lost += 1
         else:
             unresolved += not message.fullyResolved
-            fixes.append(_fix(message, number, reading.precise.get(epoch), reading.dilution.get(epoch)))
+            more = reading.precise.get(epoch), reading.dilution.get(epoch)
+            fixes.append(_fix(message, number, unix_s(minute), *more))
     told = (
         (reading.damaged, "damaged messages passed over"),
         (undated, "messages before the receiver knew the time passed over"),
@@ -94,25 +97,37 @@ def _read(data: bytes) -> _Reading:
 
 
 def _messages(data: bytes) -> Iterator[Any | None]:
-    """NAV-PVT, NAV-HPPOSLLH and NAV-DOP messages; None for one whose length or checksum is wrong.
+    """NAV-PVT, NAV-HPPOSLLH and NAV-DOP messages; None for one of a wrong length or checksum.
 
     Only these are parsed: a log with raw measurements is ten times as long.
     """
     for match in _MESSAGE.finditer(data):
         length = int.from_bytes(match[2], "little")
         try:
-            yield UBXReader.parse(data[match.start() : match.start() + length + _FRAME])
+            message = UBXReader.parse(data[match.start() : match.start() + length + _FRAME])
         except _ERRORS:
             yield None
+        else:
+            # what a short message lacks is zero when parsed
+            yield message if length >= _LEAST_BYTES[message.identity] else None
 
 
-def _fix(message: Any, number: int, precise: Any | None, dilution: Any | None) -> Fix:
-    minute = datetime(message.year, message.month, message.day, message.hour, message.min, tzinfo=UTC)
+def _minute(message: Any) -> datetime | None:
+    """The date and the minute of a message; None where it has none, or one that is in no calendar."""
+    if not (message.validDate and message.validTime):
+        return None
+    try:
+        return datetime(message.year, message.month, message.day, message.hour, message.min, tzinfo=UTC)
+    except ValueError:
+        return None
+
+
+def _fix(message: Any, number: int, minute_s: float, precise: Any | None, dilution: Any | None) -> Fix:
     place = message if precise is None else precise
     horizontal_m, vertical_m = place.hAcc * 1e-3, place.vAcc * 1e-3
     sigma = (horizontal_m * _HORIZONTAL, horizontal_m * _HORIZONTAL, vertical_m)
     return Fix(
-        t_s=unix_s(minute) + message.second + message.nano * 1e-9,
+        t_s=minute_s + message.second + message.nano * 1e-9,
         latitude_deg=place.lat,
         longitude_deg=place.lon,
         height_m=place.height * 1e-3,

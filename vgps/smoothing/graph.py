@@ -73,7 +73,7 @@ def optimise_graph(
         if not structure.fits(settings.max_flops, settings.max_bytes):
             raise NotABundleError(_too_dense(structure, settings))
     except NotABundleError as no:
-        found = optimise_with_gtsam(graph, values, _landmarks_first(graph, values), settings)
+        found = optimise_with_gtsam(graph, values, _landmarks_first(graph), settings)
         moved, why = found.values, str(no)
         told = found.iterations, found.reason, found.converged
     else:
@@ -125,25 +125,22 @@ def _error(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
     return error
 
 
-def _landmarks_first(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> list[int]:
-    """Keys of the points that no factor ties to another point, then all others as COLAMD orders them."""
-    points = {key for key in graph.keyVector() if _is_point(values, key)}
-    for place in range(graph.size()):
-        factor = graph.at(place)
-        tied = points.intersection(factor.keys()) if factor is not None else set()
+def _landmarks_first(graph: gtsam.NonlinearFactorGraph) -> list[int]:
+    """Keys of the points that are seen and that no factor ties to another, then all others as COLAMD orders.
+
+    Other vectors, lever arms and biases, hang on many poses: first, they would tie these to each other.
+    """
+    factors = [factor for factor in map(graph.at, range(graph.size())) if factor is not None]
+    keys = [set(factor.keys()) for factor in factors]
+    sightings = (one for one in factors if isinstance(one, gtsam.GenericProjectionFactorCal3_S2))
+    points = {one.keys()[1] for one in sightings}
+    for own in keys:
+        tied = points & own
         if len(tied) > 1:
             points -= tied
     first = sorted(points)
     ordering = gtsam.Ordering.ColamdConstrainedFirstNonlinearFactorGraph(graph, first, False)
     return [ordering.at(i) for i in range(ordering.size())]
-
-
-def _is_point(values: gtsam.Values, key: int) -> bool:
-    try:
-        values.atPoint3(key)
-    except RuntimeError:
-        return False
-    return True
 
 
 def _marginals_of_gtsam(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Mapping[int, FloatArray]:

@@ -14,6 +14,7 @@ from vgps.smoothing.graph_sightings import Calibration, Sightings, sorted_out, u
 from vgps.smoothing.noise_reading import Noise
 
 _MOST_SHARED = 300  # coordinates solved for beside the poses; they are a dense border of the matrix
+_MOST_KEY = np.iinfo(np.int64).max
 _SAME_COST = 1e-9  # relative: what was read costs what the graph does
 
 
@@ -62,8 +63,11 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
 
     Raises:
         NotABundleError: It is no bundle problem: few projections, variables that are neither poses nor
-            vectors, hard constraints other than held poses, factors that are not least squares.
+            vectors, keys beyond 63 bits, hard constraints other than held poses, factors that are not least
+            squares.
     """
+    if any(key > _MOST_KEY for key in graph.keyVector()):
+        raise NotABundleError(f"keys beyond {_MOST_KEY}")
     sightings, noises, cameras, others = sorted_out(graph)
     if len(sightings.place) <= len(others):
         raise NotABundleError(
