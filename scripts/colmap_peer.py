@@ -34,7 +34,14 @@ class Adjusted:
 
 
 def adjust(
-    problem: BundleProblem, priors: Priors, base: Solution, threads: int, most: int, tolerance: float
+    problem: BundleProblem,
+    priors: Priors,
+    base: Solution,
+    threads: int,
+    most: int,
+    tolerance: float,
+    *,
+    robust: bool | None = None,
 ) -> Adjusted:
     """COLMAP's pose-prior bundle adjustment; the camera's calibration is held.
 
@@ -45,6 +52,8 @@ def adjust(
         threads: Of Ceres.
         most: Iterations.
         tolerance: Ends once a step lowers the cost by no more than this part of it.
+        robust: For wrong priors: COLMAP's own choice of those that it moves the model onto, and its Cauchy
+            loss or its default, which is none. Without it the priors are all taken to be right.
     """
     sigma_px = float(problem.sigma_px[0])
     model = as_reconstruction(problem, base)
@@ -54,7 +63,10 @@ def adjust(
     solver.num_threads, solver.max_num_iterations, solver.function_tolerance = threads, most, tolerance
     options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
-    prior_options.alignment_ransac.max_error = _FAR_M
+    if robust is None:
+        prior_options.alignment_ransac.max_error = _FAR_M
+    elif robust:
+        prior_options.ceres.prior_position_loss_function_type = pycolmap.LossFunctionType.CAUCHY
     prior_options.alignment_ransac.random_seed = 0
     config = pycolmap.BundleAdjustmentConfig()
     for image in model.reg_image_ids():
