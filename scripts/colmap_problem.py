@@ -60,7 +60,7 @@ def centre_priors(run: Solution, every: int = 1, *, all_fixes: bool = False) -> 
     assert run.gps is not None and run.fixes is not None
     residual = run.fixes.residual_m
     rows = np.flatnonzero((run.fixes.used | all_fixes) & np.isfinite(residual).all(axis=1))
-    frame, first = np.unique(every * nearest(run.t_s[::every], run.gps.t_s[rows]), return_index=True)
+    frame, first = np.unique(every * nearest(run.t_s[::every], run.fix_times_s[rows]), return_index=True)
     rows = rows[first]
     return Priors(frame, run.world_T_camera[frame, :3, 3] - residual[rows], sigmas_of(run)[rows])
 

@@ -167,3 +167,8 @@ class Solution:
     def trajectory(self) -> Trajectory:
         """The poses alone."""
         return Trajectory(self.t_s, self.world_T_camera)
+
+    @property
+    def fix_times_s(self) -> FloatArray:
+        """(M,) when the antenna was at the fixes: the log's time stamps less the lag that was found."""
+        return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.lag_s

@@ -28,7 +28,7 @@ def test_verdicts_are_counted_by_class_best_first(solution):
 
 def test_doubts_are_the_rejected_and_the_down_classed(solution):
     rejected, lowered = doubts(solution)
-    assert (rejected.t_s, rejected.line) == (pytest.approx(3.05), 10)
+    assert (rejected.t_s, rejected.line) == (pytest.approx(3.05 - 0.125), 10)
     # 20 m over r = 0.1 m, 0.5 m over h = 0.05 m
     assert (rejected.ratio_r, rejected.ratio_h) == (pytest.approx(200.0), pytest.approx(10.0))
     assert (lowered.verdict, lowered.fix_class) == (Verdict.DOWN_CLASSED, "rtk_fix")

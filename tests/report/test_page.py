@@ -12,6 +12,7 @@ from vgps.errors import RunFolderError
 from vgps.report import write_report
 from vgps.report.page import _number
 from vgps.report.path_picture import outside_picture, path_picture
+from vgps.report.time_picture import time_picture
 from vgps.solution import FrameState, Landmarks, Observations
 from vgps.writers.run_folder import write_run
 
@@ -141,6 +142,13 @@ def test_fixes_far_off_do_not_shrink_the_picture_and_are_counted(solution, tmp_p
 )
 def test_numbers_have_three_figures(value, text):
     assert _number(value) == text
+
+
+def test_fixes_are_drawn_where_they_were(solution):
+    """Less the lag of 0.125 s, as in the picture of the path."""
+    axes = time_picture(solution).axes[0]
+    (rejected,) = (line for line in axes.lines if line.get_label() == "rejected")
+    np.testing.assert_allclose(rejected.get_xdata(), [3.05 - 0.125])
 
 
 def test_the_verb_writes_the_page_of_a_run_folder(solution, tmp_path, capsys):

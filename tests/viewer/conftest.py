@@ -1,5 +1,6 @@
 """A straight drive of six frames in which every number is known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,13 @@ def _fixes() -> FixTable:
         verdict=_VERDICTS,
         reason=tuple(f"{verdict}: because {k}" for k, verdict in enumerate(_VERDICTS)),
     )
+
+
+@pytest.fixture
+def late(solution: Solution) -> Solution:
+    """The same run with time stamps that are 0.25 s late, and known to be."""
+    gps = replace(solution.gps, t_s=solution.gps.t_s + 0.25)
+    return replace(solution, gps=gps, sensors=replace(solution.sensors, lag_s=0.25))
 
 
 @pytest.fixture

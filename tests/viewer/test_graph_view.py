@@ -64,6 +64,18 @@ def test_each_node_says_its_factors_and_residuals(solution: Solution) -> None:
     assert "no term in the energy" in text["gps3"]
 
 
+def test_a_late_clock_changes_nothing_but_what_is_said_of_it(solution: Solution, late: Solution) -> None:
+    graph, shifted = only(solution), only(late)
+    assert shifted.edges == graph.edges
+    for node, moved in zip(graph.nodes, shifted.nodes, strict=True):
+        assert (moved.name, moved.colour) == (node.name, node.colour)
+        np.testing.assert_allclose(moved.place, node.place, atol=1e-9)
+        said = moved.facts.details.splitlines()
+        if node.name[:3] == "gps":
+            assert said.pop().endswith("s, +0.250 s of it the clock's lag")
+        assert said == node.facts.details.splitlines()
+
+
 def test_what_the_panel_shows_fits_a_line_of_it(solution: Solution) -> None:
     facts = {node.name: node.facts for node in only(solution).nodes}
     assert facts["x0"].factors == "3 video, 1 gps"

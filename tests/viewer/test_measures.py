@@ -7,7 +7,7 @@ import pytest
 
 from vgps.camera import project as project_distorted
 from vgps.solution import Solution
-from vgps.viewer.measures import fix_ratios, gps_terms, per_frame, sightings, video_terms
+from vgps.viewer.measures import fix_placement, gps_terms, per_frame, sightings, video_terms
 
 PLANTED = [0.6, -0.8]
 
@@ -55,9 +55,15 @@ def test_the_term_of_a_fix_is_equation_16_and_only_of_fixes_that_were_used(solut
     # fix 0 on the cylinder's wall: omega 1; fix 1 at (r/2, h/2): omega (1/16 + 1/16); fix 2 at h/12
     expected = [0.5, 0.5 * 2 / 16, 0.5 / 12**4, np.nan, np.nan]
     np.testing.assert_allclose(gps_terms(solution), expected, rtol=1e-9)
-    horizontal, vertical = fix_ratios(solution)
-    np.testing.assert_allclose(horizontal, [1.0, 0.5, 0.0, 300.0, np.nan], rtol=1e-9)
-    np.testing.assert_allclose(vertical, [0.0, 0.5, 1 / 12, 0.0, np.nan], rtol=1e-9)
+
+
+def test_a_fix_lies_where_it_was_less_the_lag(solution: Solution) -> None:
+    """Stamps of 0.03, 0.13... s of a clock that lags by 0.05 s, in frames 0.1 s apart."""
+    lagging = replace(solution, sensors=replace(solution.sensors, lag_s=0.05))
+    np.testing.assert_allclose(lagging.fix_times_s, [-0.02, 0.08, 0.18, 0.28, 0.38])
+    found = fix_placement(lagging)
+    assert found.frame.tolist() == [0, 0, 1, 2, 3] and found.inside.tolist() == [False] + [True] * 4
+    np.testing.assert_allclose(found.alpha, [0.0, 0.8, 0.8, 0.8, 0.8])
 
 
 @pytest.mark.parametrize("gps", [{"model": "none"}, {"model": "of a later version"}, {"unheard": 1}])

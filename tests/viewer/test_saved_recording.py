@@ -101,6 +101,17 @@ def test_frames_are_on_both_timelines(logged: Logged, solution: Solution) -> Non
     assert logged.times_s("/verdicts") == pytest.approx([0.03, 0.13, 0.23, 0.33, 0.43])
 
 
+def test_fixes_are_shown_when_they_were_not_when_a_late_clock_stamped_them(
+    logged: Logged, late: Solution, tmp_path: Path
+) -> None:
+    inspect_run(late, save=tmp_path / "late.rrd")
+    shifted = Logged(tmp_path / "late.rrd")
+    for entity in ("/verdicts", "/world/fix_now", "/plots/residual_over_region/r", "/plots/energy/gps"):
+        assert logged.times_s(entity)
+        assert shifted.times_s(entity) == pytest.approx(logged.times_s(entity))
+    assert shown_time_s(late) == pytest.approx(0.33)
+
+
 def test_the_camera_moves_along_its_path(logged: Logged, solution: Solution) -> None:
     centres = [row[0] for row in logged.rows("/world/camera", "Transform3D:translation")]
     np.testing.assert_allclose(centres, solution.world_T_camera[:, :3, 3])

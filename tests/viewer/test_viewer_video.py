@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -16,9 +17,9 @@ from vgps.viewer.video import _frame_of, log_video
 FRAMES = 12
 
 
-def write_clip(path: Path, codec: str, pix_fmt: str = "yuv420p", rotation: int = 0) -> Path:
+def write_clip(path: Path, codec: str, pix_fmt: str = "yuv420p", rotation: int = 0, **more: Any) -> Path:
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=10)
+        stream = container.add_stream(codec, rate=10, **more)
         stream.width, stream.height, stream.pix_fmt = 64, 48, pix_fmt
         if rotation:
             stream.set_display_rotation(rotation)
@@ -87,3 +88,18 @@ def test_frames_find_their_picture() -> None:
     np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.11, 0.19, 0.3]), stamps), [0, 1, 2, 3])
     np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.19, 0.31]), stamps), [0, 2, 3])
     np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.5]), stamps[:1]), [0, 0])
+
+
+def test_a_video_whose_first_picture_is_damaged_is_shown_from_the_next_on(tmp_path: Path) -> None:
+    """Its own MP4 would not play; the reader gets over the damage."""
+    clip = write_clip(tmp_path / "clip.mp4", "libx264", options={"g": "1", "bf": "0"})
+    with av.open(str(clip)) as container:
+        first = next(packet for packet in container.demux(video=0) if packet.size)
+        at, size = first.pos, first.size
+    data = bytearray(clip.read_bytes())
+    data[at : at + size] = b"\xff" * size
+    clip.write_bytes(bytes(data))
+    video = VideoFile(clip)
+    with pytest.raises(av.FFmpegError), av.open(str(clip)) as container:
+        next(container.decode(video=0))
+    assert len(logged(video, tmp_path).rows("/video", "EncodedImage:blob")) == FRAMES

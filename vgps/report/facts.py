@@ -15,7 +15,7 @@ _OUTAGE_S = 5.0  # and from so many seconds on
 
 @dataclass(frozen=True)
 class Doubt:
-    """A fix that was not taken at its word; ratios are of the residual to the region it was given."""
+    """A fix that was not taken at its word; ``t_s`` less the lag, ratios of the residual to its region."""
 
     t_s: float
     line: int
@@ -64,7 +64,7 @@ def doubts(solution: Solution) -> list[Doubt]:
     ratio_r, ratio_h = region_ratios(table)
     return [
         Doubt(
-            float(log.t_s[row]),
+            float(solution.fix_times_s[row]),
             int(log.line[row]),
             str(log.fix_class[row]),
             verdict,
@@ -94,7 +94,7 @@ def outages(solution: Solution) -> list[Outage]:
         return []
     log, table = found
     t_s, way = solution.t_s, way_m(solution)
-    times = log.t_s[table.used] - solution.sensors.lag_s
+    times = solution.fix_times_s[table.used]
     usual = float(np.median(np.diff(log.t_s))) if len(log) > 1 else 0.0
     edges = np.unique(np.clip([t_s[0], *times, t_s[-1]], t_s[0], t_s[-1]))
     long = np.flatnonzero(np.diff(edges) > max(_OUTAGE_INTERVALS * usual, _OUTAGE_S))

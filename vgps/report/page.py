@@ -24,7 +24,7 @@ _STAGES = {
     "drift": "drift, verdicts, clock",
     "batch": "D, everything",
 }
-_TERMS = {"video": "video (12)", "poses": "on the poses: fixes, motion, standstills"}
+_TERMS = {"video": "video", "poses": "on the poses: fixes, motion, standstills"}
 
 
 class Tile(NamedTuple):

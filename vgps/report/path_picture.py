@@ -40,10 +40,10 @@ def path_picture(solution: Solution) -> Figure:
     way, antenna = way_m(solution), antenna_path(solution)
     found = judged(solution)
     if found is not None:
-        log, table = found
+        table = found[1]
         if solution.camera_p_antenna.any():
             side.plot(way, antenna[:, 2], color=_ANTENNA, lw=1.2, label="antenna")
-        at = np.interp(log.t_s - solution.sensors.lag_s, solution.t_s, way)
+        at = np.interp(solution.fix_times_s, solution.t_s, way)
         _fixes_above(above, table)
         _fixes_aside(side, table, at)
     if solution.world_p_before is not None:

@@ -52,12 +52,12 @@ def _ratios(axes: Axes, solution: Solution, which: int) -> None:
     found = judged(solution)
     if found is None:
         return
-    log, table = found
+    table, t_s = found[1], solution.fix_times_s
     ratio = np.maximum(region_ratios(table)[which], _LEAST_RATIO)
     for verdict, (colour, marker) in LOOKS.items():
         rows = with_verdict(table, verdict) & np.isfinite(ratio)
         if rows.any():
-            axes.plot(log.t_s[rows], ratio[rows], marker, color=colour, ms=5, label=str(verdict))
+            axes.plot(t_s[rows], ratio[rows], marker, color=colour, ms=5, label=str(verdict))
     axes.axhline(1.0, color="#444444", lw=0.9, ls="--", label="wall of the region")
     axes.set(yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")

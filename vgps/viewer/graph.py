@@ -10,18 +10,14 @@ from vgps.model import IntArray
 from vgps.solution import FrameState, Solution
 from vgps.viewer import colours
 from vgps.viewer.lookup import Lookup
-from vgps.viewer.measures import Sightings, judged
+from vgps.viewer.measures import Sightings, fix_placement, judged
 from vgps.viewer.sheet import Sheet
 from vgps.viewer.words import Facts, fix_facts, landmark_facts, pose_facts
 
 GRAPH = "graph"
 MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 60, 60, 90
 _LEAST_IN_TRACK, _MOST_IN_TRACK = 3, 8  # poses of the sample
-_STEP, _ROW, _LEVEL = (
-    70.0,
-    260.0,
-    38.0,
-)  # between poses, rows of poses, and kinds of nodes, in the view's points
+_STEP, _ROW, _LEVEL = 70.0, 260.0, 38.0  # between poses, rows of them, kinds of nodes; the view's points
 
 
 @dataclass(frozen=True)
@@ -146,7 +142,7 @@ def _fixes(solution: Solution, first: int, end: int) -> list[int]:
     """Fixes from the frame ``first`` to before ``end``, so many as can be shown."""
     if solution.fixes is None or solution.gps is None:
         return []
-    frame = np.searchsorted(solution.t_s, solution.gps.t_s, side="right") - 1
+    frame = fix_placement(solution).frame
     known = np.isfinite(solution.fixes.residual_m).all(axis=1)
     rows = np.flatnonzero(known & (frame >= first) & (frame < end))
     return [int(row) for row in rows[:: max(1, -(-len(rows) // MAX_FIXES))]]
@@ -156,7 +152,7 @@ def _fix_edges(solution: Solution, fixes: list[int], frames: IntArray) -> list[t
     """From each fix to the nearest of the poses."""
     if not fixes:
         return []
-    at_s = judged(solution)[0].t_s[fixes]
+    at_s = solution.fix_times_s[fixes]
     nearest = frames[np.argmin(np.abs(solution.t_s[frames] - at_s[:, None]), axis=1)]
     return [(f"gps{row}", f"x{frame}") for row, frame in zip(fixes, nearest, strict=True)]
 
@@ -196,10 +192,10 @@ def _landmark_node(run: Lookup, landmark: int, k: int, frames: IntArray, places:
 
 def _fix_node(run: Lookup, row: int, k: int, places: _Rows) -> Node:
     log, table = judged(run.solution)
-    frame = float(np.interp(log.t_s[row], run.solution.t_s, np.arange(len(run.solution.t_s))))
+    between = fix_placement(run.solution)
     return Node(
         f"gps{row}",
         fix_facts(run.solution, row, float(run.gps[row])),
         colours.of_fix(log.fix_class[row], table.verdict[row]),
-        places.at(frame, -1.2 - k % 2),
+        places.at(float(between.frame[row] + between.alpha[row]), -1.2 - k % 2),
     )

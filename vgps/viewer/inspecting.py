@@ -65,14 +65,14 @@ def fill(
 ) -> tuple[str, ...]:
     """Log everything to a stream, layout first; returns what could not be shown."""
     sheet, seen, notes = Sheet(stream, solution.t_s), sightings(solution), list[str]()
-    has_map = solution.world_origin is not None and solution.georeferenced
-    stream.send_blueprint(blueprint(solution, has_map, for_picture))
+    on_earth = solution.world_origin if solution.georeferenced else None
+    stream.send_blueprint(blueprint(solution, on_earth is not None, for_picture))
     log_scene(sheet, solution)
     log_chase(sheet, solution)
     log_plots(sheet, solution, seen)
     log_graph(sheet, solution, seen)
-    if has_map:
-        log_map(sheet, solution)
+    if on_earth is not None:
+        log_map(sheet, solution, on_earth)
     log_features(sheet, seen)
     if recording is not None:
         try:
@@ -85,11 +85,11 @@ def fill(
 
 def shown_time_s(solution: Solution) -> float:
     """The time of the picture: the first rejected fix within the video, else the middle of the run."""
-    table, log = solution.fixes, solution.gps
-    if table is not None and log is not None:
+    table = solution.fixes
+    if table is not None and solution.gps is not None:
         rejected = [
             float(t)
-            for t, verdict in zip(log.t_s, table.verdict, strict=True)
+            for t, verdict in zip(solution.fix_times_s, table.verdict, strict=True)
             if verdict is Verdict.REJECTED and solution.t_s[0] <= t <= solution.t_s[-1]
         ]
         if rejected:

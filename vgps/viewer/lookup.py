@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
-from vgps.viewer.measures import Sightings, gps_terms, video_terms
+from vgps.viewer.measures import Sightings, fix_placement, gps_terms, video_terms
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Lookup:
 
     @cached_property
     def phi(self) -> FloatArray:
-        """(F,) Phi_i, Eq. (12), Kume 2010."""
+        """(F,) Phi_i, Eq. (12), Kume 2010, see `video_terms`."""
         return video_terms(self.solution, self.seen)
 
     @cached_property
@@ -66,7 +66,7 @@ class Lookup:
         acting: dict[int, list[int]] = {}
         if self.solution.fixes is None or self.solution.gps is None:
             return acting
-        before = np.searchsorted(self.solution.t_s, self.solution.gps.t_s, side="right") - 1
+        before = fix_placement(self.solution).frame
         for row in np.flatnonzero(self.solution.fixes.used):
             for frame in (before[row], before[row] + 1):
                 acting.setdefault(int(frame), []).append(int(row))

@@ -9,7 +9,7 @@ from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
 from vgps.model import FloatArray, GpsLog, IntArray
-from vgps.smoothing.fixes import Fixes, penalty
+from vgps.smoothing.fixes import Fixes, Placement, penalty, place
 from vgps.solution import FixTable, Solution
 
 _AT_ONCE = 200_000  # observations projected together: 4x4 poses of all of a long run would not fit
@@ -66,7 +66,10 @@ def sightings(solution: Solution) -> Sightings:
 
 
 def video_terms(solution: Solution, seen: Sightings) -> FloatArray:
-    """(F,) Phi_i, Eq. (12), Kume 2010, with mu_j = 1/(2 sigma_j^2), Eq. (13); NaN where nothing is seen."""
+    """(F,) Phi_i, Eq. (12), Kume 2010, with mu_j = 1/(2 sigma_j^2), Eq. (13); NaN where nothing is seen.
+
+    As the thesis has it: without the robust loss and the balance with GPS that stage D puts on it.
+    """
     mu = 1.0 / (2.0 * solution.landmarks.sigma_px[seen.landmark] ** 2)
     weighted = mu * np.sum(seen.error_px**2, axis=1)
     total = np.bincount(seen.frame, weighted, minlength=len(solution.t_s))
@@ -90,13 +93,9 @@ def judged(solution: Solution) -> tuple[GpsLog, FixTable]:
     return solution.gps, solution.fixes
 
 
-def fix_ratios(solution: Solution) -> tuple[FloatArray, FloatArray]:
-    """(M,) horizontal residual over r, and (M,) vertical residual over h; NaN where there is none."""
-    table = solution.fixes
-    if table is None:
-        return np.zeros(0), np.zeros(0)
-    horizontal = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1])
-    return horizontal / table.r_m, np.abs(table.residual_m[:, 2]) / table.h_m
+def fix_placement(solution: Solution) -> Placement:
+    """Between which frames each fix lies, at its time stamp less the lag."""
+    return place(solution.t_s, solution.fix_times_s)
 
 
 def gps_terms(solution: Solution) -> FloatArray:
@@ -114,7 +113,8 @@ def gps_terms(solution: Solution) -> FloatArray:
         return terms
     unknown = np.full(len(log), np.nan)
     lower = (unknown, unknown)
-    fixes = Fixes(log.t_s, table.world_p_fix, table.r_m, table.h_m, *lower, log.sigma_m, table.used, unknown)
+    sizes = (table.r_m, table.h_m, *lower)
+    fixes = Fixes(solution.fix_times_s, table.world_p_fix, *sizes, log.sigma_m, table.used, unknown)
     if config.model == "none":
         return terms
     for row in np.flatnonzero(table.used & np.isfinite(table.residual_m).all(axis=1)):

@@ -4,6 +4,7 @@ import numpy as np
 import rerun as rr
 
 from vgps.geodesy import to_geodetic
+from vgps.model import GeodeticPoint
 from vgps.solution import Solution
 from vgps.viewer import colours
 from vgps.viewer.scene import fix_groups
@@ -12,11 +13,9 @@ from vgps.viewer.sheet import Sheet
 MAP = "map"
 
 
-def log_map(sheet: Sheet, solution: Solution) -> bool:
-    """Log latitudes and longitudes; False where the run is not tied to the earth."""
-    if solution.world_origin is None or not solution.georeferenced:
-        return False
-    path = to_geodetic(solution.world_origin, solution.world_T_camera[:, :3, 3])[:, :2]
+def log_map(sheet: Sheet, solution: Solution, world_origin: GeodeticPoint) -> None:
+    """Log latitudes and longitudes of a run that is tied to the earth."""
+    path = to_geodetic(world_origin, solution.world_T_camera[:, :3, 3])[:, :2]
     sheet.static(
         f"{MAP}/path",
         rr.GeoLineStrings(lat_lon=[path], colors=[colours.PATH], radii=rr.Radius.ui_points(2.0)),
@@ -28,7 +27,7 @@ def log_map(sheet: Sheet, solution: Solution) -> bool:
     table = solution.fixes
     if table is not None:
         for fix_class, verdict, rows in fix_groups(solution):
-            place = to_geodetic(solution.world_origin, table.world_p_fix[rows])[:, :2]
+            place = to_geodetic(world_origin, table.world_p_fix[rows])[:, :2]
             sheet.static(
                 f"{MAP}/fixes/{fix_class}/{verdict.name.lower()}",
                 rr.GeoPoints(
@@ -37,4 +36,3 @@ def log_map(sheet: Sheet, solution: Solution) -> bool:
                     radii=rr.Radius.ui_points(4.0),
                 ),
             )
-    return True

@@ -6,8 +6,9 @@ import rerun as rr
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
-from vgps.viewer.measures import Sightings, fix_ratios, gps_terms, judged, per_frame, video_terms
+from vgps.viewer.measures import Sightings, gps_terms, judged, per_frame, video_terms
 from vgps.viewer.sheet import Sheet
+from vgps.writers.tables import region_ratios
 
 PLOTS, VERDICTS, SUMMARY = "plots", "verdicts", "summary"
 ERROR, COUNT, ENERGY, RATIO, SIGMA, SIGMA_ROTATION = (
@@ -20,7 +21,7 @@ _AXES = (("east", (255, 90, 90, 255)), ("north", (90, 220, 90, 255)), ("up", (90
 
 
 def log_plots(sheet: Sheet, solution: Solution, seen: Sightings) -> None:
-    """Numbers of every frame, and of every fix at its own time."""
+    """Numbers of every frame, and of every fix at its own time, less the lag."""
     rms, largest = per_frame(seen, len(solution.t_s))
     _line(sheet, f"{ERROR}/rms", rms, (60, 220, 90, 255), "root mean square")
     _line(sheet, f"{ERROR}/largest", largest, (255, 90, 60, 255), "largest")
@@ -91,19 +92,19 @@ def _dots(
 
 
 def _log_fix_plots(sheet: Sheet, solution: Solution) -> None:
-    log, table = judged(solution)
+    _, table = judged(solution)
+    t_s = solution.fix_times_s
     rejected: BoolArray = np.array([verdict is Verdict.REJECTED for verdict in table.verdict], bool)
-    of_r, of_h = fix_ratios(solution)
+    of_r, of_h = region_ratios(table)
     used = table.used
-    _dots(sheet, f"{RATIO}/r", log.t_s[used], of_r[used], (60, 220, 90, 255), "horizontal / r")
-    _dots(sheet, f"{RATIO}/h", log.t_s[used], of_h[used], (90, 150, 255, 255), "vertical / h")
+    _dots(sheet, f"{RATIO}/r", t_s[used], of_r[used], (60, 220, 90, 255), "horizontal / r")
+    _dots(sheet, f"{RATIO}/h", t_s[used], of_h[used], (90, 150, 255, 255), "vertical / h")
     worst = np.minimum(np.maximum(of_r, of_h), MOST_RATIO)[rejected]
     name = f"rejected: the larger, up to {MOST_RATIO:g}"
-    _dots(sheet, f"{RATIO}/rejected", log.t_s[rejected], worst, colours.REJECTED, name)
+    _dots(sheet, f"{RATIO}/rejected", t_s[rejected], worst, colours.REJECTED, name)
     _line(sheet, f"{RATIO}/border", np.ones(len(solution.t_s)), (150, 150, 150, 255), "border")
-    _dots(
-        sheet, f"{ENERGY}/gps", log.t_s, gps_terms(solution), (250, 190, 40, 255), "GPS: omega Psi of a fix"
-    )
+    terms = gps_terms(solution)
+    _dots(sheet, f"{ENERGY}/gps", t_s, terms, (250, 190, 40, 255), "GPS: omega Psi of a fix")
 
 
 def _log_verdicts(sheet: Sheet, solution: Solution) -> None:
@@ -111,7 +112,7 @@ def _log_verdicts(sheet: Sheet, solution: Solution) -> None:
     levels = {Verdict.REJECTED: "ERROR", Verdict.DOWN_CLASSED: "WARN", Verdict.NOT_USED: "DEBUG"}
     sheet.at_times(
         VERDICTS,
-        log.t_s,
+        solution.fix_times_s,
         rr.TextLog.columns(
             text=[f"fix {row}, {log.fix_class[row]}: {reason}" for row, reason in enumerate(table.reason)],
             level=[levels.get(verdict, "INFO") for verdict in table.verdict],

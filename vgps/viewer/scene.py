@@ -159,12 +159,12 @@ def _log_fixes(
 
 def _log_fix_now(sheet: Sheet, solution: Solution) -> None:
     """The region of the last fix before the time that is shown, as a white frame."""
-    log, table = judged(solution)
+    _, table = judged(solution)
     rows = np.flatnonzero(np.isfinite(table.world_p_fix).all(axis=1) & np.isfinite(table.r_m + table.h_m))
     if len(rows):
         sheet.at_times(
             NOW,
-            log.t_s[rows],
+            solution.fix_times_s[rows],
             rr.Cylinders3D.columns(
                 centers=table.world_p_fix[rows], radii=table.r_m[rows], lengths=2.0 * table.h_m[rows]
             ),

@@ -24,8 +24,8 @@ def log_video(sheet: Sheet, path: str, video: Video) -> tuple[str, ...]:
     """Show the video at ``path``, one picture per frame.
 
     A file that holds H.264, HEVC or AV1 goes in without being encoded again, in its own MP4 or with its
-    packets put into one. What the viewer cannot show as it is (another codec, a rotation flag, a folder of
-    images) is decoded, and its luminance goes in as JPEG.
+    packets put into one. What the viewer cannot show as it is (another codec, a rotation flag, damage, a
+    folder of images) is decoded, and its luminance goes in as JPEG.
 
     Returns:
         What a user should know, a line each.
@@ -72,16 +72,18 @@ def _frame_of(t_s: FloatArray, stamps_ns: IntArray) -> IntArray:
 
 def _mp4(file: Path) -> tuple[bytes, str] | None:
     """The bytes of an MP4 with the file's video and its codec; None if the viewer cannot show it."""
-    with av.open(str(file)) as container:
-        stream = container.streams.video[0]
-        codec = stream.codec_context.name
-        codec = {"libdav1d": "av1", "libaom-av1": "av1"}.get(codec, codec)
-        picture = next(container.decode(stream), None)
-        if codec not in _CODECS or picture is None or quarter_turns(picture):
-            return None
-    if file.suffix.lower() in {".mp4", ".m4v"}:
-        return file.read_bytes(), codec
-    return _repacked(file), codec
+    try:
+        with av.open(str(file)) as container:
+            stream = container.streams.video[0]
+            codec = stream.codec_context.name
+            codec = {"libdav1d": "av1", "libaom-av1": "av1"}.get(codec, codec)
+            picture = next(container.decode(stream), None)
+            if codec not in _CODECS or picture is None or quarter_turns(picture):
+                return None
+        contents = file.read_bytes() if file.suffix.lower() in {".mp4", ".m4v"} else _repacked(file)
+    except av.FFmpegError:  # damage that the project's own reader gets over
+        return None
+    return contents, codec
 
 
 def _repacked(file: Path) -> bytes:

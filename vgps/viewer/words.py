@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
-from vgps.viewer.measures import Sightings, judged
+from vgps.viewer.measures import Sightings, fix_placement, judged
 
 _LISTED = 40  # residuals of a landmark that are spelt out
 
@@ -33,9 +33,9 @@ class Facts:
 
 
 def fix_title(solution: Solution, row: int) -> str:
-    """A fix in a line: number, line of the log, time, class, verdict."""
+    """A fix in a line: number, line of the log, time less the lag, class, verdict."""
     log, table = judged(solution)
-    place = f"fix {row} (line {log.line[row]}) at {log.t_s[row]:.2f} s"
+    place = f"fix {row} (line {log.line[row]}) at {solution.fix_times_s[row]:.2f} s"
     return f"{place}: {log.fix_class[row]}, {table.verdict[row]}"
 
 
@@ -44,9 +44,7 @@ def fix_facts(solution: Solution, row: int, term: float) -> Facts:
     log, table = judged(solution)
     east, north, up = table.residual_m[row]
     r_m, h_m = table.r_m[row], table.h_m[row]
-    between = int(
-        np.clip(np.searchsorted(solution.t_s, log.t_s[row], side="right") - 1, 0, len(solution.t_s) - 2)
-    )
+    lag_s, between = solution.sensors.lag_s, int(fix_placement(solution).frame[row])
     over = f"{np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h"
     details = [
         fix_title(solution, row),
@@ -55,9 +53,10 @@ def fix_facts(solution: Solution, row: int, term: float) -> Facts:
         f"region: r {r_m:g} m, h {h_m:g} m; residual over region: {over}",
         f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
         f"acts between frames {between} and {between + 1}",
+        *([f"its time stamp is {log.t_s[row]:.2f} s, {lag_s:+.3f} s of it the clock's lag"] if lag_s else []),
     ]
     return Facts(
-        what=f"fix {row}, {log.t_s[row]:.2f} s",
+        what=f"fix {row}, {solution.fix_times_s[row]:.2f} s",
         factors=f"frames {between}, {between + 1}" if np.isfinite(term) else "none",
         residual=f"{east:+.2f} {north:+.2f} {up:+.2f} m",
         cost=f"{over}: {term:.2g}" if np.isfinite(term) else over,
