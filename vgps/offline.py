@@ -20,6 +20,7 @@ from vgps.smoothing.fixes import Fixes, fixes_in_world, place
 from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.regions import region_sizes
+from vgps.smoothing.sky import under_sky
 from vgps.smoothing.verdicts import fix_table
 from vgps.solution import Landmarks, Observations, SensorReport, Solution
 from vgps.threads import one_blas_thread
@@ -114,6 +115,9 @@ def optimise_all(front: FrontEnd, config: Config) -> Solution:
         sensors = sequence.sensors
         joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls, sensors.lag_s)
         held = None if len(front.controls.frame) else _held_frames(joined, config)
+        if joined.georeferenced and recording.gps is not None:
+            satellites = recording.gps.satellites
+            fixes = under_sky(fixes, joined.scene, antenna, sensors.lag_s, satellites, config.gps)
 
         def optimise(scene: Scene, K: FloatArray) -> Smoothed:
             return optimise_batch(scene, K, fixes, sensors, config, held, joined.judgement)

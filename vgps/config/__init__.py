@@ -13,7 +13,7 @@ from vgps.config.back_end import (
 )
 from vgps.config.files import read_settings, read_survey
 from vgps.config.front_end import MappingConfig, StartConfig, TrackingConfig
-from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig, QualityConfig, Region
+from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig, QualityConfig, Region, SkyConfig
 from vgps.config.model import SettingsModel
 from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
 from vgps.config.whole import Config, read_config
@@ -34,6 +34,7 @@ __all__ = [
     "Region",
     "SensorsConfig",
     "SettingsModel",
+    "SkyConfig",
     "StartConfig",
     "TrackingConfig",
     "WindowConfig",

@@ -65,6 +65,23 @@ class QualityConfig(SettingsModel):
     """So much is added for every second more: how fast a satellite's clock and the air wander."""
 
 
+class SkyConfig(SettingsModel):
+    """When the reconstructed scene hides the sky from the antenna: regions then grow."""
+
+    enlarge: bool = False
+    """Whether they do."""
+    mask_deg: float = Field(15.0, ge=0.0, lt=90.0)
+    """The receiver uses no satellite below this elevation: what hides only these does no harm."""
+    sectors: PositiveInt = 24
+    """Directions in which the horizon is told apart."""
+    least_landmarks: PositiveInt = 3
+    """The horizon is where so many landmarks of a sector still reach; single ones may be wrong."""
+    near_m: PositiveFloat = 1.0
+    """Landmarks nearer than this may be of the vehicle."""
+    reach_m: PositiveFloat = 60.0
+    """Landmarks further away are too uncertain, and of a skyline that is low anyway."""
+
+
 class GpsConfig(SettingsModel):
     """The GPS term of the energy (11)."""
 
@@ -78,5 +95,6 @@ class GpsConfig(SettingsModel):
     gaussian_sigma_m: PositiveFloat = 1.0
     """Sigma of every fix under `gaussian`, which ignores accuracy (14)."""
     quality: QualityConfig = QualityConfig()
+    sky: SkyConfig = SkyConfig()
     regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
     """r(p) and h(p) per fix class, from a survey of the receiver. Classes not named are not used."""

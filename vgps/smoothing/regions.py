@@ -11,7 +11,7 @@ from vgps.model import FixClass, FloatArray, GpsLog
 
 INSIDE_PLANE, INSIDE_LINE = float(np.sqrt(-2.0 * np.log(0.05))), 1.96
 """Sigmas within which 95 % of Gaussian errors lie, in a plane and along a line."""
-_UNKNOWNS = 4  # place and clock: so many satellites leave nothing over
+UNKNOWNS = 4  # place and clock: so many satellites leave nothing over
 
 
 def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
@@ -48,6 +48,6 @@ def geometry_factor(hdop: FloatArray, satellites: FloatArray, config: QualityCon
     that are left over to check the others.
     """
     by_dilution = hdop / config.good_hdop
-    left = np.maximum(satellites - _UNKNOWNS, 1.0)  # unknown stays unknown
-    by_count = np.sqrt((config.good_satellites - _UNKNOWNS) / left)
+    left = np.maximum(satellites - UNKNOWNS, 1.0)  # unknown stays unknown
+    by_count = np.sqrt((config.good_satellites - UNKNOWNS) / left)
     return np.fmax(np.where(np.isfinite(hdop), by_dilution, by_count), 1.0)
