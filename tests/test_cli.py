@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from vgps.cli import main
+from vgps.cli.app import note
 
 
 def run(monkeypatch, capsys, *words):
@@ -61,6 +63,34 @@ def test_export(smoothed, tmp_path, monkeypatch, capsys, to):
 
 
 @pytest.mark.slow
+def test_what_stands_in_brackets_in_a_path_is_no_markup(smoothed, tmp_path, monkeypatch, capsys):
+    """Nor are names between colons emoji."""
+    out = tmp_path / "[bold]a[/bold] :car:" / "x[/red].tum"
+    code, told, _ = run(monkeypatch, capsys, "export", smoothed, "--to", "tum", "--out", out)
+    assert code == 0 and told == f"wrote {out}\n"
+
+
+def test_a_note_is_told_as_it_is(capsys):
+    note("[red]run[/blue] :car: 1")
+    assert capsys.readouterr().out == "note: [red]run[/blue] :car: 1\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--plot", "p.xyz"], r"p\.xyz: no picture is written as \.xyz; expected \.png, "),
+        (["--plot", "s.yaml"], r"s\.yaml: is the name of the survey and of its picture"),
+        (["--plot", "folder.png"], r"folder\.png: is a folder"),
+    ],
+)
+def test_a_picture_that_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch, capsys, words, told):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.png").mkdir()
+    code, _, err = run(monkeypatch, capsys, "survey", "no.log", "--out", "s.yaml", *words)
+    assert code == 2 and err.count("\n") == 1 and re.search(told, err)
+    assert not (tmp_path / "s.yaml").exists()
+
+
 def test_demo_ends_with_its_error(tmp_path):
     words = [sys.executable, "-m", "vgps", "demo", "--out", str(tmp_path / "demo")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from vgps.model import Frame
 
@@ -23,4 +24,4 @@ class TerminalProgress:
     def say(self, what: str) -> None:
         """A stage begins."""
         if self._console.is_terminal:
-            self._console.print(f"[dim]{what}[/dim]")
+            self._console.print(Text(what, "dim"))

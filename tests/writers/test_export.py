@@ -92,3 +92,16 @@ def test_a_failure_keeps_the_file_that_was_there(
 def test_a_folder_in_the_way_is_told(run: Path, tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="is a folder; expected the name of a file"):
         export(run, "ply", tmp_path)
+
+
+def test_a_colmap_model_replaces_an_earlier_one_and_nothing_else(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model"
+    export(run, "colmap", out)
+    (out / "cameras.txt").write_text("an older one")
+    (out / "notes.txt").write_text("mine")
+    export(run, "colmap", out)
+    assert (out / "cameras.txt").read_text() != "an older one"
+    assert (out / "notes.txt").read_text() == "mine"
+    (out / "origin.json").unlink()
+    with pytest.raises(RunFolderError, match=r"holds other files and no origin\.json"):
+        export(run, "colmap", out)

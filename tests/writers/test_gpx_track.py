@@ -78,6 +78,14 @@ def test_export_takes_a_geoid_for_gpx_and_kml_alone(timed, tmp_path):
     assert not (tmp_path / "a.tum").exists()
 
 
+@pytest.mark.parametrize("geoid_m", [np.nan, np.inf])
+def test_a_geoid_must_have_a_height(timed, tmp_path, geoid_m):
+    write_run(timed, tmp_path / "run")
+    with pytest.raises(RunFolderError, match=r"--geoid is (nan|inf); expected a number of metres"):
+        export(tmp_path / "run", "kml", tmp_path / "x.kml", geoid_m)
+    assert not (tmp_path / "x.kml").exists()
+
+
 def test_kml_is_drawn_at_its_height_only_with_a_geoid(timed, tmp_path):
     write_kml(timed, tmp_path / "flat.kml")
     write_kml(timed, tmp_path / "high.kml", 40.0)

@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from vgps.cli.app import app
+from vgps.cli.app import app, note, say
 from vgps.config import read_config
 from vgps.gyro_calibration import GyroCalibration
 from vgps.gyro_calibration import calibrate_gyro as calibrate
@@ -41,11 +41,10 @@ def calibrate_gyro(
     check_file(out)
     found = calibrate(opened, settings, TerminalProgress())
     write_rig(found.rig_fields(), out, base=find_rig(recording, rig))
-    console = Console()
-    console.print(_as_table(found))
-    for note in found.notes:
-        console.print(f"[yellow]note:[/yellow] {note}", highlight=False, soft_wrap=True)
-    console.print(f"wrote {out}", highlight=False, soft_wrap=True)
+    Console().print(_as_table(found))
+    for words in found.notes:
+        note(words)
+    say(f"wrote {out}")
 
 
 def _as_table(found: GyroCalibration) -> Table:

@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 import vgps.simulate
-from vgps.cli.app import app
+from vgps.cli.app import app, say
 from vgps.writers.export import export as export_run
 
 
@@ -28,7 +26,7 @@ def simulate(
         gps_reference: Better log of the same antenna, if that receiver moves: the truth where it is RTK-fix.
     """
     vgps.simulate.simulate(out, vgps.simulate.scene_with_errors(scene, gps_errors, gps_reference), seed)
-    Console().print(f"wrote {out}", highlight=False)
+    say(f"wrote {out}")
 
 
 @app.command
@@ -42,4 +40,4 @@ def export(run: Path, *, to: str, out: Path, geoid: float | None = None) -> None
         geoid: Height of the geoid above the ellipsoid there, metres; gpx and kml then have heights above it.
     """
     export_run(run, to, out, geoid)
-    Console().print(f"wrote {out}", highlight=False)
+    say(f"wrote {out}")

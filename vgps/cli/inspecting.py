@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
-from vgps.cli.app import app
+from vgps.cli.app import app, note, say
 from vgps.errors import VgpsError
 from vgps.model import Recording
 from vgps.readers.recording import open_recording
@@ -22,22 +20,20 @@ def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = No
         save: Write a rerun recording (.rrd) instead of opening a window; `rerun F.rrd` shows it.
         screenshot: Write a picture (.png), drawn without a window.
     """
-    solution, console = read_run(run), Console()
-    for note in inspect_run(solution, _recording(solution, console), save=save, screenshot=screenshot):
-        console.print(f"[yellow]note:[/yellow] {note}", highlight=False, soft_wrap=True)
+    solution = read_run(run)
+    for words in inspect_run(solution, _recording(solution), save=save, screenshot=screenshot):
+        note(words)
     for written in (save, screenshot):
         if written is not None:
-            console.print(f"wrote {written}", highlight=False, soft_wrap=True)
+            say(f"wrote {written}")
 
 
-def _recording(solution: Solution, console: Console) -> Recording | None:
+def _recording(solution: Solution) -> Recording | None:
     """What the run was made from, for its video; it may be gone."""
     if solution.recording is None:
         return None
     try:
         return open_recording(solution.recording, with_gps=False)
     except VgpsError as error:
-        console.print(
-            f"[yellow]note:[/yellow] without the video: {error}", highlight=False, soft_wrap=True, markup=True
-        )
+        note(f"without the video: {error}")
         return None

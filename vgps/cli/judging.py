@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from vgps.cli.app import app
+from vgps.cli.app import app, note, say
 from vgps.compare import compare as compare_models
 from vgps.compare import write_comparison
 from vgps.config import read_config
@@ -17,7 +17,7 @@ from vgps.model import GeodeticPoint
 from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
 from vgps.survey import SurveyOptions, survey_logs
-from vgps.survey.output import as_tables, plot_survey, write_survey
+from vgps.survey.output import as_tables, check_files, plot_survey, write_survey
 
 
 @app.command
@@ -63,9 +63,8 @@ def compare(
     settings = read_config(config).with_gps(None, survey).with_seed(seed)
     found = compare_models(open_recording(recording, gps=gps), truth, settings, TerminalProgress())
     page, data = write_comparison(found, out)
-    console = Console()
-    console.print(table(list(found.evaluations.items()), str(recording)))
-    console.print(f"wrote {page} and {data}", highlight=False)
+    Console().print(table(list(found.evaluations.items()), str(recording)))
+    say(f"wrote {page} and {data}")
 
 
 @app.command
@@ -92,16 +91,16 @@ def survey(
         plot: Picture of the scatter; beside the YAML if not given.
     """
     options = SurveyOptions(drop, _place(truth), speed, vertical_speed, frame_rate)
-    found = survey_logs(logs, options)
     picture = plot or out.with_suffix(".png")
+    check_files(out, picture)
+    found = survey_logs(logs, options)
     write_survey(found, options, out)
     plot_survey(found, picture)
-    console = Console()
     for rendered in as_tables(found, options):
-        console.print(rendered)
+        Console().print(rendered)
     for warning in found.warnings:
-        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
-    console.print(f"wrote {out} and {picture}", highlight=False)
+        note(warning)
+    say(f"wrote {out} and {picture}")
 
 
 def _place(text: str | None) -> GeodeticPoint | None:

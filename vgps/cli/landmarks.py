@@ -7,6 +7,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from vgps.cli.app import app
 from vgps.landmarks.build_settings import Frames, LandmarksConfig
@@ -58,7 +59,7 @@ def _as_table(found: DatabaseInfo) -> Table:
     table = Table(show_header=False)
     for _ in range(2):
         table.add_column(overflow="fold")
-    table.add_row("database", str(found.path))
+    table.add_row("database", Text(str(found.path)))
     table.add_row("landmarks", f"{found.landmarks}")
     table.add_row(
         "views", f"{found.views}, {found.levels} levels of {found.patch_px} x {found.patch_px} pixels"
@@ -73,9 +74,8 @@ def _as_table(found: DatabaseInfo) -> Table:
         # plain JSON: another version's settings may have other names
         given = json.loads(source.settings).items()
         changed = "".join(f", {name} {value}" for name, value in given if value != defaults.get(name))
-        table.add_row(
-            f"from {source.recording}", f"{source.frames} frames, {source.landmarks} landmarks{changed}"
-        )
+        holds = f"{source.frames} frames, {source.landmarks} landmarks{changed}"
+        table.add_row(Text(f"from {source.recording}"), Text(holds))
     table.add_row("size", f"{found.file_bytes / 2**20:.1f} MB")
     table.add_row("SHA-256", found.sha256)
     return table

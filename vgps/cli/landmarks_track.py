@@ -3,9 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
-
-from vgps.cli.app import app
+from vgps.cli.app import app, note, say
 from vgps.config import read_settings
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.localise import localise
@@ -46,14 +44,9 @@ def track(
     with LandmarkDatabase.open(landmarks, settings.selection) as database:
         solution = localise(opened, database, settings, TerminalProgress())
     write_run(solution, out)
-    console = Console()
     for warning in solution.warnings:
-        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
+        note(warning)
     frames, seconds = len(solution.t_s), sum(solution.seconds.values())
     held = solution.state.count(FrameState.TRACKED)
-    console.print(
-        f"{held} of {frames} frames tracked, {seconds:.1f} s "
-        f"({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
+    say(f"{held} of {frames} frames tracked, {speed}: {out}")

@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
-from vgps.cli.app import app
+from vgps.cli.app import app, say
 from vgps.config import GpsModel, read_config
 from vgps.online.verb import OnlineOptions, pose_live, pose_recording
 
@@ -51,4 +49,4 @@ def online(
     else:
         frames = pose_live(video, recording, options, delay_s=video_delay)
     where = f": {out}" if out else ""
-    Console(stderr=True).print(f"{frames} frames{where}", highlight=False, soft_wrap=True)
+    say(f"{frames} frames{where}", aside=True)

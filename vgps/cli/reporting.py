@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
-from vgps.cli.app import app
+from vgps.cli.app import app, say
 from vgps.readers.run_folder import read_run
 from vgps.report import write_report
 
@@ -18,4 +16,4 @@ def report(run: Path, *, out: Path) -> None:
         out: HTML file to write; it needs no other file.
     """
     write_report(read_run(run), out)
-    Console().print(f"wrote {out}", highlight=False, soft_wrap=True)
+    say(f"wrote {out}")

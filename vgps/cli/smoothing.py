@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vgps.cli.app import app
+from vgps.cli.app import app, note, say
 from vgps.config import GpsModel, read_config
 from vgps.demo import demo as run_demo
 from vgps.evaluate import as_table
@@ -24,11 +24,9 @@ def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
         seed: Of the simulated world and its GPS errors.
     """
     solution, evaluation = run_demo(out, seed, TerminalProgress())
-    console = Console()
-    _summary(console, solution, out / "run")
-    console.print(as_table(evaluation, "against the simulation's exact truth"))
-    console.print(f"recording: {out / 'recording'}\nresults:   {out / 'run'}", highlight=False)
-    console.print(f"report:    {out / 'report.html'}", highlight=False)
+    _summary(solution, out / "run")
+    Console().print(as_table(evaluation, "against the simulation's exact truth"))
+    say(f"recording: {out / 'recording'}\nresults:   {out / 'run'}\nreport:    {out / 'report.html'}")
 
 
 @app.command
@@ -64,18 +62,14 @@ def smooth(
     opened = open_recording(recording, gps=gps, camera=camera, rig=rig, control_points=control_points)
     solution = smooth_recording(opened, settings, TerminalProgress())
     write_run(solution, out)
-    _summary(Console(), solution, out)
+    _summary(solution, out)
 
 
-def _summary(console: Console, solution: Solution, out: Path) -> None:
+def _summary(solution: Solution, out: Path) -> None:
     for warning in solution.warnings:
-        console.print(f"[yellow]note:[/yellow] {warning}", highlight=False, soft_wrap=True)
+        note(warning)
     frames, seconds = len(solution.t_s), sum(solution.seconds.values())
     used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
     logged = 0 if solution.gps is None else len(solution.gps)
-    console.print(
-        f"{frames} frames posed, {used} of {logged} fixes used, {seconds:.1f} s "
-        f"({frames / max(seconds, 1e-9):.1f} frames/s): {out}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
+    say(f"{frames} frames posed, {used} of {logged} fixes used, {speed}: {out}")

@@ -5,11 +5,39 @@ from pathlib import Path
 import yaml
 from rich.table import Table
 
-from vgps.errors import GpsLogError
+from vgps.errors import GpsLogError, RunFolderError
 from vgps.survey.survey import Survey, SurveyOptions
-from vgps.writers.placing import new_file
+from vgps.writers.placing import check_file, new_file
 
+_PICTURES = ("png", "jpg", "jpeg", "webp", "svg", "pdf")
 _COLOURS = {"rtk_fix": "#2a9d8f", "rtk_float": "#e9a23b", "single": "#c8553d"}
+
+
+def check_files(out: Path, picture: Path) -> None:
+    """Tell before the work whether the survey's two files can be written; change nothing.
+
+    Raises:
+        RunFolderError: They are one file, no picture is written with the suffix of ``picture``, or the place
+            cannot be written to.
+    """
+    if picture.resolve() == out.resolve():
+        raise RunFolderError(
+            "is the name of the survey and of its picture",
+            file=out,
+            remedy="name another picture with --plot",
+        )
+    if _format(picture) not in _PICTURES:
+        raise RunFolderError(
+            f"no picture is written as {picture.suffix or 'a file without a suffix'}",
+            file=picture,
+            expected=", ".join(f".{name}" for name in _PICTURES),
+        )
+    check_file(out)
+    check_file(picture)
+
+
+def _format(picture: Path) -> str:
+    return picture.suffix.removeprefix(".").lower()
 
 
 def write_survey(survey: Survey, options: SurveyOptions, out: Path) -> None:
@@ -77,7 +105,7 @@ def plot_survey(survey: Survey, out: Path) -> None:
         height.axhspan(-one.h_m, one.h_m, color="k", alpha=0.08)
         height.set(xlabel="time [s]", ylabel="up [m]", title=f"{one.epochs} epochs, h = {one.h_m:.3f} m")
     with new_file(out) as scratch:
-        figure.savefig(scratch, dpi=110, format=out.suffix.removeprefix(".") or "png")
+        figure.savefig(scratch, dpi=110, format=_format(out) or "png")
 
 
 def _circle(radius: float) -> object:

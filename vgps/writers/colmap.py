@@ -16,7 +16,8 @@ from vgps.model import Camera, FloatArray, IntArray
 from vgps.solution import Solution
 from vgps.writers.tum import quaternion
 
-FILES = ("cameras.txt", "images.txt", "points3D.txt", "origin.json")
+MARK = "origin.json"  # the file by which a model is known to be written here
+FILES = ("cameras.txt", "images.txt", "points3D.txt", MARK)
 IMAGE_NAME = "frame_{:06d}.jpg"
 _CENTRE = 0.5
 
@@ -43,7 +44,7 @@ def write_colmap(solution: Solution, folder: Path) -> None:
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
     origin = None if solution.world_origin is None else solution.world_origin._asdict()
     about = {"world_origin": origin, "axes": "east, north, up", "georeferenced": solution.georeferenced}
-    (folder / "origin.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    (folder / MARK).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
 
 def colmap_camera(camera: Camera) -> tuple[str, list[float]]:

@@ -1,5 +1,6 @@
 """A run folder exported to the files of other programs: one entry per format."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -7,8 +8,7 @@ from pathlib import Path
 from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
 from vgps.solution import Solution
-from vgps.writers.colmap import FILES as COLMAP_FILES
-from vgps.writers.colmap import write_colmap
+from vgps.writers import colmap
 from vgps.writers.gpx import write_gpx
 from vgps.writers.kitti import write_kitti
 from vgps.writers.maps import write_geojson, write_kml
@@ -34,7 +34,7 @@ FORMATS: dict[str, Callable[[Solution, Path], None]] = {
     "geojson": write_geojson,
     "kml": write_kml,
     "gpx": write_gpx,
-    "colmap": write_colmap,
+    "colmap": colmap.write_colmap,
 }
 _ABOVE_SEA = {"gpx": write_gpx, "kml": write_kml}
 
@@ -46,6 +46,8 @@ def _with_geoid(to: str, geoid_m: float) -> Callable[[Solution, Path], None]:
             expected="--geoid with " + " or ".join(_ABOVE_SEA),
             remedy=f"leave --geoid out: heights in {to} are those of the run, above the ellipsoid",
         )
+    if not math.isfinite(geoid_m):
+        raise RunFolderError(f"--geoid is {geoid_m}", expected="a number of metres")
     return partial(_ABOVE_SEA[to], geoid_m=geoid_m)
 
 
@@ -60,7 +62,7 @@ def export(run: Path, to: str, out: Path, geoid_m: float | None = None) -> None:
 
     Raises:
         RunFolderError: The run cannot be read or does not suit the format, the format is unknown or knows no
-            geoid, or ``out`` cannot be written.
+            geoid, the geoid's height is none, or ``out`` cannot be written.
     """
     write = FORMATS.get(to)
     if write is None:
@@ -68,5 +70,6 @@ def export(run: Path, to: str, out: Path, geoid_m: float | None = None) -> None:
     if geoid_m is not None:
         write = _with_geoid(to, geoid_m)
     solution = read_run(run)
-    with new_folder(out, COLMAP_FILES) if to == "colmap" else new_file(out) as scratch:
+    place = new_folder(out, colmap.FILES, colmap.MARK) if to == "colmap" else new_file(out)
+    with place as scratch:
         write(solution, scratch)

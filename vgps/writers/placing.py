@@ -12,15 +12,19 @@ from vgps.errors import RunFolderError
 MARK = "solution.json"  # the file by which a folder is known to be a run
 
 
-def check_writable(out: Path) -> None:
+def check_writable(out: Path, mark: str = MARK) -> None:
     """Tell before the long work whether a run can be written to ``out``; change nothing.
+
+    Args:
+        out: The folder.
+        mark: The file by which an earlier one is known.
 
     Raises:
         RunFolderError: ``out`` is a file, a mount point, a folder that holds something else than an earlier
             run, or lies where nothing can be written.
     """
     try:
-        _check_folder(out.resolve())
+        _check_folder(out.resolve(), mark)
     except OSError as error:
         raise _not_writable(out, error) from error
 
@@ -40,16 +44,16 @@ def check_file(out: Path) -> None:
 
 
 @contextmanager
-def new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
+def new_folder(out: Path, own_files: tuple[str, ...], mark: str = MARK) -> Iterator[Path]:
     """A temporary sibling of ``out`` to write into; it takes the name ``out`` when the block ends well.
 
-    An earlier run under that name goes only after the new one is complete; files in it that are not among
-    ``own_files`` are carried over.
+    An earlier folder of that name, known by the file ``mark``, goes only after the new one is complete; files
+    in it that are not among ``own_files`` are carried over.
 
     Raises:
         RunFolderError: As :func:`check_writable`, or the disk refuses.
     """
-    check_writable(out)
+    check_writable(out, mark)
     out = out.resolve()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -92,18 +96,18 @@ def new_file(out: Path) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _check_folder(out: Path) -> None:
+def _check_folder(out: Path, mark: str) -> None:
     if out.exists() and not out.is_dir():
         raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
     if out.is_mount():
         raise RunFolderError(
             "is a mount point, which cannot be replaced", file=out, remedy="name a folder inside it as --out"
         )
-    if out.is_dir() and not (out / MARK).is_file() and any(out.iterdir()):
+    if out.is_dir() and not (out / mark).is_file() and any(out.iterdir()):
         raise RunFolderError(
-            f"holds other files and no {MARK}",
+            f"holds other files and no {mark}",
             file=out,
-            expected="an empty folder or an earlier run",
+            expected=f"an empty folder or one with {mark}",
             remedy="name another --out; nothing was overwritten",
         )
     _check_place(out)
