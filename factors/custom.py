@@ -55,7 +55,8 @@ def custom_factor(
         noise_model: Of dimension m; may be robust.
         variables: What the factor depends on, in the order of the function's arguments.
         error_function: Takes the variables' values; returns the residual (m,) and, for each variable, the
-            Jacobian (m, d_k) with respect to its tangent, d_k = ``variable.kind.dim``.
+            Jacobian (m, d_k) with respect to its tangent, d_k = ``variable.kind.dim``. It is not asked again
+            at the values that it was asked at last: iSAM2 linearises what has not moved over and over.
 
     Returns:
         The factor. Evaluating it raises ``ValueError`` if the residual or a Jacobian has the wrong shape or
@@ -71,8 +72,18 @@ def custom_factor(
     m = noise_model.dim()
     shapes = [(m, variable.kind.dim) for variable in variables]
 
+    last: dict[tuple[bytes, ...], Linearised] = {}
+
+    def linearise(values: gtsam.Values) -> Linearised:
+        at = [read(values, key) for read, key in reads]
+        name = tuple(_bits(value) for value in at)
+        if name not in last:
+            last.clear()
+            last[name] = error_function(*at)
+        return last[name]
+
     def evaluate(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians_out: Any | None) -> FloatArray:
-        residual, jacobians = error_function(*[read(values, key) for read, key in reads])
+        residual, jacobians = linearise(values)
         residual = _checked(residual, (m,), "the residual", keys)
         if jacobians_out is None:
             return residual
@@ -85,6 +96,10 @@ def custom_factor(
         return residual
 
     return gtsam.CustomFactor(noise_model, keys, evaluate)
+
+
+def _bits(value: Any) -> bytes:
+    return np.asarray(value.matrix() if isinstance(value, gtsam.Pose3) else value).tobytes()
 
 
 def _checked(array: FloatArray, shape: tuple[int, ...], what: str, keys: Sequence[int]) -> FloatArray:

@@ -2,7 +2,6 @@
 
 import gtsam
 import numpy as np
-import numpy.typing as npt
 
 from factors.custom import POSE3, FloatArray, Linearised, Variable, custom_factor
 
@@ -50,29 +49,33 @@ def known_points_factor(
         pose = world_T_camera.matrix()
         camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
         front = camera_p[:, 2] > _LEAST_DEPTH
-        x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
-        a, b, zero = x / z, y / z, np.zeros(n)
-        by_u = np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx / z, zero, fx * a / z], axis=1)
-        by_v = np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy / z, fy * b / z], axis=1)
-        jacobian = np.stack([by_u, by_v], axis=1) * front[:, None, None]
-        residual = (np.stack([fx * a + cx, fy * b + cy], axis=1) - uv) * front[:, None]
+        inverse = front / np.where(front, camera_p[:, 2], 1.0)
+        a, b = camera_p[:, 0] * inverse, camera_p[:, 1] * inverse
+        # filled in place, points last: stacks of small parts took most of the time
+        jacobian = np.zeros((2, 6, n))
+        jacobian[0, :3], jacobian[1, :3] = (a * b, -1 - a * a, b), (1 + b * b, -a * b, -a)
+        jacobian[0, 3] = jacobian[1, 4] = -inverse
+        jacobian[0, 5], jacobian[1, 5] = a * inverse, b * inverse
+        jacobian *= np.stack([fx * front, fy * front])[:, None]
+        residual = np.stack([fx * a + cx - uv[:, 0], fy * b + cy - uv[:, 1]]) * front
         residual, jacobian = _huber(residual, jacobian, huber_px)
-        return (residual / sigma[:, None]).ravel(), [(jacobian / sigma[:, None, None]).reshape(-1, 6)]
+        jacobian /= sigma
+        return (residual / sigma).T.ravel(), [jacobian.transpose(2, 0, 1).reshape(-1, 6)]
 
     return custom_factor(gtsam.noiseModel.Unit.Create(2 * n), [Variable(pose_key, POSE3)], error)
 
 
 def _huber(residual: FloatArray, jacobian: FloatArray, huber_px: float) -> tuple[FloatArray, FloatArray]:
-    """Residuals (N, 2) whose square is Huber's loss, and their Jacobians (N, 2, d)."""
-    size = np.linalg.norm(residual, axis=1)
+    """Residuals (2, N) whose square is Huber's loss, and their Jacobians (2, d, N)."""
+    size = np.sqrt(residual[0] ** 2 + residual[1] ** 2)
+    if size.max() <= huber_px:
+        return residual, jacobian
     far = np.maximum(size, huber_px)
     scale = np.sqrt(huber_px * (2 * far - huber_px)) / far
     # d scale / d size: from scale^2 = huber (2 size - huber) / size^2
     slope = np.where(size > huber_px, huber_px * (huber_px - far) / (scale * far**3), 0.0)
-    direction: npt.NDArray[np.float64] = residual / np.maximum(size, 1e-12)[:, None]
-    by_size = np.einsum("ni,nj->nij", residual, direction) * slope[:, None, None]
-    chain = scale[:, None, None] * np.eye(2) + by_size
-    return residual * scale[:, None], chain @ jacobian
+    by_size = slope / np.maximum(size, 1e-12) * (residual[0] * jacobian[0] + residual[1] * jacobian[1])
+    return residual * scale, scale * jacobian + residual[:, None] * by_size
 
 
 def steady_centre_factor(

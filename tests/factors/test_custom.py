@@ -104,3 +104,21 @@ def test_a_value_of_another_kind_raises():
 def test_keys_must_be_distinct_and_present(keys):
     with pytest.raises(ValueError, match="distinct keys"):
         custom_factor(UNIT3, [Variable(key, POSE3) for key in keys], lambda *_: (np.ones(3), []))
+
+
+def test_it_is_asked_once_for_the_same_values_and_again_for_others():
+    asked = []
+
+    def error(pose):
+        asked.append(pose.translation())
+        return pose.translation(), [np.hstack([np.zeros((3, 3)), pose.rotation().matrix()])]
+
+    factor, values = custom_factor(UNIT3, [Variable(X1, POSE3)], error), one_pose_values()
+    first = factor.linearize(values).jacobian()
+    assert factor.error(values) == pytest.approx(POSE.translation() @ POSE.translation() / 2)
+    np.testing.assert_array_equal(factor.linearize(values).jacobian()[0], first[0])
+    assert len(asked) == 1
+    values.update(X1, gtsam.Pose3(np.eye(4)))
+    assert factor.error(values) == 0
+    np.testing.assert_array_equal(factor.linearize(values).jacobian()[0][:, 3:], np.eye(3))
+    assert len(asked) == 2

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vgps.landmarks.matching import match_templates
+from vgps.landmarks.matching import correlations, match_templates
 
 RNG = np.random.default_rng(7)
 IMAGE = (128 + 40 * cv2.GaussianBlur(RNG.normal(size=(120, 160)), (0, 0), 2.0) * 5).astype(np.float32)
@@ -60,3 +60,29 @@ def test_a_template_without_contrast_matches_nothing():
 def test_near_the_border_the_window_is_cut():
     found = match_templates(IMAGE, cut(9, 60)[None], np.array([[5.0, 60.0]]), np.array([8.0]))
     np.testing.assert_allclose(found.uv_px, [[9, 60]], atol=0.1)
+
+
+@settings(max_examples=30)
+@given(st.integers(1, 5), st.integers(0, 2**31), st.floats(1, 60))
+def test_correlations_are_opencvs(places, seed, contrast):
+    rng = np.random.default_rng(seed)
+    windows = rng.normal(120, contrast, (4, 15 + places, 15 + places)).astype(np.float32)
+    templates = rng.normal(90, 30, (4, 15, 15)).astype(np.float32)
+    expected = [
+        cv2.matchTemplate(w, t, cv2.TM_CCOEFF_NORMED) for w, t in zip(windows, templates, strict=True)
+    ]
+    np.testing.assert_allclose(correlations(windows, templates), expected, atol=1e-4)
+
+
+def test_a_window_without_contrast_correlates_with_nothing():
+    out = correlations(np.full((1, 17, 17), 200, np.float32), cut(80, 60)[None])
+    np.testing.assert_allclose(out, 0, atol=1e-3)
+
+
+@pytest.mark.parametrize("radius", [3.0, 8.0])
+def test_a_small_window_is_searched_as_a_large_one_is(radius):
+    # small ones by sums over all at once, large ones one by one
+    places = np.array([[50.3, 50.6], [100.2, 70.9], [80.0, 60.0]])
+    templates = np.array([cut(u, v) for u, v in places])
+    found = match_templates(IMAGE, templates, np.round(places) + np.array([1, -1]), np.full(3, radius))
+    np.testing.assert_allclose(found.uv_px, places, atol=0.1)

@@ -1,64 +1,78 @@
 """Motion blur on templates: uniform motion along a line, each template along its own, (C) of Matsuda 2007."""
 
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray
 
 Float32Array = npt.NDArray[np.float32]
 
 
-def motion_taps(blur_px: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """The point spread function of uniform motion along ``blur_px``, centred, as whole-pixel taps.
+@dataclass(frozen=True)
+class Strips:
+    """Where templates are sampled so that blur is a mean along rows: grids turned into their motions.
 
-    The line is cut at half pixels of its longer axis; each piece puts its weight on the two pixels nearest to
-    its middle along the other axis.
+    Attributes:
+        image_R_strip: (N, 2, 2) steps in the image of one column, which is along the motion, and of one row.
+        length_px: (N,) of the motion; 1 for one so short that it leaves a template sharp.
+        height, width: Of every grid, both odd; its middle is the template's.
+        side: Of the templates, odd.
+    """
+
+    image_R_strip: FloatArray
+    length_px: FloatArray
+    height: int
+    width: int
+    side: int
+
+
+def strips_along(blur_px: FloatArray, side: int) -> Strips:
+    """The grids that templates of a side need for motions (N, 2) while the shutter is open, pixels (u, v)."""
+    length = np.linalg.norm(blur_px, axis=1)
+    sharp = length <= 1.0
+    along = np.where(sharp[:, None], (1.0, 0.0), blur_px / np.maximum(length, 1.0)[:, None])
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    corner = side // 2 * np.sqrt(2)
+    length = np.maximum(length, 1.0)
+    height = 2 * int(np.ceil(corner)) + 3
+    width = 2 * int(np.ceil(corner + length.max(initial=1.0) / 2)) + 3
+    return Strips(np.stack([along, across], axis=2), length, height, width, side)
+
+
+@cache
+def offsets_from_middle(height: int, width: int) -> Float32Array:
+    """(2, height * width) columns and rows of a grid's places, counted from its middle."""
+    row, column = np.mgrid[:height, :width].reshape(2, -1).astype(np.float32)
+    return np.stack([column - width // 2, row - height // 2])
+
+
+def blur_strips(sampled: Float32Array, strips: Strips) -> Float32Array:
+    """Mean over the motion at every pixel of the templates.
 
     Args:
-        blur_px: (N, 2) motion (u, v) while the shutter is open.
+        sampled: (N, height, width) grey values on the grids.
+        strips: The grids.
 
     Returns:
-        Offsets u and v, (N, T) pixels, and weights (N, T), each row summing to 1.
+        (N, side, side), upright again.
     """
-    steep = np.abs(blur_px[:, 1]) > np.abs(blur_px[:, 0])
-    major, minor = np.where(steep[:, None], blur_px[:, ::-1], blur_px).T
-    length = np.maximum(np.abs(major), 1e-6)
-    reach = int(np.ceil(length.max(initial=0.0) / 2 + 0.5)) - 1
-    edges = np.clip(np.arange(-reach, reach + 2) - 0.5, -length[:, None] / 2, length[:, None] / 2)
-    share = np.diff(edges, axis=1) / length[:, None]
-    middle = (edges[:, 1:] + edges[:, :-1]) / 2 * (minor / np.where(major == 0, 1e-6, major))[:, None]
-    low = np.floor(middle).astype(np.int64)
-    along = np.broadcast_to(np.arange(-reach, reach + 1), low.shape)
-    along, across = np.hstack([along, along]), np.hstack([low, low + 1])
-    weight = np.hstack([share * (1 - (middle - low)), share * (middle - low)])
-    u, v = np.where(steep[:, None], across, along), np.where(steep[:, None], along, across)
-    return u, v, weight
-
-
-def blur_margin(blur_px: FloatArray) -> int:
-    """Pixels that a patch needs beyond the template on every side."""
-    return int(np.ceil(float(np.abs(blur_px).max(initial=0.0)) / 2)) + 1
-
-
-def blur_patches(patches: Float32Array, blur_px: FloatArray, side: int) -> Float32Array:
-    """Each patch blurred along its own motion.
-
-    Args:
-        patches: (N, S, S), S at least ``side + 2 * blur_margin(blur_px)`` and as odd as ``side``.
-        blur_px: (N, 2) motion (u, v), pixels of the patch.
-        side: Of the result.
-
-    Returns:
-        (N, side, side), the middle of each.
-    """
-    margin = (patches.shape[1] - side) // 2
-    windows = np.lib.stride_tricks.sliding_window_view(patches, (side, side), axis=(1, 2))
-    u, v, weight = motion_taps(blur_px)
-    row = np.arange(len(patches))
-    out = np.zeros((len(patches), side, side), np.float32)
-    for k in range(u.shape[1]):
-        used = weight[:, k].astype(np.float32)
-        if used.any():
-            # convolution takes what lies against the offset; the spread is symmetric, so either will do
-            out += used[:, None, None] * windows[row, margin + v[:, k], margin + u[:, k]]
-    return out
+    count, height, width = sampled.shape
+    level = sampled.mean(axis=(1, 2), keepdims=True)
+    integral = np.zeros((count, height, width + 1), np.float32)
+    np.cumsum(sampled - level, axis=2, out=integral[:, :, 1:])
+    pixels = offsets_from_middle(strips.side, strips.side)
+    along, across = (strips.image_R_strip[:, :, k].astype(np.float32) @ pixels for k in (0, 1))
+    # the integral at column j reaches to the left border of pixel j
+    column = along + np.float32(width / 2)
+    row = across + (height // 2 + height * np.arange(count, dtype=np.float32)[:, None])
+    length = strips.length_px[:, None].astype(np.float32)
+    end, start = (
+        cv2.remap(integral.reshape(-1, width + 1), at, row, cv2.INTER_LINEAR)
+        for at in (column + length / 2, column - length / 2)
+    )
+    means = (end - start) / length + level[:, 0]
+    return np.asarray(means.reshape(count, strips.side, strips.side), np.float32)

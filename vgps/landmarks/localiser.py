@@ -38,7 +38,7 @@ class Localiser:
             gyro = GyroIntegral(recording.gyro)
         self.turns = Turns(gyro, mount)
         self._rectifier = Rectifier(camera)
-        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator()
+        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config.max_speed_m_s)
         if config.estimator == "graph":
             self._estimator = GraphEstimator(camera.K, gyro, mount, config)
         recovery = DescriptorRecovery(database.keyframes(), describe, camera.K, config)

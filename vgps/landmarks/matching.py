@@ -4,9 +4,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from vgps.landmarks.blur import Float32Array
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
+
+_SMALL = 5  # half side up to which sums over all windows at once are faster than OpenCV one by one
+_LEAST_SPREAD = 1e-2  # of a window's grey values, squared and summed
 
 
 @dataclass(frozen=True)
@@ -38,30 +42,82 @@ def match_templates(
     """
     count, side = len(templates), templates.shape[1]
     half = side // 2
-    uv, best = np.asarray(predicted_px, np.float64).copy(), np.full(count, -1.0)
+    best = np.full(count, -1.0)
     centre = np.round(np.nan_to_num(predicted_px, nan=-1e6)).astype(np.int64)
-    reach = np.ceil(radius_px).astype(np.int64)[:, None]
-    low = np.maximum(centre - reach - half, 0)
-    high = np.minimum(centre + reach + half + 1, np.array(image.shape[::-1]))
-    possible = (high - low >= side).all(axis=1) & (templates.std(axis=(1, 2)) >= max(min_contrast, 1e-3))
-    for i in np.flatnonzero(possible):
+    reach = np.ceil(radius_px).astype(np.int64)
+    low = np.maximum(centre - reach[:, None] - half, 0)
+    high = np.minimum(centre + reach[:, None] + half + 1, np.array(image.shape[::-1]))
+    size = high - low
+    contrast = np.std(templates.reshape(count, -1), axis=1)
+    possible = (size >= side).all(axis=1) & (contrast >= max(min_contrast, 1e-3))
+    alike = possible & (size == side + 2 * reach[:, None]).all(axis=1)
+    top, near = np.zeros((count, 2), np.int64), np.full((count, 3, 3), np.nan, np.float32)
+    for r in np.unique(reach[alike & (reach <= _SMALL)]):
+        rows = np.flatnonzero(alike & (reach == r))
+        scores = correlations(_windows(image, low[rows], side + 2 * r), templates[rows])
+        best[rows], top[rows], near[rows] = _highest(scores)
+    for i in np.flatnonzero(possible & ~(alike & (reach <= _SMALL))):
         window = image[low[i, 1] : high[i, 1], low[i, 0] : high[i, 0]]
-        score = np.asarray(cv2.matchTemplate(window, templates[i], cv2.TM_CCOEFF_NORMED), np.float32)
-        _, best[i], _, (x, y) = cv2.minMaxLoc(score)
-        uv[i] = low[i] + half + (x, y) + _peak(score, x, y)
-    return Matches(uv, best)
+        score = cv2.matchTemplate(window, templates[i], cv2.TM_CCOEFF_NORMED)
+        _, best[i], _, (u, v) = cv2.minMaxLoc(score)
+        top[i] = u, v
+        near[i] = cv2.copyMakeBorder(score, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=np.nan)[
+            v : v + 3, u : u + 3
+        ]
+    found = low + half + top + _peak(near)
+    return Matches(np.where(possible[:, None], found, predicted_px), best)
 
 
-def _peak(score: Float32Array, x: int, y: int) -> FloatArray:
-    """(2,) how far the top lies from the highest value, each axis by a parabola; 0 at the border."""
-    shift = np.zeros(2)
-    if 0 < x < score.shape[1] - 1:
-        shift[0] = _parabola(*score[y, x - 1 : x + 2].tolist())
-    if 0 < y < score.shape[0] - 1:
-        shift[1] = _parabola(*score[y - 1 : y + 2, x].tolist())
-    return shift
+def _windows(image: Float32Array, low: IntArray, side: int) -> Float32Array:
+    """(N, side, side) parts of the image from their upper left corners (N, 2)."""
+    return np.asarray(sliding_window_view(image, (side, side))[low[:, 1], low[:, 0]])
 
 
-def _parabola(before: float, middle: float, after: float) -> float:
-    bend = before + after - 2 * middle
-    return 0.5 * (before - after) / bend if bend < -1e-9 else 0.0
+def correlations(windows: Float32Array, templates: Float32Array) -> Float32Array:
+    """Normalised cross-correlations of templates (N, M, M) everywhere in windows (N, S, S).
+
+    Returns:
+        (N, S - M + 1, S - M + 1).
+    """
+    count, side = templates.shape[:2]
+    places = windows.shape[1] - side + 1
+    # about their middle values sums of squares keep their digits
+    windows = windows - windows.mean(axis=(1, 2), keepdims=True)
+    templates = templates - templates.mean(axis=(1, 2), keepdims=True)
+    stripes = sliding_window_view(windows, side, axis=2).transpose(0, 2, 1, 3).reshape(count, places, -1)
+    # every stripe holds the window's columns u to u + M; M rows of it from v on lie in one piece
+    parts = sliding_window_view(stripes, side**2, axis=2)[:, :, ::side]
+    products = np.einsum("nuvk,nk->nvu", parts, templates.reshape(count, -1))
+    inner = slice(side // 2, side // 2 + places)
+    sums, squares = (
+        box(windows.reshape(-1, windows.shape[2]), cv2.CV_64F, (side, side), normalize=False).reshape(
+            windows.shape
+        )[:, inner, inner]
+        for box in (cv2.boxFilter, cv2.sqrBoxFilter)
+    )
+    energy = np.einsum("nij,nij->n", templates, templates)[:, None, None]
+    spread = np.maximum(squares - sums**2 / side**2, _LEAST_SPREAD)
+    return np.asarray(products / np.sqrt(spread * energy), np.float32)
+
+
+def _highest(scores: Float32Array) -> tuple[Float32Array, IntArray, Float32Array]:
+    """Of scores (N, H, W) the highest (N,), its place (u, v) (N, 2), and what is around it (N, 3, 3)."""
+    count, _, width = scores.shape
+    row = np.arange(count)
+    v, u = np.divmod(scores.reshape(count, -1).argmax(axis=1), width)
+    padded = np.pad(scores, ((0, 0), (1, 1), (1, 1)), constant_values=np.nan)
+    near = sliding_window_view(padded, (3, 3), axis=(1, 2))[row, v, u]
+    return scores[row, v, u], np.stack([u, v], axis=1), near
+
+
+def _peak(near: Float32Array) -> FloatArray:
+    """(N, 2) how far the top lies from the highest value, each axis by a parabola; 0 at the border.
+
+    Args:
+        near: (N, 3, 3) values around the highest; NaN beyond the border.
+    """
+    middle = near[:, 1, 1].astype(np.float64)
+    ends = np.stack([near[:, 1, [0, 2]], near[:, [0, 2], 1]], axis=1).astype(np.float64)
+    bend = ends.sum(axis=2) - 2 * middle[:, None]
+    sharp = bend < -1e-9
+    return np.where(sharp, 0.5 * (ends[:, :, 0] - ends[:, :, 1]) / np.where(sharp, bend, -1.0), 0.0)

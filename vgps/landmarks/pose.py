@@ -12,7 +12,8 @@ from vgps.model import BoolArray, FloatArray
 _CONFIDENCE = 0.9999
 _LEAST = 4  # matches a linear solution needs
 _PLENTY = 0.7  # where such a share of the matches agrees with the guess, nothing is sampled
-_SETTLED = 1e-5  # rad and m: no step worth another
+_SETTLED = 0.03  # standard deviations: no step worth another
+_MOST_STEPS = 16
 
 
 @dataclass(frozen=True)
@@ -102,15 +103,16 @@ def _settle(
     limit_px: float,
     huber_px: float,
 ) -> PoseEstimate | None:
-    """Refine, and decide again which matches agree, until that settles."""
+    """Refine, deciding anew at every step which matches agree, until that settles."""
     inlier = reprojection_inliers(K, pose, points, uv_px, limit_px)
     covariance = np.full((6, 6), np.nan)
-    for iterations in (2, 2, 2, 10):
+    for _ in range(_MOST_STEPS):
         if inlier.sum() < _LEAST:
             return None
-        used = points[inlier], uv_px[inlier], sigma_px[inlier]
-        pose, covariance = refine_pose(K, pose, *used, huber_px=huber_px, iterations=iterations)
-        inlier = reprojection_inliers(K, pose, points, uv_px, limit_px)
+        pose, covariance, moved = _step(K, pose, points[inlier], uv_px[inlier], sigma_px[inlier], huber_px)
+        before, inlier = inlier, reprojection_inliers(K, pose, points, uv_px, limit_px)
+        if moved < _SETTLED and np.array_equal(before, inlier):
+            break
     return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _LEAST else None
 
 
@@ -129,17 +131,32 @@ def refine_pose(
     Returns:
         The pose (4, 4) and its covariance (6, 6), inflated where the errors are larger than their sigmas.
     """
-    pose, information, spread = world_T_camera, np.eye(6), 1.0
+    pose, covariance = world_T_camera, np.eye(6)
     for _ in range(iterations):
-        residual, jacobian = linearise_projection(K, pose, points, uv_px)
-        size = np.linalg.norm(residual, axis=1)
-        weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / sigma_px**2
-        weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
-        information = weighted.T @ jacobian.reshape(-1, 6)
-        information += np.diag(1e-9 * np.diag(information) + 1e-9)
-        spread = float(weight @ size**2) / max(2 * len(points) - 6, 1)
-        step = -np.linalg.solve(information, weighted.T @ residual.ravel())
-        pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -10, 10)).matrix()
-        if np.abs(step).max() < _SETTLED:
+        pose, covariance, moved = _step(K, pose, points, uv_px, sigma_px, huber_px)
+        if moved < _SETTLED:
             break
-    return pose, np.asarray(np.linalg.inv(information) * max(spread, 1.0))
+    return pose, covariance
+
+
+def _step(
+    K: FloatArray,
+    pose: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    sigma_px: FloatArray,
+    huber_px: float,
+) -> tuple[FloatArray, FloatArray, float]:
+    """One step: the pose after it, the covariance before it, and the step's size in sigmas."""
+    residual, jacobian = linearise_projection(K, pose, points, uv_px)
+    size = np.sqrt(np.einsum("ni,ni->n", residual, residual))
+    weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / sigma_px**2
+    weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
+    information = weighted.T @ jacobian.reshape(-1, 6)
+    information[np.diag_indices(6)] += 1e-9 * np.diag(information) + 1e-9
+    spread = float(weight @ size**2) / max(2 * len(points) - 6, 1)
+    covariance = np.linalg.inv(information)
+    step = np.clip(-covariance @ (weighted.T @ residual.ravel()), -10, 10)
+    moved = pose @ gtsam.Pose3.Expmap(step).matrix()
+    size_in_sigmas = float(np.sqrt(step @ information @ step))
+    return moved, np.asarray(covariance * max(spread, 1.0)), size_in_sigmas

@@ -36,6 +36,9 @@ class Turns:
     Args:
         gyro: Integral of the gyro's rates, if there is one that may be used.
         gyro_R_camera: (3, 3).
+
+    Attributes:
+        covered: Whether the gyro tells of the whole interval between two times [s].
     """
 
     def __init__(self, gyro: GyroIntegral | None, gyro_R_camera: FloatArray | None) -> None:
@@ -43,9 +46,9 @@ class Turns:
         self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
         # every search of a frame asks for the same few turns
         self._gyro_turn = lru_cache(maxsize=32)(self._integrated)
+        self.covered = lru_cache(maxsize=32)(self._covered)
 
-    def covered(self, start_s: float, end_s: float) -> bool:
-        """Whether the gyro tells of the whole interval."""
+    def _covered(self, start_s: float, end_s: float) -> bool:
         first, last = np.array([min(start_s, end_s)]), np.array([max(start_s, end_s)])
         return self._gyro is not None and bool(self._gyro.covers(first, last)[0])
 
