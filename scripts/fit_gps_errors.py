@@ -8,7 +8,6 @@ stands still, or a better solution of the same drive where that is RTK-fix.
 """
 
 import argparse
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -34,13 +33,17 @@ def main() -> None:
     try:
         series = read_errors(given.log, given.reference)
     except VgpsError as error:
-        sys.exit(f"fit_gps_errors: {error}")
+        parser.exit(2, f"fit_gps_errors: {error}\n")
+    counts = Counter(series.fix_class)
+    classes = [one for one in FixClass if one is not FixClass.UNKNOWN and counts[one] >= LEAST_EPOCHS]
+    if not classes:
+        found = ", ".join(f"{count} {name}" for name, count in counts.items())
+        parser.exit(
+            2, f"fit_gps_errors: {given.log}: {found}; expected {LEAST_EPOCHS} epochs of a known class\n"
+        )
     print("| class, axis | epochs | mean [m] | sigma [m] | T [s] | receiver's own sigma [m] | simulator |")
     print("|---" * 7 + "|")
-    counts = Counter(series.fix_class)
-    for name in FixClass:
-        if counts[name] < LEAST_EPOCHS:
-            continue
+    for name in classes:
         own, model = series.of_class(name), FIX_ERRORS.get(name)
         for axis, fitted in enumerate(axes(own)):
             said = np.nanmedian(own.sigma_m[:, axis]) if np.isfinite(own.sigma_m[:, axis]).any() else np.nan

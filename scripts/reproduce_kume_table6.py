@@ -10,6 +10,7 @@ Without a recording each seed is a walk of its own, as in section 4 of the thesi
 import argparse
 import json
 import statistics
+import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -21,8 +22,11 @@ import yaml
 import vgps
 from vgps.compare import compare
 from vgps.compare.table6 import Row, antenna_errors, as_markdown
+from vgps.errors import VgpsError
 from vgps.offline import Silent
 from vgps.simulate import SceneConfig, scene_with_errors, simulate
+
+LEAST_FRAMES = 2
 
 
 def walk(given: argparse.Namespace) -> SceneConfig:
@@ -82,12 +86,26 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--survey", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--json", type=Path, help="write the errors of every seed here, as they come")
-    return parser.parse_args()
+    given = parser.parse_args()
+    if given.frames is not None and given.frames < LEAST_FRAMES:
+        parser.exit(
+            2, f"reproduce_kume_table6: --frames is {given.frames}; expected at least {LEAST_FRAMES}\n"
+        )
+    return given
 
 
 def main() -> None:
     """Print both tables as markdown."""
     given = arguments()
+    try:
+        print_tables(given)
+    except VgpsError as error:
+        print(f"reproduce_kume_table6: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def print_tables(given: argparse.Namespace) -> None:
+    """Every seed, and what they give together."""
     rows: dict[int, Row] = {}
     seconds = []
     with ProcessPoolExecutor(given.jobs) as pool:

@@ -6,40 +6,44 @@ The front end runs once per log and seed, with the defaults; stage D once per se
 """
 
 import argparse
-import copy
 import statistics
-from dataclasses import replace
 from pathlib import Path
 
 import yaml
+from pydantic import ValidationError
 
 import vgps
+from vgps.compare.methods import copied
 from vgps.config import Config
+from vgps.errors import ConfigError, VgpsError
 from vgps.evaluate import evaluate
-from vgps.offline import FrontEnd, Silent, optimise_all, track_and_map
-from vgps.readers.calibration import read_rig
+from vgps.offline import Silent, optimise_all, track_and_map
+from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
 
 VARIED = ["gps.n=1,2,4,8", "gps.omega=0.1,0.5,2.5", "batch.video_sigma_scale=4,8,16"]
 
 
 def settings(words: list[str], seed: int) -> dict[str, Config]:
-    """Configurations by name: the defaults, and each value of each setting in turn."""
+    """Configurations by name: the defaults, and each value of each setting in turn.
+
+    Raises:
+        ConfigError: There is no such setting, or it cannot have such a value.
+    """
     found = {"defaults": Config(seed=seed)}
     for word in words:
-        place, values = word.split("=")
-        part, name = place.split(".")
+        place, is_set, values = word.partition("=")
+        part, _, name = place.partition(".")
+        if not (part and name and is_set):
+            raise ConfigError(f"--vary {word}", expected="PART.NAME=VALUE,VALUE as in gps.n=1,2,4")
         for value in values.split(","):
-            override = {"seed": seed, part: {name: yaml.safe_load(value)}}
-            found[f"{place}={value}"] = Config.model_validate(override)
+            try:
+                override = {"seed": seed, part: {name: yaml.safe_load(value)}}
+                found[f"{place}={value}"] = Config.model_validate(override)
+            except (ValidationError, yaml.YAMLError) as error:
+                why = error.errors()[0]["msg"] if isinstance(error, ValidationError) else "no YAML"
+                raise ConfigError(f"--vary {place}={value}: {why}") from error
     return found
-
-
-def copied(front: FrontEnd) -> FrontEnd:
-    """The same front end with maps of its own, which stage D moves."""
-    sequence = copy.copy(front.sequence)
-    sequence.maps = copy.deepcopy(front.sequence.maps)
-    return replace(front, sequence=sequence)
 
 
 def main() -> None:
@@ -50,8 +54,17 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--vary", nargs="+", default=VARIED)
     given = parser.parse_args()
-    start_s = read_rig(given.recording / "rig.yaml").video_start_s
-    truth = read_trajectory(given.recording / "truth.tum", video_start_s=start_s)
+    try:
+        print_table(given)
+    except VgpsError as error:
+        parser.exit(2, f"table_settings: {error}\n")
+
+
+def print_table(given: argparse.Namespace) -> None:
+    """The front end for each log and seed, stage D for each setting."""
+    settings(given.vary, 0)  # before the long work
+    file = given.recording / "truth.tum"
+    truth = read_trajectory(file, video_start_s=rig_beside(file).video_start_s)
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     logs = [str(log or "gps") for log in given.logs]
     for log, name in zip(given.logs, logs, strict=True):

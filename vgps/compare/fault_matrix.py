@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vgps.compare.faults import Fault, Faulty
-from vgps.compare.methods import METHODS, Method, check_world, front_ends, rig_beside
+from vgps.compare.methods import METHODS, Method, check_world, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, VgpsError
 from vgps.evaluate import evaluate
 from vgps.model import Recording
 from vgps.offline import Progress, optimise_all
+from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FixTable, Verdict
 from vgps.writers.page import tidy

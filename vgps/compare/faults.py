@@ -10,6 +10,7 @@ from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint, GpsLog, Recording
 from vgps.simulate.scene import FIX_ERRORS, FixErrors
+from vgps.simulate.sensors import unit_gauss_markov
 
 _LEAST_FIXES = 3  # that an outage must leave before it and after it
 _OUTLIER_M = (8.0, 40.0)
@@ -115,9 +116,8 @@ def float_drift(errors: FixErrors, recording: Recording, log: GpsLog, rng: np.ra
     """All but the first and last tenth labelled RTK-float, and wandering as a float solution does."""
     middle = _middle(recording, log, int(0.8 * _inside(recording, log).sum()))
     rows = np.flatnonzero(middle)
-    sigma = np.hypot([errors.sigma_h_m] * 2 + [errors.sigma_v_m], [errors.bias_h_m] * 2 + [errors.bias_v_m])
     offset = np.zeros((len(log), 3))
-    offset[rows] = sigma * _gauss_markov(log.t_s[rows], errors.correlation_s, rng)
+    offset[rows] = np.array(errors.total_m) * unit_gauss_markov(log.t_s[rows], errors.correlation_s, rng)
     log = _labelled(log, middle, FixClass.RTK_FLOAT)
     sigma_m = np.where(middle[:, None], errors.reported_m, log.sigma_m)
     return Faulty(_moved(recording, replace(log, sigma_m=sigma_m), offset), np.zeros(len(log), dtype=bool))
@@ -180,12 +180,3 @@ def _moved(recording: Recording, log: GpsLog, offset_m: FloatArray) -> Recording
 def _labelled(log: GpsLog, rows: BoolArray, name: FixClass) -> GpsLog:
     classes = tuple(name if row else own for row, own in zip(rows, log.fix_class, strict=True))
     return replace(log, fix_class=classes)
-
-
-def _gauss_markov(t_s: FloatArray, correlation_s: float, rng: np.random.Generator) -> FloatArray:
-    """(n, 3) first-order Gauss-Markov processes of variance one at times (n,)."""
-    out = rng.normal(size=(len(t_s), 3))
-    kept = np.exp(-np.diff(t_s) / correlation_s)
-    for row, share in enumerate(kept.tolist(), start=1):
-        out[row] = share * out[row - 1] + np.sqrt(1.0 - share**2) * out[row]
-    return out

@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from vgps.config import Config, GpsModel
 from vgps.errors import TrajectoryError
 from vgps.evaluate import Evaluation, evaluate, match
-from vgps.model import FloatArray, GeodeticPoint, Recording, Rig
+from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.offline import FrontEnd, Progress, optimise_all, track_and_map
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
+from vgps.seconds import Seconds
 from vgps.solution import Solution, Trajectory
 
 
@@ -116,10 +117,15 @@ def front_ends(
             yield track_and_map(recording, config.with_gps("none"), progress), method
             continue
         shared = shared or track_and_map(recording, config, progress)
-        own = copy.copy(shared.sequence)
-        own.maps = copy.deepcopy(shared.sequence.maps)
-        own.seconds = type(own.seconds)()
-        yield replace(shared, sequence=own), method
+        yield copied(shared), method
+
+
+def copied(front: FrontEnd) -> FrontEnd:
+    """The same front end with maps of its own, which stage D moves, and a clock of its own."""
+    sequence = copy.copy(front.sequence)
+    sequence.maps = copy.deepcopy(front.sequence.maps)
+    sequence.seconds = Seconds()
+    return replace(front, sequence=sequence)
 
 
 def _placed(solution: Solution, true: Trajectory) -> Solution:
@@ -137,12 +143,6 @@ def _placed(solution: Solution, true: Trajectory) -> Solution:
     shift = wanted[:, :3, 3].mean(axis=0) - scale * R @ found[:, :3, 3].mean(axis=0)
     poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + shift
     return replace(solution, world_T_camera=poses, sigma_position_m=scale * solution.sigma_position_m)
-
-
-def rig_beside(truth: Path) -> Rig:
-    """The ``rig.yaml`` beside a truth, which names its origin and clock; an empty one if there is none."""
-    file = truth.parent / "rig.yaml"
-    return read_rig(file) if file.is_file() else Rig()
 
 
 def check_world(found: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:

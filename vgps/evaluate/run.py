@@ -11,8 +11,8 @@ import numpy as np
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluate.metrics import Evaluation, evaluate
 from vgps.geodesy import enu_R_ecef, to_enu, to_geodetic
-from vgps.model import FloatArray, GeodeticPoint, Rig
-from vgps.readers.calibration import read_rig
+from vgps.model import FloatArray, GeodeticPoint
+from vgps.readers.calibration import rig_beside
 from vgps.readers.run_folder import read_summary
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Trajectory
@@ -36,7 +36,7 @@ def evaluate_run(run: Path, truth: Path, *, tolerance_s: float | None = None) ->
     summary = read_summary(run)
     origin, lever, georeferenced = _world_of(summary, run / "solution.json")
     estimate = _poses(run / "poses.tum")
-    rig = _rig_beside(truth)
+    rig = rig_beside(truth)
     reference = read_trajectory(truth, video_start_s=rig.video_start_s)
     notes = []
     if not georeferenced:
@@ -84,11 +84,6 @@ def _poses(file: Path) -> Trajectory:
     if not file.is_file():
         raise RunFolderError("is missing", file=file, remedy="run vgps smooth again")
     return read_trajectory(file)
-
-
-def _rig_beside(truth: Path) -> Rig:
-    file = truth.parent / "rig.yaml"
-    return read_rig(file) if file.is_file() else Rig()
 
 
 def _same(a: GeodeticPoint, b: GeodeticPoint) -> bool:

@@ -148,6 +148,16 @@ def read_rig(path: str | Path) -> Rig:
     )
 
 
+def rig_beside(file: str | Path) -> Rig:
+    """The ``rig.yaml`` beside a truth, which names its origin and clock; an empty one if there is none.
+
+    Raises:
+        CalibrationError: As `read_rig`.
+    """
+    rig = Path(file).parent / "rig.yaml"
+    return read_rig(rig) if rig.is_file() else Rig()
+
+
 def _mapping(path: Path, *, may_be_empty: bool = False) -> dict[str, Any]:
     try:
         content = yaml.safe_load(read_bytes(path, CalibrationError))

@@ -62,11 +62,17 @@ def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.rando
     """(count, 3) of a stationary first-order Gauss-Markov process about a random bias, metres ENU."""
     sigma = np.array([errors.sigma_h_m, errors.sigma_h_m, errors.sigma_v_m])
     bias = np.array([errors.bias_h_m, errors.bias_h_m, errors.bias_v_m]) * rng.standard_normal(3)
-    kept = np.exp(-interval_s / errors.correlation_s)
-    state = rng.standard_normal((count, 3))
-    for k in range(1, count):
-        state[k] = kept * state[k - 1] + np.sqrt(1 - kept**2) * state[k]
-    return bias + sigma * state
+    t_s = interval_s * np.arange(count, dtype=np.float64)
+    return np.asarray(bias + sigma * unit_gauss_markov(t_s, errors.correlation_s, rng))
+
+
+def unit_gauss_markov(t_s: FloatArray, correlation_s: float, rng: np.random.Generator) -> FloatArray:
+    """(N, 3) of stationary first-order Gauss-Markov processes of variance one at times (N,), in order."""
+    state = rng.standard_normal((len(t_s), 3))
+    kept = np.exp(-np.diff(t_s) / correlation_s)
+    for k, share in enumerate(kept.tolist(), start=1):
+        state[k] = share * state[k - 1] + np.sqrt(1 - share**2) * state[k]
+    return state
 
 
 def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:

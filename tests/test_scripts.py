@@ -1,0 +1,65 @@
+"""What the scripts say to who calls them wrongly: one line, and exit code 2."""
+
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
+LOG = "t_s,latitude_deg,longitude_deg,height_m,fix_class\n"
+
+
+@pytest.fixture
+def refused(monkeypatch, capsys):
+    """Runs a script that is to refuse its arguments; its line on standard error."""
+
+    def run(name, *words):
+        monkeypatch.setattr(sys, "argv", [name, *map(str, words)])
+        monkeypatch.syspath_prepend(str(SCRIPTS))
+        with pytest.raises(SystemExit) as stop:
+            runpy.run_path(str(SCRIPTS / name), run_name="__main__")
+        out, err = capsys.readouterr()
+        assert stop.value.code == 2 and out == "" and err.count("\n") == 1
+        return err.strip()
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("gps.n", "--vary gps.n; expected PART.NAME=VALUE,VALUE as in gps.n=1,2,4"),
+        ("n=1,2", "--vary n=1,2; expected PART.NAME=VALUE,VALUE as in gps.n=1,2,4"),
+        ("gps.m=1", "--vary gps.m=1: Extra inputs are not permitted"),
+        ("gps.n=1,none", "--vary gps.n=none: Input should be a valid integer"),
+        ("gps.n=[", "--vary gps.n=[: no YAML"),
+    ],
+)
+def test_settings_that_cannot_be_varied(refused, tmp_path, word, told):
+    line = refused("table_settings.py", tmp_path, "--vary", "gps.omega=0.1", word)
+    assert line.startswith(f"table_settings: {told}")
+
+
+def test_settings_of_no_recording(refused, tmp_path):
+    assert "truth.tum: " in refused("table_settings.py", tmp_path)
+
+
+@pytest.mark.parametrize("frames", [-1, 0, 1])
+def test_a_walk_of_no_length(refused, frames):
+    line = refused("reproduce_kume_table6.py", "--frames", frames)
+    assert line == f"reproduce_kume_table6: --frames is {frames}; expected at least 2"
+
+
+def test_a_recording_that_is_not_there(refused, tmp_path):
+    line = refused("reproduce_kume_table6.py", "--recording", tmp_path / "gone")
+    assert line.startswith(f"reproduce_kume_table6: {tmp_path / 'gone'}: no such recording")
+
+
+def test_errors_of_no_class_that_is_known(refused, tmp_path):
+    log = tmp_path / "static.csv"
+    rows = [f"{k},49,8,100,{'rtk_fix' if k < 3 else 'unknown'}\n" for k in range(9)]
+    log.write_text(LOG + "".join(rows))
+    line = refused("fit_gps_errors.py", log)
+    assert line == f"fit_gps_errors: {log}: 3 rtk_fix, 6 unknown; expected 5 epochs of a known class"
+    assert refused("fit_gps_errors.py", tmp_path / "gone.csv").startswith(f"fit_gps_errors: {tmp_path}")
