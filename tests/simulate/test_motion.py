@@ -87,3 +87,16 @@ def test_center_line_follows_the_path_and_goes_on_straight() -> None:
     assert apart.max() < 0.02
     np.testing.assert_allclose(line[:20, 1], line[:20, 0], atol=1e-9)  # it comes from the west
     assert np.ptp(line[-30:, 3]) == 0.0
+
+
+def test_a_camera_held_askew_stays_so_and_goes_the_same_way() -> None:
+    config = replace(SCENES["walk"], look_deg=0.0, sway_deg=0.0, bob_m=0.0)
+    t = np.arange(0.0, 5.0, 0.5)
+    level, askew = (
+        build_motion(replace(config, roll_deg=roll), np.random.default_rng(0)).poses(t)
+        for roll in (0.0, 10.0)
+    )
+    np.testing.assert_allclose(askew[:, :3, 2:], level[:, :3, 2:], atol=1e-12)  # forward, and where it is
+    np.testing.assert_allclose(level[:, 2, 0], 0.0, atol=1e-12)
+    # clockwise, seen from behind: its right side hangs down, but for the walk's mean tilt of 3 degrees
+    np.testing.assert_allclose(askew[:, 2, 0], -np.sin(np.radians(10.0)) * np.cos(np.radians(3.0)), atol=1e-9)

@@ -61,7 +61,7 @@ def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
     quick = np.deg2rad(config.shake_deg) * pace * np.stack([_wander(t, rng, 0.4, 1.2) for _ in range(3)])
     yaw = heading + slow[0] + 0.3 * quick[0] + wobble * np.sin(step / 2) + _spin(t, config)
     pitch = np.deg2rad(config.pitch_deg) + 0.6 * slow[1] + quick[1] + 0.6 * wobble * np.sin(step + 0.9)
-    roll = 0.4 * slow[2] + quick[2] + wobble * np.sin(step / 2 + 1.7)
+    roll = np.deg2rad(config.roll_deg) + 0.4 * slow[2] + quick[2] + wobble * np.sin(step / 2 + 1.7)
     up = config.eye_m + config.bob_m * pace * np.sin(step) + 0.3 * quick[1]
     east, north = east - sway * np.sin(heading), north + sway * np.cos(heading)
     every = round(_KNOT_S / _GRID_S)

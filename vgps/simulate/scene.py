@@ -116,7 +116,8 @@ class SceneConfig:
         eye_m: The camera's height above ground.
         bob_hz, bob_m, sway_deg: A walker's bobbing, up and down, and swaying, half as fast.
         shake_deg, look_deg: Amplitude of quick shaking (of a vehicle in motion) and of slow looking around.
-        pitch_deg: Mean tilt of the camera, up positive.
+        pitch_deg, roll_deg: Mean tilt of the camera, up positive, and about its viewing axis, clockwise
+            positive.
         spin_deg_s, spin_period_s: Peak rate and period of turning to and fro about the vertical, fading in
             after a quarter of the recording.
         surface: What the ground looks like.
@@ -143,6 +144,7 @@ class SceneConfig:
     shake_deg: float = 0.0
     look_deg: float = 3.0
     pitch_deg: float = 3.0
+    roll_deg: float = 0.0
     spin_deg_s: float = 0.0
     spin_period_s: float = 3.0
     surface: Literal["paving", "asphalt"] = "paving"
