@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError, RecordingError
+from vgps.gyro_calibration.checks import check_axes, check_motion
 from vgps.gyro_calibration.coarse import Alignment, Guess, align_rates, guess_offset
 from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
 from vgps.gyro_integration import GyroIntegral
@@ -16,10 +17,7 @@ from vgps.offline import Progress, Silent
 from vgps.threads import one_blas_thread
 from vgps.tracking.turning import Turns, frame_turns
 
-_SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
 _AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
-_UNIT = 2.0  # times too far, and no lens explains it
-_REMEDY = "pan, tilt and roll the camera, a few seconds each, slowly and not steadily"
 
 
 @dataclass(frozen=True)
@@ -123,12 +121,12 @@ def calibrate_from_turns(turns: Turns, gyro: GyroLog, config: GyroCalibrationCon
             remedy="check video_start_s in rig.yaml",
         )
     turns, rates = _covered(turns, rates, integral, guess.time_offset_s)
-    _check_motion(turns, rates, integral, guess, gyro, config)
+    check_motion(_gyro_rates(turns, integral, guess.time_offset_s), rates, guess, gyro, config)
     start = Mount(guess.alignment.gyro_R_camera, guess.time_offset_s, np.zeros(3))
     fit = fit_mount(turns, integral, start)
     by_gyro = _gyro_rates(turns, integral, fit.mount.time_offset_s)
     alignment = align_rates(by_gyro, rates, fit.weight)
-    _check_axes(fit, alignment, turns, config)
+    check_axes(fit, alignment, turns, config)
     return _told(turns, fit, guess, alignment, _scale(by_gyro, rates, fit), config)
 
 
@@ -149,64 +147,6 @@ def _covered(
     start, end = turns.start_s - offset_s - length, turns.end_s - offset_s + length
     kept = gyro.covers(start, end)
     return turns.only(kept), rates[kept]
-
-
-def _check_motion(
-    turns: Turns,
-    camera_rates: FloatArray,
-    gyro: GyroIntegral,
-    guess: Guess,
-    log: GyroLog,
-    config: GyroCalibrationConfig,
-) -> None:
-    if len(turns) < config.min_intervals:
-        found = f"the gyro covers {len(turns)} intervals between frames"
-        raise GyroLogError(found, file=log.source, expected=f"at least {config.min_intervals}")
-    rates = _gyro_rates(turns, gyro, guess.time_offset_s)
-    varies = float(np.degrees(np.linalg.norm(rates.std(axis=0))))
-    if varies < config.least_rate_deg_s:
-        raise GeometryError(
-            f"the gyro's rate varies by {varies:.2f} deg/s: the camera stood still, or turned steadily",
-            expected=f"at least {config.least_rate_deg_s:g} deg/s",
-            remedy=_REMEDY,
-        )
-    if guess.alignment.agreement < config.least_agreement:
-        raise GyroLogError(
-            f"the rates of gyro and video correlate to {guess.alignment.agreement:.2f} at best",
-            file=log.source,
-            expected=f"at least {config.least_agreement:g}",
-            remedy="check video_start_s in rig.yaml, and that the video is not stabilised; " + _REMEDY,
-        )
-    _check_unit(rates, camera_rates, guess, log)
-
-
-def _check_unit(gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, log: GyroLog) -> None:
-    spread = [np.linalg.norm(rates.std(axis=0)) for rates in (gyro_rates, camera_rates)]
-    times = float(spread[0] / (guess.alignment.agreement * spread[1]))
-    if not 1 / _UNIT < times < _UNIT:
-        raise GyroLogError(
-            f"the gyro turns {times:.3g} times as far as the video",
-            file=log.source,
-            expected="rates in rad/s" + (", not deg/s" if times > _UNIT else ""),
-            remedy="check the unit, and the focal length in camera.yaml",
-        )
-
-
-def _check_axes(fit: Fit, alignment: Alignment, turns: Turns, config: GyroCalibrationConfig) -> None:
-    """One axis of turning leaves the sensor free to be turned about it."""
-    seconds = float(np.median(turns.end_s - turns.start_s))
-    noise = np.average(fit.residual_rad**2, axis=0, weights=fit.weight).mean() / seconds**2
-    chance = _SECOND_AXIS * noise / np.sqrt(fit.weight.sum())
-    sigma = float(np.degrees(np.sqrt(np.diag(fit.covariance)[:3].max())))
-    if alignment.scatter[1] > chance and sigma < config.max_rotation_sigma_deg:
-        return
-    first, second = np.degrees(np.sqrt(alignment.scatter[:2]))
-    raise GeometryError(
-        f"the camera turned about one axis alone ({first:.1f} deg/s, {second:.1f} deg/s across): the "
-        f"sensor's rotation about it is known to {sigma:.1f} deg",
-        expected=f"at most {config.max_rotation_sigma_deg:g} deg",
-        remedy=_REMEDY,
-    )
 
 
 def _scale(by_gyro: FloatArray, rates: FloatArray, fit: Fit) -> float:

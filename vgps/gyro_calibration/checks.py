@@ -1,0 +1,87 @@
+"""What must be in the motion, and in the log, for a gyro to be calibrated; what is missing is told."""
+
+import numpy as np
+
+from vgps.config import GyroCalibrationConfig
+from vgps.errors import GeometryError, GyroLogError
+from vgps.gyro_calibration.coarse import Alignment, Guess
+from vgps.gyro_calibration.fit import Fit
+from vgps.model import FloatArray, GyroLog
+from vgps.tracking.turning import Turns
+
+_SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
+_UNIT = 2.0  # times too far, and no lens explains it
+_REMEDY = "pan, tilt and roll the camera, a few seconds each, slowly and not steadily"
+
+
+def check_motion(
+    gyro_rates: FloatArray,
+    camera_rates: FloatArray,
+    guess: Guess,
+    log: GyroLog,
+    config: GyroCalibrationConfig,
+) -> None:
+    """Check that gyro and video tell of the same motion, and that there is enough of it.
+
+    Args:
+        gyro_rates, camera_rates: (N, 3) mean rates over the intervals between frames, rad/s, each in its own
+            axes.
+        guess: The offset of the clocks at which they agree best.
+        log: For what is told.
+        config: Least motion and agreement.
+
+    Raises:
+        GyroLogError: The gyro covers too few intervals, or tells of another motion, or in another unit.
+        GeometryError: The camera stood still, or turned steadily.
+    """
+    if len(gyro_rates) < config.min_intervals:
+        found = f"the gyro covers {len(gyro_rates)} intervals between frames"
+        raise GyroLogError(found, file=log.source, expected=f"at least {config.min_intervals}")
+    varies = float(np.degrees(np.linalg.norm(gyro_rates.std(axis=0))))
+    if varies < config.least_rate_deg_s:
+        raise GeometryError(
+            f"the gyro's rate varies by {varies:.2f} deg/s: the camera stood still, or turned steadily",
+            expected=f"at least {config.least_rate_deg_s:g} deg/s",
+            remedy=_REMEDY,
+        )
+    if guess.alignment.agreement < config.least_agreement:
+        raise GyroLogError(
+            f"the rates of gyro and video correlate to {guess.alignment.agreement:.2f} at best",
+            file=log.source,
+            expected=f"at least {config.least_agreement:g}",
+            remedy="check video_start_s in rig.yaml, and that the video is not stabilised; " + _REMEDY,
+        )
+    _check_unit(gyro_rates, camera_rates, guess, log)
+
+
+def _check_unit(gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, log: GyroLog) -> None:
+    spread = [np.linalg.norm(rates.std(axis=0)) for rates in (gyro_rates, camera_rates)]
+    times = float(spread[0] / (guess.alignment.agreement * spread[1]))
+    if not 1 / _UNIT < times < _UNIT:
+        raise GyroLogError(
+            f"the gyro turns {times:.3g} times as far as the video",
+            file=log.source,
+            expected="rates in rad/s" + (", not deg/s" if times > _UNIT else ""),
+            remedy="check the unit, and the focal length in camera.yaml",
+        )
+
+
+def check_axes(fit: Fit, alignment: Alignment, turns: Turns, config: GyroCalibrationConfig) -> None:
+    """Check that the camera turned about two axes: one leaves the sensor free to be turned about it.
+
+    Raises:
+        GeometryError: It turned about one.
+    """
+    seconds = float(np.median(turns.end_s - turns.start_s))
+    noise = np.average(fit.residual_rad**2, axis=0, weights=fit.weight).mean() / seconds**2
+    chance = _SECOND_AXIS * noise / np.sqrt(fit.weight.sum())
+    sigma = float(np.degrees(np.sqrt(np.diag(fit.covariance)[:3].max())))
+    if alignment.scatter[1] > chance and sigma < config.max_rotation_sigma_deg:
+        return
+    first, second = np.degrees(np.sqrt(alignment.scatter[:2]))
+    raise GeometryError(
+        f"the camera turned about one axis alone ({first:.1f} deg/s, {second:.1f} deg/s across): the "
+        f"sensor's rotation about it is known to {sigma:.1f} deg",
+        expected=f"at most {config.max_rotation_sigma_deg:g} deg",
+        remedy=_REMEDY,
+    )
