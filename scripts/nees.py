@@ -9,8 +9,9 @@ sample; the scatter over seeds tells. A walk takes 9 s of processor time to rend
 100 take half an hour of it, a quarter on two cores; kept in --walks they are rendered once.
 
 On ten metres of a nearly straight walk fixes hardly show the camera's roll; what is believed of it then
-stands behind the standard deviations, so every walk's camera is held as much askew as is believed: by a random
-roll of that standard deviation. --fitted gives the regions that a long survey of the simulated receiver would.
+stands behind the standard deviations. So every walk's camera is held as much askew as is believed: by a
+random roll of that standard deviation. --fitted gives the regions that a long survey of the simulated
+receiver would.
 """
 
 import argparse
