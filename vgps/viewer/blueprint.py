@@ -118,7 +118,7 @@ def _plot_grid(solution: Solution) -> rrb.Container:
     views: list[rrb.View | rrb.Container] = [
         rrb.Tabs(plot(plots.ERROR, "Reprojection [px]"), plot(plots.COUNT, "Features")),
         rrb.Tabs(plot(plots.SIGMA, "Sigma [m]"), plot(plots.SIGMA_ROTATION, "Sigma [deg]")),
-        plot(plots.ENERGY, "Phi of a frame (12), omega Psi of a fix"),
+        plot(plots.ENERGY, "Terms: video and GPS"),
     ]
     if solution.fixes is not None:
         room_for_legend = rrb.ScalarAxis(range=(0.0, 1.8 * plots.MOST_RATIO))
