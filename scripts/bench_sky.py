@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from table_settings import copied
+from table_settings import copied, small
 
 import vgps
 from vgps.config import Config
@@ -28,24 +28,10 @@ from vgps.model import FixClass, FloatArray, GpsLog, Recording
 from vgps.offline import Silent, optimise_all, track_and_map
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import SCENES, SceneConfig, World, build_motion, build_world, simulate
+from vgps.simulate import SCENES, World, build_motion, build_world, simulate
 from vgps.solution import Trajectory, Verdict
 
 SATELLITES, MASK_DEG, STEEP = 14, 15.0, 0.5
-
-
-def small(name: str, seconds: float) -> SceneConfig:
-    """The first seconds of a scene, in small pictures."""
-    scene = SCENES[name]
-    knots = tuple(knot for knot in scene.speed if knot[0] < seconds)
-    return replace(
-        scene,
-        speed=(*knots, (seconds, knots[-1][1])),
-        width=scene.width // 4 * 2,
-        height=scene.height // 4 * 2,
-        focal_px=scene.focal_px / 2,
-        texture_scale=0.5,
-    )
 
 
 def satellites(rng: np.random.Generator) -> FloatArray:
