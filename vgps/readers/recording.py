@@ -175,7 +175,7 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
         given = _given(folder, name)
         assert given is not None
         file = given
-    fixes = read_gps_log(file, rig, telemetry if file == telemetry.path and telemetry.sensors else None)
+    fixes = read_gps_log(file, rig, telemetry if file == telemetry.path else None)
     check_overlap(fixes, video.times_s, rig)
     return fixes
 
