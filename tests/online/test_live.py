@@ -115,10 +115,13 @@ def test_the_verb_on_a_recording(recording, tmp_path):
     last = poses[-1]
     assert last["state"] == "tracked" and 0.0 <= last["global"]["heading_deg"] < 360.0
     assert {"east_m", "qw", "latitude_deg", "height_m"} <= set(last["local"]) and last["latency_s"] > 0
+    assert 0.0 < last["global"]["sigma_east_m"] < 1.0 and 0.0 < last["global"]["sigma_rot_up_deg"] < 10.0
     assert {line["event"] for line in lines if line["type"] == "event"} >= {"aligned", "fix"}
     run = read_run(out)
     assert len(run.t_s) == 90 and run.georeferenced and run.fixes is not None and run.fixes.used.all()
     np.testing.assert_allclose(run.world_T_camera[-1, 0, 3], last["global"]["east_m"], atol=0.2)
+    np.testing.assert_allclose(run.sigma_position_m[-1, 0], last["global"]["sigma_east_m"], atol=1e-4)
+    assert np.isnan(run.sigma_position_m[0]).all()  # there was no pose in the world yet
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import numpy as np
 from vgps.forgetting import Forgotten
 from vgps.growing import GrowingRows
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
+from vgps.online.sigmas import Sigmas
 from vgps.readers.fixes import Fix
 from vgps.smoothing.judging import Judgement
 from vgps.solution import FrameState
@@ -15,14 +16,19 @@ _CLASSES = tuple(FixClass)
 
 
 class FrameArchive:
-    """A pose for every frame: as it was when it came, then as it was when it left memory."""
+    """A pose for every frame: as it was when it came, then as it was when it left memory.
+
+    Its standard deviations stay those of when it came; what moved it since made it no worse.
+    """
 
     def __init__(self) -> None:
+        self._sigmas = GrowingRows((2, 3))
         self._poses = GrowingRows((3, 4))
         self._tracked = GrowingRows()
 
-    def append(self, world_T_camera: FloatArray, tracked: bool) -> None:
+    def append(self, world_T_camera: FloatArray, sigmas: Sigmas, tracked: bool) -> None:
         """The next frame; NaN if it has no pose in the world."""
+        self._sigmas.append([sigmas.position_m, sigmas.rotation_rad])
         self._poses.append(world_T_camera[:3])
         self._tracked.append(tracked)
 
@@ -45,6 +51,10 @@ class FrameArchive:
         out = np.tile(np.eye(4), (len(self._poses), 1, 1))
         out[:, :3] = self._poses.values
         return out
+
+    def sigmas(self) -> Sigmas:
+        """(F, 3) each, NaN for frames that had no pose when they came."""
+        return Sigmas(self._sigmas.values[:, 0].copy(), self._sigmas.values[:, 1].copy())
 
     def states(self) -> tuple[FrameState, ...]:
         """(F,) how each came by its pose."""

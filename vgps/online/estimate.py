@@ -42,6 +42,8 @@ class OnlineEstimate:
         state: How it came by its pose; without ``tracked`` or ``bridged`` both poses are NaN.
         global_T_camera: (4, 4) world_T_camera, the best estimate; it jumps when fixes correct it.
         local_T_camera: (4, 4) world_T_camera that moves smoothly: it nears the other one at a limited speed.
+        sigma_position_m: (3,) standard deviations of the best estimate's place, east, north, up; NaN without.
+        sigma_rotation_rad: (3,) those of its rotation about east, north, up.
         world_origin: Of the ENU world; absent until a usable fix came.
         events: What happened since the frame before.
         seconds: Spent on this frame until its pose was known.
@@ -52,6 +54,8 @@ class OnlineEstimate:
     state: OnlineState
     global_T_camera: FloatArray
     local_T_camera: FloatArray
+    sigma_position_m: FloatArray
+    sigma_rotation_rad: FloatArray
     world_origin: GeodeticPoint | None
     events: tuple[OnlineEvent, ...]
     seconds: float

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vgps.config import OnlineConfig
 from vgps.local_map import LocalMap
@@ -17,12 +18,20 @@ _NOWHERE = np.full((4, 4), np.nan)
 
 @dataclass(frozen=True)
 class Followed:
-    """State, corrected and smooth pose (4, 4) of a frame, NaN where it has none, and what happened."""
+    """What a frame's pose is worth.
+
+    Attributes:
+        state: How it came by it.
+        global_T_camera, local_T_camera: (4, 4) corrected and smooth pose, NaN where it has none.
+        events: What happened.
+        moved: (6,) how stage C turned [rad] and moved [m] the frame before, in world axes, if it did.
+    """
 
     state: OnlineState
     global_T_camera: FloatArray
     local_T_camera: FloatArray
     events: tuple[OnlineEvent, ...]
+    moved: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -55,12 +64,13 @@ class Follower:
             return Followed(state, _NOWHERE, _NOWHERE, tuple(events))
         if self._last is None or current is None:
             self._blender.begin()
-            smooth = pose
+            smooth, moved = pose, None
         else:
+            moved = _moved(self._last.global_T_camera, self._pose(current, self._last.frame))
             events += self._corrections(current, self._last, t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
-        return Followed(state, pose, smooth, tuple(events))
+        return Followed(state, pose, smooth, tuple(events), moved)
 
     def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
         if current is None:
@@ -107,3 +117,10 @@ class Follower:
         if before in {OnlineState.LOST, OnlineState.BRIDGED} and state is OnlineState.TRACKED:
             events.append(OnlineEvent(t_s, "found", "tracking goes on"))
         return events
+
+
+def _moved(before: FloatArray, now: FloatArray) -> FloatArray | None:
+    if np.array_equal(before, now) or not np.isfinite(now[0, 0]):
+        return None
+    turned = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()
+    return np.concatenate([turned, now[:3, 3] - before[:3, 3]])

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from datetime import datetime, timedelta
+from types import MappingProxyType
 from typing import Any, TextIO
 
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, GeodeticPoint
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
+
+_AXES = "east", "north", "up"
 
 
 class JsonLines:
@@ -41,7 +44,7 @@ class JsonLines:
                 "frame": estimate.frame,
                 **self._time(estimate.t_s),
                 "state": str(estimate.state),
-                "global": _pose(estimate.global_T_camera, estimate.world_origin),
+                "global": _pose(estimate.global_T_camera, estimate.world_origin, _sigmas(estimate)),
                 "local": _pose(estimate.local_T_camera, estimate.world_origin),
                 "latency_s": round(latency_s, 4),
             }
@@ -61,7 +64,16 @@ class JsonLines:
         self._stream.flush()
 
 
-def _pose(world_T_camera: FloatArray, origin: GeodeticPoint | None) -> dict[str, float] | None:
+def _sigmas(estimate: OnlineEstimate) -> dict[str, float]:
+    """Named as in a run folder's ``poses.csv``."""
+    names = [f"sigma_{axis}_m" for axis in _AXES] + [f"sigma_rot_{axis}_deg" for axis in _AXES]
+    numbers = np.append(estimate.sigma_position_m, np.degrees(estimate.sigma_rotation_rad))
+    return dict(zip(names, np.round(numbers, 4).tolist(), strict=True))
+
+
+def _pose(
+    world_T_camera: FloatArray, origin: GeodeticPoint | None, more: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, float] | None:
     """East, north, up, quaternion of world_R_camera, place on the globe, heading of the optical axis."""
     if not np.isfinite(world_T_camera[0, 0]):
         return None
@@ -73,7 +85,7 @@ def _pose(world_T_camera: FloatArray, origin: GeodeticPoint | None) -> dict[str,
         latitude, longitude, height = to_geodetic(origin, position).tolist()
         out |= {"latitude_deg": round(latitude, 9), "longitude_deg": round(longitude, 9)}
         out["height_m"] = round(height, 4)
-    return out | {"heading_deg": round(float(heading_deg(world_T_camera)), 4)}
+    return {**out, "heading_deg": round(float(heading_deg(world_T_camera)), 4), **more}
 
 
 def _finite(value: Any) -> Any:

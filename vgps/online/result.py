@@ -77,15 +77,15 @@ def solution_as_it_is(fed: Fed, warnings: tuple[str, ...]) -> Solution:
     camera, sensors, t_s = fed.camera, fed.sequence.sensors, fed.sequence.t_s
     landmarks, observations = _remembered(fed.sequence.current)
     log, table = _verdicts(fed, poses) if georeferenced else (fed.gps()[0], None)
-    unknown = np.full((len(poses), 3), np.nan)
+    sigmas = fed.frames.sigmas()
     return Solution(
         recording=fed.source,
         world_origin=fed.origin,
         georeferenced=georeferenced,
         t_s=t_s.copy(),
         world_T_camera=poses,
-        sigma_rotation_rad=unknown,
-        sigma_position_m=unknown,
+        sigma_rotation_rad=sigmas.rotation_rad,
+        sigma_position_m=sigmas.position_m,
         state=states,
         camera=camera,
         camera_p_antenna=sensors.camera_p_antenna,

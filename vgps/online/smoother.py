@@ -17,6 +17,7 @@ from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 from vgps.online.following import Follower
 from vgps.online.result import Fed, PassedVideo, solution_as_it_is
+from vgps.online.sigmas import PathErrors
 from vgps.online.telling import VerdictTeller
 from vgps.readers.fixes import Fix
 from vgps.sequence import Sequence
@@ -67,10 +68,11 @@ class OnlineSmoother:
         self._sequence = Sequence(camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
-        self._follower, self._teller = (
+        self._follower, self._errors = (
             Follower(self._sequence, config.online),
-            VerdictTeller(config.gps.model),
+            PathErrors(self._sequence, config),
         )
+        self._teller = VerdictTeller(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
@@ -121,7 +123,8 @@ class OnlineSmoother:
             self._sequence.track_frame(Frame(frame, t_s, image))
         self._place_fixes()
         followed = self._follower.follow(frame)
-        self._frames.append(followed.global_T_camera, tracked=followed.state == "tracked")
+        sigmas = self._errors.follow(followed)
+        self._frames.append(followed.global_T_camera, sigmas, tracked=followed.state == "tracked")
         self._note_warnings(t_s)
         events = (*self._events, *followed.events)
         self._events = []
@@ -131,6 +134,8 @@ class OnlineSmoother:
             followed.state,
             followed.global_T_camera,
             followed.local_T_camera,
+            sigmas.position_m,
+            sigmas.rotation_rad,
             self._origin,
             events,
             time.perf_counter() - begun,
@@ -143,6 +148,7 @@ class OnlineSmoother:
         if self._estimate is None or self._refined == frames:
             return
         self._refined = frames
+        self._errors.offer()
         with one_blas_thread():
             self._sequence.refine()
         ledger = self._sequence.ledger
