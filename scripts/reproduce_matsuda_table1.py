@@ -94,28 +94,31 @@ def errors_of(frames: list[TrackedFrame], truth: FloatArray) -> Errors:
 
 
 def correlations(
-    recording: Recording, database: LandmarkDatabase, posed: list[TrackedFrame], every: slice
+    recording: Recording, database: LandmarkDatabase, world_T_camera: FloatArray, every: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Median correlation of each counted frame without and with blur, at the same poses."""
+    """Median correlation of each counted frame without and with blur at poses (F, 4, 4), or NaN."""
     config, camera = TrackConfig.model_validate(_ALIKE), recording.camera
     localiser = Localiser(recording, database, config)
     out = []
-    wanted = set(np.arange(len(posed))[every].tolist())
+    wanted = set(np.arange(len(world_T_camera))[every].tolist())
     for frame in frames_of(recording):
-        pose = posed[frame.index]
-        if frame.index not in wanted or not pose.tracked:
+        pose = world_T_camera[frame.index]
+        if frame.index not in wanted or np.isnan(pose).any():
             continue
-        views = database.views(pose.world_T_camera, camera, max_landmarks=config.max_landmarks)
-        motion = Motion(frame.t_s, pose.world_T_camera, None, np.zeros(3), np.zeros(3))
+        views = database.views(pose, camera, max_landmarks=config.max_landmarks)
+        if not len(views):
+            out.append([np.nan, np.nan])
+            continue
+        motion = Motion(frame.t_s, pose, None, np.zeros(3), np.zeros(3))
         exposure_s = recording.rig.exposure_s or 0.0
         blur = exposure_motion_px(
             camera.K, motion, localiser.turns, frame.t_s, exposure_s, views.world_p_landmark
         )
-        uv, _ = project(camera.K, pose.world_T_camera, views.world_p_landmark)
+        uv, _ = project(camera.K, pose, views.world_p_landmark)
         image, radius = localiser.undistort(frame.gray), np.full(len(views), 3.0)
         medians = []
         for motion_px in (np.zeros_like(blur), blur):
-            templates = render_templates(camera.K, pose.world_T_camera, views, motion_px, config.template_px)
+            templates = render_templates(camera.K, pose, views, motion_px, config.template_px)
             medians.append(float(np.median(match_templates(image, templates, uv, radius).correlation)))
         out.append(medians)
     without, with_blur = np.array(out).T
@@ -219,7 +222,9 @@ def main() -> None:
                 found[name] = errors_of(frames, truth.world_T_camera)
                 lines.append(found[name].row(name, counted))
                 print(lines[-1], flush=True)
-        blur = correlations(recording, database, found["graph (default), as it comes"].frames, counted)
+        posed = found["graph (default), as it comes"].frames
+        poses = np.array([np.where(frame.tracked, frame.world_T_camera, np.nan) for frame in posed])
+        blur = correlations(recording, database, poses, counted)
     lines.append(
         f"\nmedian correlation without and with blur: {np.median(blur[0]):.2f}, {np.median(blur[1]):.2f}"
     )

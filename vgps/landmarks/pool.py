@@ -101,12 +101,18 @@ def _unit(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 class TemplateCache:
-    """Templates of landmarks; those read longest ago go once all take more than ``cache_mb``."""
+    """Templates of landmarks, one array for all; once it takes ``cache_mb``, those read longest ago go."""
 
     def __init__(self, file: DatabaseFile, cache_mb: int) -> None:
-        self._file, self._limit = file, cache_mb * 2**20
-        self._kept: dict[int, bytes] = {}
-        self._bytes = 0
+        self._file, meta = file, file.meta
+        self._shape = meta.levels, meta.patch_px, meta.patch_px
+        slots = cache_mb * 2**20 // (meta.max_views * meta.levels * meta.patch_px**2)
+        slots = min(max(slots, 1), meta.landmarks)
+        # memory that is not touched is not taken
+        self._pixels = np.empty((slots, meta.max_views, *self._shape), np.uint8)
+        self._owner = np.full(slots, -1)
+        self._slot = np.full(meta.landmarks, -1)
+        self._next = 0
 
     def take(self, rows: IntArray, views: IntArray) -> Templates:
         """(N, levels, P, P) templates of landmarks in rows (N,), of each the view (N,) by its number.
@@ -114,23 +120,27 @@ class TemplateCache:
         Raises:
             LandmarkDatabaseError: The file is damaged.
         """
-        meta, kept = self._file.meta, self._kept
-        size = meta.levels * meta.patch_px**2
-        parts = [
-            (kept.get(row) or self._keep(row))[start : start + size]
-            for row, start in zip(rows.tolist(), (views * size).tolist(), strict=True)
-        ]
-        # bytes joined are several times faster than arrays so small
-        flat = np.frombuffer(bytearray().join(parts), np.uint8)
-        return flat.reshape(-1, meta.levels, meta.patch_px, meta.patch_px)
+        slot = self._slot[rows]
+        missing = np.flatnonzero(slot < 0)
+        if not len(missing):
+            return np.asarray(self._pixels[slot, views])
+        out = np.empty((len(rows), *self._shape), np.uint8)
+        kept = np.flatnonzero(slot >= 0)
+        out[kept] = self._pixels[slot[kept], views[kept]]
+        missing = missing[np.argsort(rows[missing], kind="stable")]
+        begins = np.flatnonzero(np.diff(rows[missing], prepend=-1))
+        for of_row in np.split(missing, begins[1:]):
+            out[of_row] = self._keep(int(rows[of_row[0]]))[views[of_row]]
+        return out
 
-    def _keep(self, row: int) -> bytes:
-        read = self._read(row)
-        self._kept[row] = read
-        self._bytes += len(read)
-        while self._bytes > self._limit and len(self._kept) > 1:
-            self._bytes -= len(self._kept.pop(next(iter(self._kept))))
-        return read
+    def _keep(self, row: int) -> Templates:
+        pixels = np.frombuffer(self._read(row), np.uint8).reshape(-1, *self._shape)
+        slot, self._next = self._next, (self._next + 1) % len(self._owner)
+        if self._owner[slot] >= 0:
+            self._slot[self._owner[slot]] = -1
+        self._pixels[slot, : len(pixels)] = pixels
+        self._owner[slot], self._slot[row] = row, slot
+        return pixels
 
     def _read(self, row: int) -> bytes:
         found = self._file.rows("SELECT pixels, check_sum FROM template WHERE id = ?", (row,))

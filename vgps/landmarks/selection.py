@@ -4,6 +4,7 @@
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +58,7 @@ def focal_px(camera: Camera) -> float:
     return float(np.sqrt(camera.fx * camera.fy))
 
 
+@cache
 def corner_cosine(camera: Camera) -> float:
     """Cosine of the angle between the optical axis and the ray of the image's furthest corner."""
     uv = _CORNERS * (camera.width, camera.height) - 0.5
@@ -133,8 +135,8 @@ def spread(uv_px: FloatArray, camera: Camera, count: int) -> IntArray:
     part = (line * (int(camera.width / side) + 1) + column).astype(np.uint16 if count < 2**14 else np.uint32)
     by_part = np.argsort(part, kind="stable")
     ordered = part[by_part]
-    begins = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    limits = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
     row = np.arange(len(part))
     rank = np.empty(len(part), np.int64)
-    rank[by_part] = row - np.repeat(begins, np.diff(begins, append=len(part)))
+    rank[by_part] = row - np.repeat(limits[:-1], limits[1:] - limits[:-1])
     return np.sort(np.argpartition(rank * len(part) + row, count - 1)[:count])

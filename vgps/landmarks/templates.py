@@ -45,8 +45,9 @@ def render_templates(
     for begin in range(0, len(views), _BLOCK):
         rows = slice(begin, begin + _BLOCK)
         strips = strips_along(blur_px[rows], side)
-        planes = _planes(views.templates[rows], image_to_plane[rows])
-        out[rows] = blur_strips(_sampled(planes, image_to_plane[rows] @ strips.image_R_strip, strips), strips)
+        strip_to_plane = image_to_plane[rows] @ strips.image_R_strip
+        planes = _planes(views.templates[rows], strip_to_plane, strips)
+        out[rows] = blur_strips(_sampled(planes, strip_to_plane, strips), strips)
     return out
 
 
@@ -65,17 +66,20 @@ def _sampled(planes: Float32Array, strip_to_plane: FloatArray, strips: Strips) -
     return np.asarray(out.reshape(count, strips.height, strips.width), np.float32)
 
 
-def _planes(stored: npt.NDArray[np.uint8], image_to_plane: FloatArray) -> Float32Array:
+def _planes(stored: npt.NDArray[np.uint8], strip_to_plane: FloatArray, strips: Strips) -> Float32Array:
     """(N, C, C) one picture of each plane, a pixel for a pixel of level 0: coarse levels around finer ones.
 
     A level serves where it is no finer than the image; coarser ones reach farther and fill the
-    surroundings.
+    surroundings, as far as the grids reach.
     """
     levels, side = stored.shape[1:3]
-    step = np.sqrt(np.abs(np.linalg.det(image_to_plane)))
+    step = np.sqrt(np.abs(np.linalg.det(strip_to_plane)))
     finest = np.round(np.log2(np.maximum(step, 1e-6)))
-    out = _enlarged(stored[:, -1], levels - 1)
-    for level in range(levels - 2, -1, -1):
+    reach = np.abs(strip_to_plane) @ np.array([strips.width / 2, strips.height / 2])
+    needed = max(np.log2(reach.max() / (side // 2)), finest.max())
+    coarsest = int(np.clip(np.ceil(needed), 0, levels - 1))
+    out = _enlarged(stored[:, coarsest], coarsest)
+    for level in range(coarsest - 1, -1, -1):
         serves = np.flatnonzero(finest <= level)
         rim = (out.shape[1] - (side - 1) * 2**level - 1) // 2
         inner = slice(rim, out.shape[1] - rim)

@@ -31,7 +31,7 @@ class TrackConfig(SettingsModel):
     """Landmarks looked for around the prediction; all are, in small windows, around the pose these give."""
     template_px: PositiveInt = Field(default=15, le=101)
     """Side of a template in the image, odd."""
-    max_blur_px: PositiveFloat = Field(default=60.0, le=100.0)
+    max_blur_px: PositiveFloat = Field(default=150.0, le=300.0)
     """Longer image motions are cut to this."""
     min_correlation: PositiveFloat = 0.6
     """A match below this normalised cross-correlation is none."""
