@@ -8,6 +8,8 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 MIN_DEPTH = 1e-6
 
 
@@ -90,39 +92,39 @@ def triangulate(
     across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     right = (across @ centre[:, :, None])[:, :, 0]
     points = _solve(np.add.reduceat(across, start), np.add.reduceat(right, start))
-    rotation = world_T_camera[:, :3, :3]
+    # observations last: the arithmetic runs along contiguous memory
+    axes = np.ascontiguousarray(world_T_camera[:, :3, :3].transpose(2, 1, 0))
+    centre, uv = np.ascontiguousarray(centre.T), np.ascontiguousarray(uv_px.T)
+    points = np.ascontiguousarray(points.T)
     for _ in range(iterations):
-        points = points + _step(K, rotation, centre, uv_px, start, np.repeat(points, count, axis=0))
-    camera_p = _in_camera(rotation, np.repeat(points, count, axis=0) - centre)
-    predicted, depth = _to_pixels(K, camera_p)
-    error = np.linalg.norm(predicted - uv_px, axis=1)
-    error[depth <= MIN_DEPTH] = np.inf
-    return points, error
+        camera_p = _in_cameras(axes, np.repeat(points, count, axis=1) - centre)
+        points += _step(K, axes, camera_p, uv, start)
+    x, y, z = _in_cameras(axes, np.repeat(points, count, axis=1) - centre)
+    safe = np.maximum(z, MIN_DEPTH)
+    error = np.hypot(K[0, 0] * x / safe + K[0, 2] - uv[0], K[1, 1] * y / safe + K[1, 2] - uv[1])
+    error[z <= MIN_DEPTH] = np.inf
+    return points.T, error
 
 
-def _in_camera(rotation: FloatArray, world_v: FloatArray) -> FloatArray:
-    return np.asarray((world_v[:, None, :] @ rotation)[:, 0])
+def _in_cameras(axes: FloatArray, world_v: FloatArray) -> FloatArray:
+    """(3, N) world vectors in the cameras whose axes are (3 axes, 3 world coordinates, N)."""
+    return np.asarray(axes[:, 0] * world_v[0] + axes[:, 1] * world_v[1] + axes[:, 2] * world_v[2])
 
 
 def _step(
-    K: FloatArray,
-    rotation: FloatArray,
-    centre: FloatArray,
-    uv_px: FloatArray,
-    start: IntArray,
-    points: FloatArray,
+    K: FloatArray, axes: FloatArray, camera_p: FloatArray, uv: FloatArray, start: IntArray
 ) -> FloatArray:
-    """Gauss-Newton step (M, 3) of every feature from the points (N, 3) of its sightings."""
-    camera_p = _in_camera(rotation, points - centre)
-    front = camera_p[:, 2] > MIN_DEPTH
-    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
-    fx, fy, zero = K[0, 0], K[1, 1], np.zeros_like(z)
-    by_camera = np.stack([fx / z, zero, -fx * x / z**2, zero, fy / z, -fy * y / z**2], axis=1)
-    jacobian = by_camera.reshape(-1, 2, 3) @ rotation.transpose(0, 2, 1) * front[:, None, None]
-    residual = np.stack([fx * x / z + K[0, 2], fy * y / z + K[1, 2]], axis=1) - uv_px
-    transposed = jacobian.transpose(0, 2, 1)
-    gradient = (transposed @ residual[:, :, None])[:, :, 0]
-    return -_solve(np.add.reduceat(transposed @ jacobian, start), np.add.reduceat(gradient, start))
+    """Gauss-Newton step (3, M) of every feature, seen at (2, N) and now at (3, N) in the cameras' axes."""
+    front = camera_p[2] > MIN_DEPTH
+    inverse = front / np.where(front, camera_p[2], 1.0)
+    a, b = camera_p[0] * inverse, camera_p[1] * inverse
+    by_u = K[0, 0] * inverse * (axes[0] - a * axes[2])
+    by_v = K[1, 1] * inverse * (axes[1] - b * axes[2])
+    u, v = K[0, 0] * a + (K[0, 2] - uv[0]), K[1, 1] * b + (K[1, 2] - uv[1])
+    gradient = np.add.reduceat(by_u * u + by_v * v, start, axis=1)
+    squares = np.stack([by_u[i] * by_u[j] + by_v[i] * by_v[j] for i, j in _UPPER])
+    normal = np.add.reduceat(squares, start, axis=1)[_SYMMETRIC]
+    return -_solve(normal.transpose(2, 0, 1), gradient.T).T
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
@@ -138,18 +140,19 @@ def linearise_projection(
     """Reprojection residual (N, 2) and its Jacobian (N, 2, 6) to the pose; both zero behind the camera."""
     camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
     front = camera_p[:, 2] > MIN_DEPTH
-    x, y, z = np.where(front[:, None], camera_p, (0.0, 0.0, 1.0)).T
-    fx, fy = K[0, 0], K[1, 1]
-    a, b, inverse, zero = x / z, y / z, 1.0 / z, np.zeros_like(z)
-    jacobian = np.stack(
-        [
-            np.stack([fx * a * b, -fx * (1 + a * a), fx * b, -fx * inverse, zero, fx * a * inverse], axis=1),
-            np.stack([fy * (1 + b * b), -fy * a * b, -fy * a, zero, -fy * inverse, fy * b * inverse], axis=1),
-        ],
-        axis=1,
-    )
-    residual = np.stack([fx * a + K[0, 2], fy * b + K[1, 2]], axis=1) - uv_px
-    return residual * front[:, None], jacobian * front[:, None, None]
+    inverse = front / np.where(front, camera_p[:, 2], 1.0)
+    a, b = camera_p[:, 0] * inverse, camera_p[:, 1] * inverse
+    ab = a * b
+    # observations last while it is filled: the arithmetic runs along contiguous memory
+    jacobian = np.zeros((2, 6, len(points)))
+    jacobian[0, :3] = ab, -1.0 - a * a, b
+    jacobian[1, :3] = 1.0 + b * b, -ab, -a
+    jacobian[0, 3] = jacobian[1, 4] = -inverse
+    jacobian[0, 5], jacobian[1, 5] = a * inverse, b * inverse
+    jacobian[0] *= K[0, 0] * front
+    jacobian[1] *= K[1, 1] * front
+    residual = np.stack([K[0, 0] * a + (K[0, 2] - uv_px[:, 0]), K[1, 1] * b + (K[1, 2] - uv_px[:, 1])])
+    return (residual * front).T, jacobian.transpose(2, 0, 1)
 
 
 def reprojection_inliers(

@@ -1,5 +1,6 @@
 """What stages A to C share: one unbroken stretch of tracking with its poses, features and positions."""
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,7 @@ class LocalMap:
 
     Attributes:
         first_frame: Index of the frame of ``poses[0]``.
+        forgotten_features: By how much ids of features were lowered in all.
         poses: (n, 4, 4) world_T_camera, NaN where not known yet.
         aligned: Whether the world is the world of the GPS fixes.
         ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last sighting in the distorted image.
@@ -58,6 +60,7 @@ class LocalMap:
 
     def __init__(self, first_frame: int, history: int) -> None:
         self.first_frame = first_frame
+        self.forgotten_features = 0
         self.poses = np.zeros((0, 4, 4))
         self.aligned = False
         self.ids: IntArray = np.zeros(0, dtype=np.int64)
@@ -112,6 +115,14 @@ class LocalMap:
     def last_uv_px(self) -> FloatArray:
         """(N, 2) newest undistorted sighting of the followed features."""
         return self.views[:, -1]
+
+    def snapshot(self) -> "LocalMap":
+        """A copy whose poses and positions may be changed while this map goes on growing."""
+        twin = copy.copy(self)
+        twin.poses = self.poses.copy()
+        twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
+        twin.static_ties, twin.bridged, twin._log = self.static_ties[:], set(self.bridged), self._log[:]
+        return twin
 
     def append_pose(self, world_T_camera: FloatArray) -> None:
         """The pose of the next frame; NaN if it is not known yet."""
@@ -221,6 +232,7 @@ class LocalMap:
         self._points, self._sigma_px = self._points[drop:].copy(), self._sigma_px[drop:].copy()
         self._gray = self._gray[drop:].copy()
         self._count -= drop
+        self.forgotten_features += drop
         self.ids = self.ids - drop
         self._log = [(frame, ids - drop, uv) for frame, ids, uv in self._log]
 
@@ -242,16 +254,18 @@ class LocalMap:
         self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
         self._points = scale * self._points @ world_R_map.T + world_p_map
         self.static_ties = [
-            StaticTie(tie.frame, tie.key, _scaled(tie.key_T_frame, scale), _scaled_sigma(tie.sigma, scale))
+            StaticTie(tie.frame, tie.key, scaled_pose(tie.key_T_frame, scale), scaled_sigma(tie.sigma, scale))
             for tie in self.static_ties
         ]
 
 
-def _scaled(pose: FloatArray, scale: float) -> FloatArray:
+def scaled_pose(pose: FloatArray, scale: float) -> FloatArray:
+    """A relative pose (4, 4) in a unit ``scale`` times smaller."""
     out = pose.copy()
     out[:3, 3] *= scale
     return out
 
 
-def _scaled_sigma(sigma: FloatArray, scale: float) -> FloatArray:
+def scaled_sigma(sigma: FloatArray, scale: float) -> FloatArray:
+    """Its standard deviations (6,) [rotation; translation]."""
     return np.concatenate([sigma[:3], scale * sigma[3:]])

@@ -93,6 +93,7 @@ def track_and_map(recording: Recording, config: Config, progress: Progress) -> F
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
             sequence.add_frame(frame)
+        sequence.settle()
     if not sequence.maps:
         raise GeometryError(
             "the camera hardly moves, or too little is seen, to begin a map",

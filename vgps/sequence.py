@@ -1,5 +1,6 @@
 """The loop A -> B -> C over frames as they come, the same one offline and online."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +12,10 @@ from vgps.growing import GrowingRows
 from vgps.interpolation import interpolate_poses
 from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
 from vgps.model import Camera, FloatArray, Frame, GrayImage
+from vgps.refining import Refiner
 from vgps.seconds import Seconds
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.ledger import FixLedger
-from vgps.smoothing.refining import Refiner
 from vgps.smoothing.sensors import Sensors
 from vgps.tracking.bootstrap import TwoViewStart
 from vgps.tracking.control import control_poses
@@ -35,6 +36,7 @@ class _Growing:
     key: GrayImage
     started: bool = False
     since_window: int = 0
+    window_at: int = 0
     failures: int = 0
     moved: bool = False
     relocaliser: Relocaliser | None = None
@@ -118,15 +120,40 @@ class Sequence:
             self.maps.append(self._current.local_map)
 
     def refine(self) -> None:
-        """Alignment and stage C, where a moving frame since the last time makes them due."""
+        """Alignment and stage C, where a moving frame since the last time makes them due.
+
+        Stage C of a map that lies in the world works beside the frames that follow.
+        """
         growing = self._current
-        if growing is None or not growing.started or not growing.moved:
+        if growing is None or not growing.started:
+            return
+        delay = self._config.window.delay_frames
+        if self._refiner.busy and len(self._times) >= growing.window_at + delay:
+            self.settle()
+        if not growing.moved:
             return
         growing.moved = False
         if not growing.local_map.aligned:
             self._align(growing)
-        if growing.since_window >= self._config.window.every_frames:
+        if growing.since_window < self._config.window.every_frames:
+            return
+        if delay == 0 or not growing.local_map.aligned:
             self._window(growing)
+        elif not self._refiner.busy:
+            growing.since_window, growing.window_at = 0, len(self._times)
+            self._refiner.begin(growing.local_map, self.t_s)
+
+    def settle(self) -> None:
+        """Wait for stage C, if it is at work: to be called after the last frame."""
+        growing = self._current
+        if growing is not None and self._refiner.busy:
+            self._attempt(growing, lambda: self._take_over(growing.local_map))
+
+    def _take_over(self, local_map: LocalMap) -> list[str]:
+        unknown, warnings = self._refiner.finish()
+        with self.seconds.measure("map"):
+            self._mapper.position(local_map, np.flatnonzero(np.isin(local_map.ids, unknown)))
+        return warnings
 
     def forget(self) -> list[Forgotten]:
         """Let go of what lies further back than the memory, and give its poses."""
@@ -232,10 +259,13 @@ class Sequence:
             self._window(growing)
 
     def _window(self, growing: _Growing) -> None:
-        """Stage C; an update that fails leaves the map as it is, a map that fails again and again ends."""
         growing.since_window = 0
+        self._attempt(growing, lambda: self._refiner.optimise(growing.local_map, self.t_s))
+
+    def _attempt(self, growing: _Growing, stage_c: Callable[[], list[str]]) -> None:
+        """An update that fails leaves the map as it is, a map that fails again and again ends."""
         try:
-            self.warnings.extend(self._refiner.optimise(growing.local_map, self.t_s))
+            self.warnings.extend(stage_c())
         except (GeometryError, RuntimeError, np.linalg.LinAlgError) as error:
             growing.failures += 1
             reason = " ".join(str(error).split())[:200]
@@ -245,6 +275,7 @@ class Sequence:
         if growing.failures >= _MOST_FAILURES:
             self.warnings.append(f"stage C failed {_MOST_FAILURES} times in a row: a new map begins")
             self._current = None
+        growing.relocaliser = None  # it looks for the map as it was
 
     def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""
@@ -264,6 +295,7 @@ class Sequence:
         if self._next is None or not self._next.started or self._current is None:
             return
         last = self._current.local_map.next_frame - 1
+        self.settle()
         begin = self._next.local_map.first_posed
         self.warnings.append(
             f"tracking was lost after frame {last} ({self.t_s[last]:.2f} s) and could not be bridged; "

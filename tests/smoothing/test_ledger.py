@@ -62,3 +62,16 @@ def test_after_forgetting_few_fixes_do_not_change_the_clock():
     ledger.forget(float(lagging.t_s[5]))
     ledger.settle_lag(poses[20:], t_s[20:])
     assert ledger.sensors.lag_s == before
+
+
+def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
+    _, _, _, fixes = scene()
+    ledger = FixLedger(rows_of(fixes, [0, 2, 4]), ANTENNA, Config())
+    judged = ledger.snapshot()
+    ledger.add(rows_of(fixes, [1, 3]), now_s=9.0)
+    ledger.forget(float(fixes.t_s[1]))
+    judged.judgement = Judgement(np.array([0.9, 0.1, 0.8]), np.zeros(3))
+    judged.sensors = replace(judged.sensors, lag_s=0.25)
+    ledger.take(judged)
+    assert ledger.number.tolist() == [3, 1, 4, 2] and ledger.sensors.lag_s == 0.25
+    np.testing.assert_array_equal(ledger.judgement.own, [np.nan, 0.1, np.nan, 0.8])

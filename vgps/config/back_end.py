@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import PositiveFloat, PositiveInt
+from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.model import SettingsModel
 
@@ -13,6 +13,9 @@ class WindowConfig(SettingsModel):
     every_frames: PositiveInt = 15
     length_frames: PositiveInt = 60
     iterations: PositiveInt = 4
+    delay_frames: NonNegativeInt = 8
+    """Stage C works beside the frames that follow, and what it found is used after so many of them, be it
+    quick or slow, so that results repeat; 0: it is waited for."""
     tolerated_drift: PositiveFloat = 0.02
     """Antennas further outside their fix's region than this share of the way through the window show that
     what is held has drifted: then the drift is taken out first."""

@@ -175,6 +175,7 @@ class OnlineSmoother:
         if stage_d and not self._keep_all:
             raise ConfigError("stage D without the sightings of all frames", remedy="give keep_all")
         self.refine()
+        self._sequence.settle()
         if self._estimate is not None:
             self._note_warnings(self._estimate.t_s)
         sequence = self._sequence

@@ -228,10 +228,15 @@ def projection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
     return errors.T, behind
 
 
+def observation_costs(problem: BundleProblem) -> FloatArray:
+    """(N,) each observation's part of the cost."""
+    errors, _ = residuals(problem, camera_points(problem))
+    return robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)
+
+
 def video_cost(problem: BundleProblem) -> float:
     """The observations' part of the cost, the sum of Phi_i of Eq. (12), Kume 2010."""
-    errors, _ = residuals(problem, camera_points(problem))
-    return float(np.sum(robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)))
+    return float(np.sum(observation_costs(problem)))
 
 
 def pose_values(problem: BundleProblem) -> gtsam.Values:

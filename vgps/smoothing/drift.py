@@ -9,9 +9,10 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.local_map import LocalMap
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.flexible_path import FlexiblePath
+from vgps.smoothing.points import carried
 
 _FINEST_M = 0.3
 
@@ -41,7 +42,7 @@ def correct_drift(
     anchor = np.full(local_map.feature_count, -1)
     anchor[log.landmark] = log.frame - first  # the log is in order of time: the last sighting stays
     ids = np.flatnonzero((anchor >= 0) & np.isfinite(local_map.points[:, 0]))
-    points = _carried(local_map.points[ids], poses, bent, scale, anchor[ids])
+    points = carried(local_map.points[ids], poses, bent, anchor[ids], scale[anchor[ids]])
     local_map.set_points(ids, points, local_map.sigma_px[ids])
     local_map.poses[first - local_map.first_frame :] = bent
 
@@ -61,13 +62,3 @@ def bend_path(
     path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s)
     everything = np.ones(len(fixes), dtype=bool)
     return path.bent(path.settle(path.approach(everything, _FINEST_M), everything, path.regions()))
-
-
-def _carried(
-    points: FloatArray, poses: FloatArray, bent: FloatArray, scale: FloatArray, anchor: IntArray
-) -> FloatArray:
-    """Points (n, 3) at the same place in the view of their frames ``anchor`` (n,), at the new scale."""
-    old, new = poses[anchor], bent[anchor]
-    in_camera = ((points - old[:, :3, 3])[:, None, :] @ old[:, :3, :3])[:, 0]
-    moved = (new[:, :3, :3] @ (scale[anchor, None] * in_camera)[:, :, None])[:, :, 0]
-    return np.asarray(moved + new[:, :3, 3])

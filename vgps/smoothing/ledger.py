@@ -1,5 +1,7 @@
 """The fixes of a sequence as they come: where they belong in time, what is made of them, and their clock."""
 
+import copy
+
 import numpy as np
 
 from vgps.config import Config
@@ -48,6 +50,18 @@ class FixLedger:
         self.fixes, self.number = self.fixes.where(keep), self.number[keep]
         self.judgement = self.judgement.where(keep)
         self._forgot = True
+
+    def snapshot(self) -> "FixLedger":
+        """A copy that can judge while this one goes on taking fixes."""
+        return copy.copy(self)
+
+    def take(self, judged: "FixLedger") -> None:
+        """What a snapshot found of the clock and of the fixes that this one still holds."""
+        self.sensors = judged.sensors
+        found = Judgement.none(len(self.number))
+        _, own, its = np.intersect1d(self.number, judged.number, return_indices=True)
+        found.own[own], found.lower[own] = judged.judgement.own[its], judged.judgement.lower[its]
+        self.judgement = self.judgement.updated(found)
 
     def news(self, since_s: float, until_s: float) -> bool:
         """Whether a usable fix came to lie after ``since_s`` and by ``until_s``, or came late since this was

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.smoothing.band import POSE, NotPositiveDefiniteError
-from vgps.smoothing.bundle import BundleProblem, all_pose_values, video_cost
+from vgps.smoothing.bundle import BundleProblem, all_pose_values
 from vgps.smoothing.elimination import Structure
 from vgps.smoothing.normal import Linearization, linearize, point_steps, reduce_to_poses
+from vgps.smoothing.points import anchors, carried, landmark_costs, settled
 
 LIGHT_DAMPING = 1e-2  # leaves a step nearly a Gauss-Newton step: a short one then means a minimum
 _SMALL_STEPS = 3  # in succession that end the search even under heavy damping
@@ -56,11 +57,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _State:
-    """A place: the problem there, its poses as GTSAM wants them, its cost."""
+    """A place: the problem there, its poses as GTSAM wants them, its cost; each point's :func:`anchors`."""
 
     problem: BundleProblem
     values: gtsam.Values
     cost: float
+    anchor: IntArray
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def levenberg(problem: BundleProblem, structure: Structure, settings: SolverSett
         settings: When to stop, and how to damp.
     """
     values = all_pose_values(problem)
-    state = _State(problem, values, _cost(problem, values, structure))
+    state = _State(problem, values, _cost(problem, values, structure), anchors(problem))
     damping, small_steps = settings.lambda_start, 0
     for iteration in range(settings.max_iterations):
         better, used, vain = _search(state, structure, damping, settings)
@@ -166,12 +168,25 @@ def _try(state: _State, structure: Structure, step: _Step, settings: SolverSetti
         delta.insert(key, step.shared[at : at + size])
         at += size
     values = state.values.retract(delta)
-    points = state.problem.world_p_landmark + step.points
     shared = {key: values.atVector(key) for key in state.problem.shared}
-    problem = state.problem.moved(_poses(values, state.problem), points, shared)
-    trial = _State(problem, values, _cost(problem, values, structure))
+    problem = state.problem.moved(_poses(values, state.problem), state.problem.world_p_landmark, shared)
+    problem = _best_points(problem, state, step.points, structure)
+    trial = _State(problem, values, _cost(problem, values, structure), state.anchor)
     good = np.isfinite(trial.cost) and state.cost - trial.cost > max(settings.least_gain * step.promised, 0.0)
     return trial if good else None
+
+
+def _best_points(
+    problem: BundleProblem, state: _State, step: FloatArray, structure: Structure
+) -> BundleProblem:
+    """Each point where the step (L, 3) has it, or, if that is worse, carried along and moved by itself."""
+    poses, points = problem.world_T_camera, problem.world_p_landmark
+    goes = problem.moved(poses, points + step)
+    stays = problem.moved(poses, carried(points, state.problem.world_T_camera, poses, state.anchor))
+    worse = landmark_costs(goes, structure) > landmark_costs(stays, structure)
+    best = np.where(worse[:, None], stays.world_p_landmark, goes.world_p_landmark)
+    problem = problem.moved(poses, best)
+    return problem.moved(poses, settled(problem, worse))
 
 
 def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
@@ -186,6 +201,4 @@ def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
 
 
 def _cost(problem: BundleProblem, values: gtsam.Values, structure: Structure) -> float:
-    poses, points = problem.world_T_camera, problem.world_p_landmark
-    video = sum(video_cost(chunk.problem.moved(poses, points)) for chunk in structure.chunks)
-    return video + float(problem.pose_graph.error(values))
+    return float(landmark_costs(problem, structure).sum()) + float(problem.pose_graph.error(values))

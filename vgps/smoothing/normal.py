@@ -101,7 +101,7 @@ def linearize(problem: BundleProblem, values: gtsam.Values, structure: Structure
     blocks = np.zeros((len(_LOWER), len(structure.free)))
     gradient = np.zeros((POSE, len(structure.free)))
     for chunk in structure.chunks:
-        linear = _linearize_chunk(problem, chunk)
+        linear = linearize_chunk(problem, chunk)
         frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
         blocks[:, frames] += _pose_blocks(linear)
         gradient[:, frames] += linear.pose_gradient(linear.r)
@@ -113,7 +113,8 @@ def linearize(problem: BundleProblem, values: gtsam.Values, structure: Structure
     return Linearization(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
 
 
-def _linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
+def linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearChunk:
+    """Jacobians of a chunk's observations where the problem's poses and points are."""
     here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = residuals(here, camera_p)
@@ -194,8 +195,8 @@ class PointFactors:
         return np.stack([m[0] * v[0] + m[1] * v[1] + m[3] * v[2], m[2] * v[1] + m[4] * v[2], m[5] * v[2]])
 
 
-def factor_points(linear: LinearChunk, damping: float) -> PointFactors:
-    """Factors of the landmarks' blocks with ``damping`` times their diagonal added.
+def factor_points(linear: LinearChunk, damping: FloatArray | float) -> PointFactors:
+    """Factors of the landmarks' blocks with ``damping``, or (m,), times their diagonal added.
 
     A point seen once, or along nearly one ray, has a singular block: the damping, or failing that a pivot
     held above rounding, lets it keep its depth.

@@ -50,7 +50,12 @@ class LucasKanade:
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
         """As in :class:`Matcher`."""
-        return self._flow(previous, current, uv_px, predicted_uv_px, self._config.pyramid_levels)
+        # a prediction is seldom far off: the whole pyramid, several times the work, is for the others
+        match = self.rematch(previous, current, uv_px, predicted_uv_px)
+        far = np.flatnonzero(~match.found)
+        again = self._flow(previous, current, uv_px[far], predicted_uv_px[far], self._config.pyramid_levels)
+        match.uv_px[far], match.found[far] = again.uv_px, again.found
+        return match
 
     def rematch(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray

@@ -1,18 +1,30 @@
-"""Alignment and stage C of a growing map, by the fixes so far."""
+"""Alignment and stage C of a growing map, by the fixes so far; stage C also beside the frames that follow."""
 
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
 from vgps.config import Config
+from vgps.handover import hand_over
 from vgps.local_map import Controls, LocalMap
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.seconds import Seconds
 from vgps.smoothing.drift import correct_drift
-from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.ledger import FixLedger
 from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Stage C of a copy of a map, at work in a thread of its own; it ends with warnings."""
+
+    original: LocalMap
+    refined: LocalMap
+    ledger: FixLedger
+    ends: "Future[list[str]]"
 
 
 class Refiner:
@@ -37,6 +49,7 @@ class Refiner:
     ) -> None:
         self._K, self._ledger, self._config, self._seconds = K, ledger, config, seconds
         self._controls, self._control_poses = controls, control_poses
+        self._job: _Job | None = None
 
     @property
     def _antenna(self) -> FloatArray:
@@ -56,6 +69,11 @@ class Refiner:
                 return None
             return try_alignment(local_map, t_s, self._ledger.fixes, self._antenna, self._config)
 
+    @property
+    def busy(self) -> bool:
+        """Whether stage C was begun, and its result not taken yet."""
+        return self._job is not None
+
     def optimise(self, local_map: LocalMap, t_s: FloatArray) -> list[str]:
         """Stage C; first, where the fixes contradict what will be held, its drift is taken out.
 
@@ -71,28 +89,59 @@ class Refiner:
         Raises:
             GeometryError, RuntimeError, LinAlgError: The map is so far off that it cannot be optimised.
         """
-        ledger = self._ledger
+        return self._optimise(local_map, t_s, self._ledger)
+
+    def begin(self, local_map: LocalMap, t_s: FloatArray) -> None:
+        """Begin stage C of the map as it is; while it works the map may grow, and :meth:`finish` follows.
+
+        Args:
+            local_map: As in :meth:`optimise`.
+            t_s: Times of all frames so far.
+        """
+        refined, ledger = local_map.snapshot(), self._ledger.snapshot()
+        pool = ThreadPoolExecutor(1)
+        self._job = _Job(local_map, refined, ledger, pool.submit(self._optimise, refined, t_s, ledger))
+        pool.shutdown(wait=False)
+
+    def finish(self) -> tuple[IntArray, list[str]]:
+        """Wait for what was begun, and put it into the map.
+
+        Returns:
+            Features of the map that stage C did not know, and warnings.
+
+        Raises:
+            GeometryError, RuntimeError, LinAlgError: As in :meth:`optimise`; the map stays as it is.
+        """
+        job, self._job = self._job, None
+        if job is None:
+            return np.zeros(0, dtype=np.int64), []
+        with self._seconds.measure("wait"):
+            warnings = job.ends.result()
+        self._ledger.take(job.ledger)
+        inlier_px = self._config.tracking.inlier_px
+        return hand_over(job.refined, job.original, self._K, inlier_px), warnings
+
+    def _optimise(self, local_map: LocalMap, t_s: FloatArray, ledger: FixLedger) -> list[str]:
+        until_s = float(t_s[-1])
+
+        def contradicted() -> bool:
+            return contradicts(local_map, t_s, ledger.believed(until_s), self._antenna, self._config)
+
         with self._seconds.measure("drift"):
             if local_map.aligned:
                 ledger.settle_lag(*path_of(local_map, t_s))
-            if local_map.aligned and self._contradicted(local_map, t_s):
+            if local_map.aligned and contradicted():
                 ledger.judge(*path_of(local_map, t_s))
-                if self._contradicted(local_map, t_s):
-                    correct_drift(local_map, t_s, self._believed(t_s), self._antenna, self._config)
-        fixes = self._believed(t_s)
+                if contradicted():
+                    correct_drift(local_map, t_s, ledger.believed(until_s), self._antenna, self._config)
         with self._seconds.measure("window"):
+            fixes = ledger.believed(until_s)
             found = optimise_window(
                 local_map, t_s, self._K, fixes, self._antenna, self._config, self._controls
             )
         if found:
             return []
-        return [f"stage C found no better poses at {t_s[-1]:.2f} s, from a start that is no minimum"]
-
-    def _believed(self, t_s: FloatArray) -> Fixes:
-        return self._ledger.believed(float(t_s[-1]))
-
-    def _contradicted(self, local_map: LocalMap, t_s: FloatArray) -> bool:
-        return contradicts(local_map, t_s, self._believed(t_s), self._antenna, self._config)
+        return [f"stage C found no better poses at {until_s:.2f} s, from a start that is no minimum"]
 
 
 def path_of(local_map: LocalMap, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,103 @@
+"""Points of a bundle problem one by one, the poses held: what they cost, and where each is best by itself.
+
+A Levenberg-Marquardt step moves poses and points together by a linear model. For a few points, far ones or
+such that are seen along nearly one ray, the model is wrong even for short steps; damped as a whole, the
+system would creep for their sake. So each point takes its part of a step only if its own sightings gain.
+"""
+
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+
+from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.smoothing.blocks import Chunk
+from vgps.smoothing.bundle import BundleProblem, observation_costs
+from vgps.smoothing.elimination import Structure
+from vgps.smoothing.normal import factor_points, linearize_chunk
+
+_DAMPING = 1e-3
+_ITERATIONS = 4
+
+
+def anchors(problem: BundleProblem) -> IntArray:
+    """(L,) the frame that saw each landmark last; 0 for one that none saw."""
+    anchor = np.zeros(len(problem.world_p_landmark), dtype=np.int64)
+    np.maximum.at(anchor, problem.landmark, problem.frame)
+    return anchor
+
+
+def carried(
+    points: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    anchor: IntArray,
+    scale: FloatArray | float = 1.0,
+) -> FloatArray:
+    """Points (n, 3) at the same place in the view of their frames, after these have moved.
+
+    Args:
+        points: Where they were.
+        before, after: (F, 4, 4) poses.
+        anchor: (n,) each point's frame.
+        scale: (n,) by which each view grew.
+    """
+    old, new = before[anchor], after[anchor]
+    in_camera = ((points - old[:, :3, 3])[:, None, :] @ old[:, :3, :3])[:, 0] * np.reshape(scale, (-1, 1))
+    return np.asarray((new[:, :3, :3] @ in_camera[:, :, None])[:, :, 0] + new[:, :3, 3])
+
+
+def landmark_costs(problem: BundleProblem, structure: Structure) -> FloatArray:
+    """(L,) cost of each landmark's sightings."""
+    costs = np.zeros(len(problem.world_p_landmark))
+    for chunk in structure.chunks:
+        here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+        costs[chunk.landmarks] = np.bincount(chunk.landmark, observation_costs(here), len(chunk.landmarks))
+    return costs
+
+
+def settled(problem: BundleProblem, which: BoolArray) -> FloatArray:
+    """(L, 3) the points, those that ``which`` (L,) names after a few damped steps, each of its own.
+
+    No point's cost is higher than before.
+    """
+    rows = np.flatnonzero(which[problem.landmark])
+    points = problem.world_p_landmark.copy()
+    if not len(rows):
+        return points
+    chunk = _seen(problem, rows)
+    own = chunk.landmarks
+    damping = np.full(len(own), _DAMPING)
+    cost = _costs(problem, chunk)
+    for _ in range(_ITERATIONS):
+        linear = linearize_chunk(problem.moved(problem.world_T_camera, points), chunk)
+        factor = factor_points(linear, damping)
+        trial = points.copy()
+        trial[own] -= factor.transposed_times(factor.times(linear.gradient)).T
+        trial_cost = _costs(problem.moved(problem.world_T_camera, trial), chunk)
+        better = trial_cost < cost
+        points[own[better]], cost[better] = trial[own[better]], trial_cost[better]
+        damping *= np.where(better, 0.1, 10.0)
+    return points
+
+
+def _costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:
+    losses = observation_costs(chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark))
+    return np.bincount(chunk.landmark, losses, len(chunk.landmarks)).astype(np.float64)
+
+
+def _seen(problem: BundleProblem, rows: IntArray) -> Chunk:
+    """These observations, without blocks."""
+    here = replace(
+        problem,
+        frame=problem.frame[rows],
+        landmark=problem.landmark[rows],
+        uv_px=problem.uv_px[rows],
+        sigma_px=problem.sigma_px[rows],
+        robust_k=None if problem.robust_k is None else problem.robust_k[rows],
+        pose_graph=gtsam.NonlinearFactorGraph(),
+        shared={},
+    )
+    own, landmark = np.unique(here.landmark, return_inverse=True)
+    none = np.zeros(0, dtype=np.int64)
+    return Chunk(here, own, landmark, 0, here.frame, none, np.zeros((0, 3), dtype=np.int64), ())
