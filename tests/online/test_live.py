@@ -179,6 +179,16 @@ def test_the_verb_on_a_camera_and_a_receiver(recording, stream, tmp_path):
     assert len(run.t_s) >= 40 and run.gps is not None and len(run.gps) >= 2
 
 
+def test_the_verb_reads_a_receiver_from_standard_input(recording):
+    words = command("--video", recording / "video.mp4", "--gps", "-")
+    words += ["--camera", str(recording / "camera.yaml"), "--rig", str(recording / "rig.yaml")]
+    log = (recording / "gps.nmea").read_text()
+    done = subprocess.run(words, input=log, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    told = [line for line in records(done.stdout) if line.get("event") == "fix"]
+    assert len(told) >= 5 and {line["verdict"] for line in told} == {"used"}
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -1,6 +1,9 @@
 """The verb that poses a video while it runs."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from vgps.cli.app import app, say
 from vgps.config import GpsModel, read_config
@@ -12,7 +15,7 @@ def online(
     recording: Path | None = None,
     *,
     video: str | None = None,
-    gps: str | None = None,
+    gps: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,  # - is a receiver
     camera: Path | None = None,
     rig: Path | None = None,
     out: Path | None = None,
