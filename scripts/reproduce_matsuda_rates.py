@@ -54,7 +54,14 @@ def scene(rate_deg_s: float, seconds: float) -> SceneConfig:
     swing = np.radians(SWING_DEG) / 2
     return replace(
         SCENES["spin"],
-        **{"width": 360, "height": 240, "focal_px": 310.0, "turns": (), "texture_scale": 0.5},
+        **{
+            "width": 360,
+            "height": 240,
+            "focal_px": 310.0,
+            "turns": (),
+            "texture_scale": 0.5,
+            "max_samples": 32,
+        },
         speed=((0.0, 1.0), (seconds, 1.0)),
         spin_deg_s=rate_deg_s,
         spin_period_s=float(2 * np.pi * swing / np.radians(rate_deg_s)) if rate_deg_s else 1.0,

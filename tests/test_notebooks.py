@@ -10,7 +10,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 
 
 def test_there_are_notebooks() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["penalty", "survey", "table6"]
+    assert [path.stem for path in NOTEBOOKS] == ["fast_rotation", "penalty", "survey", "table6"]
 
 
 @pytest.mark.slow
