@@ -72,6 +72,17 @@ def test_a_server_that_is_killed_and_started_again_is_read_again(log):
     server.close()
 
 
+def test_a_server_that_hangs_up_at_once_is_asked_less_and_less_and_told_once(log):
+    server = TcpServer(lambda connection: None)
+    source = GpsSource(f"tcp://127.0.0.1:{server.port}")
+    time.sleep(2.5)  # at 0.2, 0.6, 1.4 and 3 s
+    _, notes = source.take()
+    source.close()
+    assert 2 <= server.clients <= 5
+    server.close()
+    assert len(notes) == 1 and "dropped" in notes[0]
+
+
 def test_a_serial_port(log):
     terminal = Terminal()
     source = GpsSource(f"{terminal.path}@38400")

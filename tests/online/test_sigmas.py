@@ -5,7 +5,7 @@ import pytest
 from walks import ToAndFro
 
 import vgps
-from vgps.config import DriftConfig
+from vgps.config import DriftConfig, WindowConfig
 from vgps.geodesy import to_geodetic
 from vgps.local_map import LocalMap
 from vgps.model import FixClass
@@ -23,14 +23,14 @@ NOWHERE = np.full((4, 4), np.nan)
 class Drive:
     """A sequence that goes round a wide bend, with an RTK-fix every second; stage C every 15 frames."""
 
-    def __init__(self):
+    def __init__(self, delay_frames=0):
         self.t_s = np.zeros(0)
         self.current = LocalMap(0, 5)
         self.current.aligned = True
         self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), lag_s=0.0)
         self.ledger = self
         self.fixes = Fixes.none()
-        self.errors = PathErrors(self, vgps.Config())
+        self.errors = PathErrors(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
 
     def believed(self, until_s):
         return self.fixes.until(until_s)
@@ -90,6 +90,15 @@ def test_fixes_that_came_after_stage_c_do_not_count_yet():
     later.fix()
     drive.frames(15, fixes=False)
     assert drive.frame().position_m[0] < 0.2 * later.frames(1)[0, 0]
+
+
+def test_what_stage_c_began_before_a_fix_came_does_not_hold_it():
+    quick, slow = Drive(), Drive(delay_frames=8)
+    for each in (quick, slow):
+        each.frames(102, fixes=False)
+        each.fix()
+        each.frames(4, fixes=False)  # stage C began in frame 98 at the latest
+    assert quick.frame().position_m[0] < 0.2 * slow.frame().position_m[0]
 
 
 def test_a_correction_of_many_sigmas_makes_them_grow_and_that_fades():

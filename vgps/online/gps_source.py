@@ -96,9 +96,13 @@ class GpsSource:
                 self._stream.close()
 
     def _read_on(self) -> None:
+        wait_s, told = _RETRY_S[0], False
         while not self._closed.is_set():
             with contextlib.suppress(OSError, serial.SerialException, TypeError, ValueError):
                 for raw in messages(self._stream):
+                    if told:
+                        self._notes.put(f"{self.address}: connected again")
+                    wait_s, told = _RETRY_S[0], False
                     self._messages.put((raw, time.time()))
                     if self._closed.is_set():
                         return
@@ -107,19 +111,21 @@ class GpsSource:
             if not self._again:
                 self._notes.put(f"{self.address}: the fixes have ended")
                 return
-            self._notes.put(f"{self.address}: the connection dropped; it is made again")
-            self._reconnect()
+            if not told:
+                self._notes.put(f"{self.address}: the connection dropped; it is made again")
+            # who takes a connection and says nothing is not to be asked five times a second
+            wait_s, told = self._reconnected(wait_s), True
 
-    def _reconnect(self) -> None:
-        wait_s = _RETRY_S[0]
+    def _reconnected(self, wait_s: float) -> float:
+        """Once there is a connection: how long to wait before the next, should it be worth nothing."""
         with contextlib.suppress(OSError, serial.SerialException):
             self._stream.close()
         while not self._closed.wait(wait_s):
+            wait_s = min(2.0 * wait_s, _RETRY_S[1])
             with contextlib.suppress(OSError, serial.SerialException):
                 self._stream = self._open()
-                self._notes.put(f"{self.address}: connected again")
-                return
-            wait_s = min(2.0 * wait_s, _RETRY_S[1])
+                return wait_s
+        return wait_s
 
 
 def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:

@@ -63,15 +63,16 @@ class PathErrors:
         self._sequence, self._config = sequence, config
         self._correlation_s = np.unique([region.correlation_s for region in config.gps.regions.values()])
         self._errors = OWN + 3 * len(self._correlation_s)
-        self._offered_s = np.zeros(0)  # times of the fixes that stage C has seen, by their own clock
+        # times of the fixes by their own clock, as stage C saw them when it began what is used now
+        self._offered_s = deque([np.zeros(0)], maxlen=config.window.delay_frames + 1)
         self._map: LocalMap | None = None
         self._excess = np.ones(2)  # variance factors of rotation and place
         self._lasting_s = float(self._correlation_s[-1])
         self._known: deque[_At] = deque(maxlen=config.window.length_frames + config.window.every_frames)
 
     def offer(self) -> None:
-        """Stage C may begin now: it sees the fixes so far."""
-        self._offered_s = self._sequence.ledger.fixes.t_s
+        """Once a frame: stage C may begin now, and sees the fixes so far."""
+        self._offered_s.append(self._sequence.ledger.fixes.t_s)
 
     def follow(self, followed: Followed) -> Sigmas:
         """Of the newest frame, as it was published."""
@@ -90,6 +91,8 @@ class PathErrors:
         anew = followed.moved is not None or not self._known
         if not self._known:
             self._known.append(_At(current.first_posed, self._beginning(current)))
+            while len(self._offered_s) > 1:  # alignment is waited for
+                self._offered_s.popleft()
         self._carry(current, with_fixes=anew)
         return self._sigmas(current)
 
@@ -127,7 +130,7 @@ class PathErrors:
     def _rows_of_fixes(self, poses: FloatArray, t_s: FloatArray) -> dict[int, list[FloatArray]]:
         """By the first frame after a fix: what each says, of those that count."""
         fixes = self._sequence.ledger.believed(float(t_s[-1]))
-        offered = np.isin(fixes.t_s, self._offered_s - self._sequence.sensors.lag_s)
+        offered = np.isin(fixes.t_s, self._offered_s[0] - self._sequence.sensors.lag_s)
         fixes = fixes.where(offered & fixes.used & (fixes.t_s > t_s[0]))
         sigma_m, slot = region_sigmas(fixes), np.searchsorted(self._correlation_s, fixes.correlation_s)
         if len(fixes):
