@@ -19,6 +19,14 @@ class GrowingRows:
         self._rows = np.zeros((_START, *shape))
         self._count = 0
 
+    @classmethod
+    def of(cls, rows: FloatArray) -> "GrowingRows":
+        """These rows (n, *shape), copied."""
+        made = cls(rows.shape[1:])
+        made._rows = np.concatenate([rows, np.zeros((max(_START, len(rows) // 2), *rows.shape[1:]))])
+        made._count = len(rows)
+        return made
+
     def __len__(self) -> int:
         return self._count
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vgps.growing import GrowingRows
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
@@ -52,7 +53,6 @@ class LocalMap:
     Attributes:
         first_frame: Index of the frame of ``poses[0]``.
         forgotten_features: By how much ids of features were lowered in all.
-        poses: (n, 4, 4) world_T_camera, NaN where not known yet.
         aligned: Whether the world is the world of the GPS fixes.
         ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last sighting in the distorted image.
         views: (N, H, 2) undistorted sightings in the frames ``view_frames`` (H,), newest last; NaN: unseen.
@@ -61,7 +61,7 @@ class LocalMap:
     def __init__(self, first_frame: int, history: int) -> None:
         self.first_frame = first_frame
         self.forgotten_features = 0
-        self.poses = np.zeros((0, 4, 4))
+        self._poses = GrowingRows((4, 4))
         self.aligned = False
         self.ids: IntArray = np.zeros(0, dtype=np.int64)
         self.raw_uv_px = np.zeros((0, 2))
@@ -74,6 +74,11 @@ class LocalMap:
         self._gray = np.zeros(_GROWTH, dtype=np.uint8)
         self._count = 0
         self._log: list[tuple[int, IntArray, FloatArray]] = []
+
+    @property
+    def poses(self) -> FloatArray:
+        """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where not known; writable."""
+        return self._poses.values
 
     @property
     def next_frame(self) -> int:
@@ -119,14 +124,14 @@ class LocalMap:
     def snapshot(self) -> "LocalMap":
         """A copy whose poses and positions may be changed while this map goes on growing."""
         twin = copy.copy(self)
-        twin.poses = self.poses.copy()
+        twin._poses = GrowingRows.of(self.poses)
         twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
         twin.static_ties, twin.bridged, twin._log = self.static_ties[:], set(self.bridged), self._log[:]
         return twin
 
     def append_pose(self, world_T_camera: FloatArray) -> None:
         """The pose of the next frame; NaN if it is not known yet."""
-        self.poses = np.concatenate([self.poses, world_T_camera[None]])
+        self._poses.append(world_T_camera)
 
     def push_view(self, frame: int, raw_uv_px: FloatArray, uv_px: FloatArray, found: BoolArray) -> None:
         """A frame in which the followed features were seen again (``found`` (N,)); the others are let go."""
@@ -220,7 +225,8 @@ class LocalMap:
         self.bridged = {frame for frame in self.bridged if frame >= before_frame}
         self._forget_features()
         count = before_frame - self.first_frame
-        old, self.poses = self.poses[:count], self.poses[count:].copy()
+        old = self.poses[:count].copy()
+        self._poses = GrowingRows.of(self.poses[count:])
         self.first_frame = before_frame
         return old
 

@@ -123,29 +123,29 @@ class Refiner:
 
     def _optimise(self, local_map: LocalMap, t_s: FloatArray, ledger: FixLedger) -> list[str]:
         until_s = float(t_s[-1])
+        since_s = until_s - self._config.drift.horizon_s
+        antenna, config = self._antenna, self._config
 
         def contradicted() -> bool:
-            return contradicts(local_map, t_s, ledger.believed(until_s), self._antenna, self._config)
+            return contradicts(local_map, t_s, ledger.believed(until_s), antenna, config)
 
         with self._seconds.measure("drift"):
             if local_map.aligned:
-                ledger.settle_lag(*path_of(local_map, t_s))
+                ledger.settle_lag(*path_of(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
-                ledger.judge(*path_of(local_map, t_s))
+                ledger.judge(*path_of(local_map, t_s, since_s))
                 if contradicted():
-                    correct_drift(local_map, t_s, ledger.believed(until_s), self._antenna, self._config)
+                    correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
         with self._seconds.measure("window"):
             fixes = ledger.believed(until_s)
-            found = optimise_window(
-                local_map, t_s, self._K, fixes, self._antenna, self._config, self._controls
-            )
+            found = optimise_window(local_map, t_s, self._K, fixes, antenna, config, self._controls)
         if found:
             return []
         return [f"stage C found no better poses at {until_s:.2f} s, from a start that is no minimum"]
 
 
-def path_of(local_map: LocalMap, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Poses of a map from its first posed frame on, and their times; ``t_s`` of all frames."""
-    first = local_map.first_posed
+def path_of(local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf) -> tuple[FloatArray, FloatArray]:
+    """Poses of a map from its first posed frame or a later time on, and their times; ``t_s`` of all."""
+    first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
     poses = local_map.poses[first - local_map.first_frame :]
     return poses, np.asarray(t_s[first : first + len(poses)])

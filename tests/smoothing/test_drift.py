@@ -2,10 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic_bundle import ANTENNA
 from synthetic_fixes import T_S, drifting, fixes_at, path, poses
+from synthetic_map import map_of, scene
 
 from vgps.config import Config
-from vgps.smoothing.drift import bend_path
+from vgps.smoothing.drift import bend_path, correct_drift
 
 
 @pytest.fixture
@@ -29,3 +31,32 @@ def test_one_wild_fix_bends_nothing(fixes):
     wild[9] += [40.0, 0.0, 0.0]
     bent, _ = bend_path(poses(path(T_S)), T_S, replace(fixes, world_p_fix=wild), np.zeros(3), Config())
     assert away(bent).max() < 0.3
+
+
+def test_a_path_that_hangs_on_a_held_one_keeps_its_start_and_bends_behind_it(fixes):
+    """The second half of a drive that lost its scale in the second half alone."""
+    half = len(T_S) // 2
+    right = poses(path(T_S))
+    wrong = right.copy()
+    step = np.diff(right[:, :3, 3], axis=0)
+    step[half:] *= 1.3
+    wrong[1:, :3, 3] = right[0, :3, 3] + np.cumsum(step, axis=0)
+    part = fixes.where(fixes.t_s >= T_S[half])
+    bent, _ = bend_path(wrong[half:], T_S[half:], part, np.zeros(3), Config(), attached=True)
+    off = np.linalg.norm(bent[:, :3, 3] - path(T_S)[half:], axis=1)
+    before = np.linalg.norm(wrong[half:, :3, 3] - path(T_S)[half:], axis=1)
+    assert off[0] < 0.01 and off.mean() < 0.2 * before.mean()
+
+
+def test_drift_before_the_horizon_is_left_alone():
+    problem, true, t_s, fixes = scene(60, disturbed=0.0)
+    local_map = map_of(problem, 0, 59)
+    local_map.poses[30:, :3, 3] += 0.1 * (local_map.poses[30:, :3, 3] - local_map.poses[29, :3, 3])
+    before = local_map.poses.copy()
+    correct_drift(local_map, t_s, fixes, ANTENNA, Config(), since_s=float(t_s[25]))
+    np.testing.assert_array_equal(local_map.poses[:25], before[:25])
+    off = np.linalg.norm(local_map.poses[:, :3, 3] - true[:, :3, 3], axis=1)
+    assert (
+        off[25] < 0.05
+        and off[25:].mean() < 0.5 * np.linalg.norm(before[25:, :3, 3] - true[25:, :3, 3], axis=1).mean()
+    )

@@ -10,8 +10,8 @@ ANTENNA = np.array([0.1, -0.3, 0.2])
 ALL = np.ones(19, dtype=bool)
 
 
-def flexible(start, fixes, lag_sigma_s=1.0):
-    return FlexiblePath(start, T_S, fixes, np.zeros(3), DriftConfig(), lag_sigma_s)
+def flexible(start, fixes, lag_sigma_s=1.0, attached=False):
+    return FlexiblePath(start, T_S, fixes, np.zeros(3), DriftConfig(), lag_sigma_s, attached)
 
 
 def test_jacobian_is_the_offsets():
@@ -29,16 +29,20 @@ def test_jacobian_is_the_offsets():
     np.testing.assert_allclose(found, numerical, atol=1e-3 * np.abs(numerical).max())
 
 
-def test_the_fit_is_the_minimum_that_scipy_finds():
+@pytest.mark.parametrize("attached", [False, True])
+def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     rng = np.random.default_rng(1)
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7, offset=rng.normal(0, 0.5, (19, 3)))
-    of = flexible(drifting(0.1), fixes)
+    of = flexible(drifting(0.1), fixes, attached=attached)
     loss = Loss(of.regions(), ALL, 3.0)
 
     def residual(parameters):
         away2 = np.sum((of.offsets(parameters) / loss.region_m) ** 2, axis=1)
-        change = np.diff(parameters[4:].reshape(-1, 4), axis=0) / of._sigma
-        return np.concatenate([3.0 * np.sqrt(np.log1p(away2 / 9.0)), change.ravel(), parameters[3:4]])
+        knots = parameters[4:].reshape(-1, 4)
+        change = np.diff(knots, axis=0, prepend=np.zeros((1, 4)) if attached else knots[:1]) / of._sigma
+        held = parameters[:3] / 1e-3 if attached else np.zeros(3)
+        away = 3.0 * np.sqrt(np.log1p(away2 / 9.0))
+        return np.concatenate([away, change.ravel(), parameters[3:4], held])
 
     ours = of.fit(of.approach(ALL, 0.3), loss)
     reference = least_squares(residual, ours, xtol=1e-9, ftol=1e-9, max_nfev=25)

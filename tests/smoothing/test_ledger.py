@@ -75,3 +75,10 @@ def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
     ledger.take(judged)
     assert ledger.number.tolist() == [3, 1, 4, 2] and ledger.sensors.lag_s == 0.25
     np.testing.assert_array_equal(ledger.judgement.own, [np.nan, 0.1, np.nan, 0.8])
+
+
+def test_a_path_that_begins_after_the_first_fixes_keeps_the_clock_they_showed():
+    _, poses, t_s, fixes = scene()
+    ledger = FixLedger(replace(fixes, t_s=fixes.t_s + 0.7), ANTENNA, Config())
+    ledger.settle_lag(poses[30:], t_s[30:])
+    assert ledger.sensors.lag_s == 0.0

@@ -30,6 +30,9 @@ class DriftConfig(SettingsModel):
     rotation_sigma_deg: PositiveFloat = 0.3
     """The same for the rotation."""
     iterations: PositiveInt = 30
+    horizon_s: PositiveFloat = 120.0
+    """Stage C takes drift out of the path, and judges fixes and clock on it, no further back than this: the
+    time that it takes would else grow with the path. Stage D looks at everything."""
 
 
 class SensorsConfig(SettingsModel):

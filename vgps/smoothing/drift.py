@@ -18,7 +18,12 @@ _FINEST_M = 0.3
 
 
 def correct_drift(
-    local_map: LocalMap, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    local_map: LocalMap,
+    t_s: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    since_s: float = -np.inf,
 ) -> None:
     """Bend an aligned map, poses and points, towards its fixes, in place.
 
@@ -30,14 +35,16 @@ def correct_drift(
         fixes: Those within the map's frames take part.
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift, and whether the clock is known.
+        since_s: What lies before stays; the rest hangs on it.
     """
-    first = local_map.first_posed
+    first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
     poses = local_map.poses[first - local_map.first_frame :]
     times = t_s[first : first + len(poses)]
     inside = fixes.where(fixes.used & (fixes.t_s >= times[0]) & (fixes.t_s <= times[-1]))
     if len(inside) < 2:
         return
-    bent, scale = bend_path(poses, times, inside, camera_p_antenna, config)
+    attached = first > local_map.first_posed
+    bent, scale = bend_path(poses, times, inside, camera_p_antenna, config, attached)
     log = local_map.observations(first)
     anchor = np.full(local_map.feature_count, -1)
     anchor[log.landmark] = log.frame - first  # the log is in order of time: the last sighting stays
@@ -48,7 +55,12 @@ def correct_drift(
 
 
 def bend_path(
-    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    poses: FloatArray,
+    t_s: FloatArray,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    attached: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """The path with its drift taken out (F, 4, 4), and the scale (F,) by which each frame's view grew.
 
@@ -57,8 +69,9 @@ def bend_path(
         fixes: All used and within the path's time.
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift, and whether the clock is known.
+        attached: The start hangs on a path that is held.
     """
     lag_sigma_s = config.sensors.lag_prior_s
-    path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s)
+    path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s, attached)
     everything = np.ones(len(fixes), dtype=bool)
     return path.bent(path.settle(path.approach(everything, _FINEST_M), everything, path.regions()))

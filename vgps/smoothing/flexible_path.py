@@ -23,6 +23,7 @@ _HALVINGS = 8
 _COARSEST_M = 5.0
 _FINER = 3.0  # from one fit to the next
 _LOSS_WIDTH = 3.0  # in regions: an error of more counts less and less
+_HELD_M = 1e-3
 _SMALL = 1e-4  # relative decrease of the cost that ends a fit
 
 
@@ -49,6 +50,7 @@ class FlexiblePath:
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift.
         lag_sigma_s: Prior standard deviation of the lag; 0 holds it.
+        attached: The start hangs on a path that is held: it stays, and bends there as elsewhere.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class FlexiblePath:
         camera_p_antenna: FloatArray,
         config: DriftConfig,
         lag_sigma_s: float = 0.0,
+        attached: bool = False,
     ) -> None:
         self.knots = 2 + min(int(len(poses) / config.knot_frames), _MAX_KNOTS)
         at = np.linspace(0, len(poses) - 1, self.knots)
@@ -70,6 +73,11 @@ class FlexiblePath:
         # the walk's variance grows with the frames between knots
         self._sigma = sigma * np.sqrt(max((at[1] - at[0]) / config.knot_frames, 1e-9))
         self._lag_sigma_s = lag_sigma_s
+        self._shift_sigma_m = _HELD_M if attached else np.inf
+        # (K or K - 1, K) changes from knot to knot
+        self._changes = np.diff(np.eye(self.knots), axis=0)
+        if attached:
+            self._changes = np.vstack([np.eye(1, self.knots), self._changes])
         self._iterations = config.iterations
 
     @property
@@ -150,10 +158,11 @@ class FlexiblePath:
         return np.hypot(np.stack([fixes.r_m, fixes.r_m, fixes.h_m], axis=1), coarse_m)
 
     def bending(self, parameters: FloatArray) -> float:
-        """What bending and lag cost: the sum of squares in sigmas."""
-        change = np.diff(parameters[_KNOTS:].reshape(-1, 4), axis=0) / self._sigma
+        """What bending, shift and lag cost: the sum of squares in sigmas."""
+        change = self._changes @ parameters[_KNOTS:].reshape(-1, 4) / self._sigma
+        shift = parameters[_SHIFT] / self._shift_sigma_m
         lag = parameters[_CLOCK] / self._lag_sigma_s if self._lag_sigma_s else 0.0
-        return float(np.sum(change**2) + lag**2)
+        return float(np.sum(change**2) + np.sum(shift**2) + lag**2)
 
     def lag_sigma(self, parameters: FloatArray, loss: Loss) -> float:
         """Standard deviation of the lag [s], everything else free."""
@@ -179,10 +188,12 @@ class FlexiblePath:
         J = self._jacobian(bent, self.lag_s(parameters)) * scale[:, :, None]
         J, r = J.reshape(-1, J.shape[2]), (offset * scale).ravel()
         hessian, gradient = J.T @ J, J.T @ r
-        walk = np.kron(np.diff(np.eye(self.knots), axis=0), np.diag(1.0 / self._sigma))
+        walk = np.kron(self._changes, np.diag(1.0 / self._sigma))
         own = slice(_KNOTS, None)
         hessian[own, own] += walk.T @ walk
         gradient[own] += walk.T @ (walk @ parameters[own])
+        hessian[_SHIFT, _SHIFT] += np.eye(3) / self._shift_sigma_m**2
+        gradient[_SHIFT] += parameters[_SHIFT] / self._shift_sigma_m**2
         if self._lag_sigma_s:
             hessian[_CLOCK, _CLOCK] += self._lag_sigma_s**-2
             gradient[_CLOCK] += parameters[_CLOCK] * self._lag_sigma_s**-2

@@ -82,11 +82,11 @@ class FixLedger:
     def settle_lag(self, poses: FloatArray, t_s: FloatArray) -> None:
         """The clock's lag as the path (F, 4, 4) at ``t_s`` (F,) shows it; the window would bend to it.
 
-        Once what showed the lag has been forgotten, what was found by it is what is believed, until many
-        fixes say otherwise: a few, as after an outage, agree with some lag by chance.
+        Where fixes lie before the path, what was found by them is what is believed, until many say otherwise:
+        a few, as after an outage, agree with some lag by chance.
         """
         config = self._config.sensors
-        if self._forgot:
+        if self._forgot or bool((self.fixes.used & (self.fixes.t_s < t_s[0])).any()):
             inside = self.fixes.used & (self.fixes.t_s >= t_s[0]) & (self.fixes.t_s <= t_s[-1])
             if inside.sum() < _MANY:
                 return
