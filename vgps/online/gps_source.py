@@ -98,11 +98,12 @@ class GpsSource:
     def _read_on(self) -> None:
         wait_s, told = _RETRY_S[0], False
         while not self._closed.is_set():
+            begun_s = time.monotonic()
             with contextlib.suppress(OSError, serial.SerialException, TypeError, ValueError):
                 for raw in messages(self._stream):
                     if told:
                         self._notes.put(f"{self.address}: connected again")
-                    wait_s, told = _RETRY_S[0], False
+                    told = False
                     self._messages.put((raw, time.time()))
                     if self._closed.is_set():
                         return
@@ -113,8 +114,9 @@ class GpsSource:
                 return
             if not told:
                 self._notes.put(f"{self.address}: the connection dropped; it is made again")
-            # who takes a connection and says nothing is not to be asked five times a second
-            wait_s, told = self._reconnected(wait_s), True
+            # who hangs up at once is not to be asked five times a second
+            lasted = time.monotonic() - begun_s > _RETRY_S[1]
+            wait_s, told = self._reconnected(_RETRY_S[0] if lasted else wait_s), True
 
     def _reconnected(self, wait_s: float) -> float:
         """Once there is a connection: how long to wait before the next, should it be worth nothing."""
