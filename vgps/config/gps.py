@@ -70,7 +70,7 @@ class SkyConfig(SettingsModel):
 
     enlarge: bool = False
     """Whether they do."""
-    mask_deg: float = Field(15.0, ge=0.0, lt=90.0)
+    mask_deg: float = Field(default=15.0, ge=0.0, lt=90.0)
     """The receiver uses no satellite below this elevation: what hides only these does no harm."""
     sectors: PositiveInt = 24
     """Directions in which the horizon is told apart."""
