@@ -91,6 +91,32 @@ def test_a_missing_row_is_told_by_the_query_that_needs_it(good: Path) -> None:
         database.all_views()
 
 
+def test_a_keyframe_that_was_changed_is_told_where_it_is_asked(good: Path) -> None:
+    file = sqlite3.connect(good)
+    (points,) = file.execute("SELECT points FROM keyframe WHERE id = 1").fetchone()
+    assert len(points) > 8
+    file.execute("UPDATE keyframe SET points = ? WHERE id = 1", (bytes([points[0] ^ 1]) + points[1:],))
+    file.commit()
+    file.close()
+    with (
+        LandmarkDatabase.open(good) as database,
+        pytest.raises(LandmarkDatabaseError, match=r"\(keyframes\)"),
+    ):
+        database.keyframes()
+
+
+def test_keyframes_without_check_sums_are_read(good: Path) -> None:
+    with LandmarkDatabase.open(good) as database:
+        before = database.keyframes()
+    file = sqlite3.connect(good)
+    file.execute("ALTER TABLE keyframe DROP COLUMN check_sum")
+    file.close()
+    with LandmarkDatabase.open(good) as database:
+        after = database.keyframes()
+    assert len(after) == len(before) > 0
+    np.testing.assert_array_equal(after[0].descriptors, before[0].descriptors)
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_a_flipped_bit_is_found_and_never_shown(good: Path, place: float, bit: int) -> None:
@@ -99,15 +125,18 @@ def test_a_flipped_bit_is_found_and_never_shown(good: Path, place: float, bit: i
     hurt = good.with_suffix(".hurt")
     hurt.write_bytes(whole[:at] + bytes([whole[at] ^ (1 << bit)]) + whole[at + 1 :])
     with LandmarkDatabase.open(good) as database:
-        before = database.all_views()
+        before, keyframes_before = database.all_views(), database.keyframes()
     try:
         with LandmarkDatabase.open(hurt) as database:
             after = database.all_views()
             for pose in random_poses(np.random.default_rng(at), 2):
                 database.views(pose, CAMERA)
-            database.keyframes()
+            keyframes = database.keyframes()
     except LandmarkDatabaseError:
         return
+    for one, was in zip(keyframes, keyframes_before, strict=True):
+        np.testing.assert_array_equal(one.descriptors, was.descriptors)
+        np.testing.assert_array_equal(one.world_p_landmark, was.world_p_landmark)
     for name in ("world_p_landmark", "world_p_camera", "world_v_row", "templates"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 

@@ -113,7 +113,9 @@ class LandmarkDatabase:
 
     def keyframes(self) -> tuple[Keyframe, ...]:
         """Frames by which a camera without any pose finds its place again, in order."""
-        rows = self._file.rows(f"SELECT {KEYFRAME_COLUMNS} FROM keyframe ORDER BY id")
+        named = {column for _, column, *_ in self._file.rows("PRAGMA table_info(keyframe)")}
+        crc = "check_sum" if "check_sum" in named else "NULL"
+        rows = self._file.rows(f"SELECT {KEYFRAME_COLUMNS}, {crc} FROM keyframe ORDER BY id")
         try:
             return tuple(decode_keyframe(*row) for row in rows)
         except (TypeError, ValueError) as error:

@@ -38,7 +38,7 @@ CREATE VIRTUAL TABLE cell_box USING rtree(
 CREATE TABLE template (id INTEGER PRIMARY KEY, check_sum INTEGER, pixels BLOB);
 CREATE TABLE keyframe (
     id INTEGER PRIMARY KEY, world_T_camera BLOB, landmark BLOB, points BLOB, descriptors BLOB,
-    width INTEGER, height INTEGER, thumbnail BLOB
+    width INTEGER, height INTEGER, thumbnail BLOB, check_sum INTEGER
 );
 """
 CELL_COLUMNS = "landmark, numbers, views, view_numbers, check_sum"
@@ -109,27 +109,35 @@ def decode_cell(landmark: bytes, numbers: bytes, views: bytes, view_numbers: byt
 
 
 def encode_keyframe(keyframe: Keyframe) -> tuple[bytes | int, ...]:
-    """The values of :data:`KEYFRAME_COLUMNS`."""
+    """The values of :data:`KEYFRAME_COLUMNS`, and their check sum."""
     height, width = keyframe.thumbnail.shape
-    return (
+    blobs = (
         keyframe.world_T_camera.astype("<f8").tobytes(),
         keyframe.landmark.astype("<i8").tobytes(),
         keyframe.world_p_landmark.astype("<f8").tobytes(),
         keyframe.descriptors.tobytes(),
-        width,
-        height,
-        keyframe.thumbnail.tobytes(),
     )
+    thumbnail = keyframe.thumbnail.tobytes()
+    return (*blobs, width, height, thumbnail, check_sum(*blobs, thumbnail))
 
 
 def decode_keyframe(
-    pose: bytes, landmark: bytes, points: bytes, descriptors: bytes, width: int, height: int, thumbnail: bytes
+    pose: bytes,
+    landmark: bytes,
+    points: bytes,
+    descriptors: bytes,
+    width: int,
+    height: int,
+    thumbnail: bytes,
+    crc: int | None,
 ) -> Keyframe:
-    """The keyframe again.
+    """The keyframe again; without a check sum, as early databases have it, only sizes are checked.
 
     Raises:
-        ValueError: The blobs do not fit each other.
+        ValueError: The blobs are not what was written, or do not fit each other.
     """
+    if crc is not None and check_sum(pose, landmark, points, descriptors, thumbnail) != crc:
+        raise ValueError("check sum")
     ids = np.frombuffer(landmark, "<i8")
     world_p = np.frombuffer(points, "<f8").reshape(len(ids), 3)
     rows = np.frombuffer(descriptors, np.uint8).reshape(len(ids), -1 if len(ids) else 0)
