@@ -1,0 +1,84 @@
+"""A receiver on a network port of this computer, which can be killed and started again."""
+
+import contextlib
+import socket
+import threading
+from datetime import UTC, datetime, timedelta
+
+from pynmeagps import GET, NMEAMessage
+
+from vgps.model import FixClass
+from vgps.readers.fixes import Fix
+
+_QUALITY = {FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5, FixClass.DGPS: 2, FixClass.SINGLE: 1}
+
+
+def sentences(fix: Fix, start_utc: datetime, valid: bool = True) -> bytes:
+    """GGA and ZDA of a fix, or that there is none; ``t_s`` counts from ``start_utc``."""
+    utc = start_utc + timedelta(seconds=fix.t_s)
+    place = {
+        "lat": fix.latitude_deg,
+        "NS": "N" if fix.latitude_deg >= 0 else "S",
+        "lon": fix.longitude_deg,
+        "EW": "E" if fix.longitude_deg >= 0 else "W",
+        "quality": _QUALITY[fix.fix_class] if valid else 0,
+    }
+    height = {
+        "numSV": 12,
+        "HDOP": 0.8,
+        "alt": round(fix.height_m, 4),
+        "altUnit": "M",
+        "sep": 0.0,
+        "sepUnit": "M",
+    }
+    gga = NMEAMessage("GN", "GGA", GET, hpnmeamode=True, time=utc.time(), **place, **height)
+    day = {"day": f"{utc.day:02d}", "month": f"{utc.month:02d}", "year": utc.year}
+    zda = NMEAMessage("GN", "ZDA", GET, time=utc.time(), **day, ltzh="00", ltzn="00")
+    return bytes(gga.serialize() + zda.serialize())
+
+
+class FixServer:
+    """Sends what it is given to whoever is connected, as a receiver does: nobody there, nothing heard."""
+
+    start_utc = datetime(2026, 1, 1, 12, 0, 0, tzinfo=UTC)
+
+    def __init__(self) -> None:
+        self._listening: socket.socket | None = None
+        self._clients: list[socket.socket] = []
+        self.port = 0
+        self.start()
+
+    @property
+    def heard(self) -> bool:
+        """Whether anyone is connected."""
+        return bool(self._clients)
+
+    def start(self) -> None:
+        """Listen, on the same port each time."""
+        self._listening = socket.create_server(("127.0.0.1", self.port))
+        self.port = self._listening.getsockname()[1]
+        threading.Thread(target=self._accept, args=(self._listening,), daemon=True).start()
+
+    def kill(self) -> None:
+        """Hang up, and refuse who calls."""
+        if self._listening is not None:
+            with contextlib.suppress(OSError):
+                self._listening.shutdown(socket.SHUT_RDWR)
+            self._listening.close()
+        for client in self._clients:
+            client.close()
+        self._listening, self._clients = None, []
+
+    def send(self, fix: Fix, valid: bool = True) -> None:
+        """One fix, or that there is none at its time."""
+        for client in list(self._clients):
+            with contextlib.suppress(OSError):
+                client.sendall(sentences(fix, self.start_utc, valid))
+
+    def _accept(self, listening: socket.socket) -> None:
+        while True:
+            try:
+                client, _ = listening.accept()
+            except OSError:
+                return
+            self._clients.append(client)
