@@ -12,7 +12,9 @@ the rate at which each variant is lost, landmarks against rate (Fig. 4) and corr
 import argparse
 import csv
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import repeat
 from pathlib import Path
 
 import matplotlib as mpl
@@ -184,6 +186,18 @@ def at_truth(recording: Recording, database: Path) -> tuple[FloatArray, FloatArr
         return correlations(recording, opened, truth.world_T_camera, slice(None))
 
 
+def one_rate(
+    out: Path, rate: float, seconds: float, database: Path
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray], dict[str, Series]]:
+    """Angular rates (F,) of a recording, made if it is missing, its correlations, and every variant on it."""
+    place = out / f"rate_{rate:03.0f}"
+    if not place.exists():
+        simulate(place, scene(rate, seconds))
+    recording = open_recording(place, with_gps=False)
+    found = {name: track(recording, database, changes) for name, changes in METHODS.items()}
+    return rates_deg_s(recording), at_truth(recording, database), found
+
+
 def main() -> None:
     """Make the recordings that are missing, run every variant on them, print and write."""
     parser = argparse.ArgumentParser(
@@ -192,22 +206,20 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--rates", type=float, nargs="+", default=[0, 50, 100, 150, 200, 250, 300])
+    parser.add_argument("--jobs", type=int, default=2, help="recordings at the same time")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     database = make_database(given.out, given.seconds)
     found: dict[str, list[Series]] = {name: [] for name in METHODS}
     frame_rate, blur = [], []
-    for rate in given.rates:
-        place = given.out / f"rate_{rate:03.0f}"
-        if not place.exists():
-            simulate(place, scene(rate, given.seconds))
-        recording = open_recording(place, with_gps=False)
-        frame_rate.append(rates_deg_s(recording))
-        blur.append(at_truth(recording, database))
-        for name, changes in METHODS.items():
-            found[name].append(track(recording, database, changes))
-            one = found[name][-1]
-            print(f"{rate:.0f} deg/s, {name}: {one.held.mean():.2f} held", flush=True)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        alike = repeat(given.out), given.rates, repeat(given.seconds), repeat(database)
+        for peak, (rate, correlation, variants) in zip(given.rates, pool.map(one_rate, *alike), strict=True):
+            frame_rate.append(rate)
+            blur.append(correlation)
+            for name, one in variants.items():
+                found[name].append(one)
+                print(f"{peak:.0f} deg/s, {name}: {one.held.mean():.2f} held", flush=True)
     begin = len(frame_rate[0]) // 4  # until then the camera looks straight on
     (given.out / "rates.md").write_text(table(given.rates, found, begin) + "\n", encoding="utf-8")
     print(table(given.rates, found, begin))
