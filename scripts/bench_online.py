@@ -205,7 +205,7 @@ def main() -> None:
     parser.add_argument(
         "--cpu",
         action="store_true",
-        help="seconds of the processor, all threads together, for a busy machine",
+        help="seconds of the processor, all threads together",
     )
     parser.add_argument("--events", action="store_true", help="print what happened, but for the fixes used")
     parser.add_argument("--plot", type=Path)
