@@ -1,7 +1,6 @@
 """The loop A -> B -> C over frames as they come, the same one offline and online."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,9 +8,9 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.forgetting import Forgotten, Memory, oldest, whole
 from vgps.growing import GrowingRows
-from vgps.interpolation import interpolate_poses
-from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
-from vgps.model import Camera, FloatArray, Frame, GrayImage
+from vgps.growing_map import GrowingMap
+from vgps.local_map import NO_CONTROLS, Controls, LocalMap
+from vgps.model import Camera, FloatArray, Frame
 from vgps.refining import Refiner
 from vgps.seconds import Seconds
 from vgps.smoothing.fixes import Fixes
@@ -24,22 +23,7 @@ from vgps.tracking.mapper import Mapper
 from vgps.tracking.relocaliser import Relocaliser
 
 _UNKNOWN = np.full((4, 4), np.nan)
-_STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
 _MOST_FAILURES = 3  # of stage C in a row, before a map is given up
-
-
-@dataclass
-class _Growing:
-    """A map that is being built, the image of its newest view, and what is needed once it is lost."""
-
-    local_map: LocalMap
-    key: GrayImage
-    started: bool = False
-    since_window: int = 0
-    window_at: int = 0
-    failures: int = 0
-    moved: bool = False
-    relocaliser: Relocaliser | None = None
 
 
 class Sequence:
@@ -75,8 +59,8 @@ class Sequence:
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
         self._start = TwoViewStart(camera.K, config.start, config.tracking, rng)
-        self._current: _Growing | None = None
-        self._next: _Growing | None = None
+        self._current: GrowingMap | None = None
+        self._next: GrowingMap | None = None
         self._times = GrowingRows()
         self.maps: list[LocalMap] = []
         self.warnings: list[str] = []
@@ -170,7 +154,7 @@ class Sequence:
         self.ledger.forget(horizon_s)
         return [part for part in gone if len(part.poses)]
 
-    def _grow_start(self, growing: _Growing | None, frame: Frame) -> _Growing | None:
+    def _grow_start(self, growing: GrowingMap | None, frame: Frame) -> GrowingMap | None:
         """Follow features without positions until two views begin the map; start over when they are lost."""
         with self.seconds.measure("start"):
             if growing is None:
@@ -180,11 +164,10 @@ class Sequence:
             if tracked.found.sum() < self._config.start.min_inliers:
                 return self._first_view(frame)
             local_map.append_pose(_UNKNOWN)
-            if self._standing(local_map, tracked) and not self._stale(local_map, frame):
-                key = int(local_map.view_frames[-1])
-                local_map.static_ties.append(StaticTie(frame.index, key, np.eye(4), _STANDING_SIGMA))
+            if self._stands(growing, tracked, frame):
+                growing.tie_before_start(frame.index)
                 return growing
-            self._push(growing, frame, tracked)
+            growing.push(frame, tracked)
             growing.started = self._start.try_start(local_map)
             self._mapper.refill(local_map, frame.gray)
         if growing.started:
@@ -192,7 +175,7 @@ class Sequence:
             self._window(growing)
         return growing
 
-    def _first_view(self, frame: Frame) -> _Growing | None:
+    def _first_view(self, frame: Frame) -> GrowingMap | None:
         local_map = LocalMap(frame.index, self._config.mapping.max_track_frames)
         local_map.append_pose(_UNKNOWN)
         nothing = np.zeros((0, 2))
@@ -200,11 +183,11 @@ class Sequence:
         self._mapper.refill(local_map, frame.gray)
         if len(local_map.ids) < self._config.start.min_inliers:
             return None
-        return _Growing(local_map, frame.gray)
+        return GrowingMap(local_map, frame.gray)
 
-    def _track(self, growing: _Growing, frame: Frame) -> None:
+    def _track(self, growing: GrowingMap, frame: Frame) -> None:
         local_map = growing.local_map
-        predicted = self._predict(local_map, frame.t_s)
+        predicted = growing.predicted(self.t_s, frame.t_s)
         with self.seconds.measure("track"):
             tracked = self._tracker.track(local_map, growing.key, frame.gray, predicted)
             if tracked.world_T_camera is None:
@@ -212,57 +195,37 @@ class Sequence:
         if tracked.world_T_camera is None:
             self._lost(frame)
             return
-        self._found_again(growing, frame, tracked.world_T_camera)
+        growing.relocaliser, self._next = None, None
+        note = growing.bridge(self.t_s, frame.index, tracked.world_T_camera)
+        self.warnings += [note] if note else []
         local_map.append_pose(tracked.world_T_camera)
-        if self._standing(local_map, tracked) and not self._stale(local_map, frame):
-            self._tie(local_map, frame.index, tracked)
+        if self._stands(growing, tracked, frame):
+            growing.tie(frame.index, tracked)
             return
-        self._push(growing, frame, tracked)
+        growing.push(frame, tracked)
         with self.seconds.measure("map"):
             self._mapper.update(local_map, frame.gray)
         growing.since_window += 1
         growing.moved = True
 
-    def _push(self, growing: _Growing, frame: Frame, tracked: Tracked) -> None:
-        growing.local_map.push_view(frame.index, tracked.raw_uv_px, tracked.uv_px, tracked.found)
-        growing.key = frame.gray
+    def _stands(self, growing: GrowingMap, tracked: Tracked, frame: Frame) -> bool:
+        """Whether a frame needs no view of its own; in a long stop it does, before its view is forgotten."""
+        newest = int(growing.local_map.view_frames[-1])
+        if self._memory is not None and frame.index - newest > self._memory.view_frames // 2:
+            return False
+        return growing.stands(tracked, self._config.tracking.static_px)
 
-    def _standing(self, local_map: LocalMap, tracked: Tracked) -> bool:
-        moved = np.linalg.norm(tracked.uv_px - local_map.last_uv_px, axis=1)[tracked.found]
-        return len(moved) > 0 and float(np.median(moved)) < self._config.tracking.static_px
-
-    def _stale(self, local_map: LocalMap, frame: Frame) -> bool:
-        """Whether a stop has lasted so long that its view would be forgotten."""
-        newest = int(local_map.view_frames[-1])
-        return self._memory is not None and frame.index - newest > self._memory.view_frames // 2
-
-    def _tie(self, local_map: LocalMap, frame: int, tracked: Tracked) -> None:
-        if tracked.world_T_camera is None or tracked.pose_sigma is None:
-            return
-        key = int(local_map.view_frames[-1])
-        relative = np.linalg.inv(local_map.pose(key)) @ tracked.world_T_camera
-        local_map.static_ties.append(StaticTie(frame, key, relative, np.maximum(tracked.pose_sigma, 1e-6)))
-
-    def _predict(self, local_map: LocalMap, t_s: float) -> FloatArray:
-        """Pose at constant velocity from the last two frames."""
-        last, before = local_map.poses[-1], local_map.poses[-2]
-        if not np.isfinite(before[0, 0]):
-            return np.asarray(last)
-        index = local_map.next_frame - 1
-        share = (t_s - self.t_s[index]) / (self.t_s[index] - self.t_s[index - 1])
-        return np.asarray(last @ np.linalg.inv(before) @ last) if share < 1.5 else np.asarray(last)
-
-    def _align(self, growing: _Growing) -> None:
+    def _align(self, growing: GrowingMap) -> None:
         warnings = self._refiner.align(growing.local_map, self.t_s)
         if warnings is not None:
             self.warnings.extend(warnings)
             self._window(growing)
 
-    def _window(self, growing: _Growing) -> None:
+    def _window(self, growing: GrowingMap) -> None:
         growing.since_window = 0
         self._attempt(growing, lambda: self._refiner.optimise(growing.local_map, self.t_s))
 
-    def _attempt(self, growing: _Growing, stage_c: Callable[[], list[str]]) -> None:
+    def _attempt(self, growing: GrowingMap, stage_c: Callable[[], list[str]]) -> None:
         """An update that fails leaves the map as it is, a map that fails again and again ends."""
         try:
             self.warnings.extend(stage_c())
@@ -277,7 +240,7 @@ class Sequence:
             self._current = None
         growing.relocaliser = None  # it looks for the map as it was
 
-    def _find_again(self, growing: _Growing, frame: Frame, predicted: FloatArray) -> Tracked:
+    def _find_again(self, growing: GrowingMap, frame: Frame, predicted: FloatArray) -> Tracked:
         """Look for the features of the last good frame anywhere in this one."""
         if growing.relocaliser is None:
             growing.relocaliser = Relocaliser(
@@ -302,20 +265,3 @@ class Sequence:
             f"a new map begins at frame {begin} ({self.t_s[begin]:.2f} s)"
         )
         self._current, self._next = self._next, None
-
-    def _found_again(self, growing: _Growing, frame: Frame, pose: FloatArray) -> None:
-        """Frames between the last good one and this one get poses in between."""
-        growing.relocaliser, self._next = None, None
-        local_map = growing.local_map
-        last = local_map.next_frame - 1
-        if frame.index == last + 1:
-            return
-        t_s = self.t_s[last : frame.index + 1]
-        between = interpolate_poses(t_s[[0, -1]], np.stack([local_map.poses[-1], pose]), t_s[1:-1])
-        for bridged in between:
-            local_map.bridged.add(local_map.next_frame)
-            local_map.append_pose(bridged)
-        self.warnings.append(
-            f"tracking was lost from frame {last + 1} to {frame.index - 1} and found again; "
-            "these frames are bridged"
-        )
