@@ -15,12 +15,13 @@ from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.seconds import Seconds
 from vgps.sequence import Sequence
 from vgps.smoothing.assembly import Scene
-from vgps.smoothing.batch import Smoothed, optimise_batch
+from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.fixes import Fixes, fixes_in_world, place
 from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.joining import Joined, join_maps
 from vgps.smoothing.regions import region_sizes
 from vgps.smoothing.sky import under_sky
+from vgps.smoothing.smoothed import Smoothed
 from vgps.smoothing.verdicts import fix_table
 from vgps.solution import Landmarks, Observations, SensorReport, Solution
 from vgps.threads import one_blas_thread

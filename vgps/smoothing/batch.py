@@ -13,51 +13,17 @@ from vgps.smoothing.assembly import (
     Scene,
     build_problem,
     gps_and_motion,
-    other_pose_factors,
     select_observations,
 )
-from vgps.smoothing.balance import balanced, variance_factor
-from vgps.smoothing.bundle import BundleProblem, cost_terms
-from vgps.smoothing.fixes import Fixes, antenna_at, gps_graph, place, taking_part
+from vgps.smoothing.balance import balanced
+from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.judging import Judgement, judges, probabilities
 from vgps.smoothing.lag import settle_lag
-from vgps.smoothing.schur import Covariances, SolverSettings, solve
-from vgps.smoothing.sensors import ANTENNA, LAG, Sensors
-from vgps.smoothing.uncertainty import ErrorSources, drawn_covariances
-from vgps.solution import Observations, SolverReport
+from vgps.smoothing.schur import BundleResult, SolverSettings, solve
+from vgps.smoothing.sensors import Sensors
+from vgps.smoothing.smoothed import Smoothed, Solved, report_of, smoothed
 
 _FIRST_TOLERANCE = 5.0
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """What stage D found.
-
-    Attributes:
-        poses: (F, 4, 4) and their ``covariance`` (F, 6, 6) in the camera's tangent [rotation; translation],
-            NaN if the system does not determine them.
-        points: (L, 3) and reliabilities ``sigma_px`` (L,), NaN for features that were left out.
-        observations: Those that took part.
-        judgement: Of the fixes.
-        sensors: Lag and lever arm, estimated or as they were.
-        lag_sigma_s: (1,), ``antenna_sigma_m`` (3,): their standard deviations, NaN where not estimated.
-        report: Cost per term before and after, iterations, why it stopped.
-        warnings: In words.
-        problem: What was solved last, at its end.
-    """
-
-    poses: FloatArray
-    covariance: FloatArray
-    points: FloatArray
-    sigma_px: FloatArray
-    observations: Observations
-    judgement: Judgement
-    sensors: Sensors
-    lag_sigma_s: FloatArray
-    antenna_sigma_m: FloatArray
-    report: SolverReport
-    warnings: tuple[str, ...]
-    problem: BundleProblem
 
 
 def optimise_batch(
@@ -86,63 +52,85 @@ def optimise_batch(
     Raises:
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
-    current, iterations = scene, 0
+    estimate = _Estimate(scene, sensors, judgement or Judgement.none(len(fixes)), config)
+    last = config.batch.rounds - 1
     remark: tuple[str, ...] = ()
-    judgement = judgement or Judgement.none(len(fixes))
-    weighted = config
+    iterations = 0
     for round_ in range(config.batch.rounds):
-        # maps that were only just joined show lags that are none
-        if round_ == 1:
-            believed = judgement.applied(fixes)
-            sensors, remark = settle_lag(sensors, current.poses, scene.t_s, believed, config.sensors)
+        if round_ == 1:  # maps that were only just joined show lags that are none
+            estimate, remark = _with_lag(estimate, fixes, config)
         for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
-            tolerance = _FIRST_TOLERANCE if round_ == 0 else 1.0
-            kept, sigma = select_observations(current, K, config, tolerance)
-            in_time = judgement.applied(fixes).earlier(sensors.lag_s)
-            began = sensors
-            graph = gps_and_motion(kept, K, in_time, began, config, n)
-            reliability = np.nan_to_num(sigma, nan=1.0)
-            problem = build_problem(kept, K, reliability, graph, weighted, fixed, sensors.shared())
-            last = round_ == config.batch.rounds - 1
-            result = solve(problem, _settings(config, last), config.batch.solver)
-            if result.stuck and round_ == 0:
-                raise GeometryError(
-                    f"the optimiser made no step: {result.report.stop_reason}",
-                    remedy="check the camera's calibration, the GPS log and their clocks",
-                )
-            iterations += result.report.iterations
-            current = replace(
-                current, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark
-            )
-            sensors = sensors.moved(result.problem.shared)
-        if round_ < config.batch.rounds - 1:
-            current = _retriangulated(current, K, sigma, config)
-            in_time = fixes.earlier(sensors.lag_s)
-            judgement = judgement.updated(_judged(current, in_time, sensors, config))
-            weighted = _rebalanced(config, weighted, current, judgement.applied(in_time), sensors)
-    after = result.problem
-    report, warnings = _report(scene, after, iterations, result.report.stop_reason)
-    if not result.converged:
-        warnings = (*warnings, f"stage D did not reach a minimum: {result.report.stop_reason}")
-    covariance, doubts = _covariance(after, kept, K, in_time, began, config)
-    # what all tracks have in common shows in no track, but in fixes that fit worse than their regions say
-    in_time = judgement.applied(fixes).earlier(sensors.lag_s)
-    antenna = sensors.camera_p_antenna
-    covariance = covariance.scaled(variance_factor(config, after.world_T_camera, scene.t_s, in_time, antenna))
-    return Smoothed(
-        after.world_T_camera,
-        covariance.poses,
-        after.world_p_landmark,
-        sigma,
-        kept.observations,
-        judgement,
-        sensors,
-        _sigma(covariance, LAG, sensors.prior_lag.sigma_s == 0.0),
-        _sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
-        report,
-        (*remark, *warnings, *doubts),
-        after,
-    )
+            solved = _solved(estimate, K, fixes, config, n, fixed, (round_ == 0, round_ == last))
+            estimate = estimate.after(solved.result)
+            iterations += solved.result.report.iterations
+        if round_ < last:
+            estimate = _judged_anew(estimate, K, fixes, solved, config)
+    report, warnings = report_of(scene, solved.result, iterations)
+    said = *remark, *warnings
+    return smoothed(solved, K, fixes, estimate.judgement, estimate.sensors, config, report, said)
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """What the rounds have found so far; ``weighted`` is the configuration with the video's weight."""
+
+    scene: Scene
+    sensors: Sensors
+    judgement: Judgement
+    weighted: Config
+
+    def after(self, result: BundleResult) -> "_Estimate":
+        """With what a solver found."""
+        problem = result.problem
+        scene = replace(self.scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
+        return replace(self, scene=scene, sensors=self.sensors.moved(problem.shared))
+
+    def believed(self, fixes: Fixes) -> Fixes:
+        """The fixes as they are judged, at the times at which they were true."""
+        return self.judgement.applied(fixes).earlier(self.sensors.lag_s)
+
+
+def _with_lag(estimate: _Estimate, fixes: Fixes, config: Config) -> tuple[_Estimate, tuple[str, ...]]:
+    """With the lag that the fixes show, and what is to be said of it."""
+    scene, believed = estimate.scene, estimate.judgement.applied(fixes)
+    sensors, remark = settle_lag(estimate.sensors, scene.poses, scene.t_s, believed, config.sensors)
+    return replace(estimate, sensors=sensors), remark
+
+
+def _solved(
+    estimate: _Estimate,
+    K: FloatArray,
+    fixes: Fixes,
+    config: Config,
+    n: int,
+    fixed: BoolArray | None,
+    first_last: tuple[bool, bool],
+) -> Solved:
+    """The problem of a round with the walls' exponent ``n``, solved."""
+    first, last = first_last
+    kept, sigma = select_observations(estimate.scene, K, config, _FIRST_TOLERANCE if first else 1.0)
+    in_time, sensors = estimate.believed(fixes), estimate.sensors
+    graph = gps_and_motion(kept, K, in_time, sensors, config, n)
+    reliability = np.nan_to_num(sigma, nan=1.0)
+    problem = build_problem(kept, K, reliability, graph, estimate.weighted, fixed, sensors.shared())
+    result = solve(problem, _settings(config, last), config.batch.solver)
+    if result.stuck and first:
+        raise GeometryError(
+            f"the optimiser made no step: {result.report.stop_reason}",
+            remedy="check the camera's calibration, the GPS log and their clocks",
+        )
+    return Solved(result, kept, sigma, in_time, sensors)
+
+
+def _judged_anew(
+    estimate: _Estimate, K: FloatArray, fixes: Fixes, solved: Solved, config: Config
+) -> _Estimate:
+    """With features that were left out, verdicts and weights as the improved poses have them."""
+    scene = _retriangulated(estimate.scene, K, solved.sigma, config)
+    in_time = fixes.earlier(estimate.sensors.lag_s)
+    judgement = estimate.judgement.updated(_judged(scene, in_time, estimate.sensors, config))
+    weighted = _rebalanced(config, estimate.weighted, scene, judgement.applied(in_time), estimate.sensors)
+    return _Estimate(scene, estimate.sensors, judgement, weighted)
 
 
 def _rebalanced(config: Config, weighted: Config, scene: Scene, fixes: Fixes, sensors: Sensors) -> Config:
@@ -191,38 +179,3 @@ def _retriangulated(scene: Scene, K: FloatArray, sigma_px: FloatArray, config: C
     points = scene.points.copy()
     points[landmark] = found
     return replace(scene, points=points)
-
-
-def _report(
-    start: Scene, after: BundleProblem, iterations: int, reason: str
-) -> tuple[SolverReport, tuple[str, ...]]:
-    """Costs of the final problem at the start of D and at its end."""
-    before = cost_terms(replace(after, world_T_camera=start.poses, world_p_landmark=start.points))
-    cost_after = cost_terms(after)
-    warnings: tuple[str, ...] = ()
-    if sum(cost_after.values()) > sum(before.values()):
-        warnings = ("stage D ended at a higher cost than it began with, after outliers had been dropped",)
-    return SolverReport(before, cost_after, iterations, reason), warnings
-
-
-def _covariance(
-    problem: BundleProblem, scene: Scene, K: FloatArray, fixes: Fixes, sensors: Sensors, config: Config
-) -> tuple[Covariances, tuple[str, ...]]:
-    """Of the optimum of ``problem``, which was built from the rest."""
-    sources = ErrorSources(
-        gps_graph(fixes, scene.t_s, sensors, config.gps),
-        other_pose_factors(scene, K, sensors, config),
-        fixes.where(taking_part(fixes, scene.t_s, config.gps)),
-    )
-    try:
-        return drawn_covariances(problem, sources, config.batch.draws, config.seed), ()
-    except GeometryError as error:
-        unknown = np.full((len(problem.world_T_camera), 6, 6), np.nan)
-        return Covariances(unknown, {}), (f"no standard deviations: {error}",)
-
-
-def _sigma(covariance: Covariances, key: int, held: bool) -> FloatArray:
-    """Standard deviations of a shared vector; NaN if it was not estimated."""
-    if key not in covariance.shared or held:
-        return np.full(3 if key == ANTENNA else 1, np.nan)
-    return np.asarray(np.sqrt(np.diagonal(covariance.shared[key])))

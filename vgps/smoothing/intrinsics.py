@@ -15,11 +15,11 @@ from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.assembly import Scene
-from vgps.smoothing.batch import Smoothed
 from vgps.smoothing.bundle import BundleProblem, all_pose_values, camera_points, residuals
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.normal import LinearChunk, factor_points, linearize, point_steps, whitening
 from vgps.smoothing.schur import factorised
+from vgps.smoothing.smoothed import Smoothed
 from vgps.solution import Observations
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
