@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo, gyro, pose_at
 
-from vgps.errors import GeometryError
+from vgps.errors import GeometryError, VideoError
 from vgps.landmarks.localise import localise
 from vgps.landmarks.localiser import Localiser, sensor_warnings
 from vgps.landmarks.track_settings import TrackConfig
@@ -129,3 +130,13 @@ def test_a_run_folder_is_written(database, tmp_path):
     rows = (tmp_path / "run" / "poses.csv").read_text().splitlines()
     assert "bridged" in rows[3]
     assert "tracked" in rows[2]
+
+
+def test_a_video_that_breaks_off_is_told_as_the_reader_does(database):
+    class Broken(WallVideo):
+        def frames(self):
+            yield from islice(super().frames(), 2)
+            raise VideoError("cannot be decoded", file=self.path)
+
+    with pytest.raises(VideoError, match=r"wall\.mp4: cannot be decoded"):
+        localise(recording_of(Broken(5)), database, TrackConfig(**SMALL))

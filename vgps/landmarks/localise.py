@@ -1,6 +1,7 @@
 """A recording localised against a landmark database: the pose of every frame, as a Solution."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 import numpy as np
@@ -54,7 +55,7 @@ def localise(
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []
     poses: dict[float, FloatArray] = {}
-    decoded: Iterable[Frame] = recording.video.frames()
+    decoded: Iterable[Frame] = _ahead(recording.video.frames())
     if progress is not None:
         decoded = progress.track(decoded, len(recording.video.times_s))
     with one_blas_thread(), seconds.measure("track"):
@@ -81,6 +82,15 @@ def localise(
     return as_solution(
         recording, database.world_origin, config, frames, path, gray, seconds.by_stage, warnings
     )
+
+
+def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The same frames, the next one decoded on another core while one is tracked."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(next, frames, None)
+        while (frame := coming.result()) is not None:
+            coming = pool.submit(next, frames, None)
+            yield frame
 
 
 def _gray(image: Float32Array, uv_px: FloatArray) -> FloatArray:
