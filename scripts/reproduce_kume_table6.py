@@ -7,8 +7,8 @@ python scripts/reproduce_kume_table6.py --recording DIR [--truth T.tum] [--gps L
 Without a recording each seed is a walk of its own, as in section 4 of the thesis: 70 m, hand-held, 720x480,
 15 frames a second, RTK-fix at both ends and RTK-float between. With one, a seed is the front end's.
 
-Twenty walks within half an hour on two free cores: --seeds 20 --jobs 2 --small --methods B C D cylinder
-(pictures of half the size, and without the video alone, which has stages A to C of its own).
+Twenty walks at the least cost: --seeds 20 --jobs 2 --small --methods B C D cylinder (pictures of half the
+size, and without the video alone, which has stages A to C of its own).
 """
 
 import argparse
