@@ -10,7 +10,7 @@ from vgps.config import Config
 from vgps.handover import hand_over
 from vgps.local_map import Controls, LocalMap
 from vgps.model import FloatArray, IntArray
-from vgps.seconds import Seconds
+from vgps.seconds import BESIDE, Seconds
 from vgps.smoothing.drift import correct_drift
 from vgps.smoothing.ledger import FixLedger
 from vgps.smoothing.start import align_to_control, try_alignment
@@ -100,7 +100,8 @@ class Refiner:
         """
         refined, ledger = local_map.snapshot(), self._ledger.snapshot()
         pool = ThreadPoolExecutor(1)
-        self._job = _Job(local_map, refined, ledger, pool.submit(self._optimise, refined, t_s, ledger))
+        ends = pool.submit(self._optimise, refined, t_s, ledger, BESIDE)
+        self._job = _Job(local_map, refined, ledger, ends)
         pool.shutdown(wait=False)
 
     def finish(self) -> tuple[IntArray, list[str]]:
@@ -121,7 +122,9 @@ class Refiner:
         inlier_px = self._config.tracking.inlier_px
         return hand_over(job.refined, job.original, self._K, inlier_px), warnings
 
-    def _optimise(self, local_map: LocalMap, t_s: FloatArray, ledger: FixLedger) -> list[str]:
+    def _optimise(
+        self, local_map: LocalMap, t_s: FloatArray, ledger: FixLedger, beside: str = ""
+    ) -> list[str]:
         until_s = float(t_s[-1])
         since_s = until_s - self._config.drift.horizon_s
         antenna, config = self._antenna, self._config
@@ -129,14 +132,14 @@ class Refiner:
         def contradicted() -> bool:
             return contradicts(local_map, t_s, ledger.believed(until_s), antenna, config)
 
-        with self._seconds.measure("drift"):
+        with self._seconds.measure("drift" + beside):
             if local_map.aligned:
                 ledger.settle_lag(*path_of(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
                 ledger.judge(*path_of(local_map, t_s, since_s))
                 if contradicted():
                     correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
-        with self._seconds.measure("window"):
+        with self._seconds.measure("window" + beside):
             fixes = ledger.believed(until_s)
             found = optimise_window(local_map, t_s, self._K, fixes, antenna, config, self._controls)
         if found:

@@ -7,7 +7,7 @@ from synthetic_bundle import drive
 from vgps.geometry import triangulate
 from vgps.smoothing.bundle import camera_points, residuals, video_cost
 from vgps.smoothing.elimination import structure_of
-from vgps.smoothing.points import anchors, carried, landmark_costs, settled
+from vgps.smoothing.points import anchors, best_points, carried, landmark_costs, settled
 from vgps.smoothing.schur import solve
 
 MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
@@ -49,10 +49,12 @@ def test_a_point_settles_where_it_is_triangulated_and_the_others_stay():
     away += np.random.default_rng(0).normal(0.0, 0.5, away.shape)
     which = np.arange(len(away)) == one
     start = replace(problem, world_p_landmark=away)
-    found = settled(replace(start, world_p_landmark=settled(start, which)), which)
+    nearer, gain = settled(start, which)
+    found, _ = settled(replace(start, world_p_landmark=nearer), which)
     rows = problem.landmark == one
     views = problem.world_T_camera[problem.frame[rows]]
     best, _ = triangulate(MATRIX, views, problem.uv_px[rows], np.array([0]), iterations=10)
+    assert gain > 0.0
     np.testing.assert_allclose(found[one], best[0], atol=1e-4)
     np.testing.assert_array_equal(found[~which], away[~which])
 
@@ -64,10 +66,11 @@ def test_a_settled_point_is_never_worse():
     )
     start = replace(problem, world_p_landmark=away)
     structure = structure_of(problem)
-    found = settled(start, np.ones(len(away), dtype=bool))
+    found, gain = settled(start, np.ones(len(away), dtype=bool))
     before = landmark_costs(start, structure)
     after = landmark_costs(replace(start, world_p_landmark=found), structure)
     assert (after <= before + 1e-9).all() and after.sum() < 0.8 * before.sum()
+    assert gain == pytest.approx(before.sum() - after.sum(), rel=1e-9)
 
 
 def test_a_few_hopeless_points_do_not_hold_back_the_poses():
@@ -81,3 +84,18 @@ def test_a_few_hopeless_points_do_not_hold_back_the_poses():
     moved = spoilt.problem.world_T_camera[:, :3, 3] - clean.problem.world_T_camera[:, :3, 3]
     assert np.linalg.norm(moved, axis=1).max() < 1e-3
     assert spoilt.report.iterations <= 5 * clean.report.iterations
+
+
+def test_a_step_that_suits_no_point_carries_all_of_them():
+    problem, poses = drive(20, 200, seed=1)
+    after = poses.copy()
+    after[:, :3, 3] += [3.0, 0.0, 0.0]
+    before = replace(problem, world_T_camera=poses)
+    moved, structure = replace(problem, world_T_camera=after), structure_of(problem)
+    wild = np.random.default_rng(0).normal(0.0, 50.0, problem.world_p_landmark.shape)
+    points, cost = best_points(moved, before, anchors(problem), wild, structure)
+    assert cost == pytest.approx(video_cost(replace(moved, world_p_landmark=points)), rel=1e-9)
+    assert cost < landmark_costs(before, structure).sum() + 1e-9
+    right = np.tile([3.0, 0.0, 0.0], (200, 1))
+    points, cost = best_points(moved, before, anchors(problem), right, structure)
+    assert cost <= landmark_costs(before, structure).sum() + 1e-9

@@ -10,6 +10,7 @@ from vgps.landmarks.localise import localise
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
+from vgps.seconds import one_after_another
 from vgps.solution import FrameState
 from vgps.writers.run_folder import check_writable, write_run
 
@@ -46,7 +47,7 @@ def track(
     write_run(solution, out)
     for warning in solution.warnings:
         note(warning)
-    frames, seconds = len(solution.t_s), sum(solution.seconds.values())
+    frames, seconds = len(solution.t_s), one_after_another(solution.seconds)
     held = solution.state.count(FrameState.TRACKED)
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
     say(f"{held} of {frames} frames tracked, {speed}: {out}")

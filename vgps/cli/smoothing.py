@@ -11,6 +11,7 @@ from vgps.evaluate import as_table
 from vgps.offline import smooth as smooth_recording
 from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
+from vgps.seconds import one_after_another
 from vgps.solution import Solution
 from vgps.writers.run_folder import check_writable, write_run
 
@@ -68,7 +69,7 @@ def smooth(
 def _summary(solution: Solution, out: Path) -> None:
     for warning in solution.warnings:
         note(warning)
-    frames, seconds = len(solution.t_s), sum(solution.seconds.values())
+    frames, seconds = len(solution.t_s), one_after_another(solution.seconds)
     used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
     logged = 0 if solution.gps is None else len(solution.gps)
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"

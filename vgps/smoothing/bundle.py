@@ -5,7 +5,8 @@ problem as a GTSAM factor graph, whose ``error`` is this module's cost to the la
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from typing import Literal
 
 import gtsam
@@ -117,12 +118,15 @@ class BundleProblem:
         shared: Mapping[int, FloatArray] | None = None,
     ) -> "BundleProblem":
         """The same problem at other poses (F, 4, 4), points (L, 3) and shared vectors."""
-        return replace(
-            self,
-            world_T_camera=world_T_camera,
-            world_p_landmark=world_p_landmark,
-            shared=self.shared if shared is None else shared,
-        )
+        twin = copy(self)  # the observations were looked through once
+        changes = {"world_T_camera": world_T_camera, "world_p_landmark": world_p_landmark}
+        for name, value in changes.items():
+            if value.shape != getattr(self, name).shape:
+                raise ValueError(f"{name} has shape {value.shape}, expected {getattr(self, name).shape}")
+            object.__setattr__(twin, name, value)
+        if shared is not None:
+            object.__setattr__(twin, "shared", shared)
+        return twin
 
     @property
     def pose_graph_frames(self) -> IntArray:

@@ -10,9 +10,11 @@ from vgps.smoothing.band import POSE, NotPositiveDefiniteError
 from vgps.smoothing.bundle import BundleProblem, all_pose_values
 from vgps.smoothing.elimination import Structure
 from vgps.smoothing.normal import Linearization, linearize, point_steps, reduce_to_poses
-from vgps.smoothing.points import anchors, carried, landmark_costs, settled
+from vgps.smoothing.points import anchors, best_points, landmark_costs
 
 LIGHT_DAMPING = 1e-2  # leaves a step nearly a Gauss-Newton step: a short one then means a minimum
+_PARTS = (1.0, 0.5, 0.25)
+_POOR = 0.25  # of what was promised
 _SMALL_STEPS = 3  # in succession that end the search even under heavy damping
 
 
@@ -85,7 +87,8 @@ def levenberg(problem: BundleProblem, structure: Structure, settings: SolverSett
         settings: When to stop, and how to damp.
     """
     values = all_pose_values(problem)
-    state = _State(problem, values, _cost(problem, values, structure), anchors(problem))
+    cost = float(landmark_costs(problem, structure).sum()) + float(problem.pose_graph.error(values))
+    state = _State(problem, values, cost, anchors(problem))
     damping, small_steps = settings.lambda_start, 0
     for iteration in range(settings.max_iterations):
         better, used, vain = _search(state, structure, damping, settings)
@@ -155,38 +158,40 @@ def _step(linear: Linearization, structure: Structure, damping: float) -> _Step 
 
 
 def _try(state: _State, structure: Structure, step: _Step, settings: SolverSettings) -> _State | None:
-    """The place after the step, or nothing if the step is refused."""
+    """The place after the step, or after a part of it that leads lower; nothing if none leads low enough.
+
+    Walls and robust losses are no parabolas: where the model promised far too much, the step overshot.
+    """
     if not np.isfinite(step.promised):
         return None
+    best = state
+    for part in _PARTS:
+        trial = _moved(state, structure, step, part)
+        if trial.cost < best.cost:  # false of NaN
+            best = trial
+        if state.cost - best.cost >= _POOR * step.promised:
+            break
+    good = state.cost - best.cost > max(settings.least_gain * step.promised, 0.0)
+    return best if good else None
+
+
+def _moved(state: _State, structure: Structure, step: _Step, part: float) -> _State:
+    """The place after ``part`` of a step."""
     delta = gtsam.VectorValues()
     moves = structure.free >= 0
-    for key, pose_step in zip(state.problem.keys[moves].tolist(), step.poses[moves], strict=True):
+    for key, pose_step in zip(state.problem.keys[moves].tolist(), part * step.poses[moves], strict=True):
         delta.insert(key, pose_step)
     at = 0
     for key in sorted(state.problem.shared):
         size = len(state.problem.shared[key])
-        delta.insert(key, step.shared[at : at + size])
+        delta.insert(key, part * step.shared[at : at + size])
         at += size
     values = state.values.retract(delta)
     shared = {key: values.atVector(key) for key in state.problem.shared}
     problem = state.problem.moved(_poses(values, state.problem), state.problem.world_p_landmark, shared)
-    problem = _best_points(problem, state, step.points, structure)
-    trial = _State(problem, values, _cost(problem, values, structure), state.anchor)
-    good = np.isfinite(trial.cost) and state.cost - trial.cost > max(settings.least_gain * step.promised, 0.0)
-    return trial if good else None
-
-
-def _best_points(
-    problem: BundleProblem, state: _State, step: FloatArray, structure: Structure
-) -> BundleProblem:
-    """Each point where the step (L, 3) has it, or, if that is worse, carried along and moved by itself."""
-    poses, points = problem.world_T_camera, problem.world_p_landmark
-    goes = problem.moved(poses, points + step)
-    stays = problem.moved(poses, carried(points, state.problem.world_T_camera, poses, state.anchor))
-    worse = landmark_costs(goes, structure) > landmark_costs(stays, structure)
-    best = np.where(worse[:, None], stays.world_p_landmark, goes.world_p_landmark)
-    problem = problem.moved(poses, best)
-    return problem.moved(poses, settled(problem, worse))
+    points, video = best_points(problem, state.problem, state.anchor, part * step.points, structure)
+    problem = problem.moved(problem.world_T_camera, points)
+    return _State(problem, values, video + float(problem.pose_graph.error(values)), state.anchor)
 
 
 def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
@@ -198,7 +203,3 @@ def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
     world_T_camera[moves, :3, :3] = rows[moves, :9].reshape(-1, 3, 3)
     world_T_camera[moves, :3, 3] = rows[moves, 9:]
     return world_T_camera
-
-
-def _cost(problem: BundleProblem, values: gtsam.Values, structure: Structure) -> float:
-    return float(landmark_costs(problem, structure).sum()) + float(problem.pose_graph.error(values))

@@ -16,6 +16,7 @@ from vgps.smoothing.bundle import BundleProblem, observation_costs
 from vgps.smoothing.elimination import Structure
 from vgps.smoothing.normal import factor_points, linearize_chunk
 
+_NOTEWORTHY = 1e-3  # of cost, by which a step has to fail a point before that is moved by itself
 _DAMPING = 1e-3
 _ITERATIONS = 4
 
@@ -56,19 +57,51 @@ def landmark_costs(problem: BundleProblem, structure: Structure) -> FloatArray:
     return costs
 
 
-def settled(problem: BundleProblem, which: BoolArray) -> FloatArray:
-    """(L, 3) the points, those that ``which`` (L,) names after a few damped steps, each of its own.
+def best_points(
+    problem: BundleProblem, before: BundleProblem, anchor: IntArray, step: FloatArray, structure: Structure
+) -> tuple[FloatArray, float]:
+    """Each point where a step has it or, if that is worse, carried along and moved by itself.
 
-    No point's cost is higher than before.
+    Args:
+        problem: The poses after the step, the points as they were.
+        before: The poses before it.
+        anchor: (L,) :func:`anchors`.
+        step: (L, 3) of the points.
+        structure: Of the problem.
+
+    Returns:
+        (L, 3) the points, and what their sightings cost.
+    """
+    poses, points = problem.world_T_camera, problem.world_p_landmark
+    goes = problem.moved(poses, points + step)
+    stays = problem.moved(poses, carried(points, before.world_T_camera, poses, anchor))
+    cost, cost_stays = landmark_costs(goes, structure), landmark_costs(stays, structure)
+    worse = cost > cost_stays  # false of NaN: then the whole step is refused
+    gap = np.where(worse, cost - cost_stays, 0.0)
+    best = np.where(worse[:, None], stays.world_p_landmark, goes.world_p_landmark)
+    found, gain = settled(problem.moved(poses, best), gap > _NOTEWORTHY)
+    return found, float(np.where(worse, cost_stays, cost).sum()) - gain
+
+
+def settled(problem: BundleProblem, which: BoolArray) -> tuple[FloatArray, float]:
+    """Points after a few damped steps, each of its own; no point's cost is higher than before.
+
+    Args:
+        problem: The poses, and where to begin.
+        which: (L,) points that move.
+
+    Returns:
+        (L, 3) all points, and by how much the cost is lower.
     """
     rows = np.flatnonzero(which[problem.landmark])
     points = problem.world_p_landmark.copy()
     if not len(rows):
-        return points
+        return points, 0.0
     chunk = _seen(problem, rows)
     own = chunk.landmarks
     damping = np.full(len(own), _DAMPING)
     cost = _costs(problem, chunk)
+    at_first = float(cost.sum())
     for _ in range(_ITERATIONS):
         linear = linearize_chunk(problem.moved(problem.world_T_camera, points), chunk)
         factor = factor_points(linear, damping)
@@ -78,7 +111,7 @@ def settled(problem: BundleProblem, which: BoolArray) -> FloatArray:
         better = trial_cost < cost
         points[own[better]], cost[better] = trial[own[better]], trial_cost[better]
         damping *= np.where(better, 0.1, 10.0)
-    return points
+    return points, at_first - float(cost.sum())
 
 
 def _costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:

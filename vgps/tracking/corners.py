@@ -21,10 +21,12 @@ def harris_maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, 
         ``uv_px`` (N, 2) and their responses (N,).
     """
     response = cv2.cornerHarris(gray, _BLOCK_PX, 3, config.harris_k)
-    peak = response == cv2.dilate(response, np.ones((3, 3), np.uint8))
-    peak &= response > max(config.harris_quality * float(response.max()), 1e-12)
-    peak[:_MARGIN_PX], peak[-_MARGIN_PX:], peak[:, :_MARGIN_PX], peak[:, -_MARGIN_PX:] = (False,) * 4
-    rows, columns = np.nonzero(peak)
+    inner = slice(_MARGIN_PX, -_MARGIN_PX)
+    least = max(config.harris_quality * cv2.minMaxLoc(response)[1], 1e-12)
+    largest = cv2.dilate(response, np.ones((3, 3), np.uint8))
+    peak = (response == largest)[inner, inner] & (response > least)[inner, inner]
+    rows, columns = np.divmod(np.flatnonzero(peak), peak.shape[1])
+    rows, columns = rows + _MARGIN_PX, columns + _MARGIN_PX
     strength = response[rows, columns].astype(np.float64)
     order = np.argsort(-strength, kind="stable")
     return np.stack([columns, rows], axis=1)[order].astype(np.float64), strength[order]

@@ -13,6 +13,7 @@ from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import lmeds_pose, refine_pose
 
 _NEAR = 1e-3
+_GUESS_STEPS = 4  # of a pose that competes with others, and is refined if it wins
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,9 @@ class FrameTracker:
         if usable.sum() < self._config.min_inliers:
             return tracked
         points, uv = local_map.points[local_map.ids[usable]], tracked.uv_px[usable]
-        by_motion, _ = refine_pose(self._K, predicted, points, uv, np.ones(len(points)))
+        by_motion, _ = refine_pose(
+            self._K, predicted, points, uv, np.ones(len(points)), iterations=_GUESS_STEPS
+        )
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
         tentative, _ = lmeds_pose(self._K, points, uv, guesses, samples, self._rng, good_px)

@@ -10,7 +10,7 @@ from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
 
 _REFINE_EVERY = 5
-_REFILL_SHARE = 0.85
+_REFILL_SHARE = 0.75
 _FIRST_VIEWS = 2
 
 

@@ -13,6 +13,8 @@ from vgps.tracking.corners import harris_maxima
 
 Float32Array = npt.NDArray[np.float32]
 
+_NEAR_LEVELS = 2  # of the pyramid, enough where a prediction is off by a few pixels
+_GOOD_SHARE = 0.9  # of the features, found at the first try if the prediction is good
 _MAX_CORNERS = 5000  # the strongest; more are noise, and cost their square
 
 
@@ -50,8 +52,10 @@ class LucasKanade:
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
         """As in :class:`Matcher`."""
-        # a prediction is seldom far off: the whole pyramid, several times the work, is for the others
-        match = self.rematch(previous, current, uv_px, predicted_uv_px)
+        match = self._flow(previous, current, uv_px, predicted_uv_px, _NEAR_LEVELS)
+        if match.found.mean() > _GOOD_SHARE:
+            return match
+        # the prediction is far off: the whole pyramid, several times the work
         far = np.flatnonzero(~match.found)
         again = self._flow(previous, current, uv_px[far], predicted_uv_px[far], self._config.pyramid_levels)
         match.uv_px[far], match.found[far] = again.uv_px, again.found
