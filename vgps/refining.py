@@ -16,6 +16,8 @@ from vgps.smoothing.ledger import FixLedger
 from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
 
+_BENT_TOLERANCE = 5.0
+
 
 @dataclass(frozen=True)
 class _Job:
@@ -132,16 +134,22 @@ class Refiner:
         def contradicted() -> bool:
             return contradicts(local_map, t_s, ledger.believed(until_s), antenna, config)
 
+        bent = False
         with self._seconds.measure("drift" + beside):
             if local_map.aligned:
                 ledger.settle_lag(*path_of(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
                 ledger.judge(*path_of(local_map, t_s, since_s))
-                if contradicted():
-                    correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
+                bent = contradicted()
+            if bent:
+                correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
         with self._seconds.measure("window" + beside):
             fixes = ledger.believed(until_s)
-            found = optimise_window(local_map, t_s, self._K, fixes, antenna, config, self._controls)
+            # a bent path suits no long track well: without these the window would tear off
+            tolerance = _BENT_TOLERANCE if bent else 1.0
+            found = optimise_window(
+                local_map, t_s, self._K, fixes, antenna, config, self._controls, tolerance
+            )
         if found:
             return []
         return [f"stage C found no better poses at {until_s:.2f} s, from a start that is no minimum"]

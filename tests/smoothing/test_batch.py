@@ -45,7 +45,10 @@ def test_both_solvers_end_alike():
         )
         for solver in ("schur", "gtsam")
     ]
-    np.testing.assert_allclose(ends[0].poses, ends[1].poses, atol=1e-5)
+    costs = [sum(end.report.cost_after.values()) for end in ends]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-8)
+    # along the weakest direction, the roll, that leaves a tenth of a millimetre
+    np.testing.assert_allclose(ends[0].poses, ends[1].poses, atol=2e-4)
 
 
 def test_a_wild_fix_is_rejected_and_one_unjustly_refused_comes_back():

@@ -20,13 +20,16 @@ def images():
     return image.clip(0, 255).astype(np.uint8), moved.clip(0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("method", "tolerance_px"), [("lk", 0.05), ("ssd", 0.2)])
-def test_a_shift_is_found(images, method, tolerance_px):
+@pytest.mark.parametrize(
+    ("method", "tolerance_px", "missed_px"), [("lk", 0.05, 3.0), ("lk", 0.05, 25.0), ("ssd", 0.2, 9.0)]
+)
+def test_a_shift_is_found_from_near_and_from_far(images, method, tolerance_px, missed_px):
     config = TrackingConfig(method=method, search_px=16)
     uv = new_corners(images[0], np.zeros((0, 2)), 80, config, np.random.default_rng(0))
     inner = np.all((uv > 30) & (uv < (330, 230)), axis=1)
-    match = make_matcher(config).match(*images, uv[inner], uv[inner])
-    assert match.found.mean() > 0.9
+    predicted = uv[inner] + SHIFT + missed_px * np.array([0.8, -0.6])
+    match = make_matcher(config).match(*images, uv[inner], predicted)
+    assert match.found.mean() > 0.85
     error = np.linalg.norm(match.uv_px - uv[inner] - SHIFT, axis=1)[match.found]
     assert np.median(error) < tolerance_px
 

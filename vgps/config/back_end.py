@@ -13,7 +13,7 @@ class WindowConfig(SettingsModel):
     every_frames: PositiveInt = 15
     length_frames: PositiveInt = 60
     iterations: PositiveInt = 4
-    delay_frames: NonNegativeInt = 8
+    delay_frames: NonNegativeInt = 11
     """Stage C works beside the frames that follow, and what it found is used after so many of them, be it
     quick or slow, so that results repeat; 0: it is waited for."""
     tolerated_drift: PositiveFloat = 0.02

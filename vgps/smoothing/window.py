@@ -18,6 +18,8 @@ from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.schur import SolverSettings, solve
 from vgps.smoothing.sensors import Sensors
 
+_ROUGH = 3  # times as many iterations, where the start is rough
+
 
 def optimise_window(
     local_map: LocalMap,
@@ -27,6 +29,7 @@ def optimise_window(
     camera_p_antenna: FloatArray,
     config: Config,
     controls: Controls = NO_CONTROLS,
+    tolerance: float = 1.0,
 ) -> bool:
     """Optimise the poses of the last frames and the features seen in them, in place.
 
@@ -44,6 +47,7 @@ def optimise_window(
         camera_p_antenna: (3,) metres.
         config: Window, weights and GPS model.
         controls: Sightings of known points.
+        tolerance: Of sightings that contradict the start, in ``max_reprojection_px``: more where it is rough.
 
     Returns:
         Whether the optimiser found its way; else the poses are as they were.
@@ -57,7 +61,7 @@ def optimise_window(
     history = local_map.views.shape[1]
     first = max(local_map.first_posed, since - history)
     scene, ids = scene_of_map(local_map, t_s, first, controls)
-    scene, sigma = select_observations(scene, K, config)
+    scene, sigma = select_observations(scene, K, config, tolerance)
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
         graph = gps_and_motion(scene, K, fixes, Sensors.known(camera_p_antenna), config)
@@ -69,7 +73,8 @@ def optimise_window(
             fixed[[0, _farthest_of_first_views(scene.poses)]] = True
     problem = build_problem(scene, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
     settings = SolverSettings(
-        max_iterations=config.window.iterations, relative_tolerance=config.batch.relative_tolerance
+        max_iterations=config.window.iterations * (1 if tolerance == 1.0 else _ROUGH),
+        relative_tolerance=config.batch.relative_tolerance,
     )
     solved = solve(problem, settings)
     result = solved.problem

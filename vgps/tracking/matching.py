@@ -14,7 +14,7 @@ from vgps.tracking.corners import harris_maxima
 Float32Array = npt.NDArray[np.float32]
 
 _NEAR_LEVELS = 2  # of the pyramid, enough where a prediction is off by a few pixels
-_GOOD_SHARE = 0.9  # of the features, found at the first try if the prediction is good
+_GOOD_SHARE = 0.75  # of the features, found at the first try if the prediction is good
 _MAX_CORNERS = 5000  # the strongest; more are noise, and cost their square
 
 
@@ -53,7 +53,7 @@ class LucasKanade:
     ) -> Match:
         """As in :class:`Matcher`."""
         match = self._flow(previous, current, uv_px, predicted_uv_px, _NEAR_LEVELS)
-        if match.found.mean() > _GOOD_SHARE:
+        if match.found.sum() >= _GOOD_SHARE * len(uv_px):
             return match
         # the prediction is far off: the whole pyramid, several times the work
         far = np.flatnonzero(~match.found)
