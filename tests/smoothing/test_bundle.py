@@ -12,9 +12,9 @@ from vgps.smoothing.bundle import (
     projection_errors,
     robust_loss,
     robust_weight,
-    to_graph,
     whitened_robust_k,
 )
+from vgps.smoothing.bundle_graph import to_graph
 
 
 def one_point(world_p: list[float], uv: list[float], **more: object) -> BundleProblem:

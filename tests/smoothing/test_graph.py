@@ -11,7 +11,8 @@ from synthetic_bundle import ANTENNA, K, drive
 from factors import Cylinder, Gaussian, gps_factor, gps_factor_between, gps_factor_calibrating
 from vgps.errors import GeometryError
 from vgps.smoothing import graph as engine
-from vgps.smoothing.bundle import BundleProblem, to_graph
+from vgps.smoothing.bundle import BundleProblem
+from vgps.smoothing.bundle_graph import to_graph
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.graph import GraphResult, SolverSettings, optimise_graph, pose_marginals
 from vgps.smoothing.graph_reading import read_graph

@@ -11,7 +11,8 @@ from synthetic_bundle import drive
 
 from factors import Gaussian, gps_factor_calibrating
 from vgps.config import SensorsConfig
-from vgps.smoothing.bundle import cost_terms, to_graph
+from vgps.smoothing.bundle import cost_terms
+from vgps.smoothing.bundle_graph import to_graph
 from vgps.smoothing.schur import SolverSettings, covariances, solve
 from vgps.smoothing.sensors import ANTENNA, LAG, Lag, Sensors
 

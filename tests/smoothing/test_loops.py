@@ -9,7 +9,8 @@ from gtsam.symbol_shorthand import X
 from synthetic_bundle import K, visible
 
 from vgps.smoothing import elimination
-from vgps.smoothing.bundle import BundleProblem, cost_terms, to_graph
+from vgps.smoothing.bundle import BundleProblem, cost_terms
+from vgps.smoothing.bundle_graph import to_graph
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.graph import optimise_graph
 from vgps.smoothing.schur import SolverSettings, pose_covariances, solve

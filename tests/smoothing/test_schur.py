@@ -7,7 +7,8 @@ from gtsam.symbol_shorthand import L, X
 from synthetic_bundle import drive, pose_factors, true_poses
 
 from vgps.errors import GeometryError
-from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms, to_graph
+from vgps.smoothing.bundle import BundleProblem, all_pose_values, cost_terms
+from vgps.smoothing.bundle_graph import to_graph
 from vgps.smoothing.elimination import structure_of
 from vgps.smoothing.normal import linearize, reduce_to_poses
 from vgps.smoothing.schur import SolverSettings, pose_covariances, solve

@@ -4,10 +4,9 @@ The Schur complement subtracts, for every landmark, a square over the frames tha
 nearly the same frames share one dense matrix product; its empty entries cost less than any bookkeeping would.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
-import gtsam
 import numpy as np
 from scipy.linalg import blas
 
@@ -110,17 +109,8 @@ def _parts(group: IntArray, order: IntArray) -> list[IntArray]:
 
 
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, part: IntArray) -> Chunk:
-    frame, landmarks = problem.frame[part], problem.landmark[part]
-    here = replace(
-        problem,
-        frame=frame,
-        landmark=landmarks,
-        uv_px=problem.uv_px[part],
-        sigma_px=problem.sigma_px[part],
-        robust_k=None if problem.robust_k is None else problem.robust_k[part],
-        pose_graph=gtsam.NonlinearFactorGraph(),
-        shared={},
-    )
+    here = problem.only(part)
+    frame, landmarks = here.frame, here.landmark
     rows, landmark = np.unique(landmarks, return_inverse=True)
     seen = np.flatnonzero(free[frame] >= 0)
     groups, entry = _lay_out(free[frame[seen]], landmark[seen], group[rows])

@@ -1,18 +1,17 @@
 """The optimisation problem of stages C and D: poses, landmarks, observations, and GTSAM factors on poses.
 
-Observations are arrays, never factors: a solver linearises them all at once. :func:`to_graph` writes the same
+Observations are arrays, never factors: a solver linearises them all at once. ``bundle_graph`` writes the same
 problem as a GTSAM factor graph, whose ``error`` is this module's cost to the last digits.
 """
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import gtsam
 import numpy as np
-from gtsam.noiseModel import mEstimator
-from gtsam.symbol_shorthand import L, X
+from gtsam.symbol_shorthand import X
 
 from vgps.model import BoolArray, FloatArray, IntArray
 
@@ -110,6 +109,19 @@ class BundleProblem:
         if len(strange):
             raise ValueError(f"the key {gtsam.DefaultKeyFormatter(int(strange[0]))} is no pose's")
         return np.asarray(order[at], np.int64)
+
+    def only(self, rows: IntArray) -> "BundleProblem":
+        """The same problem cut down to some observations, without pose factors."""
+        return replace(
+            self,
+            frame=self.frame[rows],
+            landmark=self.landmark[rows],
+            uv_px=self.uv_px[rows],
+            sigma_px=self.sigma_px[rows],
+            robust_k=None if self.robust_k is None else self.robust_k[rows],
+            pose_graph=gtsam.NonlinearFactorGraph(),
+            shared={},
+        )
 
     def moved(
         self,
@@ -270,39 +282,3 @@ def _shared_values(problem: BundleProblem) -> gtsam.Values:
 def cost_terms(problem: BundleProblem) -> Mapping[str, float]:
     """The cost, Eq. (11), Kume 2010: ``video`` of the observations, ``poses`` of the pose factors."""
     return {"video": video_cost(problem), "poses": float(problem.pose_graph.error(pose_values(problem)))}
-
-
-def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
-    k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
-    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
-    models: list[gtsam.noiseModel.Base] = []
-    for sigma, constant in pairs.tolist():
-        model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
-        if problem.robust != "none" and np.isfinite(constant):
-            estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
-            model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)
-        models.append(model)
-    return [models[i] for i in row.ravel().tolist()]
-
-
-def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """The whole problem as a factor graph, and the values of the variables that occur in it.
-
-    Held frames are tied by a constrained factor, which costs nothing where they are.
-    """
-    K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
-    graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
-    keys, landmarks = problem.keys, problem.landmark.tolist()
-    rows = zip(problem.uv_px, _noise_models(problem), keys[problem.frame].tolist(), landmarks, strict=True)
-    for uv, model, key, landmark in rows:
-        graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(landmark), K, False, False))
-    values = pose_values(problem)
-    for frame in np.setdiff1d(problem.frame, problem.pose_graph_frames).tolist():
-        values.insert(int(keys[frame]), gtsam.Pose3(problem.world_T_camera[frame]))
-    for row in np.unique(problem.landmark).tolist():
-        values.insert(L(row), problem.world_p_landmark[row])
-    held = gtsam.noiseModel.Constrained.All(6)
-    for key in keys[problem.fixed_frames].tolist():
-        if values.exists(key):
-            graph.addPriorPose3(key, values.atPose3(key), held)
-    return graph, values

@@ -7,7 +7,8 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L
 
-from vgps.smoothing.bundle import BundleProblem, to_graph
+from vgps.smoothing.bundle import BundleProblem
+from vgps.smoothing.bundle_graph import to_graph
 from vgps.smoothing.levenberg import LIGHT_DAMPING, Outcome, SolverSettings
 
 

@@ -5,9 +5,6 @@ such that are seen along nearly one ray, the model is wrong even for short steps
 system would creep for their sake. So each point takes its part of a step only if its own sightings gain.
 """
 
-from dataclasses import replace
-
-import gtsam
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -121,16 +118,7 @@ def _costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:
 
 def _seen(problem: BundleProblem, rows: IntArray) -> Chunk:
     """These observations, without blocks."""
-    here = replace(
-        problem,
-        frame=problem.frame[rows],
-        landmark=problem.landmark[rows],
-        uv_px=problem.uv_px[rows],
-        sigma_px=problem.sigma_px[rows],
-        robust_k=None if problem.robust_k is None else problem.robust_k[rows],
-        pose_graph=gtsam.NonlinearFactorGraph(),
-        shared={},
-    )
+    here = problem.only(rows)
     own, landmark = np.unique(here.landmark, return_inverse=True)
     none = np.zeros(0, dtype=np.int64)
     return Chunk(here, own, landmark, 0, here.frame, none, np.zeros((0, 3), dtype=np.int64), ())
