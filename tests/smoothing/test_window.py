@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_map import MATRIX, away, map_of, scene
 
@@ -44,10 +45,27 @@ def test_fixes_contradict_a_map_only_beyond_region_and_tolerance():
     problem, true, t_s, fixes = scene()
     made = map_of(replace(problem, world_T_camera=true), 0, 59)
 
+    alternately = (-1.0) ** np.arange(len(fixes))
+
     def asked(moved_m, used=True):
-        moved = fixes.world_p_fix + np.array([moved_m, 0.0, 0.0])
+        moved = fixes.world_p_fix + np.outer(alternately * moved_m, [1.0, 0.0, 0.0])
         row = np.full(len(fixes), used)
         return contradicts(made, t_s, replace(fixes, world_p_fix=moved, used=row), ANTENNA, CONFIG)
 
     assert not asked(0.0) and not asked(0.2)
     assert asked(1.0) and not asked(1.0, used=False)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_fixes_that_all_lie_to_one_side_contradict_a_map_even_within_the_tolerance(axis):
+    problem, true, t_s, fixes = scene()
+    made = map_of(replace(problem, world_T_camera=true), 0, 59)
+
+    def asked(moved_m, used):
+        moved = fixes.world_p_fix + moved_m * np.eye(3)[axis]
+        believed = replace(fixes, world_p_fix=moved, used=np.arange(len(fixes)) >= len(fixes) - used)
+        return contradicts(made, t_s, believed, ANTENNA, CONFIG)
+
+    assert not asked(0.08, used=5)
+    assert asked(0.2, used=5)
+    assert not asked(0.2, used=2)

@@ -18,6 +18,7 @@ from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.schur import SolverSettings, solve
 from vgps.smoothing.sensors import Sensors
 
+_SHARED_BY = 3  # fixes at least
 _ROUGH = 3  # times as many iterations, where the start is rough
 
 
@@ -94,6 +95,9 @@ def contradicts(
 ) -> bool:
     """Whether fixes of the last window lie so far off that the older frames must be wrong as well.
 
+    They do where one lies farther outside its region than a camera drifts on the way, or where all together
+    lie to one side of the path by more than their regions.
+
     Args:
         local_map: Aligned; the others as in :func:`optimise_window`.
         whole: Ask for the whole map.
@@ -111,7 +115,11 @@ def contradicts(
         np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
     )
     window_way = way * min(1.0, config.window.length_frames / len(times))
-    return bool((beyond > config.window.tolerated_drift * window_way).any())
+    if (beyond > config.window.tolerated_drift * window_way).any():
+        return True
+    # a small offset that all fixes share is none of theirs: the held frames would keep it for good
+    shared = offset.mean(axis=0) if rows.sum() >= _SHARED_BY else np.zeros(3)
+    return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
 
 def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
