@@ -7,11 +7,14 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import StartConfig
-from vgps.model import FloatArray, IntArray
+from vgps.geometry import largest_angle_rad, world_rays
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.alignment import align
 from vgps.smoothing.bundle import BundleProblem, projection_errors
 from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.solution import Solution
+
+MIN_ANGLE_DEG = 1.5  # as COLMAP's mapper filters points (filter_min_tri_angle)
 
 
 @dataclass(frozen=True)
@@ -99,11 +102,25 @@ def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[Floa
     return out, points @ R.T + found.world_p_map
 
 
+def well_seen(run: Solution, frames: int) -> BoolArray:
+    """(L,) which landmarks three or more of the first frames see, with rays that differ by a few degrees."""
+    seen = run.observations
+    rows = np.flatnonzero(seen.frame < frames)
+    rows = rows[np.lexsort((seen.frame[rows], seen.landmark[rows]))]
+    rays = world_rays(run.camera.K, run.world_T_camera[seen.frame[rows]], seen.uv_px[rows])
+    owner, start, count = np.unique(seen.landmark[rows], return_index=True, return_counts=True)
+    well = np.zeros(len(run.landmarks.sigma_px), dtype=bool)
+    well[owner] = (count > 2) & (largest_angle_rad(rays, start) >= np.radians(MIN_ANGLE_DEG))
+    return well
+
+
 def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, seed: int) -> BundleProblem:
-    """The first frames of a run and the landmarks that three or more of them see, at a drifted start."""
+    """The first frames of a run and what three or more see from sides that differ, at a drifted start.
+
+    COLMAP's own mapper drops points of nearly parallel rays: some of them would end behind its cameras.
+    """
     seen, c = run.observations, run.camera
-    inside = seen.frame < frames
-    inside &= (np.bincount(seen.landmark[inside], minlength=len(run.landmarks.sigma_px)) > 2)[seen.landmark]
+    inside = well_seen(run, frames)[seen.landmark] & (seen.frame < frames)
     frame, uv = seen.frame[inside], seen.uv_px[inside]
     kept, landmark = np.unique(seen.landmark[inside], return_inverse=True)
     first = np.full(len(kept), frames)
