@@ -117,8 +117,10 @@ def contradicts(
     window_way = way * min(1.0, config.window.length_frames / len(times))
     if (beyond > config.window.tolerated_drift * window_way).any():
         return True
+    if rows.sum() < _SHARED_BY:
+        return False
     # a small offset that all fixes share is none of theirs: the held frames would keep it for good
-    shared = offset.mean(axis=0) if rows.sum() >= _SHARED_BY else np.zeros(3)
+    shared = offset.mean(axis=0)
     return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
 
