@@ -1,7 +1,7 @@
 """Latency, memory and error of the online mode over a long drive: a recording to and fro, with an outage.
 
 python scripts/bench_online.py RECORDING --gps gps_float.nmea [--frames 10000] [--section 400] [--outage 30]
-    [--late 0.4] [--down 10] [--plot out.png]
+    [--late 0.4] [--down 10] [--pace 10] [--plot out.png]
 
 The first frames of the recording are played forwards, backwards, forwards ... Fixes are its true antenna at
 1 Hz with the errors of its log; they come late, as NMEA over TCP. In the middle there is an outage; after
@@ -146,8 +146,11 @@ def drive(given: argparse.Namespace) -> tuple[Measured, list[str]]:
     outage, down = (0.5 * end_s, 0.5 * end_s + given.outage), (0.75 * end_s, 0.75 * end_s + given.down)
     receiver = Receiver(source, given.late, outage, down)
     clock = time.process_time if given.cpu else time.perf_counter
+    start = time.perf_counter()
     for index in range(given.frames):
         t_s, image, true = source.frame(index)
+        if given.pace:
+            time.sleep(max(0.0, start + index / given.pace - time.perf_counter()))
         fixes, notes = receiver.until(t_s)
         for note in notes:
             smoother.add_note(note)
@@ -207,6 +210,7 @@ def main() -> None:
         action="store_true",
         help="seconds of the processor, all threads together",
     )
+    parser.add_argument("--pace", type=float, help="frames a second; as fast as they go without it")
     parser.add_argument("--events", action="store_true", help="print what happened, but for the fixes used")
     parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
