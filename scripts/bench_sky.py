@@ -18,14 +18,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from table_settings import copied, small
+from table_settings import small
 
 import vgps
 from vgps.config import Config
 from vgps.evaluate import evaluate
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import FixClass, FloatArray, GpsLog, Recording
-from vgps.offline import Silent, optimise_all, track_and_map
+from vgps.offline import optimise_all, track_and_map
+from vgps.progress import Silent
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, World, build_motion, build_world, simulate
@@ -116,7 +117,7 @@ def row(name: str, recording: Recording, truth: Trajectory, offset: FloatArray |
     front = track_and_map(recording, off, Silent())
     errors, refused, radii = [], [], []
     for config in (off, on):
-        run = optimise_all(copied(front), config)
+        run = optimise_all(front.copied(), config)
         errors.append(evaluate(run.trajectory, truth, run.camera_p_antenna).camera_position_m.mean)
         assert run.fixes is not None
         refused.append(sum(verdict == Verdict.REJECTED for verdict in run.fixes.verdict))

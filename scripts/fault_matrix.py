@@ -26,7 +26,7 @@ import matplotlib as mpl
 import vgps
 from vgps.compare.fault_matrix import Row, as_markdown, matrix_picture, run_fault
 from vgps.compare.faults import FAULTS
-from vgps.offline import Silent
+from vgps.progress import Silent
 from vgps.writers.placing import new_file
 
 mpl.use("Agg")

@@ -8,8 +8,8 @@ import statistics
 from pathlib import Path
 
 import vgps
+from vgps.cli.terminal import TerminalProgress
 from vgps.compare import METHODS, compare
-from vgps.progress import TerminalProgress
 
 
 def cell(errors: list[float]) -> str:

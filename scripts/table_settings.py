@@ -31,12 +31,12 @@ import yaml
 from pydantic import ValidationError
 
 import vgps
-from vgps.compare.methods import copied
 from vgps.config import Config
 from vgps.errors import ConfigError, VgpsError
 from vgps.evaluate import evaluate
 from vgps.model import Recording
-from vgps.offline import Silent, optimise_all, track_and_map
+from vgps.offline import optimise_all, track_and_map
+from vgps.progress import Silent
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, SceneConfig, simulate
@@ -115,7 +115,7 @@ def errors(recording: Recording, seed: int, vary: Sequence[str]) -> dict[str, Er
     front = track_and_map(recording, Config(seed=seed), Silent())
     found = {}
     for setting, config in settings(vary, seed).items():
-        run = optimise_all(copied(front), config)
+        run = optimise_all(front.copied(), config)
         sigma = run.sigma_position_m
         judged = evaluate(run.trajectory, truth, run.camera_p_antenna, sigma_position_m=sigma)
         found[setting] = Error(judged.camera_position_m.mean, judged.nees.mean if judged.nees else np.nan)

@@ -10,7 +10,7 @@ from vgps.compare import METHODS, Method, as_json, compare, write_comparison
 from vgps.compare.page import ratios
 from vgps.config import Config
 from vgps.errors import TrajectoryError
-from vgps.offline import Silent
+from vgps.progress import Silent
 from vgps.readers.calibration import read_rig
 
 CHOSEN = [METHODS[0], METHODS[1], METHODS[4]]

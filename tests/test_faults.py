@@ -12,7 +12,7 @@ from vgps.compare.faults import FAULTS
 from vgps.errors import GpsLogError, TrajectoryError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog, Recording, Rig
-from vgps.offline import Silent
+from vgps.progress import Silent
 from vgps.simulate import GpsConfig, simulate
 
 ORIGIN = GeodeticPoint(49.0, 8.0, 100.0)

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from vgps.config import Config
 from vgps.evaluate import Evaluation, evaluate_run
-from vgps.offline import Progress, smooth
+from vgps.offline import smooth
+from vgps.progress import Progress
 from vgps.readers.recording import open_recording
 from vgps.report import write_report
 from vgps.simulate import simulate

@@ -1,8 +1,8 @@
 """The main job: stages A to C over the whole video, then D over everything."""
 
-from collections.abc import Iterable, Iterator
+import copy
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from vgps.geodesy import to_enu
 from vgps.geometry import world_sigmas
 from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
+from vgps.progress import Progress, Silent
 from vgps.seconds import Seconds
 from vgps.sequence import Sequence
 from vgps.smoothing.assembly import Scene
@@ -28,29 +29,6 @@ from vgps.threads import one_blas_thread
 from vgps.tracking.control import world_controls
 
 
-class Progress(Protocol):
-    """Told what is being done; a terminal shows a bar."""
-
-    def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """The same frames, while progress is shown."""
-        ...
-
-    def say(self, what: str) -> None:
-        """A stage begins."""
-        ...
-
-
-class Silent:
-    """No progress shown."""
-
-    def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """As in :class:`Progress`."""
-        return frames
-
-    def say(self, what: str) -> None:
-        """As in :class:`Progress`."""
-
-
 @dataclass(frozen=True)
 class FrontEnd:
     """What stages A to C leave to D; ``sequence`` holds the maps."""
@@ -60,6 +38,13 @@ class FrontEnd:
     fixes: Fixes
     controls: Controls
     sequence: Sequence
+
+    def copied(self) -> "FrontEnd":
+        """The same with maps of its own, which stage D moves, and a clock of its own."""
+        sequence = copy.copy(self.sequence)
+        sequence.maps = copy.deepcopy(self.sequence.maps)
+        sequence.seconds = Seconds()
+        return replace(self, sequence=sequence)
 
 
 def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:

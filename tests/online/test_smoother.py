@@ -6,10 +6,11 @@ import pytest
 
 import vgps
 from vgps.errors import ConfigError, GeometryError, VideoError
-from vgps.offline import Silent, track_and_map
+from vgps.offline import track_and_map
 from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import fixes_of, replay
 from vgps.online.run import run_online
+from vgps.progress import Silent
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Verdict
 

@@ -7,10 +7,10 @@ from rich.console import Console
 from rich.table import Table
 
 from vgps.cli.app import app, note, say
+from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_config
 from vgps.gyro_calibration import GyroCalibration
 from vgps.gyro_calibration import calibrate_gyro as calibrate
-from vgps.progress import TerminalProgress
 from vgps.readers.recording import find_rig, open_recording
 from vgps.writers.placing import check_file
 from vgps.writers.rig import write_rig

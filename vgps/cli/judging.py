@@ -8,13 +8,13 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from vgps.cli.app import app, note, say
+from vgps.cli.terminal import TerminalProgress
 from vgps.compare import compare as compare_models
 from vgps.compare import write_comparison
 from vgps.config import read_config
 from vgps.errors import ConfigError
 from vgps.evaluate import as_json, as_table, evaluate_run, table
 from vgps.model import GeodeticPoint
-from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
 from vgps.survey import SurveyOptions, survey_logs
 from vgps.survey.output import as_tables, check_files, plot_survey, write_survey

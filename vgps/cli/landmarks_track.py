@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Literal
 
 from vgps.cli.app import app, note, say
+from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_settings
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.localise import localise
 from vgps.landmarks.track_settings import TrackConfig
-from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
 from vgps.seconds import one_after_another
 from vgps.solution import FrameState

@@ -5,11 +5,11 @@ from pathlib import Path
 from rich.console import Console
 
 from vgps.cli.app import app, note, say
+from vgps.cli.terminal import TerminalProgress
 from vgps.config import GpsModel, read_config
 from vgps.demo import demo as run_demo
 from vgps.evaluate import as_table
 from vgps.offline import smooth as smooth_recording
-from vgps.progress import TerminalProgress
 from vgps.readers.recording import open_recording
 from vgps.seconds import one_after_another
 from vgps.solution import Solution

@@ -14,7 +14,8 @@ from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, VgpsError
 from vgps.evaluate import evaluate
 from vgps.model import Recording
-from vgps.offline import Progress, optimise_all
+from vgps.offline import optimise_all
+from vgps.progress import Progress
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FixTable, Verdict

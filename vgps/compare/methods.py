@@ -1,6 +1,5 @@
 """One front end run, stage D once per GPS model: only the model differs."""
 
-import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,10 +12,10 @@ from vgps.config import Config, GpsModel
 from vgps.errors import TrajectoryError
 from vgps.evaluate import Evaluation, evaluate, match
 from vgps.model import FloatArray, GeodeticPoint, Recording
-from vgps.offline import FrontEnd, Progress, optimise_all, track_and_map
+from vgps.offline import FrontEnd, optimise_all, track_and_map
+from vgps.progress import Progress
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
-from vgps.seconds import Seconds
 from vgps.solution import Solution, Trajectory
 
 
@@ -117,15 +116,7 @@ def front_ends(
             yield track_and_map(recording, config.with_gps("none"), progress), method
             continue
         shared = shared or track_and_map(recording, config, progress)
-        yield copied(shared), method
-
-
-def copied(front: FrontEnd) -> FrontEnd:
-    """The same front end with maps of its own, which stage D moves, and a clock of its own."""
-    sequence = copy.copy(front.sequence)
-    sequence.maps = copy.deepcopy(front.sequence.maps)
-    sequence.seconds = Seconds()
-    return replace(front, sequence=sequence)
+        yield shared.copied(), method
 
 
 def _placed(solution: Solution, true: Trajectory) -> Solution:

@@ -13,7 +13,7 @@ from vgps.gyro_calibration.coarse import Alignment, Guess, align_rates, guess_of
 from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
 from vgps.gyro_integration import GyroIntegral
 from vgps.model import FloatArray, GyroLog, Recording
-from vgps.offline import Progress, Silent
+from vgps.progress import Progress, Silent
 from vgps.threads import one_blas_thread
 from vgps.tracking.turning import Turns, frame_turns
 
