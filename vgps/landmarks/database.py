@@ -5,18 +5,17 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.cells import ranges
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.opening import DatabaseFile
-from vgps.landmarks.pool import LandmarkPool, TemplateCache
+from vgps.landmarks.pool import Float32Array, LandmarkPool, TemplateCache
 from vgps.landmarks.region import Region, optics, region_around
 from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
 from vgps.landmarks.selection import Candidates, best_views, in_image, spread
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, IntArray
+from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray
 
 _MORE = 2  # candidates whose views are looked at, for each landmark that is wanted
 
@@ -91,8 +90,10 @@ class LandmarkDatabase:
             LandmarkDatabaseError: The file is damaged.
         """
         region = self._region_around(world_T_camera[:3, 3], camera, max_depth_m)
-        seen = in_image(world_T_camera, camera, region.points, max_depth_m)
-        place = world_T_camera[:3, 3]
+        region_T_camera = world_T_camera.copy()
+        region_T_camera[:3, 3] -= region.centre
+        place = region_T_camera[:3, 3:].astype(np.float32)
+        seen = in_image(region_T_camera, camera, region.points, max_depth_m)
         if max_landmarks is None:
             return self._gather(*self._suiting(place, region, seen, camera, len(seen.row)))
         few = seen.take(spread(seen.uv_px, camera, _MORE * max_landmarks))
@@ -149,24 +150,18 @@ class LandmarkDatabase:
         return self._region
 
     def _suiting(
-        self, place: FloatArray, region: Region, seen: Candidates, camera: Camera, count: int
+        self, place: Float32Array, region: Region, seen: Candidates, camera: Camera, count: int
     ) -> tuple[IntArray, IntArray]:
         """Rows of the pool of up to ``count`` landmarks, and of each the view that suits best."""
         rows = region.rows[seen.row]
-        numbers = self._pool.numbers[rows]
-        best = best_views(place - numbers[:, :3], seen.pixel_m, *self._looks(rows), self._selection)
+        to_camera = place - region.points[:3].take(seen.row, axis=1)
+        best = best_views(to_camera, seen.pixel_m, self._pool.looks.take(rows, axis=0), self._selection)
         usable = np.flatnonzero(best.view >= 0)
         if len(usable) > count:
-            badness = best.badness(seen.pixel_m, numbers[:, 3], numbers[:, 4])[usable]
+            badness = best.badness(seen.pixel_m, *self._pool.numbers.take(rows, axis=0)[:, 3:].T)[usable]
             usable = usable[np.argsort(badness, kind="stable")]
-            usable = usable[spread(seen.uv_px[usable], camera, count)]
+            usable = usable[spread(seen.uv_px[:, usable], camera, count)]
         return rows[usable], best.view[usable]
-
-    def _looks(self, rows: IntArray) -> tuple[npt.NDArray[np.float32], BoolArray]:
-        """(n, V, 7) looks of all views of landmarks, and (n, V) whether there is such a view."""
-        view = np.arange(self._file.meta.max_views)
-        there = view < self._pool.count[rows, None]
-        return self._pool.looks[self._pool.first[rows, None] + np.where(there, view, 0)], there
 
     def _gather(self, rows: IntArray, views: IntArray) -> LandmarkViews:
         """Views (N,), counted within their landmarks, of landmarks in rows (N,) of the pool; sorted by id."""

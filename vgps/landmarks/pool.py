@@ -1,5 +1,6 @@
 """What is known of landmarks and views, in memory from when it is first needed; templates read last."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from vgps.model import FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
 Templates = npt.NDArray[np.uint8]
+_AT_ONCE = 256  # landmarks whose templates are asked for at once
 
 
 class LandmarkPool:
@@ -25,7 +27,8 @@ class LandmarkPool:
         slack_rad: (L,) the largest angle from there to one of them.
         octaves: (L, 2) least and greatest log2 of the pixel sizes of its views.
         view_numbers: (V, 9) world_p_camera, world_v_column, world_v_row.
-        looks: (V, 7) of each view: direction to its camera (3), normal (3), log2 of its pixel size.
+        looks: (L, 7, W) of each landmark's views, W the most that one has: direction to its camera (3),
+            normal (3), log2 of its pixel size; NaN where there is no view.
     """
 
     def __init__(self, file: DatabaseFile) -> None:
@@ -38,7 +41,7 @@ class LandmarkPool:
         self.slack_rad = np.empty(meta.landmarks, np.float32)
         self.octaves = np.empty((meta.landmarks, 2), np.float32)
         self.view_numbers = np.empty((meta.views, 9))
-        self.looks = np.empty((meta.views, 7), np.float32)
+        self.looks = np.empty((meta.landmarks, 7, meta.max_views), np.float32)
         self._rows: dict[int, tuple[int, int]] = {}
 
     def rows(self, keys: Sequence[int]) -> IntArray:
@@ -76,14 +79,15 @@ class LandmarkPool:
     def _derive(self, rows: IntArray) -> None:
         """What selection asks, of landmarks that were just read."""
         count = self.count[rows]
-        views = ranges(self.first[rows], count)
+        views, number = ranges(self.first[rows], count), ranges(np.zeros_like(count), count)
         begin = np.cumsum(count) - count
         point = np.repeat(self.numbers[rows, :3], count, axis=0)
         camera, column, row = np.split(self.view_numbers[views], 3, axis=1)
         direction, _ = _unit(camera - point)
         normal, area = _unit(-np.cross(column, row))
         octave = np.log2(area) / 2
-        self.looks[views] = np.hstack([direction, normal, octave])
+        self.looks[rows] = np.nan
+        self.looks[np.repeat(rows, count), :, number] = np.hstack([direction, normal, octave])
         mean, _ = _unit(np.add.reduceat(direction, begin))
         cosine = np.einsum("ij,ij->i", direction, np.repeat(mean, count, axis=0))
         self.mean_direction[rows] = mean
@@ -105,11 +109,11 @@ class TemplateCache:
 
     def __init__(self, file: DatabaseFile, cache_mb: int) -> None:
         self._file, meta = file, file.meta
-        self._shape = meta.levels, meta.patch_px, meta.patch_px
-        slots = cache_mb * 2**20 // (meta.max_views * meta.levels * meta.patch_px**2)
-        slots = min(max(slots, 1), meta.landmarks)
+        self._shape = meta.max_views, meta.levels, meta.patch_px, meta.patch_px
+        slots = min(max(cache_mb * 2**20 // math.prod(self._shape), 1), meta.landmarks)
+        self._at_once = min(_AT_ONCE, slots)
         # memory that is not touched is not taken
-        self._pixels = np.empty((slots, meta.max_views, *self._shape), np.uint8)
+        self._pixels = np.empty((slots, *self._shape), np.uint8)
         self._owner = np.full(slots, -1)
         self._slot = np.full(meta.landmarks, -1)
         self._next = 0
@@ -121,33 +125,36 @@ class TemplateCache:
             LandmarkDatabaseError: The file is damaged.
         """
         slot = self._slot[rows]
+        out = np.asarray(self._pixels[slot, views])  # rubbish where there is no slot yet
         missing = np.flatnonzero(slot < 0)
-        if not len(missing):
-            return np.asarray(self._pixels[slot, views])
-        out = np.empty((len(rows), *self._shape), np.uint8)
-        kept = np.flatnonzero(slot >= 0)
-        out[kept] = self._pixels[slot[kept], views[kept]]
-        missing = missing[np.argsort(rows[missing], kind="stable")]
-        begins = np.flatnonzero(np.diff(rows[missing], prepend=-1))
-        for of_row in np.split(missing, begins[1:]):
-            out[of_row] = self._keep(int(rows[of_row[0]]))[views[of_row]]
+        for begin in range(0, len(missing), self._at_once):
+            some = missing[begin : begin + self._at_once]
+            found, pixels = self._read(rows[some])
+            out[some] = pixels[np.searchsorted(found, rows[some]), views[some]]
+            self._keep(found, pixels)
         return out
 
-    def _keep(self, row: int) -> Templates:
-        pixels = np.frombuffer(self._read(row), np.uint8).reshape(-1, *self._shape)
-        slot, self._next = self._next, (self._next + 1) % len(self._owner)
-        if self._owner[slot] >= 0:
-            self._slot[self._owner[slot]] = -1
-        self._pixels[slot, : len(pixels)] = pixels
-        self._owner[slot], self._slot[row] = row, slot
-        return pixels
+    def _keep(self, rows: IntArray, pixels: Templates) -> None:
+        """Put templates (n, W, levels, P, P) in the place of those read longest ago."""
+        slot = (self._next + np.arange(len(rows))) % len(self._owner)
+        self._next += len(rows)
+        gone = self._owner[slot]
+        self._slot[gone[gone >= 0]] = -1
+        self._pixels[slot], self._owner[slot], self._slot[rows] = pixels, rows, slot
 
-    def _read(self, row: int) -> bytes:
-        found = self._file.rows("SELECT pixels, check_sum FROM template WHERE id = ?", (row,))
+    def _read(self, rows: IntArray) -> tuple[IntArray, Templates]:
+        """The rows sorted, each once, and their templates (n, W, levels, P, P), W the most views of one."""
+        wanted = sorted(set(rows.tolist()))
+        marks = ",".join("?" * len(wanted))
+        found = self._file.rows(
+            f"SELECT id, pixels, check_sum FROM template WHERE id IN ({marks}) ORDER BY id", wanted
+        )
+        of_landmark = math.prod(self._shape)
         try:
-            ((pixels, crc),) = found
-            if check_sum(pixels) != crc:
-                raise ValueError("check sum")
+            for row, (key, pixels, crc) in zip(wanted, found, strict=True):
+                if key != row or check_sum(pixels) != crc:
+                    raise ValueError("check sum")
+            raw = b"".join([pixels.ljust(of_landmark, b"\0") for _, pixels, _ in found])
+            return np.array(wanted), np.frombuffer(raw, np.uint8).reshape(-1, *self._shape)
         except (TypeError, ValueError) as error:
-            raise self._file.damaged(f"templates of landmark {row}") from error
-        return bytes(pixels)
+            raise self._file.damaged(f"templates of landmarks {wanted[0]} to {wanted[-1]}") from error

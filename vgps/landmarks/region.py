@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.opening import DatabaseFile
@@ -24,14 +25,14 @@ class Region:
 
     Attributes:
         rows: (n,) of the pool, the best prospect first.
-        points: (3, n) a column each.
+        points: (4, n) a column (x, y, z, 1) each, counted from the centre, about which float32 is precise.
     """
 
     centre: FloatArray
     radius_m: float
     optics: tuple[float, float, float | None]
     rows: IntArray
-    points: FloatArray
+    points: npt.NDArray[np.float32]
 
     def serves(self, place: FloatArray, optics: tuple[float, float, float | None]) -> bool:
         """Whether a camera there is within it."""
@@ -60,7 +61,9 @@ def region_around(
     suits, cost = _prospects(centre, rows, seen_by, pool, config)
     rows, badness = rows[suits], (pool.numbers[rows, 3] * (1 + cost))[suits]
     rows = rows[np.argsort(badness, kind="stable")]
-    return Region(centre, config.region_m, seen_by, rows, np.ascontiguousarray(pool.numbers[rows, :3].T))
+    points = np.ones((4, len(rows)), np.float32)
+    points[:3] = (pool.numbers[rows, :3] - centre).T
+    return Region(centre, config.region_m, seen_by, rows, points)
 
 
 def _cells_around(

@@ -5,29 +5,33 @@
 
 from dataclasses import dataclass
 from functools import cache
+from math import cos, radians, sqrt
 
 import numpy as np
 import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
-from vgps.model import BoolArray, Camera, FloatArray, IntArray
+from vgps.model import Camera, FloatArray, IntArray
+
+Float32Array = npt.NDArray[np.float32]
 
 MIN_DEPTH_M = 0.1
+_FAR_M = 1e30  # for no limit at all, and for float32
 _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Landmarks in the image: ``row`` (n,) of the table asked, ``uv_px`` (n, 2), and ``pixel_m`` (n,) metres
+    """Landmarks in the image: ``row`` (n,) of the points asked, ``uv_px`` (2, n), and ``pixel_m`` (n,) metres
     that a pixel of the camera covers there."""
 
     row: IntArray
-    uv_px: FloatArray
-    pixel_m: FloatArray
+    uv_px: Float32Array
+    pixel_m: Float32Array
 
     def take(self, rows: IntArray) -> "Candidates":
         """Some of them."""
-        return Candidates(self.row[rows], self.uv_px[rows], self.pixel_m[rows])
+        return Candidates(self.row[rows], self.uv_px[:, rows], self.pixel_m[rows])
 
 
 @dataclass(frozen=True)
@@ -41,10 +45,12 @@ class BestViews:
     """
 
     view: IntArray
-    cost: FloatArray
-    sine: FloatArray
+    cost: Float32Array
+    sine: Float32Array
 
-    def badness(self, pixel_m: FloatArray, sigma_px: FloatArray, position_sigma_m: FloatArray) -> FloatArray:
+    def badness(
+        self, pixel_m: Float32Array, sigma_px: FloatArray, position_sigma_m: FloatArray
+    ) -> FloatArray:
         """(n,) the less, the better a match to expect.
 
         A position is uncertain along the rays that gave it, which shows as far as the camera leaves them.
@@ -55,7 +61,7 @@ class BestViews:
 
 def focal_px(camera: Camera) -> float:
     """One focal length for both axes: the geometric mean."""
-    return float(np.sqrt(camera.fx * camera.fy))
+    return sqrt(camera.fx * camera.fy)
 
 
 @cache
@@ -66,77 +72,83 @@ def corner_cosine(camera: Camera) -> float:
     return float(1 / np.sqrt(1 + np.sum(rays**2, axis=1).max()))
 
 
+@cache
+def _sides(camera: Camera, max_depth_m: float | None) -> FloatArray:
+    """(6, 4) that take (x, y, z, 1) in the camera frame to six measures, none negative if the image shows it.
+
+    Pixels from the left and from the upper border, times the depth; depth beyond the least; pixels from the
+    right and from the lower border, times the depth; depth short of the largest.
+    """
+    right, low = camera.width - 0.5, camera.height - 0.5
+    of_pixels = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1], [-1, 0, right], [0, -1, low], [0, 0, -1]])
+    limits = np.array([0, 0, -MIN_DEPTH_M, 0, 0, _FAR_M if max_depth_m is None else max_depth_m])
+    return np.column_stack([of_pixels @ camera.K, limits])
+
+
 def in_image(
-    world_T_camera: FloatArray, camera: Camera, points: FloatArray, max_depth_m: float | None
+    world_T_camera: FloatArray, camera: Camera, points: Float32Array, max_depth_m: float | None
 ) -> Candidates:
-    """Those of the points (3, N), a column each, that the undistorted image of the camera shows."""
+    """Those of the points (4, N), a column (x, y, z, 1) each, that the camera's undistorted image shows."""
     # a row for each axis, not for each point: numpy is several times faster along rows
-    x, y, depth = world_T_camera[:3, :3].T @ (points - world_T_camera[:3, 3:])
-    limit = np.inf if max_depth_m is None else max_depth_m
-    row = np.flatnonzero((depth > MIN_DEPTH_M) & (depth <= limit))
-    depth = depth[row]
-    u = x[row] / depth * camera.fx + camera.cx
-    v = y[row] / depth * camera.fy + camera.cy
-    inside = (u >= -0.5) & (u < camera.width - 0.5) & (v >= -0.5) & (v < camera.height - 0.5)
-    uv = np.column_stack([u[inside], v[inside]])
-    return Candidates(row[inside], uv, depth[inside] / focal_px(camera))
+    of_camera = _sides(camera, max_depth_m)
+    of_world = of_camera[:, :3] @ world_T_camera[:3, :3].T
+    shift = of_camera[:, 3:] - of_world @ world_T_camera[:3, 3:]
+    measures = np.hstack([of_world, shift]).astype(np.float32) @ points
+    row = np.flatnonzero(measures.min(axis=0) >= 0)
+    seen = measures[:3].take(row, axis=1)
+    depth = seen[2] + np.float32(MIN_DEPTH_M)
+    return Candidates(row, seen[:2] / depth - np.float32(0.5), depth / np.float32(focal_px(camera)))
 
 
 def best_views(
-    to_camera: FloatArray,
-    pixel_m: FloatArray,
-    looks: npt.NDArray[np.float32],
-    there: BoolArray,
-    config: SelectionConfig,
+    to_camera: Float32Array, pixel_m: Float32Array, looks: Float32Array, config: SelectionConfig
 ) -> BestViews:
     """The view of each landmark that is nearest to the camera in direction and in scale.
 
     Args:
-        to_camera: (n, 3) from the landmark to the camera, metres.
+        to_camera: (3, n) from the landmark to the camera, metres.
         pixel_m: (n,) metres that a pixel of the camera covers there.
-        looks: (n, V, 7) direction, normal and log2 of the pixel size of each view.
-        there: (n, V) whether there is such a view.
+        looks: (n, 7, V) direction, normal and log2 of the pixel size of each view; NaN where there is none.
         config: What still suits.
     """
     if not len(looks):
-        return BestViews(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-    distance = np.sqrt(np.einsum("ni,ni->n", to_camera, to_camera))[:, None]
-    direction = (to_camera / distance).astype(np.float32)
-    cosine = np.einsum("nvi,ni->nv", looks[..., :3], direction)
-    facing = np.einsum("nvi,ni->nv", looks[..., 3:6], direction)
-    octaves = np.log2(pixel_m).astype(np.float32)[:, None] - looks[..., 6]
-    suits = there & (cosine >= np.cos(np.radians(config.max_view_angle_deg)))
-    suits &= facing >= np.cos(np.radians(config.max_tilt_deg))
+        return BestViews(np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))
+    looks = np.ascontiguousarray(looks.transpose(1, 2, 0))  # long rows, as above
+    direction = to_camera / np.sqrt(np.einsum("in,in->n", to_camera, to_camera))
+    cosine, facing = np.einsum("kivn,in->kvn", looks[:6].reshape(2, 3, -1, len(pixel_m)), direction)
+    octaves = np.log2(pixel_m) - looks[6]
+    suits = cosine >= cos(radians(config.max_view_angle_deg))
+    suits &= facing >= cos(radians(config.max_tilt_deg))
     suits &= (octaves >= -config.nearer_octaves) & (octaves <= config.further_octaves)
-    angle2 = 2 * (1 - cosine) / np.radians(config.angle_unit_deg) ** 2
-    cost = np.where(suits, angle2 + (octaves / config.octave_unit) ** 2, np.inf)
-    view = cost.argmin(axis=1)
-    row = np.arange(len(view))
-    sine = np.sqrt(np.clip(1 - cosine[row, view] ** 2, 0, 1))
-    return BestViews(np.where(suits[row, view], view, -1), cost[row, view], sine)
+    cost = (2 / radians(config.angle_unit_deg) ** 2) * (1 - cosine) + (octaves / config.octave_unit) ** 2
+    cost = np.where(suits, cost, np.float32(np.inf))
+    view, least = cost.argmin(axis=0), cost.min(axis=0)
+    sine = np.sqrt(np.maximum(1 - cosine[view, np.arange(len(view))] ** 2, 0))
+    return BestViews(np.where(np.isfinite(least), view, -1), least, sine)
 
 
-def spread(uv_px: FloatArray, camera: Camera, count: int) -> IntArray:
+def spread(uv_px: Float32Array, camera: Camera, count: int) -> IntArray:
     """Rows of the ``count`` to take: the first in every part of the image, then every part's second, ...
 
     Args:
-        uv_px: (N, 2), the best first.
+        uv_px: (2, N), a column each, the best first.
         camera: For the size of its image, which is parted into about ``count`` squares.
         count: How many; all if there are no more.
 
     Returns:
         Rows in ascending order.
     """
-    if len(uv_px) <= count:
-        return np.arange(len(uv_px))
-    side = np.sqrt(camera.width * camera.height / max(count, 1))
-    column, line = ((uv_px.T + 0.5) / side).astype(np.int32)
+    total = uv_px.shape[1]
+    if total <= count:
+        return np.arange(total)
+    side = sqrt(camera.width * camera.height / max(count, 1))
     # there are hardly more squares than count; sixteen bits are sorted in linear time
-    part = (line * (int(camera.width / side) + 1) + column).astype(np.uint16 if count < 2**14 else np.uint32)
+    column, line = ((uv_px + 0.5) / side).astype(np.uint16 if count < 2**14 else np.uint32)
+    part = line * (int(camera.width / side) + 1) + column
     by_part = np.argsort(part, kind="stable")
-    ordered = part[by_part]
-    limits = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
-    row = np.arange(len(part))
-    rank = np.empty(len(part), np.int64)
-    rank[by_part] = row - np.repeat(limits[:-1], limits[1:] - limits[:-1])
-    return np.sort(np.argpartition(rank * len(part) + row, count - 1)[:count])
+    size = np.bincount(part)
+    rank = np.arange(total) - np.repeat(np.cumsum(size) - size, size)
+    up_to = np.cumsum(np.bincount(rank))
+    last = int(np.searchsorted(up_to, count))
+    whole, partly = by_part[rank < last], np.sort(by_part[rank == last])
+    return np.sort(np.concatenate([whole, partly[: count - len(whole)]]))
