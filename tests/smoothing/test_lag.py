@@ -80,3 +80,23 @@ def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed)
     fixes = type(fixes)(t_s, seen, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]])
     drifted = line + np.cumsum(rng.normal(0.0, 0.01, line.shape), axis=0)
     assert settle_lag(SENSORS, poses(drifted), t_s, fixes, SensorsConfig()) == (SENSORS, ())
+
+
+@pytest.mark.parametrize("share", [0.03j, 0.02 + 0.02j, -0.03])
+def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_in_a_bend(share):
+    t_s = np.arange(0.05, 19.0)
+
+    def place(t):
+        turn = 0.02 * t
+        speed = (4.0 + 0.5 * t) * np.exp(1j * turn)
+        return np.cumsum(speed) * (t[1] - t[0])
+
+    fine = np.arange(0.0, 20.0, 0.01)
+    way = place(fine)
+    seen = np.interp(t_s, fine, way)
+    fixes = fixes_at(t_s, 0.07, 0.05)
+    world = np.stack([seen.real, seen.imag, 0 * t_s], axis=1)
+    fixes = type(fixes)(t_s, world, *[getattr(fixes, n) for n in list(fixes.__dataclass_fields__)[2:]])
+    wrong = np.interp(T_S, fine, way) * (1.0 + share)
+    line = np.stack([wrong.real, wrong.imag, 0 * T_S], axis=1)
+    assert settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig()) == (SENSORS, ())

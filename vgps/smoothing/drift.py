@@ -71,7 +71,18 @@ def bend_path(
         config: How fast scale and rotation may drift, and whether the clock is known.
         attached: The start hangs on a path that is held.
     """
-    lag_sigma_s = config.sensors.lag_prior_s
-    path = FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s, attached)
+
+    def path_with(lag_sigma_s: float) -> FlexiblePath:
+        return FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s, attached)
+
     everything = np.ones(len(fixes), dtype=bool)
-    return path.bent(path.settle(path.approach(everything, _FINEST_M), everything, path.regions()))
+    in_step = path_with(0.0)
+    regions = in_step.regions()
+    found = in_step.settle(in_step.approach(everything, _FINEST_M), everything, regions)
+    if not config.sensors.lag_prior_s:
+        return in_step.bent(found)
+    # a clock that is not in step must explain the fixes better: on a straight any lag does as well as none
+    late = path_with(config.sensors.lag_prior_s)
+    shifted = late.settle(found, everything, regions)
+    gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
+    return in_step.bent(found if gain <= config.sensors.significant**2 else shifted)

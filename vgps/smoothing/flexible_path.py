@@ -152,6 +152,10 @@ class FlexiblePath:
         """Parameters fitted to fixes for what their regions (M, 3) say, from an approach."""
         return self.fit(parameters, Loss(regions, rows, _LOSS_WIDTH))
 
+    def cost(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> float:
+        """What :meth:`settle` minimises."""
+        return self._cost(parameters, Loss(regions, rows, _LOSS_WIDTH))
+
     def regions(self, coarse_m: float = 0.0) -> FloatArray:
         """(M, 3) sizes of the fixes' regions, made coarser by ``coarse_m``."""
         fixes = self._fixes

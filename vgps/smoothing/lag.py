@@ -2,10 +2,15 @@
 
 The error of a fix wanders slowly, over a minute for an RTK-float, so what changes between one fix and the
 next is far better known than where they are. Compared with the way of the camera over the same second, it
-shows the lag wherever speed or heading change, and shows nothing on a straight at constant speed.
+shows the lag wherever speed or heading change, and shows nothing on a straight at constant speed. A camera's
+scale and heading are off by a share that changes slowly, which would pass for a lag wherever a vehicle goes
+on speeding up or turning: so at every lag the ways are compared at the best such share.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
 from vgps.config import SensorsConfig
 from vgps.model import FloatArray
@@ -17,9 +22,14 @@ _LONGEST_S = 3.0  # between two fixes that are compared
 _REACH = 3.0  # prior standard deviations that are searched
 _STEP_S = 0.05  # of the coarse search, a fraction of what a vehicle needs to turn
 _LEAST_M = 0.005
+_KNOT_S = 20.0  # from one to the next the camera's scale and heading change at most evenly
+_SLOW = 0.05  # standard deviation of their error, as a share and in radians
 _WIDTH = 2.0  # Cauchy's loss bends at so many spreads
 _ITERATIONS = 30
 _DELTA_S = 0.01
+_REWEIGHTED = 2
+
+ComplexArray = npt.NDArray[np.complex128]
 
 
 def settle_lag(
@@ -104,7 +114,8 @@ def _best_lag(pairs: "_Pairs", believed: Lag) -> Lag:
 
 
 class _Pairs:
-    """Neighbouring fixes of like accuracy."""
+    """Neighbouring fixes of like accuracy; ways in the plane as complex numbers, so that a factor turns and
+    scales them."""
 
     def __init__(
         self, poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray
@@ -112,45 +123,88 @@ class _Pairs:
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         alike = np.isclose(np.diff(fixes.r_m), 0.0)
         self._rows = np.flatnonzero(alike & (np.diff(fixes.t_s) <= _LONGEST_S))
-        self._way = np.diff(fixes.world_p_fix[:, :2], axis=0)[self._rows]
+        self._way = _ways(fixes.world_p_fix)[self._rows]
+        knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / _KNOT_S))
+        at_s = fixes.t_s[self._rows]
+        # (n, K) how much each knot counts for each pair
+        self._share = np.stack([np.interp(at_s, knots, row) for row in np.eye(len(knots))], axis=1)
 
     @property
     def count(self) -> int:
         """How many."""
         return len(self._rows)
 
-    def _disagreement(self, lag_s: float) -> FloatArray:
-        placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
-        antenna = antenna_at(self._poses, placement, self._antenna)[:, :2]
-        return np.asarray(np.diff(antenna, axis=0)[self._rows] - self._way)
-
     def apart(self, lag_s: float) -> FloatArray:
         """(n,) lengths of the disagreements, metres."""
-        return np.asarray(np.linalg.norm(self._disagreement(lag_s), axis=1))
+        return np.abs(self._fitted(lag_s).apart)
 
     def step(self, lag_s: float, believed: Lag) -> tuple[float, float]:
-        """Gauss-Newton step of the reweighted problem, and the standard deviation there."""
-        apart = self._disagreement(lag_s)
-        by_lag = (self._disagreement(lag_s + _DELTA_S) - apart) / _DELTA_S
-        length = np.linalg.norm(apart, axis=1)
-        spread = _spread(length)
-        weight = 1.0 / (1.0 + (length / (_WIDTH * spread)) ** 2) / spread**2
-        information = float(np.sum(weight[:, None] * by_lag**2)) + believed.sigma_s**-2
-        gradient = float(np.sum(weight[:, None] * by_lag * apart))
-        gradient += (lag_s - believed.lag_s) / believed.sigma_s**2
-        return -gradient / information, information**-0.5
+        """Gauss-Newton step of the reweighted problem, and the standard deviation there, factors free."""
+        found = self._fitted(lag_s)
+        by_lag = (self._camera_way(lag_s + _DELTA_S) - found.way) / _DELTA_S * (self._share @ found.factor)
+        weight = _weight(found.apart)
+        hessian, A = self._normal(found.way, weight)
+        shared = A.conj().T @ (weight * by_lag)
+        known = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # what the factors could explain too
+        information = np.sum(weight * np.abs(by_lag) ** 2) - known + believed.sigma_s**-2
+        # the factors are at their best, so they do not pull
+        gradient = np.vdot(by_lag, weight * found.apart).real + (lag_s - believed.lag_s) / believed.sigma_s**2
+        return -float(gradient / information), float(information**-0.5)
 
     def gain(self, lag_s: float, other_s: float) -> float:
         """Twice the log of how much more likely a lag is than another one: 9 is as rare by chance as three
         standard deviations."""
         if self.count == 0:
             return 0.0
-        length, other = self.apart(lag_s), self.apart(other_s)
-        bend = _WIDTH * _spread(length)
-        losses = [np.log1p((apart / bend) ** 2).sum() for apart in (length, other)]
-        return _WIDTH**2 * float(losses[1] - losses[0])
+        ends = self._fitted(lag_s), self._fitted(other_s)
+        bend = _WIDTH * _spread(ends[0].apart)
+        cost = [
+            _WIDTH**2 * np.log1p(np.abs(end.apart / bend) ** 2).sum()
+            + (np.abs(end.factor - 1.0) ** 2).sum() / _SLOW**2
+            for end in ends
+        ]
+        return float(cost[1] - cost[0])
+
+    def _camera_way(self, lag_s: float) -> ComplexArray:
+        placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
+        return _ways(antenna_at(self._poses, placement, self._antenna))[self._rows]
+
+    def _fitted(self, lag_s: float) -> "_Fitted":
+        """At the best factors for a lag: least squares, reweighted."""
+        way = self._camera_way(lag_s)
+        factor: ComplexArray = np.ones(self._share.shape[1], dtype=np.complex128)
+        for _ in range(_REWEIGHTED):
+            weight = _weight(way * (self._share @ factor) - self._way)
+            hessian, A = self._normal(way, weight)
+            pull = A.conj().T @ (weight * self._way) + _SLOW**-2
+            factor = np.asarray(np.linalg.solve(hessian, pull), np.complex128)
+        return _Fitted(way, factor, way * (self._share @ factor) - self._way)
+
+    def _normal(self, way: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """(K, K) of the factors, and (n, K) the ways' derivatives to them."""
+        A = self._share * way[:, None]
+        return A.conj().T @ (weight[:, None] * A) + np.eye(A.shape[1]) / _SLOW**2, A
 
 
-def _spread(length: FloatArray) -> float:
+class _Fitted(NamedTuple):
+    """The camera's ways (n,), the factors at the knots (K,), and what is left between them and the fixes."""
+
+    way: ComplexArray
+    factor: ComplexArray
+    apart: ComplexArray
+
+
+def _ways(points: FloatArray) -> ComplexArray:
+    """(n - 1,) from one to the next, east + i north."""
+    return np.diff(points[:, 0] + 1j * points[:, 1])
+
+
+def _weight(apart: ComplexArray) -> FloatArray:
+    """Cauchy's, over the variance."""
+    spread = _spread(apart)
+    return np.asarray(1.0 / (1.0 + np.abs(apart / (_WIDTH * spread)) ** 2) / spread**2)
+
+
+def _spread(apart: ComplexArray) -> float:
     """On an axis: the median length of a Gaussian in the plane is 1.18 of it."""
-    return max(float(np.median(length)) / 1.1774, _LEAST_M)
+    return max(float(np.median(np.abs(apart))) / 1.1774, _LEAST_M)
