@@ -6,11 +6,11 @@ frame.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -123,6 +123,14 @@ class GpsLog:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def rows(self, rows: IntArray | BoolArray) -> "GpsLog":
+        """Some of the fixes, in the order given."""
+        taken = np.arange(len(self))[rows]
+        columns: dict[str, Any] = {
+            name: value[taken] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
+        return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in taken))
 
 
 @dataclass(frozen=True)

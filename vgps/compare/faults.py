@@ -86,9 +86,7 @@ def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Gen
             file=log.source,
             expected=f"at least {_LEAST_FIXES} on either side",
         )
-    columns = {name: getattr(log, name)[kept] for name in _ARRAYS}
-    classes = tuple(name for name, keep in zip(log.fix_class, kept, strict=True) if keep)
-    fewer = replace(log, **columns, fix_class=classes)
+    fewer = log.rows(kept)
     return Faulty(replace(recording, gps=fewer), np.zeros(len(fewer), dtype=bool))
 
 
@@ -141,10 +139,6 @@ FAULTS = (
         "four fifths of the fixes RTK-float, wandering (sigma 0.87 m in the plane, 2.5 m in height)",
         partial(float_drift, FIX_ERRORS[FixClass.RTK_FLOAT]),
     ),
-)
-_ARRAYS = (
-    *("t_s", "latitude_deg", "longitude_deg", "height_m", "sigma_m"),
-    *("hdop", "satellites", "correction_age_s", "line"),
 )
 
 
