@@ -96,7 +96,7 @@ class LandmarkDatabase:
         seen = in_image(region_T_camera, camera, region.points, max_depth_m)
         if max_landmarks is None:
             return self._gather(*self._suiting(place, region, seen, camera, len(seen.row)))
-        few = seen.take(spread(seen.uv_px, camera, _MORE * max_landmarks))
+        few = seen.take(spread(seen.uv_px, (camera.width, camera.height), _MORE * max_landmarks))
         rows, views = self._suiting(place, region, few, camera, max_landmarks)
         if len(rows) < max_landmarks and len(few.row) < len(seen.row):
             rows, views = self._suiting(place, region, seen, camera, max_landmarks)
@@ -160,7 +160,7 @@ class LandmarkDatabase:
         if len(usable) > count:
             badness = best.badness(seen.pixel_m, *self._pool.numbers.take(rows, axis=0)[:, 3:].T)[usable]
             usable = usable[np.argsort(badness, kind="stable")]
-            usable = usable[spread(seen.uv_px[:, usable], camera, count)]
+            usable = usable[spread(seen.uv_px[:, usable], (camera.width, camera.height), count)]
         return rows[usable], best.view[usable]
 
     def _gather(self, rows: IntArray, views: IntArray) -> LandmarkViews:

@@ -1,6 +1,7 @@
 """Templates found in the image by normalised cross-correlation, (D) of Matsuda 2007."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -88,16 +89,19 @@ def correlations(windows: Float32Array, templates: Float32Array) -> Float32Array
     # every stripe holds the window's columns u to u + M; M rows of it from v on lie in one piece
     parts = sliding_window_view(stripes, side**2, axis=2)[:, :, ::side]
     products = np.einsum("nuvk,nk->nvu", parts, templates.reshape(count, -1))
-    inner = slice(side // 2, side // 2 + places)
-    sums, squares = (
-        box(windows.reshape(-1, windows.shape[2]), cv2.CV_64F, (side, side), normalize=False).reshape(
-            windows.shape
-        )[:, inner, inner]
-        for box in (cv2.boxFilter, cv2.sqrBoxFilter)
-    )
+    window = _window_sums(windows.shape[1], side)
+    exact = windows.astype(np.float64)
+    sums, squares = (window.T @ (values @ window) for values in (exact, exact**2))
     energy = np.einsum("nij,nij->n", templates, templates)[:, None, None]
     spread = np.maximum(squares - sums**2 / side**2, _LEAST_SPREAD)
     return np.asarray(products / np.sqrt(spread * energy), np.float32)
+
+
+@cache
+def _window_sums(length: int, side: int) -> FloatArray:
+    """(length, length - side + 1) that sum ``side`` values in a row from each place on."""
+    place = np.arange(length)[:, None] - np.arange(length - side + 1)
+    return ((place >= 0) & (place < side)).astype(np.float64)
 
 
 def _highest(scores: Float32Array) -> tuple[Float32Array, IntArray, Float32Array]:

@@ -8,7 +8,7 @@ from vgps.geometry import project
 from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.matching import match_templates
 from vgps.landmarks.pose import PoseEstimate, pose_from_matches
-from vgps.landmarks.templates import render_templates
+from vgps.landmarks.selection import spread
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -58,31 +58,41 @@ class Found:
     correlation: float
 
 
+@dataclass(frozen=True)
+class Expected:
+    """What to look for: ``views`` of N landmarks, and ``templates`` (N, M, M) as the image will show them."""
+
+    views: LandmarkViews
+    templates: Float32Array
+
+    def take(self, rows: IntArray) -> "Expected":
+        """Some of it."""
+        return Expected(self.views.take(rows), self.templates[rows])
+
+
 def search_frame(
     image: Float32Array,
     K: FloatArray,
     world_T_camera: FloatArray,
-    views: LandmarkViews,
-    blur_px: FloatArray,
+    expected: Expected,
     radius_px: FloatArray,
     config: TrackConfig,
 ) -> Found:
-    """Look for every view around its projection and pose the camera by what is found.
+    """Look for every landmark around its projection and pose the camera by what is found.
 
     Args:
         image: (H, W) undistorted grey.
         K: (3, 3).
         world_T_camera: (4, 4) supposed.
-        views: N of them.
-        blur_px: (N, 2) image motion while the shutter is open.
+        expected: N landmarks.
         radius_px: (N,) half sides of the windows.
         config: Settings.
     """
+    views = expected.views
     if len(views) == 0:
         return Found(None, NOTHING_SEEN, 0.0)
     predicted, depth = project(K, world_T_camera, views.world_p_landmark)
-    templates = render_templates(K, world_T_camera, views, blur_px, config.template_px)
-    matches = match_templates(image, templates, predicted, radius_px, config.min_contrast)
+    matches = match_templates(image, expected.templates, predicted, radius_px, config.min_contrast)
     good = matches.correlation >= config.min_correlation
     sigma = match_sigma_px(K, views, depth, config)
     seen = Sightings(views.landmark, views.world_p_landmark, matches.uv_px, sigma).take(good)
@@ -100,6 +110,27 @@ def search_frame(
     if pose is None or pose.inlier.sum() < enough(len(seen), config):
         return Found(None, seen, median)
     return Found(pose, seen.take(pose.inlier), median)
+
+
+def first_few(
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    views: LandmarkViews,
+    size_px: tuple[int, int],
+    config: TrackConfig,
+) -> IntArray:
+    """Rows of the ``config.first_landmarks`` to look for first: reliable ones, from all parts of the image.
+
+    Args:
+        K: (3, 3).
+        world_T_camera: (4, 4) supposed.
+        views: N of them.
+        size_px: Width and height of the image.
+        config: Settings.
+    """
+    uv, depth = project(K, world_T_camera, views.world_p_landmark)
+    order = np.argsort(match_sigma_px(K, views, depth, config), kind="stable")
+    return order[spread(uv[order].T, size_px, config.first_landmarks)]
 
 
 def enough(matches: int, config: TrackConfig) -> int:

@@ -127,12 +127,12 @@ def best_views(
     return BestViews(np.where(np.isfinite(least), view, -1), least, sine)
 
 
-def spread(uv_px: Float32Array, camera: Camera, count: int) -> IntArray:
+def spread(uv_px: Float32Array | FloatArray, size_px: tuple[int, int], count: int) -> IntArray:
     """Rows of the ``count`` to take: the first in every part of the image, then every part's second, ...
 
     Args:
         uv_px: (2, N), a column each, the best first.
-        camera: For the size of its image, which is parted into about ``count`` squares.
+        size_px: Width and height of the image, which is parted into about ``count`` squares.
         count: How many; all if there are no more.
 
     Returns:
@@ -141,10 +141,10 @@ def spread(uv_px: Float32Array, camera: Camera, count: int) -> IntArray:
     total = uv_px.shape[1]
     if total <= count:
         return np.arange(total)
-    side = sqrt(camera.width * camera.height / max(count, 1))
+    side = sqrt(size_px[0] * size_px[1] / max(count, 1))
     # there are hardly more squares than count; sixteen bits are sorted in linear time
     column, line = ((uv_px + 0.5) / side).astype(np.uint16 if count < 2**14 else np.uint32)
-    part = line * (int(camera.width / side) + 1) + column
+    part = line * (int(size_px[0] / side) + 1) + column
     by_part = np.argsort(part, kind="stable")
     size = np.bincount(part)
     rank = np.arange(total) - np.repeat(np.cumsum(size) - size, size)

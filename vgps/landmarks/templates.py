@@ -89,6 +89,8 @@ def _planes(stored: npt.NDArray[np.uint8], strip_to_plane: FloatArray, strips: S
 
 def _enlarged(tiles: npt.NDArray[np.uint8], level: int) -> Float32Array:
     """Tiles (N, P, P) with ``2**level`` pixels for one, linearly between their middles."""
+    if level == 0:
+        return tiles.astype(np.float32)
     by = _between(tiles.shape[1], level)
     return np.asarray(by @ (tiles.astype(np.float32) @ by.T), np.float32)
 

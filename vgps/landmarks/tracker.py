@@ -17,7 +17,8 @@ from vgps.landmarks.prediction import (
     predict,
     search_radius_px,
 )
-from vgps.landmarks.search import NOTHING_SEEN, Found, Sightings, search_frame
+from vgps.landmarks.search import NOTHING_SEEN, Expected, Found, Sightings, first_few, search_frame
+from vgps.landmarks.templates import render_templates
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import FloatArray
@@ -129,53 +130,52 @@ class LandmarkTracker:
         return TrackedFrame(t_s, final.world_T_camera, final.covariance, True, anew, seen, found.correlation)
 
     def _follow(self, t_s: float, image: Float32Array, motion: Motion, widen: float) -> Found:
-        """Search around the prediction, Eq. (6), then closer around the pose that this gives."""
+        """Search for a few around the prediction, Eq. (6), then for all around the pose that these give."""
         config, dt = self._config, t_s - motion.t_s
         predicted = predict(motion, self._turns, t_s)
         start = predicted if config.select == "prediction" else motion.world_T_camera
-        views = self._views(start, config.first_landmarks if widen == 1.0 else config.max_landmarks)
-        found = self._search(t_s, image, motion, start, views, widen * self._radius(motion, start, views, dt))
+        expected = first = self._expect(t_s, motion, start)
+        if widen == 1.0:
+            size_px = image.shape[1], image.shape[0]
+            first = expected.take(first_few(self._K, start, expected.views, size_px, config))
+        radius = widen * self._radius(motion, start, first.views, dt)
+        found = self._search(image, start, first, radius)
         if found.pose is None or not self._plausible(found.pose.world_T_camera, predicted, dt, widen):
             return Found(None, NOTHING_SEEN, found.correlation)
-        return self._closer(t_s, image, motion, found)
+        return self._closer(image, found, expected)
 
     def _recover(self, t_s: float, image: Float32Array) -> Found:
         """Search around the places where the database has seen such an image."""
-        config, before = self._config, self._estimator.motion
+        before = self._estimator.motion
         bias = np.zeros(3) if before is None else before.gyro_bias_rad_s
-        best = Found(None, NOTHING_SEEN, 0.0)
         for pose in self._recovery.candidates(image):
             motion = Motion(t_s, pose, None, np.zeros(3), bias)
-            views = self._views(pose, config.max_landmarks)
-            radius = np.full(len(views), float(config.recovery_window_px))
-            found = self._search(t_s, image, motion, pose, views, radius)
+            expected = self._expect(t_s, motion, pose)
+            radius = np.full(len(expected.views), float(self._config.recovery_window_px))
+            found = self._search(image, pose, expected, radius)
             if found.pose is not None:
-                best = self._closer(t_s, image, motion, found)
-                break
-        return best
+                return self._closer(image, found, self._expect(t_s, motion, found.pose.world_T_camera))
+        return Found(None, NOTHING_SEEN, 0.0)
 
-    def _closer(self, t_s: float, image: Float32Array, motion: Motion, found: Found) -> Found:
+    def _closer(self, image: Float32Array, found: Found, expected: Expected) -> Found:
         """Search again around the pose found, in small windows: more matches, fewer of them false."""
         assert found.pose is not None
-        pose = found.pose.world_T_camera
-        views = self._views(pose, self._config.max_landmarks)
-        radius = np.full(len(views), float(self._config.refine_window_px))
-        again = self._search(t_s, image, motion, pose, views, radius)
+        radius = np.full(len(expected.views), float(self._config.refine_window_px))
+        again = self._search(image, found.pose.world_T_camera, expected, radius)
         better = again.pose is not None and len(again.sightings) >= len(found.sightings)
         return again if better else found
 
     def _search(
-        self,
-        t_s: float,
-        image: Float32Array,
-        motion: Motion,
-        start: FloatArray,
-        views: LandmarkViews,
-        radius: FloatArray,
+        self, image: Float32Array, start: FloatArray, expected: Expected, radius: FloatArray
     ) -> Found:
-        blur = self._blur(t_s, motion, start, views.world_p_landmark)
         radius = np.minimum(radius, self._config.max_window_px)
-        return search_frame(image, self._K, start, views, blur, radius, self._config)
+        return search_frame(image, self._K, start, expected, radius, self._config)
+
+    def _expect(self, t_s: float, motion: Motion, start: FloatArray) -> Expected:
+        """The landmarks that a pose sees, and how: (B) and (C)."""
+        views = self._views(start, self._config.max_landmarks)
+        blur = self._blur(t_s, motion, start, views.world_p_landmark)
+        return Expected(views, render_templates(self._K, start, views, blur, self._config.template_px))
 
     def _radius(self, motion: Motion, start: FloatArray, views: LandmarkViews, dt: float) -> FloatArray:
         config = self._config

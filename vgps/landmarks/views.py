@@ -38,6 +38,10 @@ class LandmarkViews:
     def __len__(self) -> int:
         return len(self.landmark)
 
+    def take(self, rows: IntArray) -> "LandmarkViews":
+        """Some of them."""
+        return LandmarkViews(*(values[rows] for values in vars(self).values()))
+
     @property
     def world_n(self) -> FloatArray:
         """(N, 3) unit normals of the planes, towards the camera that saw them."""
