@@ -4,7 +4,7 @@ import numpy as np
 
 from vgps.geometry import reprojection_inliers
 from vgps.local_map import LocalMap, StaticTie, scaled_pose, scaled_sigma
-from vgps.model import FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.tracking.pose import refine_pose
 
 _LEAST = 12  # features that a frame is posed by anew
@@ -36,14 +36,7 @@ def hand_over(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
     local_map.poses[:known] = refined.poses[local_map.first_frame - refined.first_frame :]
     trusted = np.isfinite(local_map.points[:, 0])
     trusted[own] = False
-    seen = local_map.observations(newest + 1)
-    for row, frame in enumerate(range(newest + 1, local_map.next_frame), start=1):
-        step = np.linalg.inv(old[row - 1]) @ old[row]
-        moved = local_map.pose(frame - 1) @ scaled_pose(step, scale)
-        rows = np.flatnonzero(seen.frame == frame)
-        rows = rows[trusted[seen.landmark[rows]]]
-        ids, uv = seen.landmark[rows], seen.uv_px[rows]
-        local_map.poses[frame - local_map.first_frame] = _posed(local_map, ids, uv, K, moved, inlier_px)
+    _pose_anew(local_map, old, scale, trusted, K, inlier_px)
     local_map.static_ties = [
         StaticTie(tie.frame, tie.key, scaled_pose(tie.key_T_frame, scale), scaled_sigma(tie.sigma, scale))
         if tie.frame > newest
@@ -51,6 +44,22 @@ def hand_over(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
         for tie in local_map.static_ties
     ]
     return own
+
+
+def _pose_anew(
+    local_map: LocalMap, old: FloatArray, scale: float, trusted: BoolArray, K: FloatArray, inlier_px: float
+) -> None:
+    """Frames after the newest refined one: their own motion from ``old`` (n, 4, 4), which begins with that
+    one, scaled, then by features whose position is trusted."""
+    since = local_map.next_frame - len(old) + 1
+    seen = local_map.observations(since)
+    for row, frame in enumerate(range(since, local_map.next_frame), start=1):
+        step = np.linalg.inv(old[row - 1]) @ old[row]
+        moved = local_map.pose(frame - 1) @ scaled_pose(step, scale)
+        rows = np.flatnonzero(seen.frame == frame)
+        rows = rows[trusted[seen.landmark[rows]]]
+        ids, uv = seen.landmark[rows], seen.uv_px[rows]
+        local_map.poses[frame - local_map.first_frame] = _posed(local_map, ids, uv, K, moved, inlier_px)
 
 
 def _growth(before: FloatArray, after: FloatArray, old: FloatArray, new: FloatArray) -> float:
