@@ -84,7 +84,7 @@ class LandmarkDatabase:
             max_depth_m: None further than this in front of the camera.
 
         Returns:
-            One view per landmark, sorted by landmark.
+            One view per landmark, the best prospects first.
 
         Raises:
             LandmarkDatabaseError: The file is damaged.
@@ -105,6 +105,7 @@ class LandmarkDatabase:
     def all_views(self) -> LandmarkViews:
         """Every view of every landmark, sorted by landmark: the whole database in memory."""
         rows = self._pool.rows(self._keys())
+        rows = rows[np.argsort(self._pool.landmark[rows], kind="stable")]
         count = self._pool.count[rows]
         return self._gather(np.repeat(rows, count), ranges(np.zeros_like(count), count))
 
@@ -164,9 +165,7 @@ class LandmarkDatabase:
         return rows[usable], best.view[usable]
 
     def _gather(self, rows: IntArray, views: IntArray) -> LandmarkViews:
-        """Views (N,), counted within their landmarks, of landmarks in rows (N,) of the pool; sorted by id."""
-        order = np.argsort(self._pool.landmark[rows], kind="stable")
-        rows, views = rows[order], views[order]
+        """Views (N,), counted within their landmarks, of landmarks in rows (N,) of the pool."""
         of_landmark = self._pool.numbers[rows]
         of_view = self._pool.view_numbers[self._pool.first[rows] + views]
         return LandmarkViews(

@@ -8,7 +8,6 @@ from vgps.geometry import project
 from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.matching import match_templates
 from vgps.landmarks.pose import PoseEstimate, pose_from_matches
-from vgps.landmarks.selection import spread
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -110,27 +109,6 @@ def search_frame(
     if pose is None or pose.inlier.sum() < enough(len(seen), config):
         return Found(None, seen, median)
     return Found(pose, seen.take(pose.inlier), median)
-
-
-def first_few(
-    K: FloatArray,
-    world_T_camera: FloatArray,
-    views: LandmarkViews,
-    size_px: tuple[int, int],
-    config: TrackConfig,
-) -> IntArray:
-    """Rows of the ``config.first_landmarks`` to look for first: reliable ones, from all parts of the image.
-
-    Args:
-        K: (3, 3).
-        world_T_camera: (4, 4) supposed.
-        views: N of them.
-        size_px: Width and height of the image.
-        config: Settings.
-    """
-    uv, depth = project(K, world_T_camera, views.world_p_landmark)
-    order = np.argsort(match_sigma_px(K, views, depth, config), kind="stable")
-    return order[spread(uv[order].T, size_px, config.first_landmarks)]
 
 
 def enough(matches: int, config: TrackConfig) -> int:

@@ -17,14 +17,15 @@ from vgps.landmarks.prediction import (
     predict,
     search_radius_px,
 )
-from vgps.landmarks.search import NOTHING_SEEN, Expected, Found, Sightings, first_few, search_frame
+from vgps.landmarks.search import NOTHING_SEEN, Expected, Found, Sightings, search_frame
+from vgps.landmarks.selection import spread
 from vgps.landmarks.templates import render_templates
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import FloatArray
 
 ViewSource = Callable[[FloatArray, int], LandmarkViews]
-"""Views that suit a pose (4, 4): of each landmark one, and at most so many."""
+"""Views that suit a pose (4, 4): of each landmark one, the best first, and at most so many."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,8 @@ class LandmarkTracker:
         start = predicted if config.select == "prediction" else motion.world_T_camera
         expected = first = self._expect(t_s, motion, start)
         if widen == 1.0:
-            size_px = image.shape[1], image.shape[0]
-            first = expected.take(first_few(self._K, start, expected.views, size_px, config))
+            uv, _ = project(self._K, start, expected.views.world_p_landmark)
+            first = expected.take(spread(uv.T, image.shape[::-1], config.first_landmarks))
         radius = widen * self._radius(motion, start, first.views, dt)
         found = self._search(image, start, first, radius)
         if found.pose is None or not self._plausible(found.pose.world_T_camera, predicted, dt, widen):
