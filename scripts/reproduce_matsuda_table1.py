@@ -11,7 +11,8 @@ import argparse
 import csv
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import repeat
 from pathlib import Path
 
 import matplotlib as mpl
@@ -35,6 +36,7 @@ from vgps.threads import one_blas_thread
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+AS_TRACK = "graph (default), 120 landmarks, with the second after it"  # what vgps track writes
 _ALIKE: dict[str, object] = {"max_landmarks": 160}  # for all methods
 PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
 METHODS: dict[str, dict[str, object]] = {
@@ -46,6 +48,7 @@ METHODS: dict[str, dict[str, object]] = {
     "graph (default), as it comes": {},
     "graph, without gyro": {"use_gyro": False},
     "graph, not blurred": {"blur": "none"},
+    AS_TRACK: {"max_landmarks": 120},
 }
 
 
@@ -70,13 +73,18 @@ class Errors:
         )
 
 
-def run(place: Path, landmarks: Path, changes: dict[str, object]) -> list[TrackedFrame]:
-    """Track every frame, as it comes."""
+def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
+    """Track every frame by one of the methods: as it comes, or for the last method as it was left."""
     recording = open_recording(place, with_gps=False)
-    config = TrackConfig.model_validate(_ALIKE | changes)
+    config = TrackConfig.model_validate(_ALIKE | METHODS[name])
+    frames: dict[float, TrackedFrame] = {}
     with one_blas_thread(), LandmarkDatabase.open(landmarks, config.selection) as database:
         localiser = Localiser(recording, database, config)
-        return [localiser.add(frame.t_s, localiser.undistort(frame.gray)) for frame in frames_of(recording)]
+        for frame in frames_of(recording):
+            frames[frame.t_s] = localiser.add(frame.t_s, localiser.undistort(frame.gray))
+            for t_s, pose in localiser.revised().items() if name == AS_TRACK else ():
+                frames[t_s] = replace(frames[t_s], world_T_camera=pose)
+    return list(frames.values())
 
 
 def frames_of(recording: Recording) -> Iterator[Frame]:
@@ -217,8 +225,8 @@ def main() -> None:
         if recording.rig.world_origin is not None and database.world_origin is not None:
             truth = in_world(truth, recording.rig.world_origin, database.world_origin)
         with ProcessPoolExecutor(2) as pool:
-            places = [given.recording] * len(METHODS), [given.landmarks] * len(METHODS)
-            for name, frames in zip(METHODS, pool.map(run, *places, METHODS.values()), strict=True):
+            places = repeat(given.recording), repeat(given.landmarks)
+            for name, frames in zip(METHODS, pool.map(run, *places, METHODS), strict=True):
                 found[name] = errors_of(frames, truth.world_T_camera)
                 lines.append(found[name].row(name, counted))
                 print(lines[-1], flush=True)
