@@ -13,8 +13,8 @@ def test_a_shifted_and_turned_image_has_the_same_features_elsewhere() -> None:
     image = texture(np.random.default_rng(0))
     move = cv2.getRotationMatrix2D((160, 120), 20, 1.0)
     move[:, 2] += (6, -4)
-    uv, one = describe(image)
-    uv_moved, other = describe(cv2.warpAffine(image, move, (320, 240)))
+    uv, one = describe(image, 1500)
+    uv_moved, other = describe(cv2.warpAffine(image, move, (320, 240)), 1500)
     assert one.shape == (len(uv), 32) and one.dtype == np.uint8
     bits = np.unpackbits(one[:, None] ^ other[None], axis=2).sum(axis=2)
     nearest = bits.argmin(axis=1)
@@ -26,6 +26,6 @@ def test_a_shifted_and_turned_image_has_the_same_features_elsewhere() -> None:
 
 def test_no_more_features_than_asked_for_and_none_on_grey() -> None:
     image = texture(np.random.default_rng(1))
-    assert len(describe(image, 40)[0]) <= 40 < len(describe(image)[0])
-    uv, descriptors = describe(np.full((120, 160), 90, np.uint8))
+    assert len(describe(image, 40)[0]) <= 40 < len(describe(image, 1500)[0])
+    uv, descriptors = describe(np.full((120, 160), 90, np.uint8), 1500)
     assert uv.shape == (0, 2) and descriptors.shape == (0, 32)

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.geometry import linearise_projection, project
-from vgps.landmarks.pose import pose_from_matches, refine_pose
+from vgps.landmarks.pose import pose_from_matches
 
 K = np.array([[720.0, 0, 320], [0, 700, 150], [0, 0, 1]])
 POSE = np.eye(4)
@@ -58,12 +58,11 @@ def test_the_covariance_is_that_of_the_errors():
     rng = np.random.default_rng(5)
     errors = []
     for _ in range(300):
-        pose, covariance = refine_pose(
-            K, POSE, points, uv + rng.normal(size=uv.shape), np.ones(len(uv)), huber_px=50.0
-        )
-        local = np.linalg.inv(POSE) @ pose
+        seen = uv + rng.normal(size=uv.shape)
+        found = pose_from_matches(K, points, seen, np.ones(len(uv)), 50.0, 300, 50.0, guess=POSE)
+        local = np.linalg.inv(POSE) @ found.world_T_camera
         errors.append([*Rotation.from_matrix(local[:3, :3]).as_rotvec(), *local[:3, 3]])
-    expected = np.sqrt(np.diag(covariance))
+    expected = np.sqrt(np.diag(found.covariance))
     np.testing.assert_allclose(np.std(errors, axis=0), expected, rtol=0.25)
 
 

@@ -40,7 +40,7 @@ def build(
         settings: Which landmarks are known well enough, and what is kept of them.
     """
     check_file(out)
-    contents = build_from_runs(runs, frames, settings, recording, track=TerminalProgress().track)
+    contents = build_from_runs(runs, frames, settings, recording, progress=TerminalProgress())
     write_database(contents, out)
     Console().print(_as_table(database_info(out)))
 

@@ -5,11 +5,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from vgps.model import FloatArray
-
-Float32Array = npt.NDArray[np.float32]
+from vgps.model import Float32Array, FloatArray
 
 
 @dataclass(frozen=True)

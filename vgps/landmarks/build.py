@@ -1,6 +1,6 @@
 """A landmark database from a run: its landmarks, and how they looked in the frames of its recording."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -10,14 +10,12 @@ from vgps.landmarks.build_settings import Frames, LandmarksConfig
 from vgps.landmarks.choice import Sightings, all_sightings, choose_views, known_landmarks, template_frames
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
-from vgps.landmarks.patches import Float32Array, Pyramid, plane_axes
+from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import FloatArray, Frame, Recording
+from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
+from vgps.progress import Progress, Silent
 from vgps.solution import Solution
-
-Track = Callable[[Iterable[Frame], int], Iterable[Frame]]
-"""Passes frames on while it shows progress; told how many there are."""
 
 
 def build_database(
@@ -25,7 +23,7 @@ def build_database(
     recording: Recording,
     frames: Frames = "all",
     config: LandmarksConfig | None = None,
-    track: Track = lambda frames, total: frames,
+    progress: Progress | None = None,
 ) -> LandmarkContents:
     """Landmarks with views and keyframes, (A) to (D) of Matsuda 2007, from a run and its video.
 
@@ -36,7 +34,7 @@ def build_database(
         recording: What it was made from; its video alone is used, the camera is the run's.
         frames: Which frames give templates and keyframes.
         config: Which landmarks are known well enough, and what is kept of them.
-        track: Shows progress.
+        progress: Shows how far it is.
 
     Returns:
         What :func:`vgps.landmarks.database_writer.write_database` writes; ids are the run's landmark rows.
@@ -60,9 +58,26 @@ def build_database(
         )
     keyed = sightings.take(np.isin(sightings.landmark, chosen.landmark) & (sightings.depth_m > 0))
     keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
+    video = (progress or Silent()).track(recording.video.frames(), len(recording.video.times_s))
+    templates, keyframes = _pictures(video, solution, chosen, keyed, keys, config)
+    views = _views(solution, chosen, sigma_m, templates)
+    count = len(np.unique(views.landmark))
+    source = Source(str(recording.path), frames, count, config.model_dump_json())
+    return LandmarkContents(solution.world_origin, views, keyframes, (source,))
+
+
+def _pictures(
+    video: Iterable[Frame],
+    solution: Solution,
+    chosen: Sightings,
+    keyed: Sightings,
+    keys: IntArray,
+    config: LandmarksConfig,
+) -> tuple[npt.NDArray[np.uint8], tuple[Keyframe, ...]]:
+    """Templates (N, levels, P, P) of the chosen sightings, and the keyframes, of frames ``keys``."""
     templates = np.zeros((len(chosen.landmark), config.levels, config.patch_px, config.patch_px), np.uint8)
     keyframes, rectify = [], Rectifier(solution.camera)
-    for frame in track(recording.video.frames(), len(recording.video.times_s)):
+    for frame in video:
         rows, key = np.flatnonzero(chosen.frame == frame.index), frame.index in keys
         if not (len(rows) or key):
             continue
@@ -71,10 +86,7 @@ def build_database(
             templates[rows] = Pyramid(image, config.levels).sample(chosen.uv_px[rows], config.patch_px)
         if key:
             keyframes.append(_keyframe(frame.index, image, solution, keyed, config))
-    views = _views(solution, chosen, sigma_m, templates)
-    count = len(np.unique(views.landmark))
-    source = Source(str(recording.path), frames, count, config.model_dump_json())
-    return LandmarkContents(solution.world_origin, views, tuple(keyframes), (source,))
+    return templates, tuple(keyframes)
 
 
 def _check(solution: Solution, recording: Recording) -> None:

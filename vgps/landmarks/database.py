@@ -10,12 +10,12 @@ from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.cells import ranges
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.opening import DatabaseFile
-from vgps.landmarks.pool import Float32Array, LandmarkPool, TemplateCache
+from vgps.landmarks.pool import LandmarkPool, TemplateCache
 from vgps.landmarks.region import Region, optics, region_around
 from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
 from vgps.landmarks.selection import Candidates, best_views, in_image, spread
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray
+from vgps.model import Camera, Float32Array, FloatArray, GeodeticPoint, IntArray
 
 _MORE = 2  # candidates whose views are looked at, for each landmark that is wanted
 

@@ -11,14 +11,13 @@ import numpy.typing as npt
 
 from vgps.model import FloatArray, GrayImage
 
-QUERY_FEATURES = 1500
 KEYFRAME_FEATURES = 4000
 _FAST_THRESHOLD = 7  # the default misses the corners of blurred frames
 
 Descriptors = npt.NDArray[np.uint8]
 
 
-def describe(gray: GrayImage, features: int = QUERY_FEATURES) -> tuple[FloatArray, Descriptors]:
+def describe(gray: GrayImage, features: int) -> tuple[FloatArray, Descriptors]:
     """Features of an image: pixels (N, 2) and descriptors (N, 32), 256 bits each.
 
     Two descriptors differ by their Hamming distance: the bits that differ.

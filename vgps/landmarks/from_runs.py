@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.build import Track, build_database
+from vgps.landmarks.build import build_database
 from vgps.landmarks.build_settings import Frames, LandmarksConfig
 from vgps.landmarks.contents import LandmarkContents, Source
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.merge import merge
 from vgps.model import FloatArray, GeodeticPoint
+from vgps.progress import Progress
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
 
@@ -22,7 +23,7 @@ def build_from_runs(
     frames: Frames = "all",
     config: LandmarksConfig | None = None,
     recording: Path | None = None,
-    track: Track = lambda frames, total: frames,
+    progress: Progress | None = None,
 ) -> LandmarkContents:
     """Landmarks of one or several runs, in the world of the first.
 
@@ -31,7 +32,7 @@ def build_from_runs(
         frames: Which frames give templates and keyframes.
         config: Which landmarks are known well enough, and what is kept of them.
         recording: Where the recording is now, for a single run; by default where the run says it was.
-        track: Shows progress.
+        progress: Shows how far it is.
 
     Raises:
         LandmarkDatabaseError: As :func:`build_database` and :func:`merge`; a run that names no recording.
@@ -44,11 +45,15 @@ def build_from_runs(
             f"--recording names one recording for {len(runs)} runs",
             remedy="build a database of one run, or leave --recording out",
         )
-    return merge([_build(run, frames, config, recording, track) for run in runs])
+    return merge([_build(run, frames, config, recording, progress) for run in runs])
 
 
 def _build(
-    run: Path, frames: Frames, config: LandmarksConfig | None, recording: Path | None, track: Track
+    run: Path,
+    frames: Frames,
+    config: LandmarksConfig | None,
+    recording: Path | None,
+    progress: Progress | None,
 ) -> LandmarkContents:
     solution = read_run(run)
     where = recording or solution.recording
@@ -56,7 +61,7 @@ def _build(
         raise LandmarkDatabaseError(
             "does not say which recording it was made from", file=run, remedy="name it with --recording"
         )
-    return build_database(solution, open_recording(where, with_gps=False), frames, config, track)
+    return build_database(solution, open_recording(where, with_gps=False), frames, config, progress)
 
 
 @dataclass(frozen=True)

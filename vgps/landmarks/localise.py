@@ -1,33 +1,24 @@
 """A recording localised against a landmark database: the pose of every frame, as a Solution."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol
 
 import numpy as np
 
 from vgps.errors import GeometryError
-from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.bridging import bridge
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.localiser import Localiser
 from vgps.landmarks.result import as_solution
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.tracker import TrackedFrame
-from vgps.model import BoolArray, FloatArray, Frame, Recording
+from vgps.model import BoolArray, Float32Array, FloatArray, Frame, Recording
+from vgps.progress import Progress, Silent
 from vgps.seconds import Seconds
 from vgps.solution import Solution
 from vgps.threads import one_blas_thread
 
 _NAMED_STRETCHES = 5
-
-
-class Progress(Protocol):
-    """Told what is being done."""
-
-    def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """The same frames, while progress is shown."""
-        ...
 
 
 def localise(
@@ -55,11 +46,9 @@ def localise(
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []
     poses: dict[float, FloatArray] = {}
-    decoded: Iterable[Frame] = _ahead(recording.video.frames())
-    if progress is not None:
-        decoded = progress.track(decoded, len(recording.video.times_s))
+    decoded = _ahead(recording.video.frames())
     with one_blas_thread(), seconds.measure("track"):
-        for frame in decoded:
+        for frame in (progress or Silent()).track(decoded, len(recording.video.times_s)):
             image = localiser.undistort(frame.gray)
             tracked = localiser.add(frame.t_s, image)
             frames.append(tracked)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from vgps.gyro_integration import GyroIntegral
-from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.descriptors import describe
 from vgps.landmarks.frame_estimator import FrameEstimator
@@ -14,7 +13,7 @@ from vgps.landmarks.rectify import Rectifier
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.tracker import LandmarkTracker, TrackedFrame
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import FloatArray, GrayImage, Recording
+from vgps.model import Float32Array, FloatArray, GrayImage, Recording
 
 
 class Localiser:

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from vgps.landmarks.blur import Float32Array
-from vgps.model import FloatArray, IntArray
+from vgps.model import Float32Array, FloatArray, IntArray
 
 _SMALL = 5  # half side up to which sums over all windows at once are faster than OpenCV one by one
 _LEAST_SPREAD = 1e-2  # of a window's grey values, squared and summed
@@ -59,14 +58,17 @@ def match_templates(
         best[rows], top[rows], near[rows] = _highest(scores)
     for i in np.flatnonzero(possible & ~(alike & (reach <= _SMALL))):
         window = image[low[i, 1] : high[i, 1], low[i, 0] : high[i, 0]]
-        score = cv2.matchTemplate(window, templates[i], cv2.TM_CCOEFF_NORMED)
-        _, best[i], _, (u, v) = cv2.minMaxLoc(score)
-        top[i] = u, v
-        near[i] = cv2.copyMakeBorder(score, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=np.nan)[
-            v : v + 3, u : u + 3
-        ]
+        best[i], top[i], near[i] = _highest_in(window, templates[i])
     found = low + half + top + _peak(near)
     return Matches(np.where(possible[:, None], found, predicted_px), best)
+
+
+def _highest_in(window: Float32Array, template: Float32Array) -> tuple[float, tuple[int, int], Float32Array]:
+    """As :func:`_highest`, of one template in a window of any size."""
+    score = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
+    _, best, _, (u, v) = cv2.minMaxLoc(score)
+    framed = cv2.copyMakeBorder(score, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=np.nan)
+    return best, (u, v), np.asarray(framed[v : v + 3, u : u + 3], np.float32)
 
 
 def _windows(image: Float32Array, low: IntArray, side: int) -> Float32Array:

@@ -7,9 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import BoolArray, Camera, FloatArray
-
-Float32Array = npt.NDArray[np.float32]
+from vgps.model import BoolArray, Camera, Float32Array, FloatArray
 
 _MOST_LINES = 32_000  # OpenCV's remap takes no more at once
 _SIGMA_PER_STEP = 0.5  # a Gaussian of half a step leaves little beyond what the step can show

@@ -11,7 +11,6 @@ from vgps.landmarks.opening import DatabaseFile
 from vgps.landmarks.schema import CELL_COLUMNS, check_sum, decode_cell
 from vgps.model import FloatArray, IntArray
 
-Float32Array = npt.NDArray[np.float32]
 Templates = npt.NDArray[np.uint8]
 _AT_ONCE = 256  # landmarks whose templates are asked for at once
 

@@ -116,29 +116,6 @@ def _settle(
     return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _LEAST else None
 
 
-def refine_pose(
-    K: FloatArray,
-    world_T_camera: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
-    sigma_px: FloatArray,
-    *,
-    huber_px: float = 1.5,
-    iterations: int = 10,
-) -> tuple[FloatArray, FloatArray]:
-    """Least reprojection error over one pose, each match by its sigma, Huber's loss in pixels; Gauss-Newton.
-
-    Returns:
-        The pose (4, 4) and its covariance (6, 6), inflated where the errors are larger than their sigmas.
-    """
-    pose, covariance = world_T_camera, np.eye(6)
-    for _ in range(iterations):
-        pose, covariance, moved = _step(K, pose, points, uv_px, sigma_px, huber_px)
-        if moved < _SETTLED:
-            break
-    return pose, covariance
-
-
 def _step(
     K: FloatArray,
     pose: FloatArray,

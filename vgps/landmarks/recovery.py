@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.contents import Keyframe
 from vgps.landmarks.pose import pose_from_matches
 from vgps.landmarks.track_settings import TrackConfig
-from vgps.model import BoolArray, FloatArray, GrayImage, IntArray
+from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
 
 Describe = Callable[[GrayImage, int], tuple[FloatArray, npt.NDArray[np.uint8]]]
 """The strongest so many features of an image: positions (N, 2) and descriptors (N, D)."""

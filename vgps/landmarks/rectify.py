@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 
 from vgps.camera import distort
-from vgps.landmarks.blur import Float32Array
-from vgps.model import Camera, GrayImage
+from vgps.model import Camera, Float32Array, GrayImage
 
 
 class Rectifier:

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.opening import DatabaseFile
 from vgps.landmarks.pool import LandmarkPool
 from vgps.landmarks.selection import corner_cosine, focal_px
-from vgps.model import BoolArray, Camera, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, Float32Array, FloatArray, IntArray
 
 _AROUND = """
 SELECT id FROM cell_box
@@ -32,7 +31,7 @@ class Region:
     radius_m: float
     optics: tuple[float, float, float | None]
     rows: IntArray
-    points: npt.NDArray[np.float32]
+    points: Float32Array
 
     def serves(self, place: FloatArray, optics: tuple[float, float, float | None]) -> bool:
         """Whether a camera there is within it."""

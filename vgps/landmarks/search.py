@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.geometry import project
-from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.matching import match_templates
 from vgps.landmarks.pose import PoseEstimate, pose_from_matches
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, Float32Array, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,9 @@ from functools import cache
 from math import cos, radians, sqrt
 
 import numpy as np
-import numpy.typing as npt
 
 from vgps.landmarks.build_settings import SelectionConfig
-from vgps.model import Camera, FloatArray, IntArray
-
-Float32Array = npt.NDArray[np.float32]
+from vgps.model import Camera, Float32Array, FloatArray, IntArray
 
 MIN_DEPTH_M = 0.1
 _FAR_M = 1e30  # for no limit at all, and for float32

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.geometry import MIN_DEPTH
-from vgps.landmarks.blur import Float32Array, Strips, blur_strips, offsets_from_middle, strips_along
+from vgps.landmarks.blur import Strips, blur_strips, offsets_from_middle, strips_along
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import FloatArray
+from vgps.model import Float32Array, FloatArray
 
 _BLOCK = 60  # so many are sampled at once: what stays in the cache is faster, and OpenCV takes 32,000 lines
 

@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 
 from vgps.geometry import project
-from vgps.landmarks.blur import Float32Array
 from vgps.landmarks.pose import PoseEstimate
 from vgps.landmarks.prediction import (
     Motion,
@@ -22,7 +21,7 @@ from vgps.landmarks.selection import spread
 from vgps.landmarks.templates import render_templates
 from vgps.landmarks.track_settings import TrackConfig
 from vgps.landmarks.views import LandmarkViews
-from vgps.model import FloatArray
+from vgps.model import Float32Array, FloatArray
 
 ViewSource = Callable[[FloatArray, int], LandmarkViews]
 """Views that suit a pose (4, 4): of each landmark one, the best first, and at most so many."""
