@@ -158,7 +158,7 @@ def plot(
         xlabel="unaligned position error [m], or less", ylabel="frames [%]", xscale="log", ylim=(0, 101)
     )
     shares.set(title="Frames held")
-    shares.legend(fontsize=7, loc="upper left")
+    shares.legend(fontsize=7, loc="lower right")
     for name, colour in (
         ("(2) templates not blurred", "tab:green"),
         ("graph (default), as it comes", "tab:blue"),
