@@ -10,10 +10,12 @@ run's poses: that is where its cameras are in the run's world.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
 
+from vgps.errors import VgpsError
 from vgps.interpolation import interpolate_poses
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
@@ -45,6 +47,15 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first frame written,")
     parser.add_argument("--every", type=int, default=1, help="then every so many")
     given = parser.parse_args()
+    try:
+        write(given)
+    except VgpsError as error:
+        print(f"truth_by_drive: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def write(given: argparse.Namespace) -> None:
+    """Read the three trajectories, write the one."""
     start_s = open_recording(given.recording, with_gps=False).rig.video_start_s
     places = given.recording / "truth.tum", given.run_truth, given.run / "poses.tum"
     made = by_drive(*(read_trajectory(place, video_start_s=start_s) for place in places))

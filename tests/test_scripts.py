@@ -4,7 +4,10 @@ import runpy
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from vgps.solution import Trajectory
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 LOG = "t_s,latitude_deg,longitude_deg,height_m,fix_class\n"
@@ -63,3 +66,21 @@ def test_errors_of_no_class_that_is_known(refused, tmp_path):
     line = refused("fit_gps_errors.py", log)
     assert line == f"fit_gps_errors: {log}: 3 rtk_fix, 6 unknown; expected 5 epochs of a known class"
     assert refused("fit_gps_errors.py", tmp_path / "gone.csv").startswith(f"fit_gps_errors: {tmp_path}")
+
+
+def test_a_truth_by_a_drive_that_is_not_there(refused, tmp_path):
+    words = ("--run", tmp_path, "--run-truth", tmp_path / "truth.tum", "--out", tmp_path / "out.tum")
+    line = refused("truth_by_drive.py", tmp_path / "gone", *words)
+    assert line.startswith(f"truth_by_drive: {tmp_path / 'gone'}: no such recording")
+
+
+def test_a_camera_that_was_turned_is_turned_where_the_drive_has_it():
+    by_drive = runpy.run_path(str(SCRIPTS / "truth_by_drive.py"))["by_drive"]
+    east, turned = np.tile(np.eye(4), (3, 1, 1)), np.tile(np.eye(4), (2, 1, 1))
+    east[:, 0, 3] = (0.0, 2.0, 4.0)
+    turned[:, 0, 3], turned[:, :2, :2] = (1.0, 3.0), [[0, -1], [1, 0]]  # by 90 degrees about z
+    t_s, north = np.array([0.0, 1.0, 2.0]), np.tile(np.eye(4), (3, 1, 1))
+    north[:, :2, :2], north[:, 1, 3] = [[0, -1], [1, 0]], (5.0, 7.0, 9.0)
+    found = by_drive(Trajectory(t_s[:2] + 0.5, turned), Trajectory(t_s, east), Trajectory(t_s, north))
+    np.testing.assert_allclose(found.world_T_camera[:, :3, 3], [[0, 6, 0], [0, 8, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.world_T_camera[:, :2, :2], [-np.eye(2)] * 2, atol=1e-12)
