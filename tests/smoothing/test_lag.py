@@ -3,7 +3,7 @@ import pytest
 from synthetic_fixes import T_S, fixes_at, path, poses
 
 from vgps.config import SensorsConfig
-from vgps.smoothing.lag import lag_by_differences, settle_lag
+from vgps.smoothing.lag import lag_by_differences, least_gain, settle_lag
 from vgps.smoothing.sensors import Lag, Sensors
 
 BELIEVED = Lag(0.0, 0.5)
@@ -100,3 +100,25 @@ def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_i
     wrong = np.interp(T_S, fine, way) * (1.0 + share)
     line = np.stack([wrong.real, wrong.imag, 0 * T_S], axis=1)
     assert settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig()) == (SENSORS, ())
+
+
+def test_few_pairs_or_many_trials_must_gain_more():
+    assert abs(least_gain(3.0, 10**6, 1.0) - 9.0) < 0.01
+    assert abs(least_gain(3.0, 9, 1.0) - 4.094**2) < 0.05  # tables of Student's t, 0.27 % on both sides
+    assert least_gain(3.0, 5, 30.0) > least_gain(3.0, 50, 30.0) > least_gain(3.0, 50, 1.0)
+    assert least_gain(3.0, 0, 1.0) == np.inf
+
+
+def test_a_handful_of_fixes_shows_no_lag_by_chance():
+    """Ten seconds of a walk round a corner with a float's wandering error."""
+    t_s, fixes_s = np.arange(0.0, 10.0, 0.1), np.linspace(0.5, 9.5, 8)
+
+    def place(t):
+        return np.stack([np.minimum(t, 5.0), np.maximum(t - 5.0, 0.0), 0 * t], axis=1) * 1.2
+
+    for seed in range(100):
+        offset = np.cumsum(np.random.default_rng(seed).normal(0, 0.05, (len(fixes_s), 3)), axis=0)
+        fixes = fixes_at(fixes_s, 2.4, 6.5)
+        rest = [getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]]
+        fixes = type(fixes)(fixes_s, place(fixes_s) + offset, *rest)
+        assert settle_lag(SENSORS, poses(place(t_s)), t_s, fixes, SensorsConfig()) == (SENSORS, ())

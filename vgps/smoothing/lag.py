@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from vgps.config import SensorsConfig
 from vgps.model import FloatArray
@@ -52,7 +54,9 @@ def settle_lag(
     change_s, seen = abs(found.lag_s - believed.lag_s), found.sigma_s < _SEEN * believed.sigma_s
     chance_s = config.significant * float(np.hypot(config.trusted_lag_s, found.sigma_s))
     # the best of a grid is narrow by chance too: it must explain the fixes better than what was believed
-    real = change_s > chance_s and pairs.gain(found.lag_s, believed.lag_s) > config.significant**2
+    tried = 1.0 + 2.0 * _REACH * believed.sigma_s / found.sigma_s
+    needed = least_gain(config.significant, pairs.freedom, tried)
+    real = change_s > chance_s and pairs.gain(found.lag_s, believed.lag_s) > needed
     if seen and (config.estimate_lag == "yes" or real):
         return sensors.with_lag(found), (
             f"the positions of the GPS log are {found.lag_s:.2f} s older than their time stamps say; "
@@ -87,6 +91,22 @@ def lag_by_differences(
         believed: Before anything was seen.
     """
     return _best_lag(_pairs(poses, t_s, fixes, camera_p_antenna, believed), believed)
+
+
+def least_gain(significant: float, freedom: int, tried: float) -> float:
+    """What the best of many values must gain to be as rare by chance as so many standard deviations.
+
+    Student's t, as few pairs may agree by chance, over the number of values tried (Bonferroni).
+
+    Args:
+        significant: Standard deviations, for one value and a known spread.
+        freedom: Of the residuals that the spread is told from.
+        tried: How many values there are that do not agree with each other.
+    """
+    if freedom < 1:
+        return float("inf")
+    chance = float(norm.sf(significant)) / tried
+    return float(student.isf(chance, freedom)) ** 2
 
 
 def _pairs(
@@ -134,6 +154,11 @@ class _Pairs:
         """How many."""
         return len(self._rows)
 
+    @property
+    def freedom(self) -> int:
+        """Residuals beyond the factors and the lag."""
+        return 2 * self.count - 2 * int(self._share.shape[1]) - 1
+
     def apart(self, lag_s: float) -> FloatArray:
         """(n,) lengths of the disagreements, metres."""
         return np.abs(self._fitted(lag_s).apart)
@@ -152,8 +177,7 @@ class _Pairs:
         return -float(gradient / information), float(information**-0.5)
 
     def gain(self, lag_s: float, other_s: float) -> float:
-        """Twice the log of how much more likely a lag is than another one: 9 is as rare by chance as three
-        standard deviations."""
+        """Twice the log of how much more likely a lag is than another one."""
         if self.count == 0:
             return 0.0
         ends = self._fitted(lag_s), self._fitted(other_s)
