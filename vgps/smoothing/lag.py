@@ -58,7 +58,9 @@ def settle_lag(
     needed = least_gain(config.significant, pairs.freedom, tried)
     real = change_s > chance_s and pairs.gain(found.lag_s, believed.lag_s) > needed
     if seen and (config.estimate_lag == "yes" or real):
-        return sensors.with_lag(found), (
+        # the path was fitted to the fixes before, at another lag: it may hide as much
+        doubtful = Lag(found.lag_s, float(np.hypot(found.sigma_s, config.trusted_lag_s)))
+        return sensors.with_lag(doubtful), (
             f"the positions of the GPS log are {found.lag_s:.2f} s older than their time stamps say; "
             "this was corrected",
         )
