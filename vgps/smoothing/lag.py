@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from vgps.config import SensorsConfig
 from vgps.model import FloatArray
@@ -107,8 +106,8 @@ def least_gain(significant: float, freedom: int, tried: float) -> float:
     """
     if freedom < 1:
         return float("inf")
-    chance = float(norm.sf(significant)) / tried
-    return float(student.isf(chance, freedom)) ** 2
+    chance = float(ndtr(-significant)) / tried
+    return float(stdtrit(freedom, chance)) ** 2
 
 
 def _pairs(
