@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import vgps.simulate
 from vgps.cli.app import app, say
 from vgps.writers.export import export as export_run
 
@@ -25,7 +24,10 @@ def simulate(
         gps_errors: Log of a receiver that stands still, whose errors are replayed in place of simulated ones.
         gps_reference: Better log of the same antenna, if that receiver moves: the truth where it is RTK-fix.
     """
-    vgps.simulate.simulate(out, vgps.simulate.scene_with_errors(scene, gps_errors, gps_reference), seed)
+    from vgps.simulate import scene_with_errors  # noqa: PLC0415  (slow to import)
+    from vgps.simulate import simulate as simulate_recording  # noqa: PLC0415
+
+    simulate_recording(out, scene_with_errors(scene, gps_errors, gps_reference), seed)
     say(f"wrote {out}")
 
 

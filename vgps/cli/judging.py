@@ -9,8 +9,6 @@ from rich.console import Console
 
 from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
-from vgps.compare import compare as compare_models
-from vgps.compare import write_comparison
 from vgps.config import read_config
 from vgps.errors import ConfigError
 from vgps.evaluate import as_json, as_table, evaluate_run, table
@@ -60,6 +58,9 @@ def compare(
         config: YAML that overrides the defaults.
         seed: Of every random choice.
     """
+    from vgps.compare import compare as compare_models  # noqa: PLC0415  (its plots are slow to import)
+    from vgps.compare import write_comparison  # noqa: PLC0415
+
     settings = read_config(config).with_gps(None, survey).with_seed(seed)
     found = compare_models(open_recording(recording, gps=gps), truth, settings, TerminalProgress())
     page, data = write_comparison(found, out)

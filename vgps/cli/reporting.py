@@ -4,7 +4,6 @@ from pathlib import Path
 
 from vgps.cli.app import app, say
 from vgps.readers.run_folder import read_run
-from vgps.report import write_report
 
 
 @app.command
@@ -15,5 +14,7 @@ def report(run: Path, *, out: Path) -> None:
         run: Run folder.
         out: HTML file to write; it needs no other file.
     """
+    from vgps.report import write_report  # noqa: PLC0415  (its plots are slow to import)
+
     write_report(read_run(run), out)
     say(f"wrote {out}")

@@ -7,7 +7,6 @@ from rich.console import Console
 from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import GpsModel, read_config
-from vgps.demo import demo as run_demo
 from vgps.evaluate import as_table
 from vgps.offline import smooth as smooth_recording
 from vgps.readers.recording import open_recording
@@ -24,6 +23,8 @@ def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
         out: Folder for the recording, the run and its report.
         seed: Of the simulated world and its GPS errors.
     """
+    from vgps.demo import demo as run_demo  # noqa: PLC0415  (plots and simulation are slow to import)
+
     solution, evaluation = run_demo(out, seed, TerminalProgress())
     _summary(solution, out / "run")
     Console().print(as_table(evaluation, "against the simulation's exact truth"))
