@@ -98,7 +98,7 @@ def end_to_end(run: Solution, folder: Path, every: int, most: int | None, seed: 
         size = np.linalg.norm(error, axis=1)
         spread = f"{size.mean():.3f} | {size.max():.3f}" if len(size) else "- | -"
         steps = ", ".join(f"{step} {s:.1f}" for step, s in seconds.items())
-        whole = sum(one_after_another(seconds).values())
+        whole = one_after_another(seconds)
         print(f"| {name} | {len(size)} of {len(taken)} | {spread} | {whole:.1f} | {steps} |")
 
     found, seconds = map_images(recording, every, most, centre_priors(run, every, all_fixes=True), seed)
