@@ -1,6 +1,6 @@
 """One recording changed in ways that users' recordings differ: unaligned errors on each, as a table.
 
-python scripts/table_variants.py RECORDING [--logs gps_fix.nmea gps_float.nmea] [--only half-rate ...]
+python scripts/table_variants.py RECORDING [--logs gps_fix.nmea gps_float.nmea] [--only "half the frames" ...]
     [--seeds N] [--jobs J]
 
 Half the frames, half the size, its later part alone, driven backwards, with light that flickers and noise,

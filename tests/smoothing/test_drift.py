@@ -33,6 +33,26 @@ def test_one_wild_fix_bends_nothing(fixes):
     assert away(bent).max() < 0.3
 
 
+def test_fixes_that_no_lag_explains_bend_the_path_as_if_the_clock_were_known(fixes):
+    """A metre forward and back again along the way: a free clock would take its share of it."""
+    wander = np.sin(fixes.t_s / 3)[:, None] * [0.0, 1.0, 0.0]
+    biased = replace(fixes, world_p_fix=fixes.world_p_fix + wander)
+    known = Config(sensors={"estimate_lag": "no"})
+    bent, scale = bend_path(drifting(0.05), T_S, biased, np.zeros(3), Config())
+    held, held_scale = bend_path(drifting(0.05), T_S, biased, np.zeros(3), known)
+    np.testing.assert_array_equal(bent, held)
+    np.testing.assert_array_equal(scale, held_scale)
+
+
+def test_late_fixes_in_bends_do_not_pull_the_path_into_their_shape(fixes):
+    late = replace(fixes, t_s=fixes.t_s + 0.5, r_m=np.full(len(fixes), 0.1), h_m=np.full(len(fixes), 0.1))
+    bent, _ = bend_path(poses(path(T_S)), T_S, late, np.zeros(3), Config())
+    assert away(bent).mean() < 0.1
+    known = Config(sensors={"estimate_lag": "no"})
+    bent, _ = bend_path(poses(path(T_S)), T_S, late, np.zeros(3), known)
+    assert away(bent).mean() > 0.3
+
+
 def test_a_path_that_hangs_on_a_held_one_keeps_its_start_and_bends_behind_it(fixes):
     """The second half of a drive that lost its scale in the second half alone."""
     half = len(T_S) // 2

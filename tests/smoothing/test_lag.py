@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_fixes import T_S, fixes_at, path, poses
@@ -14,7 +16,15 @@ SENSORS = Sensors.known(NONE)
 def late(lag_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
     """Fixes whose stamps are later than their positions."""
     fixes = fixes_at(t_s, 2.4, 6.5, offset=offset)
-    return type(fixes)(t_s + lag_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
+    return replace(fixes, t_s=t_s + lag_s)
+
+
+def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
+    return replace(fixes_at(t_s, r_m, h_m), world_p_fix=world_p_fix)
+
+
+def nothing_is_told(path_poses, t_s, fixes):
+    return settle_lag(SENSORS, path_poses, t_s, fixes, SensorsConfig()) == (SENSORS, ())
 
 
 def wander(seed, n=19):
@@ -45,16 +55,11 @@ def test_one_jump_of_the_receiver_does_not_matter():
 
 def test_a_straight_at_constant_speed_keeps_what_is_believed_and_says_so():
     t_s = np.arange(0.05, 19.0)
-    fixes = fixes_at(t_s, 2.4, 6.5)
     line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
-    fixes = type(fixes)(
-        t_s + 0.37,
-        np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1),
-        *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
-    )
+    fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
     sensors, remark = settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_lag="yes"))
     assert sensors.lag_s == 0.0 and "does not show the lag" in remark[0]
-    assert settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig()) == (SENSORS, ())
+    assert nothing_is_told(poses(line), T_S, fixes)
 
 
 def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
@@ -75,11 +80,9 @@ def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed)
     rng = np.random.default_rng(seed)
     t_s = np.arange(0.0, 6.0, 0.1)
     line = np.stack([0 * t_s, 9.0 * t_s - 0.75 * t_s**2, 0 * t_s], axis=1)
-    fixes = fixes_at(t_s, 0.12, 0.1)
-    seen = line + rng.normal(0.0, 0.05, line.shape)
-    fixes = type(fixes)(t_s, seen, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]])
+    fixes = fixes_that_lie(t_s, line + rng.normal(0.0, 0.05, line.shape), 0.12, 0.1)
     drifted = line + np.cumsum(rng.normal(0.0, 0.01, line.shape), axis=0)
-    assert settle_lag(SENSORS, poses(drifted), t_s, fixes, SensorsConfig()) == (SENSORS, ())
+    assert nothing_is_told(poses(drifted), t_s, fixes)
 
 
 @pytest.mark.parametrize("share", [0.03j, 0.02 + 0.02j, -0.03])
@@ -94,12 +97,10 @@ def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_i
     fine = np.arange(0.0, 20.0, 0.01)
     way = place(fine)
     seen = np.interp(t_s, fine, way)
-    fixes = fixes_at(t_s, 0.07, 0.05)
-    world = np.stack([seen.real, seen.imag, 0 * t_s], axis=1)
-    fixes = type(fixes)(t_s, world, *[getattr(fixes, n) for n in list(fixes.__dataclass_fields__)[2:]])
+    fixes = fixes_that_lie(t_s, np.stack([seen.real, seen.imag, 0 * t_s], axis=1), 0.07, 0.05)
     wrong = np.interp(T_S, fine, way) * (1.0 + share)
     line = np.stack([wrong.real, wrong.imag, 0 * T_S], axis=1)
-    assert settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig()) == (SENSORS, ())
+    assert nothing_is_told(poses(line), T_S, fixes)
 
 
 def test_few_pairs_or_many_trials_must_gain_more():
@@ -118,7 +119,5 @@ def test_a_handful_of_fixes_shows_no_lag_by_chance():
 
     for seed in range(100):
         offset = np.cumsum(np.random.default_rng(seed).normal(0, 0.05, (len(fixes_s), 3)), axis=0)
-        fixes = fixes_at(fixes_s, 2.4, 6.5)
-        rest = [getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]]
-        fixes = type(fixes)(fixes_s, place(fixes_s) + offset, *rest)
-        assert settle_lag(SENSORS, poses(place(t_s)), t_s, fixes, SensorsConfig()) == (SENSORS, ())
+        fixes = fixes_that_lie(fixes_s, place(fixes_s) + offset)
+        assert nothing_is_told(poses(place(t_s)), t_s, fixes)

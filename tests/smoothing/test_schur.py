@@ -17,16 +17,8 @@ TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 
 
 def only(problem: BundleProblem, keep: np.ndarray) -> BundleProblem:
-    """The problem with some of its observations."""
-    k = None if problem.robust_k is None else problem.robust_k[keep]
-    return replace(
-        problem,
-        frame=problem.frame[keep],
-        landmark=problem.landmark[keep],
-        uv_px=problem.uv_px[keep],
-        sigma_px=problem.sigma_px[keep],
-        robust_k=k,
-    )
+    """The problem with some of its observations, and its pose factors."""
+    return replace(problem.only(keep), pose_graph=problem.pose_graph, shared=problem.shared)
 
 
 def robust(problem: BundleProblem, loss: str) -> BundleProblem:

@@ -5,13 +5,10 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from vgps.config import TrackingConfig
-from vgps.model import BoolArray, FloatArray, GrayImage, IntArray
+from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import harris_maxima
-
-Float32Array = npt.NDArray[np.float32]
 
 _NEAR_LEVELS = 2  # of the pyramid, enough where a prediction is off by a few pixels
 _GOOD_SHARE = 0.75  # of the features, found at the first try if the prediction is good
