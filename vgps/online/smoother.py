@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.allocator import give_back_memory
 from vgps.config import Config
 from vgps.errors import ConfigError, VideoError
 from vgps.forgetting import Memory, whole
@@ -28,6 +29,7 @@ from vgps.threads import one_blas_thread
 
 _SAME_TIME_S = 1e-6
 _FORGET_EVERY = 15  # frames
+_GIVE_BACK_EVERY = 300
 _MOST_WARNINGS = 500  # that the result keeps
 _LIVE = Path("live")
 
@@ -68,10 +70,8 @@ class OnlineSmoother:
         self._sequence = Sequence(camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
-        self._follower, self._errors = (
-            Follower(self._sequence, config.online),
-            PathErrors(self._sequence, config),
-        )
+        self._follower = Follower(self._sequence, config.online)
+        self._errors = PathErrors(self._sequence, config)
         self._teller = VerdictTeller(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
@@ -157,6 +157,8 @@ class OnlineSmoother:
         if frames % _FORGET_EVERY == 0:
             for part in self._sequence.forget():
                 self._frames.settle(part)
+        if frames % _GIVE_BACK_EVERY == 0:
+            give_back_memory()
 
     def estimate(self) -> OnlineEstimate | None:
         """The newest frame's pose, as :meth:`add_frame` gave it."""
