@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from synthetic_fixes import T_S, drifting, fixes_at, path, poses
 
 from vgps.config import Config
-from vgps.smoothing.judging import Judgement, judge_on_path, probabilities
+from vgps.smoothing.judging import Judgement, judge_on_path, probabilities, suspects
 
 CONFIG = Config()
 T_FIX = np.arange(0.05, 19.0)
@@ -32,7 +32,7 @@ def test_bayes_by_hand():
 
 def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
     offset = np.array([[0.02, 0, 0], [1.0, 0, 0], [30.0, 0, 0], [0, 0, 3.0]])
-    found = probabilities(offset, fixes_at(np.zeros(4), *FIX, lower=FLOAT), CONFIG)
+    found = probabilities(offset, fixes_at(1e3 * np.arange(4.0), *FIX, lower=FLOAT), CONFIG)
     assert found.lowered.tolist() == [False, True, False, True]
     assert found.rejected.tolist() == [False, False, True, False]
 
@@ -41,7 +41,7 @@ def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
 @settings(deadline=None)
 def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
     offset = np.array([[near, 0, 0], [near + more, 0, 0]])
-    found = probabilities(offset, fixes_at(np.zeros(2), *FIX, lower=FLOAT), CONFIG)
+    found = probabilities(offset, fixes_at(1e3 * np.arange(2.0), *FIX, lower=FLOAT), CONFIG)
     assert np.all((found.own >= 0) & (found.lower >= 0) & (found.own + found.lower <= 1 + 1e-12))
     assert found.own[1] <= found.own[0] + 1e-12
 
@@ -70,6 +70,29 @@ def test_a_cluster_that_agrees_with_itself_and_lies_about_its_class_is_found():
     fixes = fixes_at(T_FIX, np.where(fix, 0.07, 2.4), np.where(fix, 0.05, 6.5), offset=offset)
     found = judged(poses(path(T_S)), fixes)
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
+
+
+def test_false_fixes_at_the_very_start_are_found():
+    """Nothing came before them, and a path that bends in its first seconds would suit them."""
+    offset = np.zeros((19, 3))
+    offset[:6] += [9.0, -7.0, 5.0]
+    exact = (np.arange(19) < 6) | (np.arange(19) > 15)
+    fixes = fixes_at(T_FIX, np.where(exact, 0.07, 2.4), np.where(exact, 0.05, 6.5), offset=offset)
+    found = judged(drifting(0.05), fixes)
+    assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_runs_between_jumps_are_suspect_and_nothing_else():
+    offset = np.zeros((19, 3))
+    offset[:4] += [9.0, 0.0, 0.0]
+    offset[12] += [0.0, 0.0, 30.0]
+    fixes, everything = fixes_at(T_FIX, 0.5, 0.7), np.ones(19, dtype=bool)
+    assert suspects(np.zeros((19, 3)), everything, fixes) == []
+    found = [np.flatnonzero(run).tolist() for run in suspects(offset, everything, fixes)]
+    assert found == [[0, 1, 2, 3], [4, 5, 6, 7, 8, 9, 10, 11], [13, 14, 15, 16, 17, 18]]
+    doubted = everything.copy()
+    doubted[12] = False
+    assert [np.flatnonzero(run).tolist() for run in suspects(offset, doubted, fixes)] == [[0, 1, 2, 3]]
 
 
 def test_a_verdict_is_reversed_by_what_comes_later():

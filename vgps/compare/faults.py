@@ -64,14 +64,18 @@ def outliers(share: float, recording: Recording, log: GpsLog, rng: np.random.Gen
     return Faulty(_moved(recording, log, offset), np.any(offset, axis=1))
 
 
-def cluster(count: int, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """Fixes in a row, in the middle, all 15 m off the same way and labelled RTK-fix."""
-    middle = _middle(recording, log, count)
+def cluster(
+    count: int, at_start: bool, recording: Recording, log: GpsLog, rng: np.random.Generator
+) -> Faulty:
+    """Fixes in a row, first or in the middle, all 15 m off the same way and labelled RTK-fix."""
+    rows = _middle(recording, log, count)
+    if at_start:
+        rows = _inside(recording, log) & (np.cumsum(_inside(recording, log)) <= count)
     angle = rng.uniform(0, 2 * np.pi)
     offset = np.zeros((len(log), 3))
-    offset[middle] = _CLUSTER_M * np.array([np.cos(angle), np.sin(angle), 0.3])
-    log = _labelled(log, middle, FixClass.RTK_FIX)
-    return Faulty(_moved(recording, log, offset), middle)
+    offset[rows] = _CLUSTER_M * np.array([np.cos(angle), np.sin(angle), 0.3])
+    log = _labelled(log, rows, FixClass.RTK_FIX)
+    return Faulty(_moved(recording, log, offset), rows)
 
 
 def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
@@ -127,7 +131,8 @@ FAULTS = (
         Fault(f"outliers-{share}", f"{share} % of the fixes 8 to 40 m off", partial(outliers, share / 100))
         for share in (10, 20, 30, 40)
     ),
-    Fault("cluster", "8 fixes in a row 15 m off the same way, labelled RTK-fix", partial(cluster, 8)),
+    Fault("cluster", "8 fixes in a row 15 m off the same way, labelled RTK-fix", partial(cluster, 8, False)),
+    Fault("start", "the first 8 fixes 15 m off the same way, labelled RTK-fix", partial(cluster, 8, True)),
     *(Fault(f"outage-{s}", f"no fixes for {s} s", partial(outage, float(s))) for s in (10, 30, 60)),
     Fault("late", "positions 0.5 s older than their stamps", partial(late, 0.5)),
     Fault(

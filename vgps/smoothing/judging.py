@@ -1,15 +1,15 @@
 """Which fixes to believe: the probability of each, by what the path and all the others say.
 
-A fix is what its class says, or what the class below says (a wrong integer ambiguity leaves an RTK-fix with
-an RTK-float's error), or an outlier anywhere within tens of metres. Each hypothesis gives a density of the
-offset between antenna and fix; Bayes' rule gives their probabilities. Nothing is gated on a first guess: all
-fixes are fitted together by a path that can bend only as a camera drifts, first as if each were as coarse as
-the path is wrong, then finer and finer until classes count for what they say. A verdict holds until it is
+Nothing is gated on a first guess: all fixes are fitted together by a path that can bend only as a camera
+drifts, first as if each were as coarse as the path is wrong, then finer and finer until classes count for
+what they say. Where the way from fix to fix is not the camera's, the fixes between two such places are left
+out for a trial. The likeliest end counts, by :mod:`vgps.smoothing.hypotheses`. A verdict holds until it is
 asked for again: later frames and fixes may reverse it.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import gamma
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from vgps.config import Config
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.fixes import Fixes, place
 from vgps.smoothing.flexible_path import FlexiblePath
+from vgps.smoothing.hypotheses import LOWER, OWN, STILL_LOWER, state_probabilities
 
 _ROUNDS = 6
+_MOST_JUMPS = 8
 
 
 @dataclass(frozen=True)
@@ -76,62 +78,20 @@ def judges(config: Config) -> bool:
 
 
 def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0) -> Judgement:
-    """Bayes' rule over the hypotheses, given where the antenna was.
-
-    The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
-    survey drops its worst epochs, so a small share of a class lies in a cylinder of a larger size. An outlier
-    lies anywhere within ``outlier_radius_m`` of the antenna.
+    """What each fix is, given where the antenna was (:mod:`vgps.smoothing.hypotheses`).
 
     Args:
         offset: (M, 3) antenna minus fix, metres; NaN gives NaN.
-        fixes: Their own regions and those of the class below.
+        fixes: In order of time; those without a region are not judged.
         config: Priors, and the exponent and weight of the cylinder.
         tolerance_m: How far off the path itself may be.
     """
-    own, lower, bad = _log_likelihoods(offset, fixes, config, tolerance_m)
-    with np.errstate(invalid="ignore"):  # what has no region has no likelihood
-        total = np.logaddexp(np.logaddexp(own, lower), bad)
-    return Judgement(np.exp(own - total), np.where(np.isnan(total), np.nan, np.exp(lower - total)))
-
-
-def _log_likelihoods(
-    offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(M,) logs of prior times density [1/m^3]: own class, class below, outlier."""
-    judge = config.judge
-    own = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
-    lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
-    has_lower = np.isfinite(fixes.lower_r_m)
-    own += np.log(1.0 - judge.outlier_share - np.where(has_lower, judge.lower_share, 0.0))
-    lower = np.where(has_lower, lower + np.log(judge.lower_share), -np.inf)
-    volume = 2.0 * np.pi * judge.outlier_radius_m**3
-    return own, lower, np.full(len(offset), np.log(judge.outlier_share / volume))
-
-
-def _log_class_density(
-    offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
-) -> FloatArray:
-    judge = config.judge
-    core = _log_density(offset, r_m, h_m, config, tolerance_m)
-    tail = _log_density(offset, judge.tail_size * r_m, judge.tail_size * h_m, config, tolerance_m)
-    with np.errstate(invalid="ignore"):  # no region, no density
-        both = np.logaddexp(core + np.log(1.0 - judge.tail_share), tail + np.log(judge.tail_share))
-    return np.asarray(both)
-
-
-def _log_density(
-    offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
-) -> FloatArray:
-    """(M,) log of the cylinder's density [1/m^3]; NaN without a region."""
-    n, omega = config.gps.n, config.gps.omega
-    r, h = np.hypot(r_m, tolerance_m), np.hypot(h_m, tolerance_m)
-    horizontal, vertical = np.hypot(offset[:, 0], offset[:, 1]) / r, np.abs(offset[:, 2]) / h
-    with np.errstate(over="ignore"):
-        psi = horizontal ** (2 * n) + vertical ** (2 * n)
-    # the integral of exp(-omega Psi) over space
-    area = np.pi * r**2 * gamma(1.0 + 1.0 / n) * omega ** (-1.0 / n)
-    length = 2.0 * h * gamma(1.0 + 0.5 / n) * omega ** (-0.5 / n)
-    return np.asarray(-omega * psi - np.log(area * length))
+    found = Judgement.none(len(fixes))
+    rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
+    if rows.any():
+        state, _ = state_probabilities(offset[rows], fixes.where(rows), config, tolerance_m)
+        found.own[rows], found.lower[rows] = state[:, OWN], state[:, LOWER] + state[:, STILL_LOWER]
+    return found
 
 
 def judge_on_path(
@@ -161,19 +121,55 @@ def judge_on_path(
 
 
 def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: Config) -> Judgement:
-    """At the most likely of several ends: from the path as it is, and from coarse fits to all fixes."""
-    ends = []
-    for path in paths:
-        for start in (path.start, path.approach(np.ones(len(fixes), dtype=bool), tolerance_m)):
-            end = _settled(path, start, fixes, tolerance_m, config)
-            ends.append((_energy(path, end, fixes, tolerance_m, config), path.offsets(end)))
-    _, offset = min(ends, key=lambda end: end[0])
-    return probabilities(offset, fixes, config, tolerance_m)
+    """At the likeliest of several ends: from the path as it is, and from coarse fits to all fixes; then from
+    fits without runs of fixes that are believed though they are suspect."""
+    everything = np.ones(len(fixes), dtype=bool)
+
+    def likelier(than: "_End | None", starts: Callable[[FlexiblePath], Iterator[FloatArray]]) -> "_End":
+        ends = [_settled(path, start, fixes, tolerance_m, config) for path in paths for start in starts(path)]
+        return min([than, *ends] if than else ends, key=lambda end: end.energy)
+
+    best = likelier(None, lambda path: iter((path.start, path.approach(everything, tolerance_m))))
+    believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
+    runs = suspects(paths[0].offsets(paths[0].start), believed, fixes, tolerance_m)
+    if runs:
+        best = likelier(best, lambda path: (path.approach(~run, tolerance_m) for run in runs))
+    return probabilities(best.offset, fixes, config, tolerance_m)
+
+
+def suspects(
+    offset: FloatArray, believed: BoolArray, fixes: Fixes, tolerance_m: float = 0.0
+) -> list[BoolArray]:
+    """Runs of fixes (M,) that a receiver may have shifted together: between places where the offset jumps.
+
+    Args:
+        offset: (M, 3) antenna minus fix, metres, by the path as it is.
+        believed: (M,) fixes that are looked at.
+        fixes: In order of time.
+        tolerance_m: How far the path itself may go wrong from one fix to the next.
+    """
+    rows = np.flatnonzero(believed)
+    step, r, h = np.diff(offset[rows], axis=0), fixes.r_m[rows], fixes.h_m[rows]
+    beyond = np.maximum(
+        np.hypot(step[:, 0], step[:, 1]) / (r[1:] + r[:-1] + tolerance_m),
+        np.abs(step[:, 2]) / (h[1:] + h[:-1] + tolerance_m),
+    )
+    jumps = np.flatnonzero(beyond > 1.0)
+    jumps = np.sort(jumps[np.argsort(-beyond[jumps], kind="stable")[:_MOST_JUMPS]])
+    runs = np.split(rows, jumps + 1)
+    return [np.isin(np.arange(len(offset)), run) for run in runs if 2 <= len(run) <= len(rows) // 2]
+
+
+class _End(NamedTuple):
+    """Minus the log of everything's likelihood, but for a constant, and the offsets (M, 3) there."""
+
+    energy: float
+    offset: FloatArray
 
 
 def _settled(
     path: FlexiblePath, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
-) -> FloatArray:
+) -> _End:
     """Judge and fit in turn until the verdicts stay."""
     found = probabilities(path.offsets(parameters), fixes, config, tolerance_m)
     for _ in range(_ROUNDS):
@@ -183,15 +179,9 @@ def _settled(
         before, found = found, probabilities(path.offsets(parameters), fixes, config, tolerance_m)
         if np.array_equal(before.rejected, found.rejected) and np.array_equal(before.lowered, found.lowered):
             break
-    return parameters
-
-
-def _energy(
-    path: FlexiblePath, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
-) -> float:
-    """Minus the log of everything's likelihood, but for a constant."""
-    own, lower, bad = _log_likelihoods(path.offsets(parameters), fixes, config, tolerance_m)
-    return 0.5 * path.bending(parameters) - float(np.logaddexp(np.logaddexp(own, lower), bad).sum())
+    offset = path.offsets(parameters)
+    _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
+    return _End(0.5 * path.bending(parameters) - log_likelihood, offset)
 
 
 def _tolerance(poses: FloatArray, knots: int, config: Config) -> float:
