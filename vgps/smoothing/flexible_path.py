@@ -8,11 +8,12 @@ fixes in milliseconds and thousands of hypotheses about fixes can be tried where
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
 from vgps.config import DriftConfig
-from vgps.model import BoolArray, FloatArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 
 _MAX_KNOTS = 60
@@ -25,6 +26,7 @@ _FINER = 3.0  # from one fit to the next
 _LOSS_WIDTH = 3.0  # in regions: an error of more counts less and less
 _HELD_M = 1e-3
 _SMALL = 1e-4  # relative decrease of the cost that ends a fit
+_SMALL_COARSE = 1e-2  # where a finer one follows
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ class FlexiblePath:
         frames = np.arange(len(poses))
         # (F, K) how much each knot counts in each frame
         self._share = np.stack([np.interp(frames, at, row) for row in np.eye(self.knots)], axis=1)
+        self._counted = self._share[:-1].nonzero()  # the two knots of every step
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
@@ -78,6 +81,8 @@ class FlexiblePath:
         self._changes = np.diff(np.eye(self.knots), axis=0)
         if attached:
             self._changes = np.vstack([np.eye(1, self.knots), self._changes])
+        walk = np.kron(self._changes, np.diag(1.0 / self._sigma))
+        self._walk = walk.T @ walk
         self._iterations = config.iterations
 
     @property
@@ -110,10 +115,11 @@ class FlexiblePath:
         placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
         return antenna_at(bent, placement, self._antenna) - self._fixes.world_p_fix
 
-    def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
+    def fit(self, parameters: FloatArray, loss: Loss, small: float = _SMALL) -> FloatArray:
         """Parameters that minimise ``sum rho(|offset / region|) + sum |change per knot / sigma|^2``.
 
-        Iteratively reweighted Gauss-Newton; a step that does not help is halved.
+        Iteratively reweighted Gauss-Newton; a step that does not help is halved. A relative decrease of the
+        cost by less than ``small`` ends it.
         """
         cost = self._cost(parameters, loss)
         for _ in range(self._iterations):
@@ -127,7 +133,7 @@ class FlexiblePath:
             else:
                 return parameters
             parameters, before, cost = trial, cost, trial_cost
-            if before - cost < _SMALL * cost:
+            if before - cost < small * cost:
                 break
         return parameters
 
@@ -144,7 +150,7 @@ class FlexiblePath:
         away = np.linalg.norm(self.offsets(parameters)[rows], axis=1)
         coarse = max(_COARSEST_M, 2.0 * float(np.median(away)))
         while coarse > finest_m:
-            parameters = self.fit(parameters, Loss(self.regions(coarse), rows, 1.0))
+            parameters = self.fit(parameters, Loss(self.regions(coarse), rows, 1.0), _SMALL_COARSE)
             coarse /= _FINER
         return parameters
 
@@ -192,10 +198,9 @@ class FlexiblePath:
         J = self._jacobian(bent, self.lag_s(parameters)) * scale[:, :, None]
         J, r = J.reshape(-1, J.shape[2]), (offset * scale).ravel()
         hessian, gradient = J.T @ J, J.T @ r
-        walk = np.kron(self._changes, np.diag(1.0 / self._sigma))
         own = slice(_KNOTS, None)
-        hessian[own, own] += walk.T @ walk
-        gradient[own] += walk.T @ (walk @ parameters[own])
+        hessian[own, own] += self._walk
+        gradient[own] += self._walk @ parameters[own]
         hessian[_SHIFT, _SHIFT] += np.eye(3) / self._shift_sigma_m**2
         gradient[_SHIFT] += parameters[_SHIFT] / self._shift_sigma_m**2
         if self._lag_sigma_s:
@@ -223,11 +228,21 @@ class FlexiblePath:
         J[:, :, _SHIFT] = np.eye(3)
         interval = (self._t_s[frame + 1] - self._t_s[frame])[:, None]
         J[:, :, _CLOCK] = -steps[frame] / interval
-        so_far, since = np.zeros((self.knots, 4, 3)), 0
-        for row in np.argsort(frame, kind="stable").tolist():
-            new = slice(since, int(frame[row]))
-            so_far = so_far + np.tensordot(self._share[:-1][new], by_own[new], axes=(0, 0))
-            since = int(frame[row])
-            last = self._share[since][:, None, None] * by_own[since] * alpha[row]
-            J[row, :, _KNOTS:] = (so_far + last).reshape(-1, 3).T
+        last = self._share[frame][:, :, None] * by_own[frame].reshape(-1, 1, 12) * alpha[:, None, None]
+        by_knot = (self._before(frame, by_own.reshape(-1, 12)) + last).reshape(len(frame), -1, 3)
+        J[:, :, _KNOTS:] = by_knot.transpose(0, 2, 1)
         return J
+
+    def _before(self, frame: IntArray, by_own: FloatArray) -> FloatArray:
+        """(M, K, 12) sums over all steps before each of some frames (M,), by how much each knot counts."""
+        order = np.argsort(frame, kind="stable")
+        step, knot = self._counted
+        since = np.searchsorted(frame[order], step, side="right")  # the first frame that comes after the step
+        some = since < len(frame)
+        step, knot, since = step[some], knot[some], since[some]
+        entries = (self._share[step, knot], (since * self.knots + knot, step))
+        size = (len(frame) * self.knots, len(by_own))
+        new = np.asarray(sparse.csr_array(entries, shape=size) @ by_own)
+        out = np.empty((len(frame), self.knots, 12))
+        out[order] = np.cumsum(new.reshape(out.shape), axis=0)
+        return out
