@@ -1,6 +1,7 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from vgps.local_map import LocalMap, StaticTie
 
@@ -71,3 +72,24 @@ def test_a_map_goes_on_growing_after_it_forgot_nearly_everything():
     for _ in range(200):
         made.add_features(np.zeros((50, 2)), np.zeros((50, 2)), np.zeros(50, dtype=np.uint8))
     assert len(made.points) == made.feature_count and np.isnan(made.points[-1]).all()
+
+
+def test_steps_stay_as_they_were_seen_when_poses_are_changed():
+    rng = np.random.default_rng(0)
+    made = LocalMap(0, HISTORY)
+    unknown, centres = np.full((4, 4), np.nan), rng.normal(size=(5, 3))
+    turned = Rotation.from_rotvec(rng.normal(size=(5, 3))).as_matrix()
+    made.append_pose(unknown)
+    for R, p in zip(turned, centres, strict=True):
+        made.append_pose(np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]))
+        made.push_view(made.next_frame - 1, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=bool))
+    seen = np.einsum("fji,fj->fi", turned[:-1], np.diff(centres, axis=0))
+    assert np.isnan(made.steps[:2]).all()
+    np.testing.assert_allclose(made.steps[2:], seen)
+    made.poses[3:, :3, 3] += 1.0
+    later = made.snapshot()
+    later.transform(2.0, Rotation.from_euler("z", 0.5).as_matrix(), np.ones(3))
+    np.testing.assert_allclose(later.steps[2:], 2.0 * seen)
+    np.testing.assert_allclose(made.steps[2:], seen)
+    made.forget(3, 3)
+    np.testing.assert_allclose(made.steps, seen[1:])

@@ -11,7 +11,7 @@ from synthetic_map import MATRIX, away, map_of, scene
 
 from vgps.config import Config, WindowConfig
 from vgps.local_map import NO_CONTROLS
-from vgps.refining import Refiner
+from vgps.refining import Refiner, seen_path
 from vgps.seconds import Seconds
 from vgps.smoothing.ledger import FixLedger
 
@@ -67,3 +67,19 @@ def test_what_cannot_be_optimised_is_raised_when_it_is_asked_for():
         worker.finish()
     assert not worker.busy
     np.testing.assert_array_equal(broken.poses, kept)
+
+
+def test_a_path_that_late_fixes_bent_still_shows_what_the_frames_saw():
+    local_map, true, t_s, _ = disturbed_map(39)
+    seen = map_of(replace(scene(disturbed=0.0)[0], world_T_camera=true), 0, 39)
+    local_map._steps.values[:] = seen.steps
+    local_map.poses[20:, :3, 3] = true[18:38, :3, 3]  # two frames late
+    poses, times = seen_path(local_map, t_s, float(t_s[15]))
+    np.testing.assert_array_equal(times, t_s[15:40])
+    np.testing.assert_allclose(
+        np.diff(poses[:, :3, 3], axis=0), np.diff(true[15:40, :3, 3], axis=0), atol=0.02
+    )
+    local_map._steps.values[30] = np.nan
+    own, _ = seen_path(local_map, t_s, float(t_s[15]))
+    step = own[15, :3, 3] - own[14, :3, 3]
+    np.testing.assert_allclose(step, local_map.poses[30, :3, 3] - local_map.poses[29, :3, 3])

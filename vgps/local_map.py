@@ -62,6 +62,7 @@ class LocalMap:
         self.first_frame = first_frame
         self.forgotten_features = 0
         self._poses = GrowingRows((4, 4))
+        self._steps = GrowingRows((3,))
         self.aligned = False
         self.ids: IntArray = np.zeros(0, dtype=np.int64)
         self.raw_uv_px = np.zeros((0, 2))
@@ -79,6 +80,12 @@ class LocalMap:
     def poses(self) -> FloatArray:
         """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where not known; writable."""
         return self._poses.values
+
+    @property
+    def steps(self) -> FloatArray:
+        """(n, 3) way to each pose from the one before, in its axes, as seen when the frame came: no fix has
+        bent it; NaN where not known."""
+        return self._steps.values
 
     @property
     def next_frame(self) -> int:
@@ -124,13 +131,15 @@ class LocalMap:
     def snapshot(self) -> "LocalMap":
         """A copy whose poses and positions may be changed while this map goes on growing."""
         twin = copy.copy(self)
-        twin._poses = GrowingRows.of(self.poses)
+        twin._poses, twin._steps = GrowingRows.of(self.poses), GrowingRows.of(self.steps)
         twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
         twin.static_ties, twin.bridged, twin._log = self.static_ties[:], set(self.bridged), self._log[:]
         return twin
 
     def append_pose(self, world_T_camera: FloatArray) -> None:
         """The pose of the next frame; NaN if it is not known yet."""
+        before = self.poses[-1] if len(self.poses) else np.full((4, 4), np.nan)
+        self._steps.append(before[:3, :3].T @ (world_T_camera[:3, 3] - before[:3, 3]))
         self._poses.append(world_T_camera)
 
     def push_view(self, frame: int, raw_uv_px: FloatArray, uv_px: FloatArray, found: BoolArray) -> None:
@@ -226,7 +235,7 @@ class LocalMap:
         self._forget_features()
         count = before_frame - self.first_frame
         old = self.poses[:count].copy()
-        self._poses = GrowingRows.of(self.poses[count:])
+        self._poses, self._steps = GrowingRows.of(self.poses[count:]), GrowingRows.of(self.steps[count:])
         self.first_frame = before_frame
         return old
 
@@ -259,6 +268,7 @@ class LocalMap:
         self.poses[:, :3, 3] = scale * self.poses[:, :3, 3] @ world_R_map.T + world_p_map
         self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
         self._points = scale * self._points @ world_R_map.T + world_p_map
+        self._steps.values[:] *= scale
         self.static_ties = [
             StaticTie(tie.frame, tie.key, scaled_pose(tie.key_T_frame, scale), scaled_sigma(tie.sigma, scale))
             for tie in self.static_ties

@@ -137,7 +137,7 @@ class Refiner:
         bent = False
         with self._seconds.measure("drift" + beside):
             if local_map.aligned:
-                ledger.settle_lag(*path_of(local_map, t_s, since_s))
+                ledger.settle_lag(*seen_path(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
                 ledger.judge(*path_of(local_map, t_s, since_s))
                 bent = contradicted()
@@ -160,3 +160,20 @@ def path_of(local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf) -> t
     first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
     poses = local_map.poses[first - local_map.first_frame :]
     return poses, np.asarray(t_s[first : first + len(poses)])
+
+
+def seen_path(
+    local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf
+) -> tuple[FloatArray, FloatArray]:
+    """As :func:`path_of`, but with the ways from frame to frame that were seen when the frames came.
+
+    Late fixes pull the path into their shape, where nothing shows any more that they are late.
+    """
+    poses, times = path_of(local_map, t_s, since_s)
+    seen = local_map.steps[len(local_map.steps) - len(poses) + 1 :]
+    steps = np.where(
+        np.isfinite(seen), (poses[:-1, :3, :3] @ seen[:, :, None])[:, :, 0], np.diff(poses[:, :3, 3], axis=0)
+    )
+    out = poses.copy()
+    out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
+    return out, times
