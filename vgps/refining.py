@@ -11,12 +11,13 @@ from vgps.handover import hand_over
 from vgps.local_map import Controls, LocalMap
 from vgps.model import FloatArray, IntArray
 from vgps.seconds import BESIDE, Seconds
-from vgps.smoothing.drift import correct_drift
+from vgps.smoothing.drift import correct_drift, path_of, seen_path, unbend
 from vgps.smoothing.ledger import FixLedger
 from vgps.smoothing.start import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
 
 _BENT_TOLERANCE = 5.0
+_TEAR_S = 1.0  # before a fix the path begins to bend to it
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Refiner:
         self._K, self._ledger, self._config, self._seconds = K, ledger, config, seconds
         self._controls, self._control_poses = controls, control_poses
         self._job: _Job | None = None
+        self._used_until_s = -np.inf  # by stage C
 
     @property
     def _antenna(self) -> FloatArray:
@@ -139,7 +141,9 @@ class Refiner:
             if local_map.aligned:
                 ledger.settle_lag(*seen_path(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
-                ledger.judge(*path_of(local_map, t_s, since_s))
+                torn_s = ledger.judge(*path_of(local_map, t_s, since_s), self._used_until_s)
+                if torn_s < until_s:
+                    unbend(local_map, t_s, torn_s - _TEAR_S)
                 bent = contradicted()
             if bent:
                 correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
@@ -150,30 +154,7 @@ class Refiner:
             found = optimise_window(
                 local_map, t_s, self._K, fixes, antenna, config, self._controls, tolerance
             )
+        self._used_until_s = until_s
         if found:
             return []
         return [f"stage C found no better poses at {until_s:.2f} s, from a start that is no minimum"]
-
-
-def path_of(local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf) -> tuple[FloatArray, FloatArray]:
-    """Poses of a map from its first posed frame or a later time on, and their times; ``t_s`` of all."""
-    first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
-    poses = local_map.poses[first - local_map.first_frame :]
-    return poses, np.asarray(t_s[first : first + len(poses)])
-
-
-def seen_path(
-    local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf
-) -> tuple[FloatArray, FloatArray]:
-    """As :func:`path_of`, but with the ways from frame to frame that were seen when the frames came.
-
-    Late fixes pull the path into their shape, where nothing shows any more that they are late.
-    """
-    poses, times = path_of(local_map, t_s, since_s)
-    seen = local_map.steps[len(local_map.steps) - len(poses) + 1 :]
-    steps = np.where(
-        np.isfinite(seen), (poses[:-1, :3, :3] @ seen[:, :, None])[:, :, 0], np.diff(poses[:, :3, 3], axis=0)
-    )
-    out = poses.copy()
-    out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
-    return out, times

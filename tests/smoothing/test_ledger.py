@@ -82,3 +82,16 @@ def test_a_path_that_begins_after_the_first_fixes_keeps_the_clock_they_showed():
     ledger = FixLedger(replace(fixes, t_s=fixes.t_s + 0.7), ANTENNA, Config())
     ledger.settle_lag(poses[30:], t_s[30:])
     assert ledger.sensors.lag_s == 0.0
+
+
+def test_judging_tells_when_a_fix_that_was_used_is_given_up():
+    _, poses, t_s, fixes = scene()
+    moved = fixes.world_p_fix.copy()
+    moved[1:3] += [40.0, 0.0, 0.0]
+    wrong = replace(fixes, world_p_fix=moved)
+    used = float(fixes.t_s[1]) + 0.01
+    ledger = FixLedger(wrong, ANTENNA, Config())
+    assert ledger.judge(poses, t_s, used) == fixes.t_s[1]
+    assert ledger.judgement.rejected[[1, 2]].all()
+    assert ledger.judge(poses, t_s, used) == np.inf
+    assert FixLedger(wrong, ANTENNA, Config()).judge(poses, t_s) == np.inf

@@ -44,14 +44,33 @@ def correct_drift(
     if len(inside) < 2:
         return
     attached = first > local_map.first_posed
-    bent, scale = bend_path(poses, times, inside, camera_p_antenna, config, attached)
+    _move_frames(local_map, first, *bend_path(poses, times, inside, camera_p_antenna, config, attached))
+
+
+def unbend(local_map: LocalMap, t_s: FloatArray, since_s: float) -> None:
+    """Take back, in place, what fixes did to a map from a time on: its shape is what the frames saw.
+
+    Where wrong fixes were believed the path tore to reach them, and no slow drift mends a tear.
+
+    Args:
+        local_map: All its frames posed.
+        t_s: Times of all frames of the video so far.
+        since_s: What lies before stays; the rest hangs on it.
+    """
+    poses, _ = seen_path(local_map, t_s, since_s)
+    _move_frames(local_map, local_map.next_frame - len(poses), poses, np.ones(len(poses)))
+
+
+def _move_frames(local_map: LocalMap, first: int, moved: FloatArray, scale: FloatArray) -> None:
+    """Frames from one on to where they belong (n, 4, 4), their view grown (n,), with the points."""
+    poses = local_map.poses[first - local_map.first_frame :]
     log = local_map.observations(first)
     anchor = np.full(local_map.feature_count, -1)
     anchor[log.landmark] = log.frame - first  # the log is in order of time: the last sighting stays
     ids = np.flatnonzero((anchor >= 0) & np.isfinite(local_map.points[:, 0]))
-    points = carried(local_map.points[ids], poses, bent, anchor[ids], scale[anchor[ids]])
+    points = carried(local_map.points[ids], poses, moved, anchor[ids], scale[anchor[ids]])
     local_map.set_points(ids, points, local_map.sigma_px[ids])
-    local_map.poses[first - local_map.first_frame :] = bent
+    poses[:] = moved
 
 
 def bend_path(
@@ -86,3 +105,27 @@ def bend_path(
     shifted = late.settle(found, everything, regions)
     gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
     return in_step.bent(found if gain <= config.sensors.significant**2 else shifted)
+
+
+def path_of(local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf) -> tuple[FloatArray, FloatArray]:
+    """Poses of a map from its first posed frame or a later time on, and their times; ``t_s`` of all."""
+    first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
+    poses = local_map.poses[first - local_map.first_frame :]
+    return poses, np.asarray(t_s[first : first + len(poses)])
+
+
+def seen_path(
+    local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf
+) -> tuple[FloatArray, FloatArray]:
+    """As :func:`path_of`, but with the ways from frame to frame that were seen when the frames came.
+
+    Late fixes pull the path into their shape, where nothing shows any more that they are late.
+    """
+    poses, times = path_of(local_map, t_s, since_s)
+    seen = local_map.steps[len(local_map.steps) - len(poses) + 1 :]
+    steps = np.where(
+        np.isfinite(seen), (poses[:-1, :3, :3] @ seen[:, :, None])[:, :, 0], np.diff(poses[:, :3, 3], axis=0)
+    )
+    out = poses.copy()
+    out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
+    return out, times

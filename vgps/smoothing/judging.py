@@ -133,7 +133,7 @@ def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: 
     believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
     runs = suspects(paths[0].offsets(paths[0].start), believed, fixes, tolerance_m)
     if runs:
-        best = likelier(best, lambda path: (path.approach(~run, tolerance_m) for run in runs))
+        best = likelier(best, lambda path: (path.approach(believed & ~run, tolerance_m) for run in runs))
     return probabilities(best.offset, fixes, config, tolerance_m)
 
 

@@ -94,10 +94,17 @@ class FixLedger:
         believed = self.judgement.applied(self.fixes)
         self.sensors, _ = settle_lag(self.sensors, poses, t_s, believed, config)
 
-    def judge(self, poses: FloatArray, t_s: FloatArray) -> None:
-        """All fixes along a path (F, 4, 4) at ``t_s`` (F,), anew: what came later may reverse a verdict."""
+    def judge(self, poses: FloatArray, t_s: FloatArray, used_until_s: float = -np.inf) -> float:
+        """All fixes along a path (F, 4, 4) at ``t_s`` (F,), anew: what came later may reverse a verdict.
+
+        Returns:
+            When the first of the fixes by ``used_until_s`` was taken that was believed and is not any more;
+            infinity if there is none.
+        """
         if not judges(self._config):
-            return
-        antenna = self.sensors.camera_p_antenna
-        found = judge_on_path(poses, t_s, self._in_time, antenna, self._config)
+            return np.inf
+        fixes, before = self._in_time, self.judgement.rejected
+        found = judge_on_path(poses, t_s, fixes, self.sensors.camera_p_antenna, self._config)
         self.judgement = self.judgement.updated(found)
+        given_up = self.judgement.rejected & ~before & (fixes.t_s <= used_until_s)
+        return float(fixes.t_s[given_up].min(initial=np.inf))
