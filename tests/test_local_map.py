@@ -3,7 +3,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vgps.local_map import LocalMap, StaticTie
+from vgps.local_map import LocalMap
+from vgps.static_tie import StaticTie
 
 HISTORY = 5
 

@@ -10,7 +10,7 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import MATRIX, away, map_of, scene
 
 from vgps.config import Config, WindowConfig
-from vgps.local_map import NO_CONTROLS
+from vgps.controls import NO_CONTROLS
 from vgps.refining import Refiner
 from vgps.seconds import Seconds
 from vgps.smoothing.drift import seen_path, unbend

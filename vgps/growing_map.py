@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.interpolation import interpolate_poses
-from vgps.local_map import LocalMap, StaticTie
+from vgps.local_map import LocalMap
 from vgps.model import FloatArray, Frame, GrayImage
+from vgps.static_tie import StaticTie
 from vgps.tracking.frame_tracker import Tracked
 from vgps.tracking.relocaliser import Relocaliser
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from vgps.geometry import reprojection_inliers
-from vgps.local_map import LocalMap, StaticTie, scaled_pose, scaled_sigma
+from vgps.local_map import LocalMap
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.static_tie import scaled_pose
 from vgps.tracking.pose import refine_pose
 
 _LEAST = 12  # features that a frame is posed by anew
@@ -38,10 +39,7 @@ def hand_over(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
     trusted[own] = False
     _pose_anew(local_map, old, scale, trusted, K, inlier_px)
     local_map.static_ties = [
-        StaticTie(tie.frame, tie.key, scaled_pose(tie.key_T_frame, scale), scaled_sigma(tie.sigma, scale))
-        if tie.frame > newest
-        else tie
-        for tie in local_map.static_ties
+        tie.scaled(scale) if tie.frame > newest else tie for tie in local_map.static_ties
     ]
     return own
 

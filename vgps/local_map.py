@@ -1,46 +1,16 @@
 """What stages A to C share: one unbroken stretch of tracking with its poses, features and positions."""
 
 import copy
-from dataclasses import dataclass
 
 import numpy as np
 
 from vgps.growing import GrowingRows
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
+from vgps.static_tie import StaticTie
 
 _GROWTH = 4096
 _ROUND = 100
-
-
-@dataclass(frozen=True)
-class StaticTie:
-    """A frame that shows no motion against ``key``: its relative pose instead of observations of its own.
-
-    ``key_T_frame`` (4, 4) and the standard deviations (6,) [rotation rad; translation in map units].
-    """
-
-    frame: int
-    key: int
-    key_T_frame: FloatArray
-    sigma: FloatArray
-
-
-@dataclass(frozen=True)
-class Controls:
-    """Sightings of known points: ``frame`` (N,), ``uv_px`` (N, 2) undistorted, ``world_p_point`` (N, 3)."""
-
-    frame: IntArray
-    uv_px: FloatArray
-    world_p_point: FloatArray
-
-    def between(self, first: int, last: int) -> "Controls":
-        """Those in frames ``first`` to ``last``, frames counted from ``first``."""
-        rows = (self.frame >= first) & (self.frame <= last)
-        return Controls(self.frame[rows] - first, self.uv_px[rows], self.world_p_point[rows])
-
-
-NO_CONTROLS = Controls(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
 
 
 class LocalMap:
@@ -269,19 +239,4 @@ class LocalMap:
         self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
         self._points = scale * self._points @ world_R_map.T + world_p_map
         self._steps.values[:] *= scale
-        self.static_ties = [
-            StaticTie(tie.frame, tie.key, scaled_pose(tie.key_T_frame, scale), scaled_sigma(tie.sigma, scale))
-            for tie in self.static_ties
-        ]
-
-
-def scaled_pose(pose: FloatArray, scale: float) -> FloatArray:
-    """A relative pose (4, 4) in a unit ``scale`` times smaller."""
-    out = pose.copy()
-    out[:3, 3] *= scale
-    return out
-
-
-def scaled_sigma(sigma: FloatArray, scale: float) -> FloatArray:
-    """Its standard deviations (6,) [rotation; translation]."""
-    return np.concatenate([sigma[:3], scale * sigma[3:]])
+        self.static_ties = [tie.scaled(scale) for tie in self.static_ties]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.config import Config
+from vgps.controls import NO_CONTROLS, Controls
 from vgps.errors import GeometryError, GpsLogError, RecordingError
 from vgps.geodesy import to_enu
 from vgps.geometry import world_sigmas
-from vgps.local_map import NO_CONTROLS, Controls
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.progress import Progress, Silent
 from vgps.seconds import Seconds

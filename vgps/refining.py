@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
+from vgps.controls import Controls
 from vgps.handover import hand_over
-from vgps.local_map import Controls, LocalMap
+from vgps.local_map import LocalMap
 from vgps.model import FloatArray, IntArray
 from vgps.seconds import BESIDE, Seconds
 from vgps.smoothing.drift import correct_drift, path_of, seen_path, unbend

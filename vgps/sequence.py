@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from vgps.config import Config
+from vgps.controls import NO_CONTROLS, Controls
 from vgps.errors import GeometryError
 from vgps.forgetting import Forgotten, Memory, oldest, whole
 from vgps.growing import GrowingRows
 from vgps.growing_map import GrowingMap
-from vgps.local_map import NO_CONTROLS, Controls, LocalMap
+from vgps.local_map import LocalMap
 from vgps.model import Camera, FloatArray, Frame
 from vgps.refining import Refiner
 from vgps.seconds import Seconds

@@ -7,10 +7,10 @@ from synthetic_map import away, map_of, scene
 
 from vgps.config import Config
 from vgps.errors import GeometryError
-from vgps.local_map import StaticTie
 from vgps.smoothing.fixes import Fixes
 from vgps.smoothing.joining import join_maps
 from vgps.solution import FrameState
+from vgps.static_tie import StaticTie
 
 CONFIG = Config()
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

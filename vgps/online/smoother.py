@@ -8,10 +8,10 @@ import numpy as np
 
 from vgps.allocator import give_back_memory
 from vgps.config import Config
+from vgps.controls import NO_CONTROLS
 from vgps.errors import ConfigError, VideoError
 from vgps.forgetting import Memory, whole
 from vgps.geodesy import to_enu
-from vgps.local_map import NO_CONTROLS
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
 from vgps.offline import FrontEnd, optimise_all
 from vgps.online.archive import FixArchive, FrameArchive

@@ -16,12 +16,14 @@ from factors import (
     reliability_sigma_px,
 )
 from vgps.config import Config
-from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
+from vgps.controls import NO_CONTROLS, Controls
+from vgps.local_map import LocalMap
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.bundle import BundleProblem, projection_errors, whitened_robust_k
 from vgps.smoothing.fixes import Fixes, gps_graph
 from vgps.smoothing.sensors import Sensors
 from vgps.solution import Observations
+from vgps.static_tie import StaticTie
 
 _LEVEL_FRAMES = 20
 _POSITION_LIMIT = 1e5  # in map units: points further away are rounding

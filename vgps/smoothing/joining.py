@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.config import Config
+from vgps.controls import NO_CONTROLS, Controls
 from vgps.errors import GeometryError
 from vgps.interpolation import interpolate_poses
-from vgps.local_map import NO_CONTROLS, Controls, LocalMap, StaticTie
+from vgps.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.smoothing.assembly import Scene
 from vgps.smoothing.drift import correct_drift
@@ -16,6 +17,7 @@ from vgps.smoothing.judging import Judgement, judge_on_path, judges
 from vgps.smoothing.start import find_alignment
 from vgps.smoothing.window import contradicts
 from vgps.solution import FrameState, Observations
+from vgps.static_tie import StaticTie
 
 
 @dataclass(frozen=True)

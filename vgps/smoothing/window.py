@@ -5,7 +5,8 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import Config
-from vgps.local_map import NO_CONTROLS, Controls, LocalMap
+from vgps.controls import NO_CONTROLS, Controls
+from vgps.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.smoothing.assembly import (
     build_problem,

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from vgps.camera import undistort
+from vgps.controls import Controls
 from vgps.geodesy import to_enu
-from vgps.local_map import Controls
 from vgps.model import Camera, ControlPoints, FloatArray, GeodeticPoint
 from vgps.tracking.pose import refine_pose
 
