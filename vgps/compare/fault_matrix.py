@@ -168,7 +168,7 @@ def matrix_picture(rows: Mapping[str, Row]) -> Figure:
     error.xaxis.set_major_formatter("{x:g}")
     error.set_yticks(at, list(rows))
     error.invert_yaxis()
-    refused.set(xlabel="good fixes refused [%]", xlim=(-0.5, None))
+    refused.set(xlabel="good fixes refused [%]", xlim=(-0.5, max(10.0, refused.get_xlim()[1])))
     figure.legend(
         *error.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8, frameon=False
     )
