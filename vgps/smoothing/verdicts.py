@@ -3,7 +3,7 @@
 import numpy as np
 
 from vgps.config import Config
-from vgps.model import FixClass, FloatArray, GpsLog
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.smoothing.fixes import Fixes, antenna_at, place
 from vgps.smoothing.judging import Judgement
 from vgps.solution import FixTable, Verdict
@@ -33,6 +33,7 @@ def fix_table(
     residual[~placement.inside] = np.nan
     believed = judgement.applied(fixes)
     found = verdicts_of(judgement)
+    lasts = _as_before(residual, fixes, judgement.rejected)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
         why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
@@ -42,7 +43,8 @@ def fix_table(
             continue
         verdicts.append(found[row])
         where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
-        reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row))
+        lasting = ", in error as the fix before it" if lasts[row] else ""
+        reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row) + lasting)
     return FixTable(
         fixes.world_p_fix,
         residual,
@@ -68,6 +70,14 @@ def verdicts_of(judgement: Judgement) -> list[Verdict]:
         Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
         for rejected, lowered in zip(judgement.rejected, judgement.lowered, strict=True)
     ]
+
+
+def _as_before(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:
+    """(M,) whether a rejected fix is as far off as the one before it, which was rejected too: one error."""
+    step, r, h = np.diff(residual, axis=0), fixes.r_m, fixes.h_m
+    with np.errstate(invalid="ignore"):  # no residual, no region
+        near = (np.hypot(step[:, 0], step[:, 1]) <= r[1:] + r[:-1]) & (np.abs(step[:, 2]) <= h[1:] + h[:-1])
+    return np.append(False, near & rejected[1:] & rejected[:-1])
 
 
 def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
