@@ -17,7 +17,6 @@ from vgps.smoothing.hypotheses import (
 CONFIG = Config()
 JUDGE = CONFIG.judge
 FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
-STEP_S = 5.0
 
 
 def density(offset, r_m, h_m):
@@ -29,7 +28,7 @@ def density(offset, r_m, h_m):
 def by_enumeration(offset, has_lower):
     """Every sequence of states in turn, by the words of the module."""
     bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
-    lasts = np.exp(-STEP_S / JUDGE.lasting_s)
+    lasts = JUDGE.lasting_share
     total = np.zeros((len(offset), 5))
     for states in product(range(5), repeat=len(offset)):
         weight = 1.0
@@ -63,7 +62,7 @@ def test_forward_and_backward_are_the_sum_over_all_sequences(seed):
     offset[1:3] += [2.0, 1.0, 0.5] if seed else [20.0, 1.0, 0.5]
     r, h = np.where(has_lower, FIX[0], FLOAT[0]), np.where(has_lower, FIX[1], FLOAT[1])
     lower = [np.where(has_lower, size, np.nan) for size in FLOAT]
-    fixes = fixes_at(STEP_S * np.arange(4.0), r, h, lower=lower)
+    fixes = fixes_at(np.arange(4.0), r, h, lower=lower)
     found, likelihood = state_probabilities(offset, fixes, CONFIG)
     expected, log_total = by_enumeration(offset, has_lower)
     np.testing.assert_allclose(found, expected, atol=1e-9)
@@ -81,13 +80,6 @@ def test_six_wrong_fixes_that_agree_are_one_misfortune():
     assert together > single and six < 5 * single
     assert found[1:, STILL_OUTLIER].min() > 0.99 and found[0, OUTLIER] > 0.99
     assert scattered[:, OWN].max() < 1e-6
-
-
-def test_what_was_wrong_long_ago_says_nothing():
-    offset = np.array([[15.0, 0, 0], [15.0, 0, 0]])
-    soon, _ = state_probabilities(offset, fixes_at(np.array([0.0, 1.0]), *FLOAT), CONFIG)
-    late, _ = state_probabilities(offset, fixes_at(np.array([0.0, 300.0]), *FLOAT), CONFIG)
-    assert soon[1, STILL_OUTLIER] > 0.99 and late[1, OUTLIER] > 0.99
 
 
 def test_a_fix_without_a_class_below_is_never_that():

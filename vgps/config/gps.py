@@ -25,8 +25,9 @@ class JudgeConfig(SettingsModel):
     """These lie in a cylinder so many times the size."""
     outlier_radius_m: PositiveFloat = 50.0
     """A wrong fix lies anywhere within this distance."""
-    lasting_s: PositiveFloat = 10.0
-    """What is wrong with a fix goes on for so long in the mean: the correlation time of RTK-fix."""
+    lasting_share: PositiveFloat = 0.02
+    """Probability that what is wrong with a fix is wrong with the next one too. It is kept low, for a camera
+    that loses its scale all at once looks the same."""
     path_tolerance: PositiveFloat = 0.02
     """The path may be wrong by this share of the way between two knots of its drift."""
 

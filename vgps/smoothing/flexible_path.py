@@ -26,7 +26,6 @@ _FINER = 3.0  # from one fit to the next
 _LOSS_WIDTH = 3.0  # in regions: an error of more counts less and less
 _HELD_M = 1e-3
 _SMALL = 1e-4  # relative decrease of the cost that ends a fit
-_SMALL_COARSE = 1e-2  # where a finer one follows
 
 
 @dataclass(frozen=True)
@@ -115,11 +114,10 @@ class FlexiblePath:
         placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
         return antenna_at(bent, placement, self._antenna) - self._fixes.world_p_fix
 
-    def fit(self, parameters: FloatArray, loss: Loss, small: float = _SMALL) -> FloatArray:
+    def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
         """Parameters that minimise ``sum rho(|offset / region|) + sum |change per knot / sigma|^2``.
 
-        Iteratively reweighted Gauss-Newton; a step that does not help is halved. A relative decrease of the
-        cost by less than ``small`` ends it.
+        Iteratively reweighted Gauss-Newton; a step that does not help is halved.
         """
         cost = self._cost(parameters, loss)
         for _ in range(self._iterations):
@@ -133,7 +131,7 @@ class FlexiblePath:
             else:
                 return parameters
             parameters, before, cost = trial, cost, trial_cost
-            if before - cost < small * cost:
+            if before - cost < _SMALL * cost:
                 break
         return parameters
 
@@ -150,7 +148,7 @@ class FlexiblePath:
         away = np.linalg.norm(self.offsets(parameters)[rows], axis=1)
         coarse = max(_COARSEST_M, 2.0 * float(np.median(away)))
         while coarse > finest_m:
-            parameters = self.fit(parameters, Loss(self.regions(coarse), rows, 1.0), _SMALL_COARSE)
+            parameters = self.fit(parameters, Loss(self.regions(coarse), rows, 1.0))
             coarse /= _FINER
         return parameters
 

@@ -21,7 +21,6 @@ _LASTS_AS = {
     OUTLIER: STILL_OUTLIER,
     STILL_OUTLIER: STILL_OUTLIER,
 }
-_SUREST = 0.99  # that what is wrong lasts to the next fix, however soon that comes
 
 
 def state_probabilities(
@@ -48,7 +47,7 @@ def state_probabilities(
     highest = log_density.max(axis=1)
     density = np.exp(log_density - highest[:, None])
     prior = _prior(fixes, config)
-    change = _transitions(prior, np.diff(fixes.t_s), config.judge.lasting_s)
+    change = _transitions(prior, config.judge.lasting_share)
     forward, size = np.empty_like(density), np.empty(len(density))
     reached = prior[0]
     for k, seen in enumerate(density):
@@ -69,14 +68,14 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
     return np.stack([1.0 - lower - bad, lower, bad, none, none], axis=1)
 
 
-def _transitions(prior: FloatArray, interval_s: FloatArray, lasting_s: float) -> FloatArray:
+def _transitions(prior: FloatArray, lasting_share: float) -> FloatArray:
     """(M - 1, 5, 5) probabilities from the state of one fix to that of the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
-    lasts = np.minimum(np.exp(-interval_s / lasting_s), _SUREST)
     for state, still in _LASTS_AS.items():
         # a class without one below it cannot go on as that
-        share = np.where(prior[1:, LOWER] > 0.0, lasts, 0.0) if still == STILL_LOWER else lasts
-        change[:, state] *= (1.0 - share)[:, None]
+        possible = prior[1:, LOWER] > 0.0 if still == STILL_LOWER else True
+        share = np.where(possible, lasting_share, 0.0)
+        change[:, state] *= (1.0 - share)[..., None]
         change[:, state, still] += share
     return change
 
