@@ -13,7 +13,6 @@ from vgps.config import Config, WindowConfig
 from vgps.controls import NO_CONTROLS
 from vgps.refining import Refiner
 from vgps.seconds import Seconds
-from vgps.smoothing.drift import seen_path, unbend
 from vgps.smoothing.ledger import FixLedger
 
 CONFIG = Config(window=WindowConfig(length_frames=20))
@@ -68,32 +67,3 @@ def test_what_cannot_be_optimised_is_raised_when_it_is_asked_for():
         worker.finish()
     assert not worker.busy
     np.testing.assert_array_equal(broken.poses, kept)
-
-
-def test_a_path_that_late_fixes_bent_still_shows_what_the_frames_saw():
-    local_map, true, t_s, _ = disturbed_map(39)
-    seen = map_of(replace(scene(disturbed=0.0)[0], world_T_camera=true), 0, 39)
-    local_map._steps.values[:] = seen.steps
-    local_map.poses[20:, :3, 3] = true[18:38, :3, 3]  # two frames late
-    poses, times = seen_path(local_map, t_s, float(t_s[15]))
-    np.testing.assert_array_equal(times, t_s[15:40])
-    np.testing.assert_allclose(
-        np.diff(poses[:, :3, 3], axis=0), np.diff(true[15:40, :3, 3], axis=0), atol=0.02
-    )
-    local_map._steps.values[30] = np.nan
-    own, _ = seen_path(local_map, t_s, float(t_s[15]))
-    step = own[15, :3, 3] - own[14, :3, 3]
-    np.testing.assert_allclose(step, local_map.poses[30, :3, 3] - local_map.poses[29, :3, 3])
-
-
-def test_a_path_torn_by_fixes_that_are_given_up_is_mended():
-    local_map, true, t_s, _ = disturbed_map(39)
-    whole = map_of(replace(scene(disturbed=0.0)[0], world_T_camera=true), 0, 39)
-    local_map._steps.values[:], local_map.poses[:] = whole.steps, whole.poses
-    local_map.set_points(np.arange(whole.feature_count), whole.points, whole.sigma_px)
-    local_map.poses[25:, :3, 3] += [3.0, 0.0, 1.0]
-    unbend(local_map, t_s, float(t_s[20]))
-    np.testing.assert_allclose(local_map.poses, whole.poses, atol=1e-9)
-    seen_after = np.unique(whole.observations(39).landmark)
-    moved = local_map.points[seen_after] - whole.points[seen_after]
-    np.testing.assert_allclose(moved, np.tile([-3.0, 0.0, -1.0], (len(moved), 1)), atol=1e-9)

@@ -53,8 +53,8 @@ class LocalMap:
 
     @property
     def steps(self) -> FloatArray:
-        """(n, 3) way to each pose from the one before, in its axes, as seen when the frame came: no fix has
-        bent it; NaN where not known."""
+        """(n, 3) way to each pose from the one before, in its axes, as seen when the frame came, before
+        any fix of its time bent it; NaN where not known."""
         return self._steps.values
 
     @property

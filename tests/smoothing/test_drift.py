@@ -7,7 +7,7 @@ from synthetic_fixes import T_S, drifting, fixes_at, path, poses
 from synthetic_map import map_of, scene
 
 from vgps.config import Config
-from vgps.smoothing.drift import bend_path, correct_drift
+from vgps.smoothing.drift import bend_path, correct_drift, seen_path, unbend
 
 
 @pytest.fixture
@@ -80,3 +80,33 @@ def test_drift_before_the_horizon_is_left_alone():
         off[25] < 0.05
         and off[25:].mean() < 0.5 * np.linalg.norm(before[25:, :3, 3] - true[25:, :3, 3], axis=1).mean()
     )
+
+
+def undisturbed_map():
+    problem, true, t_s, _ = scene(disturbed=0.0)
+    return map_of(replace(problem, world_T_camera=true), 0, 39), true, t_s
+
+
+def test_a_path_that_late_fixes_bent_still_shows_what_the_frames_saw():
+    local_map, true, t_s = undisturbed_map()
+    local_map.poses[20:, :3, 3] = true[18:38, :3, 3]  # two frames late
+    poses, times = seen_path(local_map, t_s, float(t_s[15]))
+    np.testing.assert_array_equal(times, t_s[15:40])
+    np.testing.assert_allclose(
+        np.diff(poses[:, :3, 3], axis=0), np.diff(true[15:40, :3, 3], axis=0), atol=0.02
+    )
+    local_map._steps.values[30] = np.nan
+    own, _ = seen_path(local_map, t_s, float(t_s[15]))
+    step = own[15, :3, 3] - own[14, :3, 3]
+    np.testing.assert_allclose(step, local_map.poses[30, :3, 3] - local_map.poses[29, :3, 3])
+
+
+def test_a_path_torn_by_fixes_that_are_given_up_is_mended():
+    local_map, _, t_s = undisturbed_map()
+    whole = local_map.snapshot()
+    local_map.poses[25:, :3, 3] += [3.0, 0.0, 1.0]
+    unbend(local_map, t_s, float(t_s[20]))
+    np.testing.assert_allclose(local_map.poses, whole.poses, atol=1e-9)
+    seen_after = np.unique(whole.observations(39).landmark)
+    moved = local_map.points[seen_after] - whole.points[seen_after]
+    np.testing.assert_allclose(moved, np.tile([-3.0, 0.0, -1.0], (len(moved), 1)), atol=1e-9)

@@ -68,9 +68,8 @@ def cluster(
     count: int, at_start: bool, recording: Recording, log: GpsLog, rng: np.random.Generator
 ) -> Faulty:
     """Fixes in a row, first or in the middle, all 15 m off the same way and labelled RTK-fix."""
-    rows = _middle(recording, log, count)
-    if at_start:
-        rows = _inside(recording, log) & (np.cumsum(_inside(recording, log)) <= count)
+    inside = _inside(recording, log)
+    rows = inside & (np.cumsum(inside) <= count) if at_start else _middle(recording, log, count)
     angle = rng.uniform(0, 2 * np.pi)
     offset = np.zeros((len(log), 3))
     offset[rows] = _CLUSTER_M * np.array([np.cos(angle), np.sin(angle), 0.3])

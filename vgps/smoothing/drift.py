@@ -37,9 +37,8 @@ def correct_drift(
         config: How fast scale and rotation may drift, and whether the clock is known.
         since_s: What lies before stays; the rest hangs on it.
     """
-    first = max(local_map.first_posed, int(np.searchsorted(t_s, since_s)))
-    poses = local_map.poses[first - local_map.first_frame :]
-    times = t_s[first : first + len(poses)]
+    poses, times = path_of(local_map, t_s, since_s)
+    first = local_map.next_frame - len(poses)
     inside = fixes.where(fixes.used & (fixes.t_s >= times[0]) & (fixes.t_s <= times[-1]))
     if len(inside) < 2:
         return

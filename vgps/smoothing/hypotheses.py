@@ -1,9 +1,9 @@
 """What each fix of a log may be, and how likely that is: a hidden Markov model of the receiver.
 
 A fix is what its class says, or what the class below says (a wrong integer ambiguity leaves an RTK-fix with
-an RTK-float's error), or an outlier anywhere within tens of metres. What is wrong lasts: a wrong ambiguity or
-a reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing
-else are one misfortune, not six.
+an RTK-float's error), or an outlier anywhere within tens of metres. What is wrong may last: a wrong ambiguity
+or a reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing
+else are likelier one misfortune than six.
 """
 
 from math import gamma

@@ -7,7 +7,7 @@ out for a trial. The likeliest end counts, by :mod:`vgps.smoothing.hypotheses`. 
 asked for again: later frames and fixes may reverse it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -125,11 +125,11 @@ def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: 
     fits without runs of fixes that are believed though they are suspect."""
     everything = np.ones(len(fixes), dtype=bool)
 
-    def likelier(than: "_End | None", starts: Callable[[FlexiblePath], Iterator[FloatArray]]) -> "_End":
+    def likelier(than: "_End | None", starts: Callable[[FlexiblePath], Iterable[FloatArray]]) -> "_End":
         ends = [_settled(path, start, fixes, tolerance_m, config) for path in paths for start in starts(path)]
         return min([than, *ends] if than else ends, key=lambda end: end.energy)
 
-    best = likelier(None, lambda path: iter((path.start, path.approach(everything, tolerance_m))))
+    best = likelier(None, lambda path: (path.start, path.approach(everything, tolerance_m)))
     believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
     runs = suspects(paths[0].offsets(paths[0].start), believed, fixes, tolerance_m)
     if runs:
