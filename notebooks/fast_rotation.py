@@ -38,16 +38,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vgps
+from vgps.config import LandmarksConfig, TrackConfig
 from vgps.geometry import project
 from vgps.landmarks.build import build_database
-from vgps.landmarks.build_settings import LandmarksConfig
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.localiser import Localiser
-from vgps.landmarks.matching import match_templates
-from vgps.landmarks.prediction import Motion, exposure_motion_px
-from vgps.landmarks.templates import render_templates
-from vgps.landmarks.track_settings import TrackConfig
+from vgps.localization.localizer import Localiser
+from vgps.localization.matching import match_templates
+from vgps.localization.prediction import Motion, exposure_motion_px
+from vgps.localization.templates import render_templates
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, GpsConfig, simulate
 

@@ -42,7 +42,7 @@ from IPython.display import Markdown
 import vgps
 from vgps.compare import METHODS, compare
 from vgps.compare.table6 import THESIS, AntennaError, antenna_errors, as_markdown, ratios_to_gaussians
-from vgps.offline import Silent
+from vgps.pipeline.offline import Silent
 from vgps.simulate import SCENES, simulate
 
 plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})

@@ -15,9 +15,9 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.model import FloatArray, IntArray
-from vgps.smoothing.bundle import BundleProblem
-from vgps.smoothing.elimination import structure_of
-from vgps.smoothing.schur import Solver, SolverSettings, pose_covariances, solve
+from vgps.solver.elimination import structure_of
+from vgps.solver.problem import BundleProblem
+from vgps.solver.schur_complement import Solver, SolverSettings, pose_covariances, solve
 
 K = (500.0, 510.0, 320.0, 240.0)
 

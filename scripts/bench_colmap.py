@@ -26,13 +26,13 @@ from colmap_peer import Adjusted, adjust, map_images
 from colmap_problem import centre_priors, make_problem
 
 import vgps
-from vgps.interpolation import interpolate_poses
+from vgps.geometry import interpolate_poses
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
-from vgps.seconds import one_after_another
-from vgps.smoothing.bundle import BundleProblem, cost_terms
-from vgps.smoothing.schur import SolverSettings, solve
+from vgps.runtime.timing import one_after_another
 from vgps.solution import Solution, Trajectory
+from vgps.solver.problem import BundleProblem, cost_terms
+from vgps.solver.schur_complement import SolverSettings, solve
 
 MOST, TIGHT = 100, 1e-8  # iterations, and the share of the cost, that end the search for the minimum
 Engine = Callable[[int, float], Adjusted]

@@ -21,7 +21,7 @@ from to_and_fro import ToAndFro
 
 import vgps
 from vgps.model import Frame
-from vgps.progress import Silent
+from vgps.runtime.progress import Silent
 
 MEMORY = ("before", "stages A to C", "all stages")
 
@@ -38,14 +38,14 @@ class PeakBeforeBatch(Silent):
         self.front_mb = 0.0
 
     def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """As in :class:`vgps.progress.Progress`."""
+        """As in :class:`vgps.runtime.progress.Progress`."""
         for frame in frames:
             if frame.index % 1000 == 0:
                 print(f"frame {frame.index} of {total}, {peak_mb():.0f} MB", file=sys.stderr)
             yield frame
 
     def say(self, what: str) -> None:
-        """As in :class:`vgps.progress.Progress`; the last word before the end is stage D's."""
+        """As in :class:`vgps.runtime.progress.Progress`; the last word before the end is stage D's."""
         self.front_mb = peak_mb()
 
 

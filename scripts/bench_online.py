@@ -23,7 +23,7 @@ import vgps
 from vgps.model import FloatArray
 from vgps.online import OnlineEstimate
 from vgps.online.gps_source import GpsSource
-from vgps.online.live import VideoClock
+from vgps.online.live_feed import VideoClock
 from vgps.readers.fixes import unix_s
 
 

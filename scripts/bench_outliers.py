@@ -23,18 +23,18 @@ from colmap_peer import adjust
 from colmap_problem import Priors, make_problem
 
 from vgps.config import Config, GpsModel, Region
+from vgps.gps.fixes import Fixes, fixes_in_world
+from vgps.gps.outlier_detection import Judgement, judge_on_path, judges
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.gps.sensors import Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.readers.calibration import read_rig
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
-from vgps.smoothing.assembly import Scene
 from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.bundle import BundleProblem
-from vgps.smoothing.fixes import Fixes, fixes_in_world
-from vgps.smoothing.judging import Judgement, judge_on_path, judges
-from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
-from vgps.smoothing.sensors import Sensors
+from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations, Solution
+from vgps.solver.problem import BundleProblem
 
 OURS: dict[str, GpsModel] = {
     "vgps, cylinder and verdicts": "cylinder",

@@ -22,13 +22,13 @@ from table_settings import small
 
 import vgps
 from vgps.config import Config
-from vgps.evaluate import evaluate
+from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import FixClass, FloatArray, GpsLog, Recording
-from vgps.offline import optimise_all, track_and_map
-from vgps.progress import Silent
+from vgps.pipeline.offline import optimise_all, track_and_map
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import Silent
 from vgps.simulate import SCENES, World, build_motion, build_world, simulate
 from vgps.solution import Trajectory, Verdict
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.landmarks import search, tracker
+from vgps.config import TrackConfig
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.landmarks.graph_estimator import GraphEstimator
-from vgps.landmarks.localiser import Localiser
-from vgps.landmarks.track_settings import TrackConfig
+from vgps.localization import search, tracker
+from vgps.localization.graph_estimator import GraphEstimator
+from vgps.localization.localizer import Localiser
 from vgps.readers.recording import open_recording
-from vgps.threads import one_blas_thread
+from vgps.runtime.threads import one_blas_thread
 
 PARTS = {
     "finding views": (LandmarkDatabase, "views"),

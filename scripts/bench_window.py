@@ -18,13 +18,13 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from vgps.config import GpsConfig
+from vgps.gps.fixes import Fixes, fixes_in_world, gps_graph
+from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.readers.run_folder import read_run
-from vgps.smoothing.bundle import BundleProblem
-from vgps.smoothing.fixes import Fixes, fixes_in_world, gps_graph
-from vgps.smoothing.schur import SolverSettings, solve
-from vgps.smoothing.sensors import Sensors
 from vgps.solution import Solution
+from vgps.solver.problem import BundleProblem
+from vgps.solver.schur_complement import SolverSettings, solve
 
 SIGMA_PX, ROBUST_K, MIN_VIEWS = 4.0, 0.25, 3
 

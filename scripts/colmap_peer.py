@@ -16,8 +16,8 @@ import pycolmap
 from colmap_problem import Priors
 
 from vgps.model import Camera, FloatArray, Recording
-from vgps.smoothing.bundle import BundleProblem
 from vgps.solution import Landmarks, Observations, Solution, Trajectory
+from vgps.solver.problem import BundleProblem
 from vgps.writers.colmap import IMAGE_NAME, colmap_camera, write_colmap
 
 _FAR_M = 1e3  # COLMAP moves the whole model onto the priors first: none of them is to be left out of that

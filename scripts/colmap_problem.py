@@ -8,11 +8,11 @@ from gtsam.symbol_shorthand import X
 
 from vgps.config import StartConfig
 from vgps.geometry import largest_angle_rad, world_rays
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.alignment import align
-from vgps.smoothing.bundle import BundleProblem, projection_errors
-from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.solution import Solution
+from vgps.solver.problem import BundleProblem, projection_errors
 
 MIN_ANGLE_DEG = 1.5  # as COLMAP's mapper filters points (filter_min_tri_angle)
 

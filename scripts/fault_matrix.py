@@ -26,8 +26,8 @@ import matplotlib as mpl
 import vgps
 from vgps.compare.fault_matrix import Row, as_markdown, matrix_picture, run_fault
 from vgps.compare.faults import FAULTS
-from vgps.progress import Silent
-from vgps.writers.placing import new_file
+from vgps.runtime.progress import Silent
+from vgps.writers.atomic import new_file
 
 mpl.use("Agg")
 

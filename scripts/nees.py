@@ -26,13 +26,13 @@ from scipy.spatial.transform import Rotation
 
 import vgps
 from vgps.config import Config, Region, read_config
-from vgps.evaluate import match
+from vgps.evaluation import match
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, SceneConfig, simulate
 from vgps.simulate.scene import FIX_ERRORS
-from vgps.smoothing.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.solution import Solution, Trajectory
 
 

@@ -28,7 +28,7 @@ from vgps.compare import METHODS, compare
 from vgps.compare.methods import Method
 from vgps.compare.table6 import Row, antenna_errors, as_markdown
 from vgps.errors import VgpsError
-from vgps.progress import Silent
+from vgps.runtime.progress import Silent
 from vgps.simulate import SceneConfig, scene_with_errors, simulate
 
 LEAST_FRAMES = 2

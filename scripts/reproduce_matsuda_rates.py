@@ -21,18 +21,17 @@ import matplotlib as mpl
 import numpy as np
 from reproduce_matsuda_table1 import PAPER, Errors, correlations, errors_of, rates_deg_s
 
+from vgps.config import LandmarksConfig, TrackConfig
 from vgps.landmarks.build import build_database
-from vgps.landmarks.build_settings import LandmarksConfig
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.localiser import Localiser
-from vgps.landmarks.track_settings import TrackConfig
+from vgps.localization.localizer import Localiser
 from vgps.model import FloatArray, Recording
-from vgps.offline import smooth
+from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.threads import one_blas_thread
 from vgps.simulate import SCENES, GpsConfig, SceneConfig, simulate
-from vgps.threads import one_blas_thread
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -18,20 +18,20 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from vgps.evaluate.run import in_world
+from vgps.config import TrackConfig
+from vgps.evaluation.run import in_world
 from vgps.geometry import project
-from vgps.gyro_integration import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.landmarks.localiser import Localiser
-from vgps.landmarks.matching import match_templates
-from vgps.landmarks.prediction import Motion, exposure_motion_px
-from vgps.landmarks.templates import render_templates
-from vgps.landmarks.track_settings import TrackConfig
-from vgps.landmarks.tracker import TrackedFrame
+from vgps.localization.localizer import Localiser
+from vgps.localization.matching import match_templates
+from vgps.localization.prediction import Motion, exposure_motion_px
+from vgps.localization.templates import render_templates
+from vgps.localization.tracker import TrackedFrame
 from vgps.model import FloatArray, Frame, Recording
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
-from vgps.threads import one_blas_thread
+from vgps.runtime.threads import one_blas_thread
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -33,12 +33,12 @@ from pydantic import ValidationError
 import vgps
 from vgps.config import Config
 from vgps.errors import ConfigError, VgpsError
-from vgps.evaluate import evaluate
+from vgps.evaluation import evaluate
 from vgps.model import Recording
-from vgps.offline import optimise_all, track_and_map
-from vgps.progress import Silent
+from vgps.pipeline.offline import optimise_all, track_and_map
 from vgps.readers.calibration import read_rig
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import Silent
 from vgps.simulate import SCENES, SceneConfig, simulate
 
 VARIED = ["gps.n=1,2,4,8", "gps.omega=0.1,0.5,2.5", "batch.video_sigma_scale=4,8,16"]

@@ -20,8 +20,8 @@ import numpy as np
 import vgps
 from vgps.config import Config
 from vgps.errors import VgpsError
-from vgps.evaluate import evaluate
-from vgps.interpolation import interpolate_poses
+from vgps.evaluation import evaluate
+from vgps.geometry import interpolate_poses
 from vgps.model import FloatArray, Frame, GrayImage, IntArray, Recording
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Trajectory

@@ -9,7 +9,7 @@ import numpy as np
 
 import vgps
 from vgps.geodesy import to_enu, to_geodetic
-from vgps.interpolation import interpolate_poses
+from vgps.geometry import interpolate_poses
 from vgps.model import FixClass, FloatArray, Frame, GrayImage, Recording
 from vgps.online.archive import FixArchive
 from vgps.readers.trajectory import read_trajectory

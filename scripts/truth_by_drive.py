@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from vgps.errors import VgpsError
-from vgps.interpolation import interpolate_poses
+from vgps.geometry import interpolate_poses
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Trajectory

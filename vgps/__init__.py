@@ -2,8 +2,8 @@
 
 from vgps.config import Config, read_config
 from vgps.model import Recording
-from vgps.offline import smooth
 from vgps.online import Fix, OnlineEstimate, OnlineSmoother
+from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
 from vgps.solution import Solution
 from vgps.writers.run_folder import write_run

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from vgps.config import Config
-from vgps.evaluate import Evaluation, evaluate_run
-from vgps.offline import smooth
-from vgps.progress import Progress
+from vgps.evaluation import Evaluation, evaluate_run
+from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
 from vgps.report import write_report
+from vgps.runtime.progress import Progress
 from vgps.simulate import simulate
 from vgps.solution import Solution
 from vgps.writers.run_folder import write_run

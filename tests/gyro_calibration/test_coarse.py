@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic_turns import MOUNT, apart_deg, camera_turns, gyro_log, rich
 
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.coarse import align_rates, guess_offset
-from vgps.gyro_integration import GyroIntegral
 
 
 def test_an_alignment_by_hand() -> None:

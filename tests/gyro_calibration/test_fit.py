@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_turns import MOUNT, apart_deg, camera_turns, gyro_log, rich
 
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.fit import Mount, fit_mount, residuals
-from vgps.gyro_integration import GyroIntegral
 
 START = MOUNT.moved(np.array([0.1, -0.15, 0.1, 0.03, 0.0, 0.0, 0.0]))
 START = replace(START, bias_rad_s=np.zeros(3))

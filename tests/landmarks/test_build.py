@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic_run import BENT, FRAMES, PINHOLE, WallRun, make_wall_run, poses, render, texture
 
+from vgps.config import LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.build import build_database
-from vgps.landmarks.build_settings import LandmarksConfig
 from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from synthetic_landmarks import CAMERA, random_contents, random_poses
 
-from vgps.landmarks.build_settings import SelectionConfig
+from vgps.config import SelectionConfig
 from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database

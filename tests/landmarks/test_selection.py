@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from synthetic_landmarks import CAMERA, random_poses
 
+from vgps.config import SelectionConfig
 from vgps.geometry import project
-from vgps.landmarks.build_settings import SelectionConfig
 from vgps.landmarks.selection import best_views, in_image, spread
 
 

@@ -6,12 +6,12 @@ import pytest
 
 import vgps
 from vgps.errors import ConfigError, GeometryError, VideoError
-from vgps.offline import track_and_map
 from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import fixes_of, replay
 from vgps.online.run import run_online
-from vgps.progress import Silent
+from vgps.pipeline.offline import track_and_map
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import Silent
 from vgps.solution import Verdict
 
 

@@ -8,10 +8,10 @@ import pytest
 from walks import ToAndFro
 
 import vgps
-from vgps import refining
 from vgps.config import OnlineConfig
 from vgps.errors import GeometryError
 from vgps.online import OnlineState
+from vgps.pipeline import window_worker as refining
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from vgps.cli.reporting import report
+from vgps.cli.report import report
 from vgps.errors import RunFolderError
 from vgps.report import write_report
 from vgps.report.page import _number

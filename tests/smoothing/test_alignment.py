@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
+from vgps.gps.fixes import place
 from vgps.smoothing.alignment import _travel, align
-from vgps.smoothing.fixes import place
 
 ANTENNA = np.array([0.1, -0.9, -0.3])
 LOOKS_NORTH = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])

@@ -6,10 +6,10 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import MATRIX, away, map_of, scene
 
 from vgps.config import BatchConfig, Config, SensorsConfig
-from vgps.smoothing.assembly import scene_of_map
+from vgps.gps.outlier_detection import Judgement
+from vgps.gps.sensors import Sensors
 from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.judging import Judgement
-from vgps.smoothing.sensors import Sensors
+from vgps.smoothing.factor_graph import scene_of_map
 
 CONFIG = Config(sensors=SensorsConfig(estimate_lag="no"))
 SENSORS = Sensors.known(ANTENNA)

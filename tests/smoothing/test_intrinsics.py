@@ -7,11 +7,11 @@ from synthetic_map import away, map_of, scene
 
 from vgps.camera import distort, undistort
 from vgps.config import BatchConfig, Config, IntrinsicsConfig, SensorsConfig
+from vgps.gps.sensors import Sensors
 from vgps.model import Camera
-from vgps.smoothing.assembly import scene_of_map
 from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.factor_graph import scene_of_map
 from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
-from vgps.smoothing.sensors import Sensors
 
 CONFIG = Config(sensors=SensorsConfig(estimate_lag="no"), batch=BatchConfig(video_sigma_scale=4.0))
 TRUE = Camera("pinhole", 640, 480, *K)

@@ -8,15 +8,15 @@ import sys
 import cyclopts
 
 from vgps.cli import (  # noqa: F401  (importing makes verbs)
-    calibrating,
-    exchanging,
-    inspecting,
-    judging,
+    calibrate,
+    evaluate,
+    exchange,
+    inspect,
     landmarks,
-    landmarks_track,
     online,
-    reporting,
-    smoothing,
+    report,
+    smooth,
+    track,
 )
 from vgps.cli.app import app
 from vgps.errors import VgpsError

@@ -11,10 +11,10 @@ from rich.text import Text
 
 from vgps.cli.app import app
 from vgps.cli.terminal import TerminalProgress
-from vgps.landmarks.build_settings import Frames, LandmarksConfig
+from vgps.config import Frames, LandmarksConfig
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.from_runs import DatabaseInfo, build_from_runs, database_info
-from vgps.writers.placing import check_file
+from vgps.writers.atomic import check_file
 
 landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localise other cameras by.")
 app.command(landmarks)

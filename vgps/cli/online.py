@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from vgps.cli.app import app, say
 from vgps.config import GpsModel, read_config
-from vgps.online.verb import OnlineOptions, pose_live, pose_recording
+from vgps.online.session import OnlineOptions, pose_live, pose_recording
 
 
 @app.command

@@ -12,12 +12,12 @@ from vgps.compare.faults import Fault, Faulty
 from vgps.compare.methods import METHODS, Method, check_world, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, VgpsError
-from vgps.evaluate import evaluate
+from vgps.evaluation import evaluate
 from vgps.model import Recording
-from vgps.offline import optimise_all
-from vgps.progress import Progress
+from vgps.pipeline.offline import optimise_all
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import Progress
 from vgps.solution import FixTable, Verdict
 from vgps.writers.page import tidy
 

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, GpsModel
 from vgps.errors import TrajectoryError
-from vgps.evaluate import Evaluation, evaluate, match
+from vgps.evaluation import Evaluation, evaluate, match
 from vgps.model import FloatArray, GeodeticPoint, Recording
-from vgps.offline import FrontEnd, optimise_all, track_and_map
-from vgps.progress import Progress
+from vgps.pipeline.offline import FrontEnd, optimise_all, track_and_map
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import Progress
 from vgps.solution import Solution, Trajectory
 
 

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vgps.compare.methods import Comparison
-from vgps.evaluate import as_json as evaluation_as_json
+from vgps.evaluation import as_json as evaluation_as_json
+from vgps.writers.atomic import new_file
 from vgps.writers.page import embedded, tidy, write_page
-from vgps.writers.placing import new_file
 
 _COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
 

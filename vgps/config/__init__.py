@@ -3,7 +3,14 @@
 The resolved configuration is saved beside every result. A field's comment says which test it feeds.
 """
 
-from vgps.config.back_end import (
+from vgps.config.base import SettingsModel
+from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig, QualityConfig, Region, SkyConfig
+from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
+from vgps.config.localization import TrackConfig
+from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
+from vgps.config.reading import read_settings, read_survey
+from vgps.config.root import Config, read_config
+from vgps.config.smoothing import (
     BatchConfig,
     DriftConfig,
     IntrinsicsConfig,
@@ -11,31 +18,30 @@ from vgps.config.back_end import (
     SensorsConfig,
     WindowConfig,
 )
-from vgps.config.files import read_settings, read_survey
-from vgps.config.front_end import MappingConfig, StartConfig, TrackingConfig
-from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig, QualityConfig, Region, SkyConfig
-from vgps.config.model import SettingsModel
-from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
-from vgps.config.whole import Config, read_config
+from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 
 __all__ = [
     "BatchConfig",
     "Config",
     "DriftConfig",
+    "Frames",
     "GpsConfig",
     "GpsModel",
     "GyroCalibrationConfig",
     "IntrinsicsConfig",
     "JudgeConfig",
+    "LandmarksConfig",
     "MappingConfig",
     "MotionConfig",
     "OnlineConfig",
     "QualityConfig",
     "Region",
+    "SelectionConfig",
     "SensorsConfig",
     "SettingsModel",
     "SkyConfig",
     "StartConfig",
+    "TrackConfig",
     "TrackingConfig",
     "WindowConfig",
     "read_config",

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from vgps.config.model import SettingsModel
+from vgps.config.base import SettingsModel
 from vgps.model import FixClass
 
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]

@@ -2,7 +2,7 @@
 
 from pydantic import PositiveFloat, PositiveInt
 
-from vgps.config.model import SettingsModel
+from vgps.config.base import SettingsModel
 
 
 class GyroCalibrationConfig(SettingsModel):

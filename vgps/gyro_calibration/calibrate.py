@@ -8,14 +8,14 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError, RecordingError
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.checks import check_axes, check_motion
 from vgps.gyro_calibration.coarse import Alignment, Guess, align_rates, guess_offset
 from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
-from vgps.gyro_integration import GyroIntegral
 from vgps.model import FloatArray, GyroLog, Recording
-from vgps.progress import Progress, Silent
-from vgps.threads import one_blas_thread
-from vgps.tracking.turning import Turns, frame_turns
+from vgps.runtime.progress import Progress, Silent
+from vgps.runtime.threads import one_blas_thread
+from vgps.tracking.relative_rotation import Turns, frame_turns
 
 _AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
 

@@ -7,7 +7,7 @@ from vgps.errors import GeometryError, GyroLogError
 from vgps.gyro_calibration.coarse import Alignment, Guess
 from vgps.gyro_calibration.fit import Fit
 from vgps.model import FloatArray, GyroLog
-from vgps.tracking.turning import Turns
+from vgps.tracking.relative_rotation import Turns
 
 _SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
 _UNIT = 2.0  # times too far, and no lens explains it

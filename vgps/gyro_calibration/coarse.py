@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vgps.gyro_integration import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
-from vgps.tracking.turning import Turns
+from vgps.tracking.relative_rotation import Turns
 
 _STEPS_PER_INTERVAL = 8
 _LEAST_OVERLAP = 0.5  # share of the intervals that the gyro must cover

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.gyro_integration import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
-from vgps.tracking.turning import Turns
+from vgps.tracking.relative_rotation import Turns
 
 _ITERATIONS = 30
 _CAUCHY = 2.5  # standard deviations beyond which an interval counts for less and less

@@ -1,1 +1,1 @@
-"""Landmark database, its building from a run, and the tracker that localises a camera against it."""
+"""The landmark database of Matsuda 2007, and its building from runs."""

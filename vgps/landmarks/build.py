@@ -5,16 +5,22 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.build_settings import Frames, LandmarksConfig
-from vgps.landmarks.choice import Sightings, all_sightings, choose_views, known_landmarks, template_frames
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
 from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
+from vgps.landmarks.view_choice import (
+    Sightings,
+    all_sightings,
+    choose_views,
+    known_landmarks,
+    template_frames,
+)
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
-from vgps.progress import Progress, Silent
+from vgps.runtime.progress import Progress, Silent
 from vgps.solution import Solution
 
 

@@ -36,7 +36,7 @@ class Source:
         recording: Of the run.
         frames: Which of its frames gave templates: all, even or odd.
         landmarks: How many it gave.
-        settings: The :class:`vgps.landmarks.build_settings.LandmarksConfig`, as JSON.
+        settings: The :class:`vgps.config.LandmarksConfig`, as JSON.
     """
 
     recording: str

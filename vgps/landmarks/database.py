@@ -6,11 +6,11 @@ from typing import Self
 
 import numpy as np
 
-from vgps.landmarks.build_settings import SelectionConfig
+from vgps.config import SelectionConfig
+from vgps.landmarks.cache import LandmarkPool, TemplateCache
 from vgps.landmarks.cells import ranges
 from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
-from vgps.landmarks.opening import DatabaseFile
-from vgps.landmarks.pool import LandmarkPool, TemplateCache
+from vgps.landmarks.database_file import DatabaseFile
 from vgps.landmarks.region import Region, optics, region_around
 from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
 from vgps.landmarks.selection import Candidates, best_views, in_image, spread

@@ -22,7 +22,7 @@ from vgps.landmarks.schema import (
 )
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import IntArray
-from vgps.writers.placing import new_file
+from vgps.writers.atomic import new_file
 
 Templates = npt.NDArray[np.uint8]
 

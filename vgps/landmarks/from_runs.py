@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.build import build_database
-from vgps.landmarks.build_settings import Frames, LandmarksConfig
 from vgps.landmarks.contents import LandmarkContents, Source
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.merge import merge
 from vgps.model import FloatArray, GeodeticPoint
-from vgps.progress import Progress
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
+from vgps.runtime.progress import Progress
 
 
 def build_from_runs(

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.landmarks.build_settings import SelectionConfig
-from vgps.landmarks.opening import DatabaseFile
-from vgps.landmarks.pool import LandmarkPool
+from vgps.config import SelectionConfig
+from vgps.landmarks.cache import LandmarkPool
+from vgps.landmarks.database_file import DatabaseFile
 from vgps.landmarks.selection import corner_cosine, focal_px
 from vgps.model import BoolArray, Camera, Float32Array, FloatArray, IntArray
 

@@ -9,7 +9,7 @@ from math import cos, radians, sqrt
 
 import numpy as np
 
-from vgps.landmarks.build_settings import SelectionConfig
+from vgps.config import SelectionConfig
 from vgps.model import Camera, Float32Array, FloatArray, IntArray
 
 MIN_DEPTH_M = 0.1

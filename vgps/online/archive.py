@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.forgetting import Forgotten
-from vgps.growing import GrowingRows
+from vgps.gps.outlier_detection import Judgement
+from vgps.mapping.growing_array import GrowingRows
+from vgps.mapping.retention import Forgotten
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
-from vgps.online.sigmas import Sigmas
+from vgps.online.pose_sigmas import Sigmas
 from vgps.readers.fixes import Fix
-from vgps.smoothing.judging import Judgement
 from vgps.solution import FrameState
 
 _CLASSES = tuple(FixClass)

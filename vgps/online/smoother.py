@@ -6,26 +6,26 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.allocator import give_back_memory
 from vgps.config import Config
-from vgps.controls import NO_CONTROLS
 from vgps.errors import ConfigError, VideoError
-from vgps.forgetting import Memory, whole
 from vgps.geodesy import to_enu
+from vgps.gps.fixes import Fixes, fixes_in_world
+from vgps.gps.regions import region_sizes
+from vgps.mapping.control_observations import NO_CONTROLS
+from vgps.mapping.retention import Memory, whole
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
-from vgps.offline import FrontEnd, optimise_all
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
-from vgps.online.following import Follower
-from vgps.online.result import Fed, PassedVideo, solution_as_it_is
-from vgps.online.sigmas import PathErrors
-from vgps.online.telling import VerdictTeller
+from vgps.online.pose_publisher import Follower
+from vgps.online.pose_sigmas import PathErrors
+from vgps.online.session_result import Fed, PassedVideo, solution_as_it_is
+from vgps.online.verdict_events import VerdictTeller
+from vgps.pipeline.front_end import Sequence
+from vgps.pipeline.offline import FrontEnd, optimise_all
 from vgps.readers.fixes import Fix
-from vgps.sequence import Sequence
-from vgps.smoothing.fixes import Fixes, fixes_in_world
-from vgps.smoothing.regions import region_sizes
+from vgps.runtime.allocator import give_back_memory
+from vgps.runtime.threads import one_blas_thread
 from vgps.solution import Solution
-from vgps.threads import one_blas_thread
 
 _SAME_TIME_S = 1e-6
 _FORGET_EVERY = 15  # frames

@@ -11,7 +11,7 @@ import yaml
 from vgps.report.facts import doubts, outages, unused_reasons, verdict_counts, way_m
 from vgps.report.path_picture import LOOKS, outside_picture, path_picture
 from vgps.report.time_picture import time_picture
-from vgps.seconds import one_after_another
+from vgps.runtime.timing import one_after_another
 from vgps.solution import FrameState, Solution, Verdict
 from vgps.writers.page import embedded, write_page
 

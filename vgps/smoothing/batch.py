@@ -8,20 +8,20 @@ from factors import stages
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
+from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.outlier_detection import Judgement, judges, probabilities
+from vgps.gps.sensors import Sensors
+from vgps.gps.time_offset import settle_lag
 from vgps.model import BoolArray, FloatArray
-from vgps.smoothing.assembly import (
+from vgps.smoothing.batch_result import Smoothed, Solved, report_of, smoothed
+from vgps.smoothing.factor_graph import (
     Scene,
     build_problem,
     gps_and_motion,
     select_observations,
 )
-from vgps.smoothing.balance import balanced
-from vgps.smoothing.fixes import Fixes, antenna_at, place
-from vgps.smoothing.judging import Judgement, judges, probabilities
-from vgps.smoothing.lag import settle_lag
-from vgps.smoothing.schur import BundleResult, SolverSettings, solve
-from vgps.smoothing.sensors import Sensors
-from vgps.smoothing.smoothed import Smoothed, Solved, report_of, smoothed
+from vgps.smoothing.variance_components import balanced
+from vgps.solver.schur_complement import BundleResult, SolverSettings, solve
 
 _FIRST_TOLERANCE = 5.0
 

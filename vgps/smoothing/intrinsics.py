@@ -14,13 +14,13 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
 from vgps.model import Camera, FloatArray
-from vgps.smoothing.assembly import Scene
-from vgps.smoothing.bundle import BundleProblem, all_pose_values, camera_points, residuals
-from vgps.smoothing.elimination import structure_of
-from vgps.smoothing.normal import LinearChunk, factor_points, linearize, point_steps, whitening
-from vgps.smoothing.schur import factorised
-from vgps.smoothing.smoothed import Smoothed
+from vgps.smoothing.batch_result import Smoothed
+from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
+from vgps.solver.elimination import structure_of
+from vgps.solver.normal_equations import LinearChunk, factor_points, linearize, point_steps, whitening
+from vgps.solver.problem import BundleProblem, all_pose_values, camera_points, residuals
+from vgps.solver.schur_complement import factorised
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that give the Jacobian

@@ -5,19 +5,19 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import Config
-from vgps.controls import NO_CONTROLS, Controls
-from vgps.local_map import LocalMap
+from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.sensors import Sensors
+from vgps.mapping.control_observations import NO_CONTROLS, Controls
+from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
-from vgps.smoothing.assembly import (
+from vgps.smoothing.factor_graph import (
     build_problem,
     gps_and_motion,
     motion_graph,
     scene_of_map,
     select_observations,
 )
-from vgps.smoothing.fixes import Fixes, antenna_at, place
-from vgps.smoothing.schur import SolverSettings, solve
-from vgps.smoothing.sensors import Sensors
+from vgps.solver.schur_complement import SolverSettings, solve
 
 _SHARED_BY = 3  # fixes at least
 _ROUGH = 3  # times as many iterations, where the start is rough

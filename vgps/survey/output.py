@@ -7,7 +7,7 @@ from rich.table import Table
 
 from vgps.errors import GpsLogError, RunFolderError
 from vgps.survey.survey import Survey, SurveyOptions
-from vgps.writers.placing import check_file, new_file
+from vgps.writers.atomic import check_file, new_file
 
 _PICTURES = ("png", "jpg", "jpeg", "webp", "svg", "pdf")
 _COLOURS = {"rtk_fix": "#2a9d8f", "rtk_float": "#e9a23b", "single": "#c8553d"}

@@ -5,7 +5,7 @@ import numpy as np
 
 from vgps.config import StartConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, project, triangulate, world_rays
-from vgps.local_map import LocalMap
+from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.tracking.pose import lmeds_pose, refine_pose
 

@@ -7,7 +7,7 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import project, rays, reprojection_inliers
-from vgps.local_map import LocalMap
+from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import lmeds_pose, refine_pose

@@ -5,7 +5,7 @@ import numpy as np
 from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
-from vgps.local_map import LocalMap
+from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
 

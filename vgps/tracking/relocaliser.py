@@ -6,7 +6,7 @@ import numpy as np
 from vgps.camera import undistort
 from vgps.config import TrackingConfig
 from vgps.geometry import reprojection_inliers
-from vgps.local_map import LocalMap
+from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, FloatArray, GrayImage
 from vgps.tracking.pose import lmeds_pose
 

@@ -30,6 +30,6 @@ def inspect_run(
         ViewerError: There is no display for a window, or nothing that can draw.
         RunFolderError: A file cannot be written.
     """
-    from vgps.viewer.inspecting import show  # noqa: PLC0415  (importing rerun takes two seconds)
+    from vgps.viewer.recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
 
     return show(solution, recording, save, screenshot)

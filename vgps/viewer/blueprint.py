@@ -9,11 +9,11 @@ from vgps.solution import Solution
 from vgps.viewer import plots
 from vgps.viewer.chase import CHASE, chase_size_m
 from vgps.viewer.colours import BAD_PX
+from vgps.viewer.columns import TIME
 from vgps.viewer.features import FEATURES, REPROJECTIONS, RESIDUALS
 from vgps.viewer.graph import GRAPH
-from vgps.viewer.places import MAP
+from vgps.viewer.map_view import MAP
 from vgps.viewer.scene import IMAGE, WORLD, extent_m
-from vgps.viewer.sheet import TIME
 
 _BACKGROUND = (24, 26, 32)
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.model import FloatArray
 from vgps.solution import Solution
-from vgps.viewer.sheet import Sheet
+from vgps.viewer.columns import Sheet
 
 CHASE = "world/chase"
 _BEHIND, _ABOVE, _AHEAD = 5.0, 3.5, 3.0  # in units of chase_size_m

@@ -4,9 +4,9 @@ import numpy as np
 import rerun as rr
 
 from vgps.viewer import colours
+from vgps.viewer.columns import Sheet
 from vgps.viewer.measures import Sightings
 from vgps.viewer.scene import IMAGE
-from vgps.viewer.sheet import Sheet
 
 FEATURES, REPROJECTIONS, RESIDUALS = (
     f"{IMAGE}/{name}" for name in ("features", "reprojections", "residuals_x10")

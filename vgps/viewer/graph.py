@@ -9,10 +9,10 @@ import rerun as rr
 from vgps.model import IntArray
 from vgps.solution import FrameState, Solution
 from vgps.viewer import colours
-from vgps.viewer.lookup import Lookup
+from vgps.viewer.columns import Sheet
+from vgps.viewer.descriptions import Facts, fix_facts, landmark_facts, pose_facts
 from vgps.viewer.measures import Sightings, fix_placement, judged
-from vgps.viewer.sheet import Sheet
-from vgps.viewer.words import Facts, fix_facts, landmark_facts, pose_facts
+from vgps.viewer.row_index import Lookup
 
 GRAPH = "graph"
 MAX_POSES, MAX_LANDMARKS, MAX_FIXES = 60, 60, 90

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
+from vgps.gps.fixes import Fixes, Placement, penalty, place
 from vgps.model import FloatArray, GpsLog, IntArray
-from vgps.smoothing.fixes import Fixes, Placement, penalty, place
 from vgps.solution import FixTable, Solution
 
 _AT_ONCE = 200_000  # observations projected together: 4x4 poses of all of a long run would not fit

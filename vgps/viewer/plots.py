@@ -6,8 +6,8 @@ import rerun as rr
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
+from vgps.viewer.columns import Sheet
 from vgps.viewer.measures import Sightings, gps_terms, judged, per_frame, video_terms
-from vgps.viewer.sheet import Sheet
 from vgps.writers.tables import region_ratios
 
 PLOTS, VERDICTS, SUMMARY = "plots", "verdicts", "summary"

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import FrameState, Solution, Verdict
 from vgps.viewer import colours
+from vgps.viewer.columns import Sheet
+from vgps.viewer.descriptions import fix_title
 from vgps.viewer.measures import judged
-from vgps.viewer.sheet import Sheet
-from vgps.viewer.words import fix_title
 
 WORLD, CAMERA, IMAGE = "world", "world/camera", "world/camera/image"
 PATH, BEFORE, LANDMARKS, FIXES, NOW = (

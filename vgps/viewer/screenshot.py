@@ -13,7 +13,7 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from vgps.errors import ViewerError
-from vgps.viewer.sheet import TIME
+from vgps.viewer.columns import TIME
 
 _SIZE = "1400x875"
 _START_S, _DRAW_S, _PAUSE_S = 60.0, 90.0, 2.0

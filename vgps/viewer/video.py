@@ -12,7 +12,7 @@ import rerun as rr
 from vgps.model import FloatArray, IntArray, Video
 from vgps.readers.luma import quarter_turns
 from vgps.readers.video import VideoFile
-from vgps.viewer.sheet import Sheet
+from vgps.viewer.columns import Sheet
 
 _CODECS = frozenset({"h264", "hevc", "av1"})
 _NEEDS_FFMPEG = frozenset({"h264", "hevc"})

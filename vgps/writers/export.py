@@ -9,11 +9,11 @@ from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
 from vgps.solution import Solution
 from vgps.writers import colmap
+from vgps.writers.atomic import new_file, new_folder
 from vgps.writers.gpx import write_gpx
 from vgps.writers.kitti import write_kitti
 from vgps.writers.maps import write_geojson, write_kml
 from vgps.writers.nerfstudio import write_nerfstudio
-from vgps.writers.placing import new_file, new_folder
 from vgps.writers.ply import write_ply
 from vgps.writers.tum import write_tum
 

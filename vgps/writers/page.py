@@ -11,7 +11,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vgps.writers.placing import new_file
+from vgps.writers.atomic import new_file
 
 
 def write_page(package: str, values: Mapping[str, Any], out: Path) -> None:

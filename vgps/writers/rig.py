@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from vgps.readers.calibration import read_rig
-from vgps.writers.placing import new_file
+from vgps.writers.atomic import new_file
 
 
 def write_rig(changes: Mapping[str, Any], out: Path, *, base: Path | None = None) -> None:

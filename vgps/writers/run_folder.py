@@ -13,8 +13,8 @@ import numpy as np
 import yaml
 
 from vgps.solution import FrameState, Solution
+from vgps.writers.atomic import check_writable, new_folder
 from vgps.writers.measurements import write_measurements
-from vgps.writers.placing import check_writable, new_folder
 from vgps.writers.ply import write_ply
 from vgps.writers.tables import write_gps, write_poses
 from vgps.writers.tum import write_tum

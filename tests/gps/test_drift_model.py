@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from synthetic_fixes import T_S, drifting, fixes_at, path, poses
+
+from vgps.config import DriftConfig
+from vgps.gps.drift_model import FlexiblePath, Loss
+
+ANTENNA = np.array([0.1, -0.3, 0.2])
+ALL = np.ones(19, dtype=bool)
+
+
+def flexible(start, fixes, lag_sigma_s=1.0, attached=False):
+    return FlexiblePath(start, T_S, fixes, np.zeros(3), DriftConfig(), lag_sigma_s, attached)
+
+
+def test_jacobian_is_the_offsets():
+    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
+    of = flexible(drifting(), fixes)
+    parameters = np.random.default_rng(0).normal(0, 1e-4, len(of.start))
+    numerical = np.stack(
+        [
+            (of.offsets(parameters + 1e-6 * e) - of.offsets(parameters - 1e-6 * e)) / 2e-6
+            for e in np.eye(len(parameters))
+        ],
+        axis=2,
+    )
+    found = of._jacobian(of.bent(parameters)[0], of.lag_s(parameters))
+    np.testing.assert_allclose(found, numerical, atol=1e-3 * np.abs(numerical).max())
+
+
+@pytest.mark.parametrize("attached", [False, True])
+def test_the_fit_is_the_minimum_that_scipy_finds(attached):
+    rng = np.random.default_rng(1)
+    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7, offset=rng.normal(0, 0.5, (19, 3)))
+    of = flexible(drifting(0.1), fixes, attached=attached)
+    loss = Loss(of.regions(), ALL, 3.0)
+
+    def residual(parameters):
+        away2 = np.sum((of.offsets(parameters) / loss.region_m) ** 2, axis=1)
+        knots = parameters[4:].reshape(-1, 4)
+        change = np.diff(knots, axis=0, prepend=np.zeros((1, 4)) if attached else knots[:1]) / of._sigma
+        held = parameters[:3] / 1e-3 if attached else np.zeros(3)
+        away = 3.0 * np.sqrt(np.log1p(away2 / 9.0))
+        return np.concatenate([away, change.ravel(), parameters[3:4], held])
+
+    ours = of.fit(of.approach(ALL, 0.3), loss)
+    reference = least_squares(residual, ours, xtol=1e-9, ftol=1e-9, max_nfev=25)
+    assert of._cost(ours, loss) == pytest.approx(2.0 * reference.cost, rel=2e-3)
+
+
+@pytest.mark.parametrize("lag_s", [-0.4, 0.37])
+def test_a_lag_is_found_where_the_path_turns(lag_s):
+    t_s = np.arange(1.05, 18.0)
+    fixes = fixes_at(t_s - lag_s, 0.5, 0.7)
+    stamped = type(fixes)(t_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
+    of = flexible(poses(path(T_S)), stamped)
+    rows = np.ones(len(t_s), dtype=bool)
+    parameters = of.settle(of.approach(rows, 0.1), rows, of.regions())
+    assert of.lag_s(parameters) == pytest.approx(lag_s, abs=0.02)
+    assert of.lag_sigma(parameters, Loss(of.regions(), rows, 3.0)) < 0.3
+
+
+def test_a_straight_path_at_constant_speed_does_not_show_the_lag():
+    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
+    straight = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
+    fixes = type(fixes)(
+        fixes.t_s,
+        np.stack([0 * fixes.t_s, 5 * fixes.t_s, 0 * fixes.t_s], axis=1),
+        *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
+    )
+    of = flexible(poses(straight), fixes)
+    assert of.lag_sigma(of.start, Loss(of.regions(), ALL, 3.0)) > 0.9
+
+
+def test_without_a_prior_the_lag_is_held():
+    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
+    of = flexible(drifting(), fixes, lag_sigma_s=0.0)
+    assert of.lag_s(of.approach(ALL, 0.3)) == 0.0

@@ -1,0 +1,90 @@
+from itertools import product
+
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_at
+
+from vgps.config import Config
+from vgps.gps.fix_states import (
+    LOWER,
+    OUTLIER,
+    OWN,
+    STILL_LOWER,
+    STILL_OUTLIER,
+    state_probabilities,
+)
+
+CONFIG = Config()
+JUDGE = CONFIG.judge
+FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
+
+
+def density(offset, r_m, h_m):
+    """Of one fix alone, by a survey's core and tail: what :data:`OWN` is worth without its prior."""
+    own, likelihood = state_probabilities(np.array([offset]), fixes_at(np.zeros(1), r_m, h_m), CONFIG)
+    return own[0, OWN] * np.exp(likelihood) / (1.0 - JUDGE.outlier_share)
+
+
+def by_enumeration(offset, has_lower):
+    """Every sequence of states in turn, by the words of the module."""
+    bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
+    lasts = JUDGE.lasting_share
+    total = np.zeros((len(offset), 5))
+    for states in product(range(5), repeat=len(offset)):
+        weight = 1.0
+        for k, state in enumerate(states):
+            low = JUDGE.lower_share if has_lower[k] else 0.0
+            prior = [1.0 - JUDGE.outlier_share - low, low, JUDGE.outlier_share, 0.0, 0.0]
+            before = states[k - 1] if k else OWN
+            still = {LOWER: STILL_LOWER, STILL_LOWER: STILL_LOWER}.get(before) if has_lower[k] else None
+            still = STILL_OUTLIER if before in {OUTLIER, STILL_OUTLIER} else still
+            goes_on = lasts if still is not None else 0.0
+            weight *= (1.0 - goes_on) * prior[state] + goes_on * (state == still)
+            if not weight:
+                break
+            regions = [FIX if lower else FLOAT for lower in has_lower]
+            if state in {OWN, LOWER}:
+                weight *= density(offset[k], *(regions[k] if state == OWN else FLOAT))
+            elif state == OUTLIER:
+                weight *= bad
+            else:
+                weight *= density(offset[k] - offset[k - 1], *np.hypot(regions[k], regions[k - 1]))
+        for k, state in enumerate(states):
+            total[k, state] += weight
+    return total / total.sum(axis=1, keepdims=True), np.log(total[0].sum())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_forward_and_backward_are_the_sum_over_all_sequences(seed):
+    rng = np.random.default_rng(seed)
+    has_lower = np.array([True, True, False, True])
+    offset = rng.normal(0, [0.05, 0.05, 0.03], (4, 3))
+    offset[1:3] += [2.0, 1.0, 0.5] if seed else [20.0, 1.0, 0.5]
+    r, h = np.where(has_lower, FIX[0], FLOAT[0]), np.where(has_lower, FIX[1], FLOAT[1])
+    lower = [np.where(has_lower, size, np.nan) for size in FLOAT]
+    fixes = fixes_at(np.arange(4.0), r, h, lower=lower)
+    found, likelihood = state_probabilities(offset, fixes, CONFIG)
+    expected, log_total = by_enumeration(offset, has_lower)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert likelihood == pytest.approx(log_total, abs=1e-9)
+
+
+def test_six_wrong_fixes_that_agree_are_one_misfortune():
+    t_s, one_off = np.arange(6.0), np.array([15.0, -9.0, 4.0])
+    rng = np.random.default_rng(0)
+    fixes = fixes_at(t_s, *FIX, lower=FLOAT)
+    _, single = state_probabilities(one_off[None], fixes.where(t_s < 1.0), CONFIG)
+    found, together = state_probabilities(one_off + rng.normal(0, 0.01, (6, 3)), fixes, CONFIG)
+    apart = rng.permuted(np.tile(one_off, (6, 1)), axis=1) * rng.choice([-1, 1], (6, 3))
+    scattered, six = state_probabilities(apart, fixes, CONFIG)
+    assert together > single and six < 5 * single
+    assert found[1:, STILL_OUTLIER].min() > 0.99 and found[0, OUTLIER] > 0.99
+    assert scattered[:, OWN].max() < 1e-6
+
+
+def test_a_fix_without_a_class_below_is_never_that():
+    t_s = np.arange(2.0)
+    lower = [np.array([size, np.nan]) for size in FLOAT]
+    r, h = np.array([FIX[0], FLOAT[0]]), np.array([FIX[1], FLOAT[1]])
+    found, _ = state_probabilities(np.tile([1.0, 0.0, 0.0], (2, 1)), fixes_at(t_s, r, h, lower=lower), CONFIG)
+    assert found[0, LOWER] > 0.9 and found[1, [LOWER, STILL_LOWER]].max() == 0.0 and found[1, OWN] > 0.9

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from synthetic_fixes import T_S, drifting, fixes_at, path, poses
+
+from vgps.config import Config
+from vgps.gps.outlier_detection import Judgement, judge_on_path, probabilities, suspects
+
+CONFIG = Config()
+T_FIX = np.arange(0.05, 19.0)
+FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
+
+
+def judged(centres, fixes):
+    return judge_on_path(centres, T_S, fixes, np.zeros(3), CONFIG)
+
+
+def test_bayes_by_hand():
+    """At the fix itself the cylinder's density is 1 / Z, Z integrated numerically."""
+    n, omega = CONFIG.gps.n, CONFIG.gps.omega
+    area = quad(lambda rho: 2 * np.pi * rho * np.exp(-omega * (rho / 2.4) ** (2 * n)), 0, 30)[0]
+    length = 2 * quad(lambda z: np.exp(-omega * (z / 6.5) ** (2 * n)), 0, 80)[0]
+    tail = CONFIG.judge.tail_share
+    good = 0.95 * (1.0 - tail + tail / CONFIG.judge.tail_size**3) / (area * length)
+    bad = 0.05 / (2 * np.pi * 50.0**3)
+    found = probabilities(np.zeros((1, 3)), fixes_at(np.zeros(1), *FLOAT), CONFIG)
+    assert found.own[0] == pytest.approx(good / (good + bad), rel=1e-9)
+    assert found.lower[0] == 0.0
+
+
+def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
+    offset = np.array([[0.02, 0, 0], [1.0, 0, 0], [30.0, 0, 0], [0, 0, 3.0]])
+    found = probabilities(offset, fixes_at(1e3 * np.arange(4.0), *FIX, lower=FLOAT), CONFIG)
+    assert found.lowered.tolist() == [False, True, False, True]
+    assert found.rejected.tolist() == [False, False, True, False]
+
+
+@given(st.floats(0, 1e3), st.floats(0, 1e3))
+@settings(deadline=None)
+def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
+    offset = np.array([[near, 0, 0], [near + more, 0, 0]])
+    found = probabilities(offset, fixes_at(1e3 * np.arange(2.0), *FIX, lower=FLOAT), CONFIG)
+    assert np.all((found.own >= 0) & (found.lower >= 0) & (found.own + found.lower <= 1 + 1e-12))
+    assert found.own[1] <= found.own[0] + 1e-12
+
+
+def test_clean_fixes_on_a_drifting_path_are_all_believed():
+    rng = np.random.default_rng(0)
+    fixes = fixes_at(T_FIX, 0.5, 0.7, offset=rng.normal(0, 0.15, (19, 3)))
+    found = judged(drifting(), fixes)
+    assert not found.rejected.any() and found.own.min() > 0.5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_scattered_outliers_are_found_and_no_other(seed):
+    rng = np.random.default_rng(seed)
+    wrong = rng.choice(19, 6, replace=False)
+    offset = rng.normal(0, 0.15, (19, 3))
+    offset[wrong] += rng.choice([-1, 1], (6, 3)) * rng.uniform(8, 30, (6, 3))
+    found = judged(drifting(0.1), fixes_at(T_FIX, 0.5, 0.7, offset=offset))
+    assert sorted(np.flatnonzero(found.rejected)) == sorted(wrong)
+
+
+def test_a_cluster_that_agrees_with_itself_and_lies_about_its_class_is_found():
+    offset = np.zeros((19, 3))
+    offset[8:12] += [9.0, -7.0, 5.0]
+    fix = np.isin(np.arange(19), [0, 1, 2, 8, 9, 10, 11, 17, 18])
+    fixes = fixes_at(T_FIX, np.where(fix, 0.07, 2.4), np.where(fix, 0.05, 6.5), offset=offset)
+    found = judged(poses(path(T_S)), fixes)
+    assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
+
+
+def test_false_fixes_at_the_very_start_are_found():
+    """Nothing came before them, and a path that bends in its first seconds would suit them."""
+    offset = np.zeros((19, 3))
+    offset[:6] += [9.0, -7.0, 5.0]
+    exact = (np.arange(19) < 6) | (np.arange(19) > 15)
+    fixes = fixes_at(T_FIX, np.where(exact, 0.07, 2.4), np.where(exact, 0.05, 6.5), offset=offset)
+    found = judged(drifting(0.05), fixes)
+    assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_runs_between_jumps_are_suspect_and_nothing_else():
+    offset = np.zeros((19, 3))
+    offset[:4] += [9.0, 0.0, 0.0]
+    offset[12] += [0.0, 0.0, 30.0]
+    fixes, everything = fixes_at(T_FIX, 0.5, 0.7), np.ones(19, dtype=bool)
+    assert suspects(np.zeros((19, 3)), everything, fixes) == []
+    found = [np.flatnonzero(run).tolist() for run in suspects(offset, everything, fixes)]
+    assert found == [[0, 1, 2, 3], [4, 5, 6, 7, 8, 9, 10, 11], [13, 14, 15, 16, 17, 18]]
+    doubted = everything.copy()
+    doubted[12] = False
+    assert [np.flatnonzero(run).tolist() for run in suspects(offset, doubted, fixes)] == [[0, 1, 2, 3]]
+
+
+def test_a_verdict_is_reversed_by_what_comes_later():
+    """Three disagree with the first five by a jump; once ten more agree with them, the five are wrong."""
+    offset = np.zeros((19, 3))
+    offset[:5] += [15.0, 0.0, 0.0]
+    fixes = fixes_at(T_FIX, 0.5, 0.7, offset=offset)
+    early = T_S < 8.0
+    start = poses(path(T_S) + np.array([15.0, 0.0, 0.0]))
+    first = judge_on_path(start[early], T_S[early], fixes, np.zeros(3), CONFIG)
+    assert np.flatnonzero(first.rejected).tolist() == [5, 6, 7]
+    later = first.updated(judge_on_path(start, T_S, fixes, np.zeros(3), CONFIG))
+    assert np.flatnonzero(later.rejected).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_applied_gives_the_lower_region_and_drops_outliers():
+    fixes = fixes_at(np.zeros(3), *FIX, lower=FLOAT)
+    believed = Judgement(np.array([0.9, 0.1, 0.0]), np.array([0.1, 0.9, 0.0])).applied(fixes)
+    assert believed.r_m.tolist() == [0.07, 2.4, 0.07]
+    assert believed.used.tolist() == [True, True, False]

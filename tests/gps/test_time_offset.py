@@ -1,0 +1,123 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_fixes import T_S, fixes_at, path, poses
+
+from vgps.config import SensorsConfig
+from vgps.gps.sensors import Lag, Sensors
+from vgps.gps.time_offset import lag_by_differences, least_gain, settle_lag
+
+BELIEVED = Lag(0.0, 0.5)
+NONE = np.zeros(3)
+SENSORS = Sensors.known(NONE)
+
+
+def late(lag_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
+    """Fixes whose stamps are later than their positions."""
+    fixes = fixes_at(t_s, 2.4, 6.5, offset=offset)
+    return replace(fixes, t_s=t_s + lag_s)
+
+
+def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
+    return replace(fixes_at(t_s, r_m, h_m), world_p_fix=world_p_fix)
+
+
+def nothing_is_told(path_poses, t_s, fixes):
+    return settle_lag(SENSORS, path_poses, t_s, fixes, SensorsConfig()) == (SENSORS, ())
+
+
+def wander(seed, n=19):
+    """Metres of error that change by centimetres a second."""
+    steps = np.random.default_rng(seed).normal(0, 0.08, (n, 3))
+    return np.array([1.5, -1.0, 4.0]) + np.cumsum(steps, axis=0)
+
+
+@pytest.mark.parametrize("lag_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
+def test_a_lag_is_found_under_a_bias_that_wanders(lag_s):
+    found = lag_by_differences(poses(path(T_S)), T_S, late(lag_s, wander(0)), NONE, BELIEVED)
+    assert abs(found.lag_s - lag_s) < 4 * found.sigma_s and found.sigma_s < 0.1
+
+
+def test_the_sigma_is_the_scatter_over_many_logs():
+    logs = [late(0.2, wander(seed)) for seed in range(60)]
+    found = [lag_by_differences(poses(path(T_S)), T_S, log, NONE, BELIEVED) for log in logs]
+    scatter = np.std([one.lag_s for one in found])
+    assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
+
+
+def test_one_jump_of_the_receiver_does_not_matter():
+    offset = wander(1)
+    offset[9:] += [6.0, 4.0, 0.0]
+    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, offset), NONE, BELIEVED)
+    assert abs(found.lag_s - 0.37) < 0.1
+
+
+def test_a_straight_at_constant_speed_keeps_what_is_believed_and_says_so():
+    t_s = np.arange(0.05, 19.0)
+    line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
+    fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
+    sensors, remark = settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_lag="yes"))
+    assert sensors.lag_s == 0.0 and "does not show the lag" in remark[0]
+    assert nothing_is_told(poses(line), T_S, fixes)
+
+
+def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
+    for lag_s, kept in ((0.37, True), (0.03, False)):
+        sensors, remark = settle_lag(SENSORS, poses(path(T_S)), T_S, late(lag_s, wander(2)), SensorsConfig())
+        assert bool(sensors.lag_s) == bool(remark) == kept
+    off = SensorsConfig(estimate_lag="no")
+    assert settle_lag(SENSORS, poses(path(T_S)), T_S, late(0.37), off) == (SENSORS, ())
+
+
+def test_too_few_fixes_tell_nothing():
+    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
+    assert found == BELIEVED
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed):
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(0.0, 6.0, 0.1)
+    line = np.stack([0 * t_s, 9.0 * t_s - 0.75 * t_s**2, 0 * t_s], axis=1)
+    fixes = fixes_that_lie(t_s, line + rng.normal(0.0, 0.05, line.shape), 0.12, 0.1)
+    drifted = line + np.cumsum(rng.normal(0.0, 0.01, line.shape), axis=0)
+    assert nothing_is_told(poses(drifted), t_s, fixes)
+
+
+@pytest.mark.parametrize("share", [0.03j, 0.02 + 0.02j, -0.03])
+def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_in_a_bend(share):
+    t_s = np.arange(0.05, 19.0)
+
+    def place(t):
+        turn = 0.02 * t
+        speed = (4.0 + 0.5 * t) * np.exp(1j * turn)
+        return np.cumsum(speed) * (t[1] - t[0])
+
+    fine = np.arange(0.0, 20.0, 0.01)
+    way = place(fine)
+    seen = np.interp(t_s, fine, way)
+    fixes = fixes_that_lie(t_s, np.stack([seen.real, seen.imag, 0 * t_s], axis=1), 0.07, 0.05)
+    wrong = np.interp(T_S, fine, way) * (1.0 + share)
+    line = np.stack([wrong.real, wrong.imag, 0 * T_S], axis=1)
+    assert nothing_is_told(poses(line), T_S, fixes)
+
+
+def test_few_pairs_or_many_trials_must_gain_more():
+    assert abs(least_gain(3.0, 10**6, 1.0) - 9.0) < 0.01
+    assert abs(least_gain(3.0, 9, 1.0) - 4.094**2) < 0.05  # tables of Student's t, 0.27 % on both sides
+    assert least_gain(3.0, 5, 30.0) > least_gain(3.0, 50, 30.0) > least_gain(3.0, 50, 1.0)
+    assert least_gain(3.0, 0, 1.0) == np.inf
+
+
+def test_a_handful_of_fixes_shows_no_lag_by_chance():
+    """Ten seconds of a walk round a corner with a float's wandering error."""
+    t_s, fixes_s = np.arange(0.0, 10.0, 0.1), np.linspace(0.5, 9.5, 8)
+
+    def place(t):
+        return np.stack([np.minimum(t, 5.0), np.maximum(t - 5.0, 0.0), 0 * t], axis=1) * 1.2
+
+    for seed in range(100):
+        offset = np.cumsum(np.random.default_rng(seed).normal(0, 0.05, (len(fixes_s), 3)), axis=0)
+        fixes = fixes_that_lie(fixes_s, place(fixes_s) + offset)
+        assert nothing_is_told(poses(place(t_s)), t_s, fixes)

@@ -1,0 +1,55 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_fixes import T_S, fixes_at, path, poses
+
+from vgps.config import Config
+from vgps.gps.outlier_detection import Judgement
+from vgps.gps.verdicts import fix_table
+from vgps.model import FixClass, GpsLog
+from vgps.solution import Verdict
+
+TIMES_S = np.array([-1.0, 1.05, 2.05, 3.05, 4.05, 5.05])
+CLASSES = [FixClass.RTK_FIX] * 5 + [FixClass.UNKNOWN]
+
+
+@pytest.fixture
+def table():
+    """Before the video, used, three rejected of which two err alike, and one without a region."""
+    offset = np.zeros((6, 3))
+    offset[2] = [5.0, 0.0, 0.0]
+    offset[3:5] = [0.0, -9.0, 3.0]
+    r_m = np.array([0.07] * 5 + [np.nan])
+    fixes = fixes_at(TIMES_S, r_m, 0.05, lower=(2.4, 6.5), offset=offset)
+    unknown = np.full(6, np.nan)
+    log = GpsLog(
+        t_s=TIMES_S,
+        latitude_deg=unknown,
+        longitude_deg=unknown,
+        height_m=unknown,
+        fix_class=tuple(CLASSES),
+        sigma_m=np.full((6, 3), np.nan),
+        hdop=unknown,
+        satellites=unknown,
+        correction_age_s=unknown,
+        line=np.arange(6),
+        source=Path("rover.nmea"),
+    )
+    judgement = Judgement(np.array([np.nan, 0.9, 0.0, 0.0, 0.0, np.nan]), np.zeros(6))
+    return fix_table(log, fixes, judgement, T_S, poses(path(T_S)), np.zeros(3), Config())
+
+
+def test_every_fix_has_a_verdict_and_a_reason(table):
+    rejected = [Verdict.REJECTED] * 3
+    assert list(table.verdict) == [Verdict.NOT_USED, Verdict.USED, *rejected, Verdict.NOT_USED]
+    assert table.reason[0] == "not used: outside the video"
+    assert table.reason[1] == "used: the antenna lies in its region"
+    assert table.reason[5] == "not used: class unknown has no region"
+
+
+def test_a_rejected_fix_says_how_far_off_it_is_and_whether_its_error_lasts(table):
+    assert "71.4 r and 0.0 h away" in table.reason[2] and "p = 1.0000" in table.reason[2]
+    alone, lasting = table.reason[3], table.reason[4]
+    assert "as the fix before it" not in table.reason[2] + alone
+    assert lasting == alone + ", in error as the fix before it"

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vgps.geometry import linearise_projection, project
+from vgps.localization.pose import pose_from_matches
+
+K = np.array([[720.0, 0, 320], [0, 700, 150], [0, 0, 1]])
+POSE = np.eye(4)
+POSE[:3, :3] = Rotation.from_euler("xyz", (0.2, -0.4, 0.1)).as_matrix()
+POSE[:3, 3] = (520.0, -340.0, 12.0)
+
+
+def scene(count=60, seed=1):
+    """Landmarks in view, and where they are seen."""
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform((0, 0), (640, 300), (count, 2))
+    depth = rng.uniform(5, 60, count)
+    rays = np.column_stack([(uv - K[:2, 2]) / (720, 700), np.ones(count)]) * depth[:, None]
+    return rays @ POSE[:3, :3].T + POSE[:3, 3], uv
+
+
+def off(pose):
+    turned = Rotation.from_matrix(POSE[:3, :3].T @ pose[:3, :3]).magnitude()
+    return np.degrees(turned), np.linalg.norm(pose[:3, 3] - POSE[:3, 3])
+
+
+def solve(points, uv, guess=None):
+    return pose_from_matches(K, points, uv, np.ones(len(uv)), 3.0, 300, 1.5, guess)
+
+
+def test_the_scene_is_in_view():
+    points, uv = scene()
+    np.testing.assert_allclose(project(K, POSE, points)[0], uv, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6])
+def test_exact_matches_among_false_ones(share):
+    points, uv = scene()
+    false = np.random.default_rng(2).random(len(uv)) < share
+    seen = np.where(false[:, None], np.random.default_rng(3).uniform((0, 0), (640, 300), uv.shape), uv)
+    found = solve(points, seen)
+    assert max(off(found.world_T_camera)) < 1e-3
+    np.testing.assert_array_equal(found.inlier, ~false)
+
+
+def test_a_good_guess_wins_where_samples_fail():
+    points, uv = scene()
+    seen = np.random.default_rng(3).uniform((0, 0), (640, 300), uv.shape)
+    seen[:8] = uv[:8]  # samples of four rarely hit these
+    found = solve(points, seen, guess=POSE)
+    assert found.inlier[:8].all()
+    assert off(found.world_T_camera)[1] < 0.2
+
+
+def test_the_covariance_is_that_of_the_errors():
+    points, uv = scene()
+    rng = np.random.default_rng(5)
+    errors = []
+    for _ in range(300):
+        seen = uv + rng.normal(size=uv.shape)
+        found = pose_from_matches(K, points, seen, np.ones(len(uv)), 50.0, 300, 50.0, guess=POSE)
+        local = np.linalg.inv(POSE) @ found.world_T_camera
+        errors.append([*Rotation.from_matrix(local[:3, :3]).as_rotvec(), *local[:3, 3]])
+    expected = np.sqrt(np.diag(found.covariance))
+    np.testing.assert_allclose(np.std(errors, axis=0), expected, rtol=0.25)
+
+
+def test_jacobian():
+    points, uv = scene(10)
+    _, jacobian = linearise_projection(K, POSE, points, uv)
+    step = 1e-6
+    for axis in range(6):
+        numerical = []
+        for sign in (1, -1):
+            moved = np.eye(4)
+            twist = np.zeros(6)
+            twist[axis] = sign * step
+            moved[:3, :3] = Rotation.from_rotvec(twist[:3]).as_matrix()
+            moved[:3, 3] = twist[3:]
+            numerical.append(linearise_projection(K, POSE @ moved, points, uv)[0])
+        difference = (numerical[0] - numerical[1]) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, :, axis], difference, rtol=1e-4, atol=1e-4)
+
+
+def test_too_few_matches():
+    points, uv = scene(3)
+    assert solve(points, uv) is None
+
+
+@pytest.mark.parametrize("spread", [(0, 0, 0), (1, 0, 0)])
+def test_points_in_one_place_or_in_a_line_end_in_no_exception(spread):
+    points = POSE[:3, 3] + POSE[:3, 2] * 10 + np.linspace(0, 1, 8)[:, None] * spread
+    found = solve(points, np.tile([320.0, 150.0], (8, 1)))
+    assert found is None or np.isfinite(found.world_T_camera).all()

@@ -1,0 +1,38 @@
+"""The whole way on a real drive: smooth it, make a database of its even frames, track the shaken odd ones."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import vgps
+from vgps.config import TrackConfig
+from vgps.landmarks.build import build_database
+from vgps.landmarks.database import LandmarkDatabase
+from vgps.landmarks.database_writer import write_database
+from vgps.localization.localize import localise
+from vgps.readers.trajectory import read_trajectory
+from vgps.solution import FrameState
+
+
+@pytest.fixture(scope="module")
+def database(data_dir, tmp_path_factory):
+    drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
+    path = tmp_path_factory.mktemp("drive") / "even.db"
+    write_database(build_database(vgps.smooth(drive), drive, "even"), path)
+    return path
+
+
+@pytest.mark.slow
+def test_every_shaken_frame_is_held(data_dir, database):
+    config = TrackConfig()
+    shaken = vgps.open_recording(data_dir / "kitti03_shake")
+    with LandmarkDatabase.open(database, config.selection) as opened:
+        solution = localise(shaken, opened, config)
+    truth = read_trajectory(data_dir / "kitti03_shake" / "truth.tum", video_start_s=shaken.rig.video_start_s)
+    true, odd = truth.world_T_camera, slice(1, None, 2)
+    away = np.linalg.norm(solution.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1)
+    between = solution.world_T_camera[:, :3, :3].transpose(0, 2, 1) @ true[:, :3, :3]
+    turned = np.degrees(Rotation.from_matrix(between).magnitude())
+    assert solution.state.count(FrameState.TRACKED) == 300
+    assert away[odd].mean() <= 0.30
+    assert turned[odd].mean() <= 0.7

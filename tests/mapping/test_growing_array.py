@@ -1,0 +1,30 @@
+import numpy as np
+
+from vgps.mapping.growing_array import GrowingRows
+
+
+def test_rows_come_back_in_order_beyond_every_doubling():
+    rows = GrowingRows((2,))
+    for k in range(1000):
+        rows.append([k, -k])
+    assert len(rows) == 1000 and rows.values.shape == (1000, 2)
+    np.testing.assert_array_equal(rows.values[:, 0], np.arange(1000))
+    np.testing.assert_array_equal(rows.values[:, 1], -np.arange(1000))
+
+
+def test_what_is_written_to_the_view_stays():
+    rows = GrowingRows()
+    rows.append(1.0)
+    rows.values[0] = 7.0
+    rows.append(2.0)
+    assert rows.values.tolist() == [7.0, 2.0]
+
+
+def test_rows_given_at_once_are_copied_and_grow_on():
+    given = np.arange(600.0).reshape(300, 2)
+    rows = GrowingRows.of(given)
+    rows.values[0] = 7.0
+    assert given[0, 0] == 0.0
+    for k in range(400):
+        rows.append([k, k])
+    assert len(rows) == 700 and rows.values[299, 1] == 599.0 and rows.values[-1, 0] == 399.0

@@ -1,0 +1,172 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+import vgps
+from vgps.evaluation import evaluate
+from vgps.geodesy import to_geodetic
+from vgps.readers.gopro import gopro_speeds
+from vgps.readers.gpmf import read_gpmf
+from vgps.readers.trajectory import read_trajectory
+from vgps.solution import FrameState, Verdict
+from vgps.writers.run_folder import write_run
+
+
+def truth_of(recording: Path):
+    return read_trajectory(recording / "truth.tum")
+
+
+def errors(solution, recording):
+    return evaluate(solution.trajectory, truth_of(recording), solution.camera_p_antenna)
+
+
+@pytest.fixture(scope="module")
+def solution(recording):
+    return vgps.smooth(vgps.open_recording(recording))
+
+
+def test_every_frame_is_posed_near_the_truth(solution, recording):
+    evaluation = errors(solution, recording)
+    assert evaluation.every_frame_posed
+    assert evaluation.camera_position_m.mean < 0.10
+    assert evaluation.rotation_deg.mean < 1.5
+    assert set(solution.state) == {FrameState.TRACKED}
+    assert np.isfinite(solution.sigma_position_m).all() and np.isfinite(solution.sigma_rotation_rad).all()
+
+
+def test_stage_d_lowers_the_cost_and_every_fix_has_a_reason(solution):
+    assert sum(solution.report.cost_after.values()) <= sum(solution.report.cost_before.values())
+    assert solution.fixes is not None and solution.fixes.used.all()
+    assert all(reason.startswith("used") for reason in solution.fixes.reason)
+
+
+def test_without_gps_the_result_says_that_it_floats(recording):
+    opened = replace(vgps.open_recording(recording), gps=None)
+    solution = vgps.smooth(opened)
+    assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
+    assert any("no fix ties" in warning for warning in solution.warnings)
+
+
+@pytest.mark.slow
+def test_control_points_replace_gps(solution, recording, tmp_path):
+    sightings = solution.observations
+    early = sightings.frame < 25
+    points = solution.landmarks.world_p_landmark[sightings.landmark[early]]
+    rows = np.column_stack([sightings.frame[early], sightings.uv_px[early], points])
+    file = tmp_path / "control_points.csv"
+    np.savetxt(file, rows, delimiter=",", header="frame,u_px,v_px,east_m,north_m,up_m", comments="")
+    opened = replace(vgps.open_recording(recording, control_points=file), gps=None)
+    again = vgps.smooth(opened)
+    assert again.georeferenced
+    assert errors(again, recording).camera_position_m.mean < 0.3
+
+
+def edited(recording: Path, folder: Path, order: list[int], dark: range = range(0)):
+    """The recording's frames in another order at 15 a second, some black, exact fixes; and true poses."""
+    (folder / "images").mkdir(parents=True)
+    with av.open(str(recording / "video.mp4")) as container:
+        grays = [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
+    for i, source in enumerate(order):
+        image = np.zeros_like(grays[source]) if i in dark else grays[source]
+        cv2.imwrite(str(folder / f"images/{i:04d}.png"), image)
+    times = [f"{i:04d}.png,{i / 15:.6f}" for i in range(len(order))]
+    (folder / "images/frame_times.csv").write_text("file,t_s\n" + "\n".join(times) + "\n")
+    for name in ("camera.yaml", "rig.yaml"):
+        (folder / name).write_bytes((recording / name).read_bytes())
+    true = truth_of(recording).world_T_camera[order]
+    rig = vgps.open_recording(recording).rig
+    assert rig.world_origin is not None
+    antenna = true[:, :3, 3] + true[:, :3, :3] @ rig.camera_p_antenna
+    rows = np.arange(0, len(order), 8)
+    place = to_geodetic(rig.world_origin, antenna[rows])
+    lines = ["t_s,latitude_deg,longitude_deg,height_m,class"]
+    for i, (latitude, longitude, height) in zip(rows, place, strict=True):
+        lines.append(f"{i / 15:.6f},{latitude:.12f},{longitude:.12f},{height:.6f},rtk_fix")
+    (folder / "gps.csv").write_text("\n".join(lines) + "\n")
+    return folder, true
+
+
+def away(solution, true):
+    return np.linalg.norm(solution.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1)
+
+
+@pytest.mark.slow
+def test_black_frames_are_bridged(recording, tmp_path):
+    folder, true = edited(recording, tmp_path / "dark", list(range(90)), range(40, 45))
+    solution = vgps.smooth(vgps.open_recording(folder))
+    bridged = np.flatnonzero([state == FrameState.BRIDGED for state in solution.state])
+    assert 42 in bridged and set(bridged) <= set(range(39, 48))
+    assert away(solution, true).max() < 0.5
+
+
+@pytest.mark.slow
+def test_a_long_stop_adds_nothing_wrong(recording, tmp_path):
+    order = [*range(45), *[45] * 60, *range(46, 90)]
+    folder, true = edited(recording, tmp_path / "stop", order)
+    solution = vgps.smooth(vgps.open_recording(folder))
+    assert set(solution.state) == {FrameState.TRACKED}
+    stop = solution.world_T_camera[46:104, :3, 3]
+    assert np.linalg.norm(stop - stop.mean(axis=0), axis=1).max() < 0.05
+    assert away(solution, true).mean() < 0.15
+    assert np.isfinite(solution.sigma_position_m).all()
+
+
+@pytest.mark.slow
+def test_a_standing_start_and_end_are_posed(recording, tmp_path):
+    folder, true = edited(recording, tmp_path / "start", [*[0] * 30, *range(1, 89), *[89] * 30])
+    solution = vgps.smooth(vgps.open_recording(folder))
+    assert len(solution.t_s) == len(true) and away(solution, true).mean() < 0.15
+
+
+@pytest.mark.slow
+def test_a_cut_splits_or_bridges_and_fixes_tie_the_parts(recording, tmp_path):
+    folder, true = edited(recording, tmp_path / "cut", [*range(40), *range(62, 90)])
+    solution = vgps.smooth(vgps.open_recording(folder))
+    assert len(solution.t_s) == len(true) and np.isfinite(solution.world_T_camera).all()
+    assert np.median(away(solution, true)) < 0.3
+
+
+@pytest.mark.slow
+def test_same_input_same_bytes(recording, tmp_path):
+    for name in ("a", "b"):
+        write_run(vgps.smooth(vgps.open_recording(recording)), tmp_path / name)
+    for file in sorted((tmp_path / "a").iterdir()):
+        if file.name != "solution.json":  # holds the seconds
+            assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
+
+
+@pytest.mark.slow
+def test_kitti03_with_rtk_fixes(data_dir):
+    folder = data_dir / "kitti03"
+    solution = vgps.smooth(vgps.open_recording(folder, gps="gps_fix.nmea"))
+    evaluation = errors(solution, folder)
+    assert evaluation.every_frame_posed and len(solution.t_s) == 801
+    assert evaluation.camera_position_m.mean < 0.10
+    assert set(solution.fixes.verdict) == {Verdict.USED}
+
+
+@pytest.mark.slow
+def test_kitti03_with_outliers_finds_them_all_and_no_other(data_dir):
+    folder = data_dir / "kitti03"
+    solution = vgps.smooth(vgps.open_recording(folder, gps="gps_outliers.nmea"))
+    wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
+    rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
+    assert rejected.tolist() == wrong
+    assert errors(solution, folder).camera_position_m.mean < 0.9
+
+
+@pytest.mark.slow
+def test_gopro_walk_holds_one_map(data_dir):
+    solution = vgps.smooth(vgps.open_recording(data_dir / "gopro_walk"))
+    assert len(solution.t_s) == 315 and np.isfinite(solution.world_T_camera).all()
+    assert solution.state.count(FrameState.TRACKED) == 315
+    # its own GPS, good to metres, over a way of 13 m: used, and said to be poor
+    assert solution.georeferenced and any("poorly known" in warning for warning in solution.warnings)
+    t_s, speed = gopro_speeds(read_gpmf(data_dir / "gopro_walk/video.mp4"))
+    way = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1).sum()
+    assert way == pytest.approx(np.trapezoid(speed[:, 1], t_s), rel=0.15)

@@ -1,0 +1,135 @@
+"""Drawn covariances: equal to the marginals where errors are independent, honest where they are not."""
+
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+import pytest
+from synthetic_bundle import ANTENNA as CAMERA_P_ANTENNA
+from synthetic_bundle import drive
+
+from vgps.config import GpsConfig
+from vgps.errors import GeometryError
+from vgps.gps.fixes import Fixes, gps_graph
+from vgps.gps.sensors import Sensors
+from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_errors
+from vgps.solver.problem import projection_errors
+from vgps.solver.schur_complement import SolverSettings, pose_covariances, solve
+
+INTERVAL_S = 0.1
+SIGMA_M = 0.05
+REGION = SIGMA_M * np.sqrt(-2 * np.log(0.05)), SIGMA_M * 1.96  # leave 5 % of Gaussian errors outside
+GAUSSIAN = GpsConfig(model="gaussian", gaussian_sigma_m=SIGMA_M)
+
+
+def fixes_of(poses, rng, correlation_s=1e-3):
+    """A fix every four frames, with white errors, whose class says how large they are."""
+    row = np.arange(0, len(poses) - 1, 4)
+    n, none = len(row), np.full(len(row), np.nan)
+    antenna = poses[row, :3, 3] + poses[row, :3, :3] @ CAMERA_P_ANTENNA
+    place = antenna + rng.normal(0.0, SIGMA_M, (n, 3))
+    r_m, h_m = np.full(n, REGION[0]), np.full(n, REGION[1])
+    sigma, used = np.full((n, 3), np.nan), np.ones(n, dtype=bool)
+    return Fixes(INTERVAL_S * row, place, r_m, h_m, none, none, sigma, used, np.full(n, correlation_s))
+
+
+def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
+    """A solved drive, its true poses and the sources of its errors; tracks slip by ``slip_px`` as a whole."""
+    rng = np.random.default_rng(seed)
+    problem, poses = drive(frames, 500, seed=seed, disturbed=0.0)
+    exact = problem.uv_px + projection_errors(problem)[0]
+    slip = rng.normal(0.0, slip_px, (len(problem.world_p_landmark), 2))
+    # a slip that a shift of the landmark explains would be no error of the pose
+    ramp = (problem.frame - problem.frame.mean()) / frames
+    noise = rng.normal(0.0, noise_px, problem.uv_px.shape) + slip[problem.landmark] * ramp[:, None]
+    fixes = fixes_of(poses, rng)
+    times = INTERVAL_S * np.arange(frames)
+    gps = gps_graph(fixes, times, Sensors.known(CAMERA_P_ANTENNA), GAUSSIAN)
+    sigma_px = np.full(len(problem.frame), noise_px)
+    given = replace(problem, uv_px=exact + noise, sigma_px=sigma_px, robust="none", pose_graph=gps)
+    sources = ErrorSources(gps, gtsam.NonlinearFactorGraph(), fixes)
+    return solve(given, SolverSettings(relative_tolerance=1e-10)).problem, poses, sources
+
+
+def nees(problem, poses, covariance):
+    """Mean over frames and axes of the squared position errors over their variances."""
+    error = np.einsum("fji,fj->fi", poses[:, :3, :3], problem.world_T_camera[:, :3, 3] - poses[:, :3, 3])
+    return np.mean(error**2 / np.diagonal(covariance[:, 3:, 3:], axis1=1, axis2=2))
+
+
+def test_independent_errors_give_the_marginals():
+    problem, _, sources = optimum()
+    drawn = drawn_covariances(problem, sources, draws=2000, seed=1).poses
+    marginal = pose_covariances(problem)
+    ratio = np.diagonal(drawn, axis1=1, axis2=2) / np.diagonal(marginal, axis1=1, axis2=2)
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
+    assert ratio.min() > 0.7 and ratio.max() < 1.4
+
+
+def test_tracks_that_slip_as_a_whole_are_seen_where_the_marginals_see_nothing():
+    honest, curvature = [], []
+    for seed in range(6):
+        problem, poses, sources = optimum(slip_px=25.0, seed=seed)
+        honest.append(nees(problem, poses, drawn_covariances(problem, sources, 300, 1).poses))
+        curvature.append(nees(problem, poses, pose_covariances(problem)))
+    assert 0.4 < np.mean(honest) < 2.0
+    assert np.mean(curvature) > 3.0 * np.mean(honest)
+
+
+def test_the_weight_of_a_factor_does_not_change_how_large_a_fix_errs():
+    problem, _, sources = optimum()
+    doubled = drawn_covariances(
+        problem, replace(sources, fixes=replace(sources.fixes, r_m=2 * sources.fixes.r_m)), 500, 1
+    ).poses
+    once = drawn_covariances(problem, sources, 500, 1).poses
+    # the drive is level and looks along the third axis
+    along = [np.sqrt(doubled[:, i, i] / once[:, i, i]).mean() for i in (3, 4, 5)]
+    assert min(along[:2]) > 1.5 and max(along[:2]) < 2.01 and along[2] < 1.2
+
+
+def test_same_seed_same_draws():
+    problem, _, sources = optimum()
+    once, again = (drawn_covariances(problem, sources, 50, 7).poses for _ in range(2))
+    np.testing.assert_array_equal(once, again)
+
+
+def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
+    n, none = 400, np.full(400, np.nan)
+    t_s = np.arange(n) * 0.5
+    r_m, h_m = np.full(n, 2.0), np.full(n, 5.0)
+    fixes = Fixes(t_s, np.zeros((n, 3)), r_m, h_m, none, none, np.full((n, 3), np.nan), none == 0, r_m * 5)
+    drawn = fix_errors(fixes, 200, np.random.default_rng(0))
+    inside = np.hypot(drawn[:, 0], drawn[:, 1]) < 2.0
+    assert inside.mean() == pytest.approx(0.95, abs=0.01)
+    assert (np.abs(drawn[:, 2]) < 5.0).mean() == pytest.approx(0.95, abs=0.01)
+    # 10 s to both sides: after 5 s it has forgotten all but 1/e
+    later = np.mean(drawn[10:] * drawn[:-10], axis=(0, 2)) / np.mean(drawn**2, axis=(0, 2))
+    np.testing.assert_allclose(later, np.exp(-1.0), atol=0.05)
+
+
+def test_an_enlarged_region_does_not_make_an_error_new():
+    n, none = 100, np.full(100, np.nan)
+    r_m = np.where(np.arange(n) % 2, 2.0, 3.0 + 0.01 * np.arange(n))  # dilution differs from fix to fix
+    fixes = Fixes(
+        np.arange(n) * 0.5,
+        np.zeros((n, 3)),
+        r_m,
+        2 * r_m,
+        none,
+        none,
+        np.full((n, 3), np.nan),
+        none == 0,
+        none,
+    )
+    fixes.correlation_s[:] = 50.0
+    drawn = fix_errors(fixes, 300, np.random.default_rng(0)) / r_m[:, None, None]
+    neighbours = np.mean(drawn[1:] * drawn[:-1]) / np.mean(drawn**2)
+    assert neighbours == pytest.approx(np.exp(-2 * 0.5 / 50.0), abs=0.01)
+
+
+def test_what_nothing_determines_is_refused():
+    problem, _, sources = optimum()
+    loose = replace(problem, pose_graph=gtsam.NonlinearFactorGraph())
+    empty = replace(sources, gps=gtsam.NonlinearFactorGraph(), fixes=sources.fixes.until(-1.0))
+    with pytest.raises(GeometryError, match="not determined"):
+        drawn_covariances(loose, empty, 10, 0)

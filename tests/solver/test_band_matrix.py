@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vgps.solver.band_matrix import POSE, Band, NotPositiveDefiniteError
+from vgps.solver.landmark_groups import Group
+
+
+def random_matrix(poses: int, reach: int, seed: int) -> np.ndarray:
+    """(6 poses, 6 poses) positive definite, poses coupled up to ``reach`` apart."""
+    rng = np.random.default_rng(seed)
+    n = POSE * poses
+    A = rng.normal(size=(n, n))
+    apart = np.abs(np.subtract.outer(np.arange(poses), np.arange(poses))).repeat(POSE, 0).repeat(POSE, 1)
+    A[apart > reach] = 0.0
+    A = A + A.T
+    return A + np.diag(np.abs(A).sum(axis=1) + 0.1)
+
+
+def as_band(A: np.ndarray, rows: int) -> Band:
+    band = Band.zeros(len(A), rows)
+    i, j = np.nonzero(np.tril(A))
+    band.add_entries(i, j, A[i, j])
+    return band
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 60), st.integers(0, 20), st.integers(0, 1000), st.integers(0, 7))
+def test_factor_solves_and_inverts(poses: int, reach: int, seed: int, spare: int) -> None:
+    A = random_matrix(poses, reach, seed)
+    half = min(POSE * (reach + 1), POSE * poses) - 1
+    factor = as_band(A, half + 1 + spare).cholesky(half)
+    right = np.random.default_rng(seed).normal(size=len(A))
+    np.testing.assert_allclose(factor.solve(right), np.linalg.solve(A, right), atol=1e-10)
+    inverse = np.linalg.inv(A)
+    expected = np.stack([inverse[i : i + POSE, i : i + POSE] for i in range(0, len(A), POSE)])
+    np.testing.assert_allclose(factor.inverse_diagonal_blocks(), expected, atol=1e-12)
+
+
+def test_blocks_on_the_diagonal_add_up_and_touch_nothing_else() -> None:
+    rng = np.random.default_rng(0)
+    expected = np.zeros((30, 30))
+    band = Band.zeros(30, 19)
+    for start, size in ((0, 18), (6, 12), (12, 18), (24, 6)):
+        block = np.tril(rng.normal(size=(size, size)))
+        band.add_lower(start, block)
+        expected[start : start + size, start : start + size] += block
+    i, j = np.tril_indices(30)
+    near = i - j < 19
+    np.testing.assert_array_equal(band.ab[(i - j)[near], j[near]], expected[i[near], j[near]])
+    outside = np.add.outer(np.arange(19), np.arange(30)) >= 30
+    np.testing.assert_array_equal(band.ab[outside], 0.0)
+
+
+@pytest.mark.parametrize("frames", [[2, 3, 4], [0, 3, 9]])
+def test_square_of_a_group_lands_on_its_frames(frames: list[int]) -> None:
+    Z = np.random.default_rng(0).normal(size=(6, 18))
+    band = Band.zeros(60, 61)
+    Group(np.array(frames), 2, 5).subtract_square(np.append(np.full(5, np.nan), Z.ravel()), band)
+    columns = (6 * np.array(frames)[:, None] + np.arange(6)).ravel()
+    expected = np.zeros((60, 60))
+    expected[np.ix_(columns, columns)] = -Z.T @ Z
+    i, j = np.tril_indices(60)
+    np.testing.assert_allclose(band.ab[i - j, j], expected[i, j], atol=1e-13)
+
+
+def test_matrix_without_a_factor() -> None:
+    A = random_matrix(4, 1, 0)
+    A[13, 13] = -1.0
+    with pytest.raises(NotPositiveDefiniteError) as caught:
+        as_band(A, 12).cholesky(11)
+    assert caught.value.column == 13
+
+
+def test_pivot_that_is_only_rounding() -> None:
+    A = np.diag(np.full(12, 4.0))
+    A[7, 7] = 1e-15
+    with pytest.raises(NotPositiveDefiniteError) as caught:
+        as_band(A, 6).cholesky(5, 1e-14 * np.full(12, 4.0))
+    assert caught.value.column == 7

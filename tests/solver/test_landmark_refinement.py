@@ -1,0 +1,101 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_bundle import drive
+
+from vgps.geometry import triangulate
+from vgps.solver.elimination import structure_of
+from vgps.solver.landmark_refinement import anchors, best_points, carried, landmark_costs, settled
+from vgps.solver.problem import camera_points, residuals, video_cost
+from vgps.solver.schur_complement import solve
+
+MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
+
+
+def test_costs_of_landmarks_add_up_to_the_whole():
+    problem, _ = drive(20, 200, seed=1, disturbed=0.3)
+    costs = landmark_costs(problem, structure_of(problem))
+    assert costs.sum() == pytest.approx(video_cost(problem), rel=1e-12)
+    one = int(problem.landmark[0])
+    rows = problem.landmark == one
+    error, _ = residuals(problem, camera_points(problem))
+    own = 0.5 * np.sum(error[:, rows] ** 2, axis=0) / problem.sigma_px[rows] ** 2
+    if problem.robust == "none":
+        assert costs[one] == pytest.approx(own.sum(), rel=1e-12)
+
+
+def test_carried_points_look_the_same_to_their_frames():
+    problem, poses = drive(20, 200, seed=1)
+    anchor = anchors(problem)
+    assert all(anchor[i] == problem.frame[problem.landmark == i].max() for i in np.unique(problem.landmark))
+    after = poses.copy()
+    after[:, :3, 3] += np.random.default_rng(0).normal(0.0, 1.0, (20, 3))
+    after[:, :3, :3] = after[:, :3, :3] @ poses[7, :3, :3]
+    points = problem.world_p_landmark
+    moved = carried(points, poses, after, anchor, 2.0)
+    for i in (0, 5, 17):
+        before_camera = poses[anchor[i], :3, :3].T @ (points[i] - poses[anchor[i], :3, 3])
+        after_camera = after[anchor[i], :3, :3].T @ (moved[i] - after[anchor[i], :3, 3])
+        np.testing.assert_allclose(after_camera, 2.0 * before_camera, atol=1e-12)
+
+
+def test_a_point_settles_where_it_is_triangulated_and_the_others_stay():
+    problem, _ = drive(20, 200, seed=1)
+    problem = replace(problem, robust="none", robust_k=None, sigma_px=np.ones(len(problem.frame)))
+    seen = np.bincount(problem.landmark, minlength=200)
+    one = int(seen.argmax())
+    away = problem.world_p_landmark.copy()
+    away += np.random.default_rng(0).normal(0.0, 0.5, away.shape)
+    which = np.arange(len(away)) == one
+    start = replace(problem, world_p_landmark=away)
+    nearer, gain = settled(start, which)
+    found, _ = settled(replace(start, world_p_landmark=nearer), which)
+    rows = problem.landmark == one
+    views = problem.world_T_camera[problem.frame[rows]]
+    best, _ = triangulate(MATRIX, views, problem.uv_px[rows], np.array([0]), iterations=10)
+    assert gain > 0.0
+    np.testing.assert_allclose(found[one], best[0], atol=1e-4)
+    np.testing.assert_array_equal(found[~which], away[~which])
+
+
+def test_a_settled_point_is_never_worse():
+    problem, _ = drive(20, 200, seed=2, disturbed=1.0)
+    away = problem.world_p_landmark + np.random.default_rng(0).normal(
+        0.0, 30.0, problem.world_p_landmark.shape
+    )
+    start = replace(problem, world_p_landmark=away)
+    structure = structure_of(problem)
+    found, gain = settled(start, np.ones(len(away), dtype=bool))
+    before = landmark_costs(start, structure)
+    after = landmark_costs(replace(start, world_p_landmark=found), structure)
+    assert (after <= before + 1e-9).all() and after.sum() < 0.8 * before.sum()
+    assert gain == pytest.approx(before.sum() - after.sum(), rel=1e-9)
+
+
+def test_a_few_hopeless_points_do_not_hold_back_the_poses():
+    """Points near their rays, but a hundred times too far: the linear model of their depth is worthless."""
+    problem, _ = drive(40, 400, seed=3, disturbed=0.5)
+    bad = np.arange(0, 400, 20)
+    away = problem.world_p_landmark.copy()
+    eye = problem.world_T_camera[anchors(problem)[bad], :3, 3]
+    away[bad] = eye + 100.0 * (away[bad] - eye)
+    clean, spoilt = solve(problem), solve(replace(problem, world_p_landmark=away))
+    moved = spoilt.problem.world_T_camera[:, :3, 3] - clean.problem.world_T_camera[:, :3, 3]
+    assert np.linalg.norm(moved, axis=1).max() < 1e-3
+    assert spoilt.report.iterations <= 5 * clean.report.iterations
+
+
+def test_a_step_that_suits_no_point_carries_all_of_them():
+    problem, poses = drive(20, 200, seed=1)
+    after = poses.copy()
+    after[:, :3, 3] += [3.0, 0.0, 0.0]
+    before = replace(problem, world_T_camera=poses)
+    moved, structure = replace(problem, world_T_camera=after), structure_of(problem)
+    wild = np.random.default_rng(0).normal(0.0, 50.0, problem.world_p_landmark.shape)
+    points, cost = best_points(moved, before, anchors(problem), wild, structure)
+    assert cost == pytest.approx(video_cost(replace(moved, world_p_landmark=points)), rel=1e-9)
+    assert cost < landmark_costs(before, structure).sum() + 1e-9
+    right = np.tile([3.0, 0.0, 0.0], (200, 1))
+    points, cost = best_points(moved, before, anchors(problem), right, structure)
+    assert cost <= landmark_costs(before, structure).sum() + 1e-9

@@ -1,0 +1,47 @@
+import gtsam
+import numpy as np
+import pytest
+from gtsam import noiseModel
+from gtsam.noiseModel import mEstimator
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vgps.solver.noise_models import Noise, read_noise
+
+PIXEL = noiseModel.Isotropic.Sigma(2, 1.7)
+positive = st.floats(1e-3, 1e3)
+
+
+@given(positive, positive)
+def test_constants_of_losses_are_found_again(sigma: float, k: float) -> None:
+    inner = noiseModel.Isotropic.Sigma(2, sigma)
+    for name, loss in (("huber", mEstimator.Huber), ("cauchy", mEstimator.Cauchy)):
+        found = read_noise(noiseModel.Robust.Create(loss.Create(k), inner))
+        assert found is not None and found.loss == name
+        assert (found.sigma_px, found.k) == pytest.approx((sigma, k), rel=1e-9)
+
+
+def test_models_without_a_loss() -> None:
+    assert read_noise(PIXEL) == Noise(1.7, "none", np.inf)
+    assert read_noise(noiseModel.Unit.Create(2)) == Noise(1.0, "none", np.inf)
+    assert read_noise(noiseModel.Diagonal.Sigmas(np.array([3.0, 3.0]))) == Noise(3.0, "none", np.inf)
+
+
+OTHERS = {
+    "unlike coordinates": noiseModel.Diagonal.Sigmas(np.array([1.0, 2.0])),
+    "coordinates that hang together": noiseModel.Gaussian.Covariance(np.array([[1.0, 0.5], [0.5, 1.0]])),
+    "a hard constraint": noiseModel.Constrained.All(2),
+    "three coordinates": noiseModel.Isotropic.Sigma(3, 2.0),
+    "another loss": noiseModel.Robust.Create(mEstimator.Tukey.Create(4.0), PIXEL),
+    "each coordinate by itself": noiseModel.Robust.Create(
+        mEstimator.Huber.Create(1.3, mEstimator.Huber.ReweightScheme.Scalar), PIXEL
+    ),
+    "a loss around unlike coordinates": noiseModel.Robust.Create(
+        mEstimator.Huber.Create(1.3), noiseModel.Diagonal.Sigmas(np.array([1.0, 2.0]))
+    ),
+}
+
+
+@pytest.mark.parametrize("model", OTHERS.values(), ids=OTHERS)
+def test_what_the_engine_has_no_numbers_for(model: gtsam.noiseModel.Base) -> None:
+    assert read_noise(model) is None

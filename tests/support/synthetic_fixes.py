@@ -1,0 +1,37 @@
+"""A path in the world and fixes on it, for tests of what judges and bends."""
+
+import numpy as np
+
+from vgps.gps.fixes import Fixes
+
+FRAMES = 200
+T_S = 0.1 * np.arange(FRAMES)
+
+
+def path(t_s):
+    """Where the antenna was: half a sine, 5 m/s forward."""
+    return np.stack([20 * np.sin(t_s / 5), 5 * t_s, 0.1 * t_s], axis=1)
+
+
+def poses(centres):
+    out = np.tile(np.eye(4), (len(centres), 1, 1))
+    out[:, :3, 3] = centres
+    return out
+
+
+def drifting(grows_by=0.4):
+    """The path as a camera sees it that loses its scale."""
+    steps = np.diff(path(T_S), axis=0) * (1 + np.linspace(0, grows_by, FRAMES - 1))[:, None]
+    return poses(np.vstack([path(T_S)[:1], path(T_S)[0] + np.cumsum(steps, axis=0)]))
+
+
+def fixes_at(t_s, r_m, h_m, lower=(np.nan, np.nan), offset=0.0):
+    """Fixes on the path, ``offset`` (n, 3) off it."""
+    n = len(t_s)
+
+    def column(value):
+        return np.broadcast_to(np.asarray(value, dtype=float), n).copy()
+
+    sizes = [column(value) for value in (r_m, h_m, *lower)]
+    unknown, everyone = np.full((n, 3), np.nan), np.ones(n, dtype=bool)
+    return Fixes(t_s, path(t_s) + offset, *sizes, unknown, everyone, np.full(n, 10.0))

@@ -1,0 +1,27 @@
+"""Geometry of many points, poses and turn rates at once."""
+
+from vgps.geometry.interpolation import interpolate_poses
+from vgps.geometry.projection import (
+    MIN_DEPTH,
+    largest_angle_rad,
+    linearise_projection,
+    project,
+    rays,
+    reprojection_inliers,
+    triangulate,
+    world_rays,
+    world_sigmas,
+)
+
+__all__ = [
+    "MIN_DEPTH",
+    "interpolate_poses",
+    "largest_angle_rad",
+    "linearise_projection",
+    "project",
+    "rays",
+    "reprojection_inliers",
+    "triangulate",
+    "world_rays",
+    "world_sigmas",
+]

@@ -1,0 +1,118 @@
+"""What each fix of a log may be, and how likely that is: a hidden Markov model of the receiver.
+
+A fix is what its class says, or what the class below says (a wrong integer ambiguity leaves an RTK-fix with
+an RTK-float's error), or an outlier anywhere within tens of metres. What is wrong may last: a wrong ambiguity
+or a reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing
+else are likelier one misfortune than six.
+"""
+
+from math import gamma
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.model import FloatArray
+
+OWN, LOWER, OUTLIER, STILL_LOWER, STILL_OUTLIER = range(5)
+_LASTS_AS = {
+    LOWER: STILL_LOWER,
+    STILL_LOWER: STILL_LOWER,
+    OUTLIER: STILL_OUTLIER,
+    STILL_OUTLIER: STILL_OUTLIER,
+}
+
+
+def state_probabilities(
+    offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
+) -> tuple[FloatArray, float]:
+    """Probability of what each fix is, by all of them (forward and backward), and the log's own likelihood.
+
+    The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
+    survey drops its worst epochs, so a small share of a class lies in a cylinder of a larger size. An outlier
+    lies anywhere within ``outlier_radius_m`` of the antenna. What lasts is as far off as the fix before was,
+    to what the classes of the two allow.
+
+    Args:
+        offset: (M, 3) antenna minus fix, metres.
+        fixes: In order of time, each with a region.
+        config: Priors, and the exponent and weight of the cylinder.
+        tolerance_m: How far off the path itself may be.
+
+    Returns:
+        (M, 5), columns OWN, LOWER, OUTLIER, STILL_LOWER, STILL_OUTLIER, and the log of the density of all
+        offsets.
+    """
+    log_density = _log_densities(offset, fixes, config, tolerance_m)
+    highest = log_density.max(axis=1)
+    density = np.exp(log_density - highest[:, None])
+    prior = _prior(fixes, config)
+    change = _transitions(prior, config.judge.lasting_share)
+    forward, size = np.empty_like(density), np.empty(len(density))
+    reached = prior[0]
+    for k, seen in enumerate(density):
+        reached = (reached if k == 0 else reached @ change[k - 1]) * seen
+        size[k] = reached.sum()
+        reached = forward[k] = reached / size[k]
+    backward = np.ones_like(density)
+    for k in range(len(density) - 2, -1, -1):
+        backward[k] = change[k] @ (density[k + 1] * backward[k + 1]) / size[k + 1]
+    return forward * backward, float(np.log(size).sum() + highest.sum())
+
+
+def _prior(fixes: Fixes, config: Config) -> FloatArray:
+    """(M, 5) where nothing is known of the fix before."""
+    lower = np.where(np.isfinite(fixes.lower_r_m), config.judge.lower_share, 0.0)
+    bad = np.full(len(fixes), config.judge.outlier_share)
+    none = np.zeros(len(fixes))
+    return np.stack([1.0 - lower - bad, lower, bad, none, none], axis=1)
+
+
+def _transitions(prior: FloatArray, lasting_share: float) -> FloatArray:
+    """(M - 1, 5, 5) probabilities from the state of one fix to that of the next."""
+    change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
+    for state, still in _LASTS_AS.items():
+        # a class without one below it cannot go on as that
+        possible = prior[1:, LOWER] > 0.0 if still == STILL_LOWER else True
+        share = np.where(possible, lasting_share, 0.0)
+        change[:, state] *= (1.0 - share)[..., None]
+        change[:, state, still] += share
+    return change
+
+
+def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float) -> FloatArray:
+    """(M, 5) of the offset [1/m^3], given the state."""
+    own = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
+    with np.errstate(invalid="ignore"):  # no class below, no density
+        lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
+    lower = np.where(np.isnan(lower), -np.inf, lower)
+    bad = np.full(len(offset), -np.log(2.0 * np.pi * config.judge.outlier_radius_m**3))
+    r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
+    alike = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
+    still = np.append(-np.inf, alike)
+    return np.stack([own, lower, bad, still, still], axis=1)
+
+
+def _log_class_density(
+    offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
+) -> FloatArray:
+    judge = config.judge
+    core = _log_density(offset, r_m, h_m, config, tolerance_m)
+    tail = _log_density(offset, judge.tail_size * r_m, judge.tail_size * h_m, config, tolerance_m)
+    both = np.logaddexp(core + np.log(1.0 - judge.tail_share), tail + np.log(judge.tail_share))
+    return np.asarray(both)
+
+
+def _log_density(
+    offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
+) -> FloatArray:
+    """(M,) log of the cylinder's density [1/m^3]; NaN without a region."""
+    n, omega = config.gps.n, config.gps.omega
+    r, h = np.hypot(r_m, tolerance_m), np.hypot(h_m, tolerance_m)
+    horizontal, vertical = np.hypot(offset[:, 0], offset[:, 1]) / r, np.abs(offset[:, 2]) / h
+    with np.errstate(over="ignore"):
+        psi = horizontal ** (2 * n) + vertical ** (2 * n)
+    # the integral of exp(-omega Psi) over space
+    area = np.pi * r**2 * gamma(1.0 + 1.0 / n) * omega ** (-1.0 / n)
+    length = 2.0 * h * gamma(1.0 + 0.5 / n) * omega ** (-0.5 / n)
+    return np.asarray(-omega * psi - np.log(area * length))

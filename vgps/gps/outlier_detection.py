@@ -1,0 +1,190 @@
+"""Which fixes to believe: the probability of each, by what the path and all the others say.
+
+Nothing is gated on a first guess: all fixes are fitted together by a path that can bend only as a camera
+drifts, first as if each were as coarse as the path is wrong, then finer and finer until classes count for
+what they say. Where the way from fix to fix is not the camera's, the fixes between two such places are left
+out for a trial. The likeliest end counts, by :mod:`vgps.gps.fix_states`. A verdict holds until it is
+asked for again: later frames and fixes may reverse it.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.drift_model import FlexiblePath
+from vgps.gps.fix_states import LOWER, OWN, STILL_LOWER, state_probabilities
+from vgps.gps.fixes import Fixes, place
+from vgps.model import BoolArray, FloatArray, IntArray
+
+_ROUNDS = 6
+_MOST_JUMPS = 8
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Probabilities (M,) that a fix is what its class says (``own``), or what the class below says
+    (``lower``); the rest is the probability of an outlier. NaN where a fix was not judged."""
+
+    own: FloatArray
+    lower: FloatArray
+
+    @classmethod
+    def none(cls, count: int) -> "Judgement":
+        """Nothing judged yet."""
+        return cls(np.full(count, np.nan), np.full(count, np.nan))
+
+    @property
+    def rejected(self) -> BoolArray:
+        """(M,) more likely an outlier than anything else."""
+        return np.asarray(1.0 - self.own - self.lower > np.maximum(self.own, self.lower))
+
+    @property
+    def lowered(self) -> BoolArray:
+        """(M,) most likely what the class below says."""
+        return np.asarray((self.lower > self.own) & ~self.rejected)
+
+    def applied(self, fixes: Fixes) -> Fixes:
+        """The fixes with the regions they deserve, outliers not used."""
+        low = self.lowered
+        return replace(
+            fixes,
+            r_m=np.where(low, fixes.lower_r_m, fixes.r_m),
+            h_m=np.where(low, fixes.lower_h_m, fixes.h_m),
+            sigma_m=np.where(low[:, None], np.nan, fixes.sigma_m),
+            used=fixes.used & ~self.rejected,
+        )
+
+    def joined(self, more: "Judgement", order: IntArray) -> "Judgement":
+        """With the judgement of more fixes, in the order of :meth:`Fixes.joined`."""
+        own, lower = np.concatenate([self.own, more.own]), np.concatenate([self.lower, more.lower])
+        return Judgement(own[order], lower[order])
+
+    def where(self, mask: BoolArray) -> "Judgement":
+        """Of those that ``mask`` (M,) names."""
+        return Judgement(self.own[mask], self.lower[mask])
+
+    def updated(self, newer: "Judgement") -> "Judgement":
+        """With what a newer one judged."""
+        rows = np.isfinite(newer.own)
+        return Judgement(np.where(rows, newer.own, self.own), np.where(rows, newer.lower, self.lower))
+
+
+def judges(config: Config) -> bool:
+    """Whether fixes are judged: Cauchy's loss does without."""
+    return config.judge.enabled and config.gps.model not in {"none", "cauchy"}
+
+
+def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0) -> Judgement:
+    """What each fix is, given where the antenna was (:mod:`vgps.gps.fix_states`).
+
+    Args:
+        offset: (M, 3) antenna minus fix, metres; NaN gives NaN.
+        fixes: In order of time; those without a region are not judged.
+        config: Priors, and the exponent and weight of the cylinder.
+        tolerance_m: How far off the path itself may be.
+    """
+    found = Judgement.none(len(fixes))
+    rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
+    if rows.any():
+        state, _ = state_probabilities(offset[rows], fixes.where(rows), config, tolerance_m)
+        found.own[rows], found.lower[rows] = state[:, OWN], state[:, LOWER] + state[:, STILL_LOWER]
+    return found
+
+
+def judge_on_path(
+    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> Judgement:
+    """Judge the fixes within a path's time, the path free to bend as a camera drifts.
+
+    Args:
+        poses: (F, 4, 4) in the world, roughly.
+        t_s: (F,).
+        fixes: All; those outside the path's time, or without a region, are not judged.
+        camera_p_antenna: (3,) metres.
+        config: Priors, drift.
+    """
+    judged = fixes.used & place(t_s, fixes.t_s).inside
+    if judged.sum() < 2:
+        return Judgement.none(len(fixes))
+    clocks = {0.0, config.sensors.lag_prior_s}  # in step, or not
+    paths = [
+        FlexiblePath(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift, lag_sigma_s)
+        for lag_sigma_s in sorted(clocks)
+    ]
+    found = _judge(paths, fixes.where(judged), _tolerance(poses, paths[0].knots, config), config)
+    out = Judgement.none(len(fixes))
+    out.own[judged], out.lower[judged] = found.own, found.lower
+    return out
+
+
+def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: Config) -> Judgement:
+    """At the likeliest of several ends: from the path as it is, and from coarse fits to all fixes; then from
+    fits without runs of fixes that are believed though they are suspect."""
+    everything = np.ones(len(fixes), dtype=bool)
+
+    def likelier(than: "_End | None", starts: Callable[[FlexiblePath], Iterable[FloatArray]]) -> "_End":
+        ends = [_settled(path, start, fixes, tolerance_m, config) for path in paths for start in starts(path)]
+        return min([than, *ends] if than else ends, key=lambda end: end.energy)
+
+    best = likelier(None, lambda path: (path.start, path.approach(everything, tolerance_m)))
+    believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
+    runs = suspects(paths[0].offsets(paths[0].start), believed, fixes, tolerance_m)
+    if runs:
+        best = likelier(best, lambda path: (path.approach(believed & ~run, tolerance_m) for run in runs))
+    return probabilities(best.offset, fixes, config, tolerance_m)
+
+
+def suspects(
+    offset: FloatArray, believed: BoolArray, fixes: Fixes, tolerance_m: float = 0.0
+) -> list[BoolArray]:
+    """Runs of fixes (M,) that a receiver may have shifted together: between places where the offset jumps.
+
+    Args:
+        offset: (M, 3) antenna minus fix, metres, by the path as it is.
+        believed: (M,) fixes that are looked at.
+        fixes: In order of time.
+        tolerance_m: How far the path itself may go wrong from one fix to the next.
+    """
+    rows = np.flatnonzero(believed)
+    step, r, h = np.diff(offset[rows], axis=0), fixes.r_m[rows], fixes.h_m[rows]
+    beyond = np.maximum(
+        np.hypot(step[:, 0], step[:, 1]) / (r[1:] + r[:-1] + tolerance_m),
+        np.abs(step[:, 2]) / (h[1:] + h[:-1] + tolerance_m),
+    )
+    jumps = np.flatnonzero(beyond > 1.0)
+    jumps = np.sort(jumps[np.argsort(-beyond[jumps], kind="stable")[:_MOST_JUMPS]])
+    runs = np.split(rows, jumps + 1)
+    return [np.isin(np.arange(len(offset)), run) for run in runs if 2 <= len(run) <= len(rows) // 2]
+
+
+class _End(NamedTuple):
+    """Minus the log of everything's likelihood, but for a constant, and the offsets (M, 3) there."""
+
+    energy: float
+    offset: FloatArray
+
+
+def _settled(
+    path: FlexiblePath, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
+) -> _End:
+    """Judge and fit in turn until the verdicts stay."""
+    found = probabilities(path.offsets(parameters), fixes, config, tolerance_m)
+    for _ in range(_ROUNDS):
+        believed = found.applied(fixes)
+        regions = np.stack([believed.r_m, believed.r_m, believed.h_m], axis=1)
+        parameters = path.settle(parameters, believed.used, regions)
+        before, found = found, probabilities(path.offsets(parameters), fixes, config, tolerance_m)
+        if np.array_equal(before.rejected, found.rejected) and np.array_equal(before.lowered, found.lowered):
+            break
+    offset = path.offsets(parameters)
+    _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
+    return _End(0.5 * path.bending(parameters) - log_likelihood, offset)
+
+
+def _tolerance(poses: FloatArray, knots: int, config: Config) -> float:
+    """What the way between two knots may be wrong by."""
+    way = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
+    return max(config.judge.path_tolerance * way / knots, 0.01)

@@ -1,0 +1,98 @@
+"""One verdict per fix: where the antenna was against it, whether it took part, and why."""
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.outlier_detection import Judgement
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
+from vgps.solution import FixTable, Verdict
+
+
+def fix_table(
+    log: GpsLog,
+    fixes: Fixes,
+    judgement: Judgement,
+    t_s: FloatArray,
+    poses: FloatArray,
+    camera_p_antenna: FloatArray,
+    config: Config,
+) -> FixTable:
+    """The table behind ``gps.csv``.
+
+    Args:
+        log: The fixes as read.
+        fixes: The same fixes in the world.
+        judgement: Of these.
+        t_s: (F,) frame times, ``poses`` (F, 4, 4): the result.
+        camera_p_antenna: (3,) metres.
+        config: Names the GPS model.
+    """
+    placement = place(t_s, fixes.t_s)
+    residual = antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix
+    residual[~placement.inside] = np.nan
+    believed = judgement.applied(fixes)
+    found = verdicts_of(judgement)
+    lasts = _as_before(residual, fixes, judgement.rejected)
+    verdicts, reasons = [], []
+    for row, fix_class in enumerate(log.fix_class):
+        why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
+        if why_not:
+            verdicts.append(Verdict.NOT_USED)
+            reasons.append(f"not used: {why_not}")
+            continue
+        verdicts.append(found[row])
+        where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
+        lasting = ", in error as the fix before it" if lasts[row] else ""
+        reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row) + lasting)
+    return FixTable(
+        fixes.world_p_fix,
+        residual,
+        believed.r_m,
+        believed.h_m,
+        judgement.own,
+        tuple(verdicts),
+        tuple(reasons),
+    )
+
+
+def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> str:
+    if np.isnan(r_m):
+        return f"class {fix_class} has no region"
+    if not inside:
+        return "outside the video"
+    return "the GPS model is none" if config.gps.model == "none" else ""
+
+
+def verdicts_of(judgement: Judgement) -> list[Verdict]:
+    """What was made of each fix (M,) that took part."""
+    return [
+        Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
+        for rejected, lowered in zip(judgement.rejected, judgement.lowered, strict=True)
+    ]
+
+
+def _as_before(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:
+    """(M,) whether a rejected fix is as far off as the one before it, which was rejected too: one error."""
+    step, r, h = np.diff(residual, axis=0), fixes.r_m, fixes.h_m
+    with np.errstate(invalid="ignore"):  # no residual, no region
+        near = (np.hypot(step[:, 0], step[:, 1]) <= r[1:] + r[:-1]) & (np.abs(step[:, 2]) <= h[1:] + h[:-1])
+    return np.append(False, near & rejected[1:] & rejected[:-1])
+
+
+def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
+    horizontal, vertical = float(np.hypot(residual[0], residual[1])) / r_m, abs(float(residual[2])) / h_m
+    if horizontal <= 1.0 and vertical <= 1.0:
+        return "the antenna lies in its region"
+    return f"the antenna lies outside its region, {horizontal:.1f} r and {vertical:.1f} h away"
+
+
+def _in_words(verdict: Verdict, fix_class: FixClass, where: str, judgement: Judgement, row: int) -> str:
+    own, lower = judgement.own[row], judgement.lower[row]
+    if verdict == Verdict.REJECTED:
+        return (
+            f"rejected: {where}, by the video and the other fixes; an outlier with p = {1 - own - lower:.4f}"
+        )
+    if verdict == Verdict.DOWN_CLASSED:
+        return f"down-classed: not as good as {fix_class} says, p = {lower:.4f}; in the class below {where}"
+    return f"used: {where}"

@@ -1,0 +1,152 @@
+"""(E) as a factor graph over the last frames: landmarks, the gyro with its bias, and a steady centre."""
+
+from typing import SupportsFloat, SupportsIndex, SupportsInt
+
+import gtsam
+import numpy as np
+
+from factors import (
+    bias_walk_factor,
+    gyro_factor,
+    known_points_factor,
+    preintegrate_rates,
+    steady_centre_factor,
+)
+from vgps.config import TrackConfig
+from vgps.geometry import reprojection_inliers
+from vgps.geometry.angular_rates import GyroIntegral
+from vgps.localization.frame_estimator import motion_between
+from vgps.localization.pose import PoseEstimate
+from vgps.localization.prediction import Motion
+from vgps.localization.search import Sightings
+from vgps.model import BoolArray, FloatArray
+
+# moves in rad, m and rad/s from which on factors are linearised anew: less of them leaves an error of their
+# square, which at a focal length of 700 and 5 m from a landmark are some hundredths of a pixel
+_RELINEARISE = {"x": np.repeat([3e-3, 2e-2], 3), "b": np.full(3, 1e-2)}
+_AGREE = 0.5  # with less of a frame's own matches the graph has gone astray
+
+
+class GraphEstimator:
+    """A fixed-lag smoother over poses and gyro biases; what leaves the lag stays as a Gaussian prior.
+
+    Args:
+        K: (3, 3).
+        gyro: Integral of the gyro's rates, if there is one that may be used.
+        gyro_R_camera: (3, 3).
+        config: Settings.
+    """
+
+    def __init__(
+        self, K: FloatArray, gyro: GyroIntegral | None, gyro_R_camera: FloatArray | None, config: TrackConfig
+    ) -> None:
+        self._K, self._config = K, config
+        self._gyro = gyro if gyro_R_camera is not None else None
+        self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
+        self._motion: Motion | None = None
+        self._frame = 0
+        self._begin()
+
+    @property
+    def motion(self) -> Motion | None:
+        """As in :class:`vgps.localization.tracker.Estimator`."""
+        return self._motion
+
+    def add(self, t_s: float, pose: PoseEstimate, seen: Sightings, *, anew: bool) -> PoseEstimate:
+        """As in :class:`vgps.localization.tracker.Estimator`."""
+        if anew:
+            self._begin()
+        before = self._motion
+        final = self._update(t_s, pose, seen)
+        if final.inlier.sum() < max(self._config.min_inliers, _AGREE * len(seen)):
+            # the graph went astray, and its bias with it
+            self._motion = before
+            self._begin()
+            final = self._update(t_s, pose, seen)
+        return final
+
+    def revised(self) -> dict[float, FloatArray]:
+        """Poses (4, 4) by time of the frames in the lag, with what was seen since."""
+        return {t_s: self._values.atPose3(_x(k)).matrix() for k, t_s in self._frames}
+
+    def _begin(self) -> None:
+        params = gtsam.ISAM2Params()
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for letter, threshold in _RELINEARISE.items():
+            thresholds.insert((letter, threshold))
+        params.setRelinearizeThreshold(thresholds)
+        params.relinearizeSkip = 1
+        self._smoother = gtsam.IncrementalFixedLagSmoother(self._config.lag_s, params)
+        self._values = gtsam.Values()
+        self._frames: list[tuple[int, float]] = []
+
+    def _update(self, t_s: float, pose: PoseEstimate, seen: Sightings) -> PoseEstimate:
+        k = self._frame = self._frame + 1
+        graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        start.insert(_x(k), gtsam.Pose3(pose.world_T_camera))
+        start.insert(_b(k), self._bias())
+        graph.add(self._landmarks(k, seen))
+        self._add_motion(graph, k, t_s)
+        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {_x(k): t_s, _b(k): t_s}
+        self._smoother.update(graph, start, stamps)
+        self._values = self._smoother.calculateEstimate()
+        self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(_x(i))]
+        return self._read(t_s, k, pose, seen)
+
+    def _landmarks(self, k: int, seen: Sightings) -> gtsam.CustomFactor:
+        return known_points_factor(
+            _x(k), seen.world_p_landmark, seen.uv_px, seen.sigma_px, self._K, self._config.huber_px
+        )
+
+    def _add_motion(self, graph: gtsam.NonlinearFactorGraph, k: int, t_s: float) -> None:
+        """Factors from the frames before to frame k."""
+        config = self._config
+        if not self._frames:
+            noise = gtsam.noiseModel.Isotropic.Sigma(3, config.bias_sigma_rad_s)
+            graph.add(gtsam.PriorFactorVector(_b(k), self._bias(), noise))
+            return
+        j, t_j = self._frames[-1]
+        graph.add(bias_walk_factor(_b(j), _b(k), t_s - t_j, config.bias_walk_rad_s1p5))
+        turned = self._turned(j, k, t_j, t_s)
+        if turned is not None:
+            graph.add(turned)
+        if len(self._frames) > 1:
+            i, t_i = self._frames[-2]
+            density = config.acceleration_density_m_s1p5
+            graph.add(steady_centre_factor(_x(i), _x(j), _x(k), t_j - t_i, t_s - t_j, density))
+
+    def _turned(self, j: int, k: int, t_j: float, t_s: float) -> gtsam.CustomFactor | None:
+        if self._gyro is None or not self._gyro.covers(np.array([t_j]), np.array([t_s]))[0]:
+            return None
+        rates, dts = self._gyro.steps(t_j, t_s)
+        rotation = preintegrate_rates(rates, dts, self._bias(), self._config.gyro_density_rad_s0p5)
+        return gyro_factor(_x(j), _x(k), _b(j), rotation, self._mount)
+
+    def _bias(self) -> FloatArray:
+        return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
+
+    def _read(self, t_s: float, k: int, alone: PoseEstimate, seen: Sightings) -> PoseEstimate:
+        """The newest pose, and the motion for the next prediction.
+
+        Its covariance is that of the frame alone, an upper bound that costs nothing.
+        """
+        pose = np.asarray(self._values.atPose3(_x(k)).matrix(), np.float64)
+        bias = np.asarray(self._values.atVector(_b(k)), np.float64)
+        last = self._motion  # of before a new beginning
+        if len(self._frames) > 1:
+            j, t_j = self._frames[-2]
+            last = Motion(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
+        fresh = motion_between(last, t_s, pose, self._config.max_speed_m_s)
+        self._motion = Motion(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
+        return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
+
+    def _agree(self, pose: FloatArray, seen: Sightings) -> BoolArray:
+        return reprojection_inliers(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)
+
+
+def _x(k: int) -> int:
+    return gtsam.symbol("x", k)
+
+
+def _b(k: int) -> int:
+    return gtsam.symbol("b", k)

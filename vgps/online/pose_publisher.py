@@ -1,0 +1,126 @@
+"""What the newest frame's pose is worth: its state, its corrected and its smooth pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.config import OnlineConfig
+from vgps.mapping.local_map import LocalMap
+from vgps.model import FloatArray
+from vgps.online.blending import Blender
+from vgps.online.estimate import OnlineEvent, OnlineState
+from vgps.pipeline.front_end import Sequence
+
+_NOTEWORTHY_M = 0.5  # correction of a pose
+_NOWHERE = np.full((4, 4), np.nan)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What a frame's pose is worth.
+
+    Attributes:
+        state: How it came by it.
+        global_T_camera, local_T_camera: (4, 4) corrected and smooth pose, NaN where it has none.
+        events: What happened.
+        moved: (6,) how stage C turned [rad] and moved [m] the frame before, in world axes, if it did.
+    """
+
+    state: OnlineState
+    global_T_camera: FloatArray
+    local_T_camera: FloatArray
+    events: tuple[OnlineEvent, ...]
+    moved: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class _Last:
+    """The frame before, as it was published."""
+
+    frame: int
+    t_s: float
+    global_T_camera: FloatArray
+
+
+class Follower:
+    """Asks a sequence after every frame."""
+
+    def __init__(self, sequence: Sequence, config: OnlineConfig) -> None:
+        self._sequence, self._config = sequence, config
+        self._blender = Blender(config)
+        self._map: LocalMap | None = None
+        self._last: _Last | None = None
+        self._state = OnlineState.STARTING
+
+    def follow(self, frame: int) -> Followed:
+        """The newest frame, by its index."""
+        current, t_s = self._sequence.current, float(self._sequence.t_s[frame])
+        state, pose = self._newest(current, frame)
+        events = self._changes(state, t_s)
+        if current is not self._map or not np.isfinite(pose[0, 0]):
+            self._last, self._map = None, current
+        if not np.isfinite(pose[0, 0]):
+            return Followed(state, _NOWHERE, _NOWHERE, tuple(events))
+        if self._last is None or current is None:
+            self._blender.begin()
+            smooth, moved = pose, None
+        else:
+            moved = _moved(self._last.global_T_camera, self._pose(current, self._last.frame))
+            events += self._corrections(current, self._last, t_s)
+            smooth = self._blender.advance(pose, t_s - self._last.t_s)
+        self._last = _Last(frame, t_s, pose)
+        return Followed(state, pose, smooth, tuple(events), moved)
+
+    def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
+        if current is None:
+            return OnlineState.STARTING, _NOWHERE
+        tracked = current.next_frame > frame
+        if not current.aligned:
+            return OnlineState.UNALIGNED if tracked else OnlineState.LOST, _NOWHERE
+        pose = self._pose(current, frame)
+        if not np.isfinite(pose[0, 0]):
+            return OnlineState.LOST, _NOWHERE
+        return OnlineState.TRACKED if tracked else OnlineState.BRIDGED, pose
+
+    def _pose(self, current: LocalMap, frame: int) -> FloatArray:
+        """As the map has it, or for a moment after its end by going on as before."""
+        t_s, last = self._sequence.t_s, current.next_frame - 1
+        if frame <= last:
+            return current.pose(frame).copy()  # stage C writes to it later
+        away_s = float(t_s[frame] - t_s[last])
+        if away_s > self._config.bridge_s or len(current.poses) < 2:
+            return _NOWHERE
+        before, pose = current.poses[-2], current.poses[-1].copy()
+        pose[:3, 3] += away_s / (t_s[last] - t_s[last - 1]) * (pose[:3, 3] - before[:3, 3])
+        return np.asarray(pose)
+
+    def _corrections(self, current: LocalMap, last: _Last, t_s: float) -> list[OnlineEvent]:
+        now = self._pose(current, last.frame)
+        if not np.isfinite(now[0, 0]):
+            self._blender.begin()
+            return []
+        self._blender.corrected(last.global_T_camera, now)
+        moved_m = float(np.linalg.norm(now[:3, 3] - last.global_T_camera[:3, 3]))
+        if moved_m < _NOTEWORTHY_M:
+            return []
+        return [OnlineEvent(t_s, "corrected", f"the pose was moved by {moved_m:.1f} m", {"moved_m": moved_m})]
+
+    def _changes(self, state: OnlineState, t_s: float) -> list[OnlineEvent]:
+        before, self._state = self._state, state
+        posed = {OnlineState.TRACKED, OnlineState.BRIDGED}
+        events = []
+        if state is OnlineState.TRACKED and before not in posed | {OnlineState.LOST}:
+            events.append(OnlineEvent(t_s, "aligned", "scale, heading and place are known"))
+        if state is OnlineState.LOST and before is not state:
+            events.append(OnlineEvent(t_s, "lost", "too few features are found again"))
+        if before in {OnlineState.LOST, OnlineState.BRIDGED} and state is OnlineState.TRACKED:
+            events.append(OnlineEvent(t_s, "found", "tracking goes on"))
+        return events
+
+
+def _moved(before: FloatArray, now: FloatArray) -> FloatArray | None:
+    if np.array_equal(before, now) or not np.isfinite(now[0, 0]):
+        return None
+    turned = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()
+    return np.concatenate([turned, now[:3, 3] - before[:3, 3]])

@@ -1,0 +1,164 @@
+"""What `vgps online` does: a recording or live sources to JSON lines, and a run folder at the end."""
+
+import contextlib
+import os
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from vgps.config import Config
+from vgps.errors import ConfigError, GpsLogError, RecordingError
+from vgps.model import Rig
+from vgps.online.estimate import OnlineEstimate
+from vgps.online.gps_source import GpsSource
+from vgps.online.live_feed import live_feed, start_utc
+from vgps.online.output import JsonLines
+from vgps.online.replay import replay
+from vgps.online.run import Item, run_online, stopped_by_signals
+from vgps.online.smoother import OnlineSmoother
+from vgps.online.video_source import VideoSource
+from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.recording import open_recording
+from vgps.writers.run_folder import check_writable, write_run
+
+
+@dataclass(frozen=True)
+class OnlineOptions:
+    """What recordings and live sources have in common.
+
+    Attributes:
+        config: Everything.
+        out: Run folder to write at the end, if any.
+        finish: Keep all, and run stage D at the end.
+        gps, camera, rig: Files, or for ``gps`` a receiver.
+    """
+
+    config: Config
+    out: Path | None = None
+    finish: bool = False
+    gps: str | None = None
+    camera: Path | None = None
+    rig: Path | None = None
+
+    def check(self) -> None:
+        """Tell before the long work what cannot be done at its end.
+
+        Raises:
+            ConfigError: Stage D is asked for, and nothing to write its result to.
+            RunFolderError: ``out`` cannot be written.
+        """
+        if self.finish and self.out is None:
+            raise ConfigError("--finish without --out", remedy="name the run folder with --out")
+        if self.out is not None:
+            check_writable(self.out)
+
+
+def pose_recording(
+    path: Path | None, options: OnlineOptions, *, realtime: bool = False, stream: TextIO | None = None
+) -> int:
+    """A recording as if it were live; the number of frames.
+
+    Args:
+        path: As :func:`vgps.open_recording` takes it.
+        options: See there.
+        realtime: At its own pace.
+        stream: For the JSON lines; standard output if none is given.
+
+    Raises:
+        VgpsError: Bad input.
+    """
+    if path is None:
+        raise RecordingError("no recording", expected="a folder, or --video SOURCE --camera CAMERA.YAML")
+    options.check()
+    opened = open_recording(path, gps=options.gps, camera=options.camera, rig=options.rig)
+    smoother = OnlineSmoother(
+        opened.camera, opened.rig, options.config, keep_all=options.finish, source=opened.path
+    )
+    stop, lines = threading.Event(), JsonLines(stream or sys.stdout, opened.rig.video_start_utc)
+    return _run(replay(opened, stop, realtime=realtime), smoother, lines, options, stop)
+
+
+def pose_live(
+    video: str,
+    recording: Path | None,
+    options: OnlineOptions,
+    *,
+    delay_s: float = 0.0,
+    stream: TextIO | None = None,
+) -> int:
+    """A camera or stream and a receiver, until they end or Ctrl-C; the number of frames.
+
+    Args:
+        video: As :class:`VideoSource` takes it.
+        recording: Must be absent.
+        options: ``gps`` as :class:`GpsSource` takes it, or none; ``camera`` is needed.
+        delay_s: From a picture's taking to its arrival.
+        stream: For the JSON lines; standard output if none is given.
+
+    Raises:
+        VgpsError: Bad input.
+    """
+    if recording is not None:
+        raise RecordingError("both a recording and --video", expected="one of them")
+    if options.camera is None:
+        raise RecordingError("--video without a calibration", expected="--camera CAMERA.YAML")
+    options.check()
+    lens = read_camera(options.camera)
+    rig = read_rig(options.rig) if options.rig is not None else Rig()
+    source = VideoSource(video)
+    if not source.live and options.gps is not None and rig.video_start_utc is None:
+        raise GpsLogError(
+            "fixes in UTC, while the file's start in UTC is not known",
+            file=video,
+            remedy="give video_start_utc in a rig.yaml and name it with --rig",
+        )
+    gps = GpsSource(options.gps) if options.gps is not None else None
+    smoother = OnlineSmoother(lens, rig, options.config, keep_all=options.finish, source=Path(video))
+    stop, lines = threading.Event(), JsonLines(stream or sys.stdout)
+    feed = _timed(live_feed(source, gps, rig, stop, delay_s), lines, smoother, source, rig, delay_s)
+    try:
+        return _run(feed, smoother, lines, options, stop)
+    finally:
+        source.close()
+        if gps is not None:
+            gps.close()
+
+
+def _timed(
+    feed: Iterable[Item],
+    lines: JsonLines,
+    smoother: OnlineSmoother,
+    source: VideoSource,
+    rig: Rig,
+    delay_s: float,
+) -> Iterator[Item]:
+    """The same, while lines and result learn the UTC of the first frame."""
+    for item in feed:
+        if lines.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
+            lines.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
+        yield item
+
+
+def _run(
+    feed: Iterable[Item],
+    smoother: OnlineSmoother,
+    lines: JsonLines,
+    options: OnlineOptions,
+    stop: threading.Event,
+) -> int:
+    def sink(estimate: OnlineEstimate, latency_s: float) -> None:
+        try:
+            lines.write(estimate, latency_s)
+        except BrokenPipeError:  # whoever read has gone: what was done is still worth keeping
+            stop.set()
+            with contextlib.suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+    with stopped_by_signals(stop):
+        frames = run_online(feed, smoother, sink, stop)
+        if options.out is not None:
+            write_run(smoother.finish(stage_d=options.finish), options.out)
+    return frames

@@ -1,0 +1,63 @@
+"""Verdicts on fixes as events: told when a fix is first passed, and when its verdict changes."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vgps.config import GpsModel
+from vgps.gps.fix_buffer import FixLedger
+from vgps.gps.verdicts import verdicts_of
+from vgps.model import FixClass
+from vgps.online.estimate import OnlineEvent
+from vgps.solution import Verdict
+
+
+class VerdictTeller:
+    """Remembers what was told of the fixes that a ledger still holds.
+
+    Args:
+        model: Of the GPS; with ``none`` no fix takes part.
+    """
+
+    def __init__(self, model: GpsModel) -> None:
+        self._model = model
+        self.told: dict[int, Verdict] = {}
+
+    def news(
+        self, ledger: FixLedger, class_of: Callable[[int], FixClass], since_s: float, until_s: float
+    ) -> list[OnlineEvent]:
+        """What there is to tell of fixes between two times of the video.
+
+        Args:
+            ledger: The fixes.
+            class_of: Class of a fix by its number.
+            since_s, until_s: The path in the world so far.
+        """
+        fixes, judgement = ledger.fixes, ledger.judgement
+        rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
+        found, takes_part = verdicts_of(judgement), fixes.used & (self._model != "none")
+        now = {
+            int(ledger.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
+            for row in rows.tolist()
+        }
+        before, self.told = self.told, now
+        events = []
+        for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
+            if before.get(number) != verdict:
+                t_s, own = float(fixes.t_s[row]), float(judgement.own[row])
+                kind = class_of(number)
+                events.append(_event(until_s, t_s, kind, verdict, before.get(number), own))
+        return events
+
+
+def _event(
+    t_s: float, fix_t_s: float, kind: FixClass, verdict: Verdict, before: Verdict | None, own: float
+) -> OnlineEvent:
+    was = "" if before is None else f", before {before}"
+    details = {
+        "fix_t_s": fix_t_s,
+        "class": str(kind),
+        "verdict": str(verdict),
+        "probability": own if np.isfinite(own) else None,
+    }
+    return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {verdict}{was}", details)

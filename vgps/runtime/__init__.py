@@ -1,0 +1,1 @@
+"""What every run needs beside the method: progress, time per stage, threads, memory."""

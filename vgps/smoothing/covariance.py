@@ -1,0 +1,162 @@
+"""How far the poses may be off: errors drawn for every track and every fix, and sent through the optimum.
+
+The curvature of the energy does not say it. A feature that slips does so over many frames, so its sightings
+are far from independent; and a cylinder has no curvature in its middle, while the receiver's error is there.
+So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and their spread is the covariance:
+
+- a **track** errs as one: its own misfit, all of it, with a random sign (the wild bootstrap with a cluster
+  per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered Errors,
+  2008). How large its error is, the misfit says; sigmas of pixels only weigh it, as in the estimate;
+- a **fix** errs as its class's region says, of which it leaves a twentieth outside, and its error stays alike
+  for the class's correlation time: a Gauss-Markov process;
+- every other factor errs by its own sigma.
+
+What all tracks have in common, such as a wrong calibration or a scene that moves as one, is not seen.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+from scipy import sparse
+
+from vgps.gps.fixes import Fixes
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.model import FloatArray
+from vgps.runtime.threads import one_blas_thread
+from vgps.solver.band_matrix import POSE
+from vgps.solver.elimination import Structure, structure_of
+from vgps.solver.normal_equations import Linearization, linearize, pose_scores
+from vgps.solver.pose_equations import whitened_jacobian
+from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.schur_complement import Covariances, factorised, shared_blocks
+
+
+@dataclass(frozen=True)
+class ErrorSources:
+    """The factors on poses by what errs in them.
+
+    Attributes:
+        gps: A factor for each fix that takes part, in order, its residual (3,).
+        others: All other pose factors.
+        fixes: The fixes of the factors in ``gps``, at the times by which the factors place them.
+    """
+
+    gps: gtsam.NonlinearFactorGraph
+    others: gtsam.NonlinearFactorGraph
+    fixes: Fixes
+
+
+def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
+    """Covariances of poses and shared vectors at an optimum.
+
+    Args:
+        problem: At its optimum; its pose graph is both parts of ``sources``.
+        sources: Whose errors are drawn.
+        draws: Their number K; a standard deviation is known to 1 / sqrt(2 K) of itself.
+        seed: Of the draws.
+
+    Raises:
+        GeometryError: Observations and factors do not determine the poses.
+    """
+    rng = np.random.default_rng(seed)
+    structure = structure_of(problem)
+    with one_blas_thread():
+        values = all_pose_values(problem)
+        linear = linearize(problem, values, structure)
+        factor, gradient = factorised(linear, structure)
+        size = POSE * structure.n_free
+        right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
+        right[:size] += _track_draws(linear, structure, draws, rng)
+        shared: FloatArray = np.zeros((0, draws))
+        steps = factor.solve(right[:size])
+        if problem.shared:
+            _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
+            rest = right[size:] - linear.border.coupling.T @ steps
+            shared = np.linalg.solve(complement, rest).astype(np.float64)
+            steps = steps - by_shared @ shared
+    poses = np.zeros((len(structure.free), POSE, POSE))
+    moved = steps.reshape(structure.n_free, POSE, draws)
+    poses[structure.free >= 0] = moved @ moved.transpose(0, 2, 1) / draws
+    return Covariances(poses, shared_blocks(problem, shared @ shared.T / draws))
+
+
+def _track_draws(
+    linear: Linearization, structure: Structure, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """(6 n_free, K) gradients when every track's misfit keeps or changes its sign."""
+    signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))
+    total = np.zeros((POSE * structure.n_free, draws))
+    for part in linear.chunks:
+        chunk, score = part.chunk, pose_scores(part)
+        row = structure.free[chunk.first_frame + chunk.frame]
+        free = row >= 0
+        index = (POSE * row[free] + np.arange(POSE)[:, None]).ravel()
+        entries = (score[:, free].ravel(), (index, np.tile(chunk.landmark[free], POSE)))
+        by_track = sparse.csr_array(entries, shape=(len(total), len(chunk.landmarks)))
+        total += by_track @ signs[chunk.landmarks]
+    return total
+
+
+def _pose_factor_draws(
+    problem: BundleProblem,
+    values: gtsam.Values,
+    sources: ErrorSources,
+    structure: Structure,
+    draws: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """(6 n_free + shared, K) gradients of drawn errors of fixes and of all other factors."""
+    own, _ = whitened_jacobian(problem, sources.others, values, structure)
+    total: FloatArray = own.T @ rng.standard_normal((own.shape[0], draws))
+    if sources.gps.size() == 0:
+        return total
+    by_fix, _ = whitened_jacobian(problem, sources.gps, values, structure)
+    errors = fix_errors(sources.fixes, draws, rng)
+    whitened = _residual_by_fix(problem, by_fix, sources, structure) @ errors
+    return np.asarray(total + by_fix.T @ whitened.reshape(-1, draws))
+
+
+def _residual_by_fix(
+    problem: BundleProblem, by_pose: sparse.csr_array, sources: ErrorSources, structure: Structure
+) -> FloatArray:
+    """(M, 3, 3) whitened residuals by the fixes' own place, up to the sign.
+
+    Moving both frames alike moves the antenna against the fix: the translations' Jacobians say it all.
+    """
+    result = np.zeros((sources.gps.size(), 3, 3))
+    for row in range(len(result)):
+        keys = sources.gps.at(row).keys()
+        for frame in (int(key) - X(0) for key in keys if key not in problem.shared):
+            start = POSE * int(structure.free[frame]) + 3
+            if structure.free[frame] >= 0:
+                translation = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
+                result[row] += translation @ problem.world_T_camera[frame, :3, :3].T
+    return result
+
+
+def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray:
+    """(M, 3, K) drawn errors east, north, up: a Gauss-Markov process through fixes whose errors last alike.
+
+    The correlation time is the time after which an error counts as a new one, the integral of its
+    autocorrelation to both sides; the process forgets to 1/e in half of it. Its size is each fix's own: a fix
+    whose region was enlarged errs with its class, only more.
+    """
+    white = rng.standard_normal((len(fixes), 3, draws))
+    unit = np.empty_like(white)
+    for correlation_s in np.unique(fixes.correlation_s):
+        same = np.flatnonzero(fixes.correlation_s == correlation_s)
+        unit[same[0]] = white[same[0]]
+        for before, row in pairwise(same.tolist()):
+            gap_s = fixes.t_s[row] - fixes.t_s[before]
+            kept = np.exp(-2.0 * gap_s / correlation_s)
+            unit[row] = kept * unit[before] + np.sqrt(1.0 - kept**2) * white[row]
+    return np.asarray(region_sigmas(fixes)[:, :, None] * unit)
+
+
+def region_sigmas(fixes: Fixes) -> FloatArray:
+    """(M, 3) standard deviations east, north, up of errors of which the region holds 95 %."""
+    horizontal, vertical = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
+    return np.stack([horizontal, horizontal, vertical], axis=1)

@@ -1,0 +1,1 @@
+"""The sparse engine: a bundle problem, its normal equations, elimination, and Levenberg-Marquardt."""

@@ -1,0 +1,44 @@
+"""A bundle problem written as a GTSAM factor graph, for GTSAM's own optimiser and as a reference."""
+
+import gtsam
+import numpy as np
+from gtsam.noiseModel import mEstimator
+from gtsam.symbol_shorthand import L
+
+from vgps.solver.problem import BundleProblem, pose_values
+
+
+def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
+    k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
+    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
+    models: list[gtsam.noiseModel.Base] = []
+    for sigma, constant in pairs.tolist():
+        model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+        if problem.robust != "none" and np.isfinite(constant):
+            estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
+            model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)
+        models.append(model)
+    return [models[i] for i in row.ravel().tolist()]
+
+
+def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """The whole problem as a factor graph, and the values of the variables that occur in it.
+
+    Held frames are tied by a constrained factor, which costs nothing where they are.
+    """
+    K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
+    graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
+    keys, landmarks = problem.keys, problem.landmark.tolist()
+    rows = zip(problem.uv_px, _noise_models(problem), keys[problem.frame].tolist(), landmarks, strict=True)
+    for uv, model, key, landmark in rows:
+        graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(landmark), K, False, False))
+    values = pose_values(problem)
+    for frame in np.setdiff1d(problem.frame, problem.pose_graph_frames).tolist():
+        values.insert(int(keys[frame]), gtsam.Pose3(problem.world_T_camera[frame]))
+    for row in np.unique(problem.landmark).tolist():
+        values.insert(L(row), problem.world_p_landmark[row])
+    held = gtsam.noiseModel.Constrained.All(6)
+    for key in keys[problem.fixed_frames].tolist():
+        if values.exists(key):
+            graph.addPriorPose3(key, values.atPose3(key), held)
+    return graph, values
