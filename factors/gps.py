@@ -114,9 +114,14 @@ def gps_factor_calibrating(
         residual, jacobian_pose = _at(world_T_camera, fix, antenna, penalty)
         # the pose moves by its own axes' twist Log(T_a^-1 T_b) from a to b
         twist = gtsam.Pose3.Logmap(world_T_a.between(world_T_b))
-        by_lag = -(jacobian_pose @ twist)[:, None] / (t_b - t_a)
+        by_time_offset = -(jacobian_pose @ twist)[:, None] / (t_b - t_a)
         # a translation of the camera and a shift of the antenna in its axes are the same
-        return residual, [jacobian_pose @ pose_by_a, jacobian_pose @ pose_by_b, by_lag, jacobian_pose[:, 3:]]
+        return residual, [
+            jacobian_pose @ pose_by_a,
+            jacobian_pose @ pose_by_b,
+            by_time_offset,
+            jacobian_pose[:, 3:],
+        ]
 
     variables = [Variable(key_a, POSE3), Variable(key_b, POSE3), Variable(key_lag, VECTOR1)]
     return custom_factor(penalty.noise_model(), [*variables, Variable(key_antenna, VECTOR3)], error)

@@ -1,4 +1,4 @@
-"""Seconds per iteration of the Schur solver against GTSAM's own, on a synthetic drive.
+"""StageTimer per iteration of the Schur solver against GTSAM's own, on a synthetic drive.
 
 python scripts/bench_bundle.py [--frames 1110] [--landmarks 12000] [--track 12] [--iterations 4] [--runs 3]
                                [--laps 1]

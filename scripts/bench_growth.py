@@ -50,7 +50,7 @@ class PeakBeforeBatch(Silent):
 
 
 def one_length(given: argparse.Namespace, frames: int) -> dict[str, dict[str, float]]:
-    """Seconds, memory and counts of one run, in this process."""
+    """StageTimer, memory and counts of one run, in this process."""
     source = ToAndFro(vgps.open_recording(given.recording, gps=given.gps), given.section)
     recording, progress, before_mb = source.recording(frames), PeakBeforeBatch(), peak_mb()
     wall, cpu = time.perf_counter(), time.process_time()

@@ -24,7 +24,7 @@ from colmap_problem import Priors, make_problem
 
 from vgps.config import Config, GpsModel, Region
 from vgps.gps.fixes import Fixes, fixes_in_world
-from vgps.gps.outlier_detection import Judgement, judge_on_path, judges
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
@@ -87,7 +87,7 @@ def as_fixes(t_s: FloatArray, world_p_fix: FloatArray, sigma_m: float, config: C
 
 def by_vgps(
     model: GpsModel, start: BundleProblem, run: Solution, priors: Priors, seed: int
-) -> tuple[FloatArray, Judgement | None]:
+) -> tuple[FloatArray, FixAssessment | None]:
     """Camera centres (F, 3) after stage D, and what it made of the fixes."""
     sigma_m = float(priors.sigma_m[0, 0])
     config = settings(model, sigma_m, seed)
@@ -95,11 +95,13 @@ def by_vgps(
     fixes = as_fixes(t_s, priors.world_p_camera, sigma_m, config)
     seen = Observations(start.frame, start.landmark, start.uv_px)
     scene = Scene(t_s, start.world_T_camera, start.world_p_landmark, seen)
-    judged = judges(config)
-    first = judge_on_path(scene.poses, t_s, fixes, antenna, config) if judged else Judgement.none(len(t_s))
+    judged = detects_outliers(config)
+    first = (
+        detect_outliers(scene.poses, t_s, fixes, antenna, config) if judged else FixAssessment.none(len(t_s))
+    )
     sensors = Sensors.begin(antenna, config.sensors)
-    found = optimise_batch(scene, run.camera.K, fixes, sensors, config, judgement=first)
-    return found.poses[:, :3, 3], found.judgement if judged else None
+    found = optimise_batch(scene, run.camera.K, fixes, sensors, config, assessment=first)
+    return found.poses[:, :3, 3], found.assessment if judged else None
 
 
 def by_colmap(

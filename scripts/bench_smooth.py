@@ -1,4 +1,4 @@
-"""Seconds per stage and frames per second of the whole program on a recording, against real time.
+"""StageTimer per stage and frames per second of the whole program on a recording, against real time.
 
 python scripts/bench_smooth.py RECORDING [--gps F] [--runs N]
 """

@@ -199,7 +199,7 @@ class Incremental:
 
 
 def replay(window: Window, world: World, every: int) -> tuple[list[float], list[float], str]:
-    """Seconds and errors per update, and what went wrong."""
+    """StageTimer and errors per update, and what went wrong."""
     seconds, errors = [], []
     for first in range(0, len(world.true), every):
         last = min(first + every, len(world.true)) - 1

@@ -136,7 +136,7 @@ def row_of(case: tuple[str, str, int], folder: Path) -> str:
     size, turn = found.camera_position_m, found.rotation_deg
     return (
         f"{begun}{len(run.t_s)} of {len(true.t_s)} | {size.mean:.3f} | {size.max:.3f} | {turn.mean:.2f} | "
-        f"{found.nees.mean / 3:.1f} | {refused} | {run.sensors.lag_s:.2f} |"
+        f"{found.nees.mean / 3:.1f} | {refused} | {run.sensors.time_offset_s:.2f} |"
     )
 
 

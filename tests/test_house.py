@@ -69,7 +69,7 @@ def test_only_geodesy_imports_pymap3d() -> None:
 
 
 def test_only_the_trackers_use_the_matching_functions_of_opencv() -> None:
-    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.landmarks"}
+    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.localization"}
 
 
 def test_only_the_viewer_imports_rerun() -> None:

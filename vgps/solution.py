@@ -97,15 +97,15 @@ class SensorReport:
     """What was found of the GPS's clock and lever arm, and of the camera's calibration.
 
     Attributes:
-        lag_s: Positions were taken to be this much older than their time stamps; and its standard deviation
-            ``lag_sigma_s``, NaN where it was not estimated.
+        time_offset_s: Positions were taken to be this much older than their time stamps.
+        time_offset_sigma_s: Its standard deviation, NaN where it was not estimated.
         antenna_sigma_m: (3,) standard deviations of the lever arm, NaN where it was not estimated.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a share of fx and fy; empty
             where it was not refined.
     """
 
-    lag_s: float
-    lag_sigma_s: float
+    time_offset_s: float
+    time_offset_sigma_s: float
     antenna_sigma_m: tuple[float, float, float]
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
 
@@ -170,5 +170,5 @@ class Solution:
 
     @property
     def fix_times_s(self) -> FloatArray:
-        """(M,) when the antenna was at the fixes: the log's time stamps less the lag that was found."""
-        return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.lag_s
+        """(M,) when the antenna was at the fixes: the log's time stamps less the time offset."""
+        return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s

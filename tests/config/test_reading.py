@@ -2,7 +2,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from vgps.config import Config, JudgeConfig, read_config, read_survey
+from vgps.config import Config, OutlierConfig, read_config, read_survey
 from vgps.errors import ConfigError
 from vgps.model import FixClass
 
@@ -66,4 +66,4 @@ def test_values_cannot_be_changed_or_invented():
     with pytest.raises(ValidationError):
         Config().seed = 4
     with pytest.raises(ValidationError):
-        JudgeConfig(outlier_share=-0.1)
+        OutlierConfig(outlier_share=-0.1)

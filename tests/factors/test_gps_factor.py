@@ -132,11 +132,11 @@ def test_the_factor_keeps_its_own_copy_of_the_fix():
     assert factor.error(values) == 0
 
 
-LAG, LEVER = gtsam.symbol("c", 0), gtsam.symbol("d", 0)
+TIME_OFFSET, LEVER = gtsam.symbol("c", 0), gtsam.symbol("d", 0)
 
 
-def with_sensors(values, lag_s, antenna=ANTENNA):
-    values.insert(LAG, np.array([lag_s]))
+def with_sensors(values, time_offset_s, antenna=ANTENNA):
+    values.insert(TIME_OFFSET, np.array([time_offset_s]))
     values.insert(LEVER, np.asarray(antenna, dtype=float))
     return values
 
@@ -148,11 +148,11 @@ def with_sensors(values, lag_s, antenna=ANTENNA):
     st.floats(-0.4, 0.4),
     arrays(np.float64, 3, elements=st.floats(-5, 5)),
 )
-def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motion, lag_s, offset):
-    values = with_sensors(values_of(pose(twist), pose(twist).compose(pose(motion))), lag_s)
-    alpha = (0.35 - lag_s) / 0.5
+def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motion, time_offset_s, offset):
+    values = with_sensors(values_of(pose(twist), pose(twist).compose(pose(motion))), time_offset_s)
+    alpha = (0.35 - time_offset_s) / 0.5
     fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offset
-    factor = gps_factor_calibrating(A, B, LAG, LEVER, (2.0, 2.5, 2.35), fix, penalty)
+    factor = gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.5, 2.35), fix, penalty)
     check_jacobians(factor, values, tolerance=1e-5)
 
 
@@ -161,11 +161,11 @@ def test_a_known_lag_is_a_fix_at_another_time(penalty, twist, motion, alpha):
     poses = pose(twist), pose(twist).compose(pose(motion))
     fix = poses[0].transformFrom(ANTENNA) + np.array([1.0, -2.0, 3.0])
     between = gps_factor_between(A, B, alpha, fix, ANTENNA, penalty)
-    late = gps_factor_calibrating(A, B, LAG, LEVER, (2.0, 2.5, 2.0 + 0.5 * alpha + 0.3), fix, penalty)
+    late = gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.5, 2.0 + 0.5 * alpha + 0.3), fix, penalty)
     expected = between.error(values_of(*poses))
     assert late.error(with_sensors(values_of(*poses), 0.3)) == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
 def test_frames_out_of_order_are_refused():
     with pytest.raises(ValueError, match="earlier one first"):
-        gps_factor_calibrating(A, B, LAG, LEVER, (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])
+        gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])

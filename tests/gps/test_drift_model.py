@@ -4,14 +4,14 @@ from scipy.optimize import least_squares
 from synthetic_fixes import T_S, drifting, fixes_at, path, poses
 
 from vgps.config import DriftConfig
-from vgps.gps.drift_model import FlexiblePath, Loss
+from vgps.gps.drift_model import DriftModel, Loss
 
 ANTENNA = np.array([0.1, -0.3, 0.2])
 ALL = np.ones(19, dtype=bool)
 
 
-def flexible(start, fixes, lag_sigma_s=1.0, attached=False):
-    return FlexiblePath(start, T_S, fixes, np.zeros(3), DriftConfig(), lag_sigma_s, attached)
+def flexible(start, fixes, time_offset_sigma_s=1.0, attached=False):
+    return DriftModel(start, T_S, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached)
 
 
 def test_jacobian_is_the_offsets():
@@ -25,7 +25,7 @@ def test_jacobian_is_the_offsets():
         ],
         axis=2,
     )
-    found = of._jacobian(of.bent(parameters)[0], of.lag_s(parameters))
+    found = of._jacobian(of.bent(parameters)[0], of.time_offset_s(parameters))
     np.testing.assert_allclose(found, numerical, atol=1e-3 * np.abs(numerical).max())
 
 
@@ -49,15 +49,15 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     assert of._cost(ours, loss) == pytest.approx(2.0 * reference.cost, rel=2e-3)
 
 
-@pytest.mark.parametrize("lag_s", [-0.4, 0.37])
-def test_a_lag_is_found_where_the_path_turns(lag_s):
+@pytest.mark.parametrize("time_offset_s", [-0.4, 0.37])
+def test_a_lag_is_found_where_the_path_turns(time_offset_s):
     t_s = np.arange(1.05, 18.0)
-    fixes = fixes_at(t_s - lag_s, 0.5, 0.7)
+    fixes = fixes_at(t_s - time_offset_s, 0.5, 0.7)
     stamped = type(fixes)(t_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
     of = flexible(poses(path(T_S)), stamped)
     rows = np.ones(len(t_s), dtype=bool)
     parameters = of.settle(of.approach(rows, 0.1), rows, of.regions())
-    assert of.lag_s(parameters) == pytest.approx(lag_s, abs=0.02)
+    assert of.time_offset_s(parameters) == pytest.approx(time_offset_s, abs=0.02)
     assert of.lag_sigma(parameters, Loss(of.regions(), rows, 3.0)) < 0.3
 
 
@@ -75,5 +75,5 @@ def test_a_straight_path_at_constant_speed_does_not_show_the_lag():
 
 def test_without_a_prior_the_lag_is_held():
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
-    of = flexible(drifting(), fixes, lag_sigma_s=0.0)
-    assert of.lag_s(of.approach(ALL, 0.3)) == 0.0
+    of = flexible(drifting(), fixes, time_offset_sigma_s=0.0)
+    assert of.time_offset_s(of.approach(ALL, 0.3)) == 0.0

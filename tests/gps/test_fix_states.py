@@ -15,7 +15,7 @@ from vgps.gps.fix_states import (
 )
 
 CONFIG = Config()
-JUDGE = CONFIG.judge
+JUDGE = CONFIG.outliers
 FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
 
 

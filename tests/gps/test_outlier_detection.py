@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from synthetic_fixes import T_S, drifting, fixes_at, path, poses
 
 from vgps.config import Config
-from vgps.gps.outlier_detection import Judgement, judge_on_path, probabilities, suspects
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, probabilities, suspects
 
 CONFIG = Config()
 T_FIX = np.arange(0.05, 19.0)
@@ -14,7 +14,7 @@ FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
 
 
 def judged(centres, fixes):
-    return judge_on_path(centres, T_S, fixes, np.zeros(3), CONFIG)
+    return detect_outliers(centres, T_S, fixes, np.zeros(3), CONFIG)
 
 
 def test_bayes_by_hand():
@@ -22,8 +22,8 @@ def test_bayes_by_hand():
     n, omega = CONFIG.gps.n, CONFIG.gps.omega
     area = quad(lambda rho: 2 * np.pi * rho * np.exp(-omega * (rho / 2.4) ** (2 * n)), 0, 30)[0]
     length = 2 * quad(lambda z: np.exp(-omega * (z / 6.5) ** (2 * n)), 0, 80)[0]
-    tail = CONFIG.judge.tail_share
-    good = 0.95 * (1.0 - tail + tail / CONFIG.judge.tail_size**3) / (area * length)
+    tail = CONFIG.outliers.tail_share
+    good = 0.95 * (1.0 - tail + tail / CONFIG.outliers.tail_size**3) / (area * length)
     bad = 0.05 / (2 * np.pi * 50.0**3)
     found = probabilities(np.zeros((1, 3)), fixes_at(np.zeros(1), *FLOAT), CONFIG)
     assert found.own[0] == pytest.approx(good / (good + bad), rel=1e-9)
@@ -102,14 +102,14 @@ def test_a_verdict_is_reversed_by_what_comes_later():
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=offset)
     early = T_S < 8.0
     start = poses(path(T_S) + np.array([15.0, 0.0, 0.0]))
-    first = judge_on_path(start[early], T_S[early], fixes, np.zeros(3), CONFIG)
+    first = detect_outliers(start[early], T_S[early], fixes, np.zeros(3), CONFIG)
     assert np.flatnonzero(first.rejected).tolist() == [5, 6, 7]
-    later = first.updated(judge_on_path(start, T_S, fixes, np.zeros(3), CONFIG))
+    later = first.updated(detect_outliers(start, T_S, fixes, np.zeros(3), CONFIG))
     assert np.flatnonzero(later.rejected).tolist() == [0, 1, 2, 3, 4]
 
 
 def test_applied_gives_the_lower_region_and_drops_outliers():
     fixes = fixes_at(np.zeros(3), *FIX, lower=FLOAT)
-    believed = Judgement(np.array([0.9, 0.1, 0.0]), np.array([0.1, 0.9, 0.0])).applied(fixes)
+    believed = FixAssessment(np.array([0.9, 0.1, 0.0]), np.array([0.1, 0.9, 0.0])).applied(fixes)
     assert believed.r_m.tolist() == [0.07, 2.4, 0.07]
     assert believed.used.tolist() == [True, True, False]

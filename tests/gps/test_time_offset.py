@@ -5,18 +5,18 @@ import pytest
 from synthetic_fixes import T_S, fixes_at, path, poses
 
 from vgps.config import SensorsConfig
-from vgps.gps.sensors import Lag, Sensors
-from vgps.gps.time_offset import lag_by_differences, least_gain, settle_lag
+from vgps.gps.sensors import Sensors, TimeOffset
+from vgps.gps.time_offset import least_gain, time_offset_by_differences, update_time_offset
 
-BELIEVED = Lag(0.0, 0.5)
+BELIEVED = TimeOffset(0.0, 0.5)
 NONE = np.zeros(3)
 SENSORS = Sensors.known(NONE)
 
 
-def late(lag_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
+def late(time_offset_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
     """Fixes whose stamps are later than their positions."""
     fixes = fixes_at(t_s, 2.4, 6.5, offset=offset)
-    return replace(fixes, t_s=t_s + lag_s)
+    return replace(fixes, t_s=t_s + time_offset_s)
 
 
 def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
@@ -24,7 +24,7 @@ def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
 
 
 def nothing_is_told(path_poses, t_s, fixes):
-    return settle_lag(SENSORS, path_poses, t_s, fixes, SensorsConfig()) == (SENSORS, ())
+    return update_time_offset(SENSORS, path_poses, t_s, fixes, SensorsConfig()) == (SENSORS, ())
 
 
 def wander(seed, n=19):
@@ -33,45 +33,51 @@ def wander(seed, n=19):
     return np.array([1.5, -1.0, 4.0]) + np.cumsum(steps, axis=0)
 
 
-@pytest.mark.parametrize("lag_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
-def test_a_lag_is_found_under_a_bias_that_wanders(lag_s):
-    found = lag_by_differences(poses(path(T_S)), T_S, late(lag_s, wander(0)), NONE, BELIEVED)
-    assert abs(found.lag_s - lag_s) < 4 * found.sigma_s and found.sigma_s < 0.1
+@pytest.mark.parametrize("time_offset_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
+def test_a_lag_is_found_under_a_bias_that_wanders(time_offset_s):
+    found = time_offset_by_differences(poses(path(T_S)), T_S, late(time_offset_s, wander(0)), NONE, BELIEVED)
+    assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
 
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]
-    found = [lag_by_differences(poses(path(T_S)), T_S, log, NONE, BELIEVED) for log in logs]
-    scatter = np.std([one.lag_s for one in found])
+    found = [time_offset_by_differences(poses(path(T_S)), T_S, log, NONE, BELIEVED) for log in logs]
+    scatter = np.std([one.time_offset_s for one in found])
     assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
 
 
 def test_one_jump_of_the_receiver_does_not_matter():
     offset = wander(1)
     offset[9:] += [6.0, 4.0, 0.0]
-    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, offset), NONE, BELIEVED)
-    assert abs(found.lag_s - 0.37) < 0.1
+    found = time_offset_by_differences(poses(path(T_S)), T_S, late(0.37, offset), NONE, BELIEVED)
+    assert abs(found.time_offset_s - 0.37) < 0.1
 
 
 def test_a_straight_at_constant_speed_keeps_what_is_believed_and_says_so():
     t_s = np.arange(0.05, 19.0)
     line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
     fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
-    sensors, remark = settle_lag(SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_lag="yes"))
-    assert sensors.lag_s == 0.0 and "does not show the lag" in remark[0]
+    sensors, remark = update_time_offset(
+        SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_time_offset="yes")
+    )
+    assert sensors.time_offset_s == 0.0 and "does not show the lag" in remark[0]
     assert nothing_is_told(poses(line), T_S, fixes)
 
 
 def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
-    for lag_s, kept in ((0.37, True), (0.03, False)):
-        sensors, remark = settle_lag(SENSORS, poses(path(T_S)), T_S, late(lag_s, wander(2)), SensorsConfig())
-        assert bool(sensors.lag_s) == bool(remark) == kept
-    off = SensorsConfig(estimate_lag="no")
-    assert settle_lag(SENSORS, poses(path(T_S)), T_S, late(0.37), off) == (SENSORS, ())
+    for time_offset_s, kept in ((0.37, True), (0.03, False)):
+        sensors, remark = update_time_offset(
+            SENSORS, poses(path(T_S)), T_S, late(time_offset_s, wander(2)), SensorsConfig()
+        )
+        assert bool(sensors.time_offset_s) == bool(remark) == kept
+    off = SensorsConfig(estimate_time_offset="no")
+    assert update_time_offset(SENSORS, poses(path(T_S)), T_S, late(0.37), off) == (SENSORS, ())
 
 
 def test_too_few_fixes_tell_nothing():
-    found = lag_by_differences(poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
+    found = time_offset_by_differences(
+        poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED
+    )
     assert found == BELIEVED
 
 

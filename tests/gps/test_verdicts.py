@@ -5,7 +5,7 @@ import pytest
 from synthetic_fixes import T_S, fixes_at, path, poses
 
 from vgps.config import Config
-from vgps.gps.outlier_detection import Judgement
+from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.verdicts import fix_table
 from vgps.model import FixClass, GpsLog
 from vgps.solution import Verdict
@@ -36,8 +36,8 @@ def table():
         line=np.arange(6),
         source=Path("rover.nmea"),
     )
-    judgement = Judgement(np.array([np.nan, 0.9, 0.0, 0.0, 0.0, np.nan]), np.zeros(6))
-    return fix_table(log, fixes, judgement, T_S, poses(path(T_S)), np.zeros(3), Config())
+    assessment = FixAssessment(np.array([np.nan, 0.9, 0.0, 0.0, 0.0, np.nan]), np.zeros(6))
+    return fix_table(log, fixes, assessment, T_S, poses(path(T_S)), np.zeros(3), Config())
 
 
 def test_every_fix_has_a_verdict_and_a_reason(table):

@@ -1,10 +1,10 @@
 import numpy as np
 
-from vgps.mapping.growing_array import GrowingRows
+from vgps.mapping.growing_array import GrowingArray
 
 
 def test_rows_come_back_in_order_beyond_every_doubling():
-    rows = GrowingRows((2,))
+    rows = GrowingArray((2,))
     for k in range(1000):
         rows.append([k, -k])
     assert len(rows) == 1000 and rows.values.shape == (1000, 2)
@@ -13,7 +13,7 @@ def test_rows_come_back_in_order_beyond_every_doubling():
 
 
 def test_what_is_written_to_the_view_stays():
-    rows = GrowingRows()
+    rows = GrowingArray()
     rows.append(1.0)
     rows.values[0] = 7.0
     rows.append(2.0)
@@ -22,7 +22,7 @@ def test_what_is_written_to_the_view_stays():
 
 def test_rows_given_at_once_are_copied_and_grow_on():
     given = np.arange(600.0).reshape(300, 2)
-    rows = GrowingRows.of(given)
+    rows = GrowingArray.of(given)
     rows.values[0] = 7.0
     assert given[0, 0] == 0.0
     for k in range(400):

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.zero_motion import StaticTie
+from vgps.mapping.zero_motion import ZeroMotion
 
 HISTORY = 5
 
@@ -61,9 +61,9 @@ def test_ids_move_by_round_numbers_and_memory_is_given_back():
 def test_ties_and_bridged_frames_of_long_ago_go():
     made = walked(30, np.random.default_rng(0))
     made.bridged = {3, 20}
-    made.static_ties = [StaticTie(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25)]
+    made.zero_motions = [ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25)]
     made.forget(10, 20)
-    assert made.bridged == {20} and [tie.frame for tie in made.static_ties] == [25]
+    assert made.bridged == {20} and [tie.frame for tie in made.zero_motions] == [25]
 
 
 def test_a_map_goes_on_growing_after_it_forgot_nearly_everything():

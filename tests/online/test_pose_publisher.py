@@ -4,7 +4,7 @@ import pytest
 from vgps.config import OnlineConfig
 from vgps.mapping.local_map import LocalMap
 from vgps.online.estimate import OnlineState
-from vgps.online.pose_publisher import Follower
+from vgps.online.pose_publisher import PosePublisher
 
 CONFIG = OnlineConfig(bridge_s=0.35, blend_s=1.0, blend_m_s=2.0)
 SPEED_M, INTERVAL_S = 0.8, 0.1
@@ -16,7 +16,7 @@ class Drive:
     def __init__(self):
         self.t_s = np.zeros(0)
         self.current = None
-        self.follower = Follower(self, CONFIG)
+        self.follower = PosePublisher(self, CONFIG)
 
     def frame(self, tracked=True):
         self.t_s = np.append(self.t_s, INTERVAL_S * len(self.t_s))

@@ -11,7 +11,7 @@ from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FixClass
 from vgps.online.estimate import OnlineState
-from vgps.online.pose_publisher import Followed
+from vgps.online.pose_publisher import PublishedPose
 from vgps.online.pose_sigmas import PathErrors
 from vgps.online.replay import fixes_of
 from vgps.smoothing.covariance import region_sigmas
@@ -27,8 +27,8 @@ class Drive:
         self.t_s = np.zeros(0)
         self.current = LocalMap(0, 5)
         self.current.aligned = True
-        self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), lag_s=0.0)
-        self.ledger = self
+        self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), time_offset_s=0.0)
+        self.fix_buffer = self
         self.fixes = Fixes.none()
         self.errors = PathErrors(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
 
@@ -51,7 +51,7 @@ class Drive:
         correction = np.full(6, moved) * (0.1, 0.1, 0.1, 1.0, 1.0, 1.0) if frame % 15 == 1 else None
         state = OnlineState.TRACKED if tracked else OnlineState.BRIDGED
         pose = self.current.poses[-1]
-        found = self.errors.follow(Followed(state, pose, pose, (), correction if frame > 1 else None))
+        found = self.errors.follow(PublishedPose(state, pose, pose, (), correction if frame > 1 else None))
         if fixes and frame % 10 == 5:
             self.fix()
         self.errors.offer()
@@ -121,7 +121,7 @@ def test_a_bridged_frame_is_off_by_what_the_motion_allows():
 
 def test_without_a_pose_there_are_none():
     drive = Drive()
-    nowhere = Followed(OnlineState.LOST, NOWHERE, NOWHERE, ())
+    nowhere = PublishedPose(OnlineState.LOST, NOWHERE, NOWHERE, ())
     drive.frames(3)
     assert np.isnan(drive.errors.follow(nowhere).position_m).all()
 

@@ -39,7 +39,7 @@ def online(opened):
 
 @pytest.fixture(scope="module")
 def offline(opened):
-    return track_and_map(opened, vgps.Config(), Silent()).sequence
+    return track_and_map(opened, vgps.Config(), Silent()).frame_pipeline
 
 
 def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):
@@ -47,8 +47,9 @@ def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):
     solution = smoother.finish()
     (last,) = offline.maps
     posed = slice(last.first_posed, None)
-    np.testing.assert_array_equal(
-        solution.world_T_camera[posed], last.poses[last.first_posed - last.first_frame :]
+    # linear algebra rounds by where in memory its arrays happen to lie
+    np.testing.assert_allclose(
+        solution.world_T_camera[posed], last.poses[last.first_posed - last.first_frame :], atol=1e-9
     )
     assert solution.georeferenced and solution.fixes.used.all()
 
@@ -97,13 +98,13 @@ def test_fixes_half_a_second_late_and_out_of_order_land_at_their_time(opened, im
     fixes = list(fixes_of(opened.gps))
     # every other fix comes 1.2 s later than the rest, after the one that follows it
     smoother, estimates = aligned_rows(opened, fixes, images, lambda k: 0.4 + 1.2 * (k % 2))
-    ledger = smoother._sequence.ledger
-    assert (np.diff(ledger.fixes.t_s) > 0).all() and (np.diff(ledger.number) < 0).any()
+    fix_buffer = smoother._frame_pipeline.fix_buffer
+    assert (np.diff(fix_buffer.fixes.t_s) > 0).all() and (np.diff(fix_buffer.number) < 0).any()
     true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
     posed = [e for e in estimates if e.posed]
     away = [np.linalg.norm(e.global_T_camera[:3, 3] - true[e.frame]) for e in posed]
     assert len(posed) > 25 and np.mean(away) < 0.3
-    assert abs(smoother._sequence.sensors.lag_s) < 0.1
+    assert abs(smoother._frame_pipeline.sensors.time_offset_s) < 0.1
 
 
 def test_a_fix_of_the_same_time_or_without_a_place_is_not_taken(opened):

@@ -84,14 +84,14 @@ def test_memory_does_not_grow(walk):
 
     def count(index, smoother):
         if index in {160, 280}:
-            smoother._sequence.settle()  # what stage C is at work with is no growth
+            smoother._frame_pipeline.settle()  # what stage C is at work with is no growth
             gc.collect()
             bytes_at.append(tracemalloc.get_traced_memory()[0])
-        (current,) = smoother._sequence.maps or [None]
+        (current,) = smoother._frame_pipeline.maps or [None]
         if current is not None and index >= 160:
-            ledger = smoother._sequence.ledger
+            fix_buffer = smoother._frame_pipeline.fix_buffer
             sizes = len(current.poses), current.feature_count, len(current.observations().frame)
-            counts.append((*sizes, len(ledger.fixes), len(smoother._teller.told)))
+            counts.append((*sizes, len(fix_buffer.fixes), len(smoother._teller.told)))
 
     tracemalloc.start()
     try:

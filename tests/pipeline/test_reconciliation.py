@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 sys.path.append(str(Path(__file__).parent / "smoothing"))
 from synthetic_map import MATRIX, away, map_of, scene
 
-from vgps.pipeline.reconciliation import hand_over
+from vgps.pipeline.reconciliation import reconcile
 
 TURN = Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix()
 SHIFT = np.array([1.0, -2.0, 0.5])
@@ -27,7 +27,7 @@ def test_a_similarity_of_the_old_part_becomes_one_of_the_whole():
     expected, _ = grown()
     expected.transform(1.1, TURN, SHIFT)
     refined.transform(1.1, TURN, SHIFT)
-    hand_over(refined, local_map, MATRIX, 3.0)
+    reconcile(refined, local_map, MATRIX, 3.0)
     np.testing.assert_allclose(local_map.poses[:40], expected.poses[:40], atol=1e-12)
     assert away(local_map.poses, expected.poses) < 0.02
     known = np.isfinite(local_map.points[:, 0])
@@ -40,7 +40,7 @@ def test_new_frames_are_posed_by_the_refined_positions():
     true = local_map.poses.copy()
     drift = np.linspace(0.0, 0.4, 21)[1:]
     local_map.poses[40:, 0, 3] += drift
-    hand_over(refined, local_map, MATRIX, 30.0)
+    reconcile(refined, local_map, MATRIX, 30.0)
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
 
 
@@ -53,8 +53,8 @@ def test_what_was_forgotten_or_given_up_since_stays_so():
     twin.forget(20, 25)
     refined.transform(1.1, TURN, SHIFT)
     same.transform(1.1, TURN, SHIFT)
-    hand_over(refined, local_map, MATRIX, 3.0)
-    hand_over(same, twin, MATRIX, 3.0)
+    reconcile(refined, local_map, MATRIX, 3.0)
+    reconcile(same, twin, MATRIX, 3.0)
     assert np.isnan(local_map.points[given_up]).all()
     np.testing.assert_allclose(twin.poses, local_map.poses[20:], atol=1e-12)
     np.testing.assert_allclose(twin.points[twin.ids], local_map.points[local_map.ids], atol=1e-12)
@@ -62,11 +62,11 @@ def test_what_was_forgotten_or_given_up_since_stays_so():
 
 def test_features_the_copy_does_not_know_are_named():
     local_map, refined = grown()
-    new = hand_over(refined, local_map, MATRIX, 3.0)
+    new = reconcile(refined, local_map, MATRIX, 3.0)
     assert len(new) and new.min() >= refined.feature_count
     refined.forget_points(refined.ids[:2])
     local_map, _ = grown()
-    assert set(refined.ids[:2]) <= set(hand_over(refined, local_map, MATRIX, 3.0))
+    assert set(refined.ids[:2]) <= set(reconcile(refined, local_map, MATRIX, 3.0))
 
 
 def test_a_snapshot_does_not_follow_the_map():
@@ -91,7 +91,7 @@ def test_nothing_changes_where_stage_c_changed_nothing(frames):
     problem, _, _, _ = scene(60, disturbed=0.0)
     local_map, refined = map_of(problem, 0, frames - 1), map_of(problem, 0, 39)
     before = local_map.poses.copy(), local_map.points.copy()
-    hand_over(refined, local_map, MATRIX, 3.0)
+    reconcile(refined, local_map, MATRIX, 3.0)
     np.testing.assert_array_equal(local_map.poses[:40], before[0][:40])
     assert away(local_map.poses, before[0]) < 0.02
     np.testing.assert_allclose(local_map.points, before[1], atol=1e-12)

@@ -10,16 +10,18 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import MATRIX, away, map_of, scene
 
 from vgps.config import Config, WindowConfig
-from vgps.gps.fix_buffer import FixLedger
-from vgps.mapping.control_observations import NO_CONTROLS
-from vgps.pipeline.window_worker import Refiner
-from vgps.runtime.timing import Seconds
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.pipeline.window_worker import WindowWorker
+from vgps.runtime.timing import StageTimer
 
 CONFIG = Config(window=WindowConfig(length_frames=20))
 
 
 def refiner(fixes):
-    return Refiner(MATRIX, FixLedger(fixes, ANTENNA, CONFIG), CONFIG, NO_CONTROLS, {}, Seconds())
+    return WindowWorker(
+        MATRIX, FixBuffer(fixes, ANTENNA, CONFIG), CONFIG, NO_CONTROL_OBSERVATIONS, {}, StageTimer()
+    )
 
 
 def disturbed_map(last):

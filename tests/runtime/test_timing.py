@@ -1,10 +1,10 @@
 import pytest
 
-from vgps.runtime.timing import Seconds, one_after_another
+from vgps.runtime.timing import StageTimer, one_after_another
 
 
 def test_stages_add_up_but_for_those_that_ran_beside_others():
-    seconds = Seconds()
+    seconds = StageTimer()
     with seconds.measure("track"), seconds.measure("window beside"):
         pass
     with pytest.raises(ValueError), seconds.measure("track"):

@@ -6,12 +6,12 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import MATRIX, away, map_of, scene
 
 from vgps.config import BatchConfig, Config, SensorsConfig
-from vgps.gps.outlier_detection import Judgement
+from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import Sensors
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
 
-CONFIG = Config(sensors=SensorsConfig(estimate_lag="no"))
+CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"))
 SENSORS = Sensors.known(ANTENNA)
 
 
@@ -25,10 +25,10 @@ def test_everything_nears_the_truth_with_sigmas_and_costs_told():
     made, true, fixes = whole()
     found = optimise_batch(made, MATRIX, fixes, SENSORS, CONFIG)
     assert away(found.poses, true) < 0.03 < away(made.poses, true)
-    assert np.isfinite(found.covariance).all() and np.isnan(found.lag_sigma_s).all()
+    assert np.isfinite(found.covariance).all() and np.isnan(found.time_offset_sigma_s).all()
     assert sum(found.report.cost_after.values()) < sum(found.report.cost_before.values())
     assert "converged" in found.report.stop_reason
-    assert not found.judgement.rejected.any()
+    assert not found.assessment.rejected.any()
 
 
 def test_both_solvers_end_alike():
@@ -63,9 +63,9 @@ def test_a_wild_fix_is_rejected_and_one_unjustly_refused_comes_back():
         replace(fixes, world_p_fix=wild),
         SENSORS,
         CONFIG,
-        judgement=Judgement(own, np.zeros(len(fixes))),
+        assessment=FixAssessment(own, np.zeros(len(fixes))),
     )
-    assert np.flatnonzero(found.judgement.rejected).tolist() == [4]
+    assert np.flatnonzero(found.assessment.rejected).tolist() == [4]
     assert away(found.poses, true) < 0.05
 
 

@@ -37,7 +37,7 @@ def test_fixes_that_no_lag_explains_bend_the_path_as_if_the_clock_were_known(fix
     """A metre forward and back again along the way: a free clock would take its share of it."""
     wander = np.sin(fixes.t_s / 3)[:, None] * [0.0, 1.0, 0.0]
     biased = replace(fixes, world_p_fix=fixes.world_p_fix + wander)
-    known = Config(sensors={"estimate_lag": "no"})
+    known = Config(sensors={"estimate_time_offset": "no"})
     bent, scale = bend_path(drifting(0.05), T_S, biased, np.zeros(3), Config())
     held, held_scale = bend_path(drifting(0.05), T_S, biased, np.zeros(3), known)
     np.testing.assert_array_equal(bent, held)
@@ -48,7 +48,7 @@ def test_late_fixes_in_bends_do_not_pull_the_path_into_their_shape(fixes):
     late = replace(fixes, t_s=fixes.t_s + 0.5, r_m=np.full(len(fixes), 0.1), h_m=np.full(len(fixes), 0.1))
     bent, _ = bend_path(poses(path(T_S)), T_S, late, np.zeros(3), Config())
     assert away(bent).mean() < 0.1
-    known = Config(sensors={"estimate_lag": "no"})
+    known = Config(sensors={"estimate_time_offset": "no"})
     bent, _ = bend_path(poses(path(T_S)), T_S, late, np.zeros(3), known)
     assert away(bent).mean() > 0.3
 

@@ -13,7 +13,7 @@ from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
 from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
 
-CONFIG = Config(sensors=SensorsConfig(estimate_lag="no"), batch=BatchConfig(video_sigma_scale=4.0))
+CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"), batch=BatchConfig(video_sigma_scale=4.0))
 TRUE = Camera("pinhole", 640, 480, *K)
 LENS = Camera("opencv", 640, 480, *K, distortion=(-0.2, 0.05, 0.0, 0.0))
 

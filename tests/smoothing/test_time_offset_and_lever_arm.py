@@ -1,4 +1,4 @@
-"""Lag and lever arm with the poses: the bordered solver against GTSAM's, and both against what is true."""
+"""Time offset and lever arm: the bordered solver against GTSAM's, and both against what is true."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from synthetic_bundle import drive
 
 from factors import Gaussian, gps_factor_calibrating
 from vgps.config import SensorsConfig
-from vgps.gps.sensors import ANTENNA, LAG, Lag, Sensors
+from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.problem import cost_terms
 from vgps.solver.schur_complement import SolverSettings, covariances, solve
@@ -21,17 +21,17 @@ INTERVAL_S = 0.1
 TRUE_LAG_S = 0.06
 
 
-def scene(lag_prior_s=0.5, antenna_prior_m=0.5, frames=60):
+def scene(time_offset_prior_s=0.5, antenna_prior_m=0.5, frames=60):
     """A winding drive with fixes whose stamps are late; lag and lever arm unknown."""
     problem, poses = drive(frames, 400, seed=3, disturbed=0.2)
     wrong = TRUE_ANTENNA + 0.2
-    sensors = Sensors(0.0, wrong, Lag(0.0, lag_prior_s), wrong, antenna_prior_m)
+    sensors = Sensors(0.0, wrong, TimeOffset(0.0, time_offset_prior_s), wrong, antenna_prior_m)
     graph, penalty = sensors.priors(), Gaussian((0.02, 0.02, 0.02))
     for i in range(1, frames - 2):
         at, to = gtsam.Pose3(poses[i]), gtsam.Pose3(poses[i + 1])
         fix = at.slerp(0.3, to).transformFrom(TRUE_ANTENNA)
         times = INTERVAL_S * i, INTERVAL_S * (i + 1), INTERVAL_S * (i + 0.3) + TRUE_LAG_S
-        graph.push_back(gps_factor_calibrating(X(i), X(i + 1), LAG, ANTENNA, times, fix, penalty))
+        graph.push_back(gps_factor_calibrating(X(i), X(i + 1), TIME_OFFSET, ANTENNA, times, fix, penalty))
     return replace(problem, pose_graph=graph, shared=sensors.shared()), sensors
 
 
@@ -39,7 +39,7 @@ def test_the_bordered_solver_ends_where_gtsam_does():
     problem, _ = scene()
     ours, theirs = solve(problem, TIGHT).problem, solve(problem, TIGHT, "gtsam").problem
     assert sum(cost_terms(ours).values()) == pytest.approx(sum(cost_terms(theirs).values()), rel=1e-8)
-    for key in (LAG, ANTENNA):
+    for key in (TIME_OFFSET, ANTENNA):
         np.testing.assert_allclose(ours.shared[key], theirs.shared[key], atol=1e-6)
 
 
@@ -49,7 +49,7 @@ def test_covariances_are_gtsams():
     graph, values = to_graph(end)
     marginals = gtsam.Marginals(graph, values)
     ours = covariances(end)
-    for key in (LAG, ANTENNA):
+    for key in (TIME_OFFSET, ANTENNA):
         np.testing.assert_allclose(ours.shared[key], marginals.marginalCovariance(key), rtol=1e-5)
     np.testing.assert_allclose(ours.poses[20], marginals.marginalCovariance(X(20)), rtol=1e-4, atol=1e-12)
 
@@ -58,21 +58,21 @@ def test_lag_and_lever_arm_are_recovered_within_their_sigmas():
     problem, sensors = scene()
     end = solve(problem, TIGHT).problem
     found, sigma = sensors.moved(end.shared), covariances(end).shared
-    lag_sigma, antenna_sigma = np.sqrt(sigma[LAG][0, 0]), np.sqrt(np.diagonal(sigma[ANTENNA]))
-    assert lag_sigma < 0.05 and abs(found.lag_s - TRUE_LAG_S) < 4 * lag_sigma
+    lag_sigma, antenna_sigma = np.sqrt(sigma[TIME_OFFSET][0, 0]), np.sqrt(np.diagonal(sigma[ANTENNA]))
+    assert lag_sigma < 0.05 and abs(found.time_offset_s - TRUE_LAG_S) < 4 * lag_sigma
     assert np.all(np.abs(found.camera_p_antenna - TRUE_ANTENNA) < 4 * antenna_sigma)
     # the drive never tilts: it does not show the antenna's height, which keeps its prior
     assert antenna_sigma[1] > 0.49 and antenna_sigma[[0, 2]].max() < 0.4
 
 
 def test_what_is_held_stays():
-    problem, sensors = scene(lag_prior_s=0.5, antenna_prior_m=0.0)
+    problem, sensors = scene(time_offset_prior_s=0.5, antenna_prior_m=0.0)
     found = sensors.moved(solve(problem, TIGHT).problem.shared)
     np.testing.assert_array_equal(found.camera_p_antenna, TRUE_ANTENNA + 0.2)
 
 
 def test_nothing_to_estimate_is_nothing_shared():
-    config = SensorsConfig(estimate_lag="no", lag_s=0.25)
+    config = SensorsConfig(estimate_time_offset="no", time_offset_s=0.25)
     sensors = Sensors.begin(TRUE_ANTENNA, config)
     assert not sensors.to_estimate and sensors.shared() == {} and sensors.priors().size() == 0
-    assert sensors.moved({}).lag_s == 0.25
+    assert sensors.moved({}).time_offset_s == 0.25

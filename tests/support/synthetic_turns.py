@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.gyro_calibration import Mount
 from vgps.model import FloatArray, GyroLog
-from vgps.tracking.relative_rotation import Turns
+from vgps.tracking.relative_rotation import RelativeRotations
 
 # far from the identity, from its inverse and from any permutation of the axes
 MOUNT = Mount(
@@ -34,7 +34,7 @@ def one_axis(t_s: FloatArray) -> FloatArray:
 
 def camera_turns(
     rates: Rates, seconds: float, noise_rad: float = 0.0, rng: np.random.Generator | None = None
-) -> Turns:
+) -> RelativeRotations:
     """The camera's turns at 20 frames a second, in 40 short steps of the exact exponential each."""
     frames, steps = round(seconds / FRAME_S), 40
     start = FRAME_S * np.arange(frames)
@@ -44,7 +44,7 @@ def camera_turns(
     if rng is not None:
         turn = turn * Rotation.from_rotvec(noise_rad * rng.normal(size=(frames, 3)))
     covariance = np.tile(max(noise_rad, 1e-6) ** 2 * np.eye(3), (frames, 1, 1))
-    return Turns(start, start + FRAME_S, turn.as_matrix(), covariance, 0)
+    return RelativeRotations(start, start + FRAME_S, turn.as_matrix(), covariance, 0)
 
 
 def gyro_log(

@@ -77,7 +77,7 @@ def _fixes() -> FixTable:
 def late(solution: Solution) -> Solution:
     """The same run with time stamps that are 0.25 s late, and known to be."""
     gps = replace(solution.gps, t_s=solution.gps.t_s + 0.25)
-    return replace(solution, gps=gps, sensors=replace(solution.sensors, lag_s=0.25))
+    return replace(solution, gps=gps, sensors=replace(solution.sensors, time_offset_s=0.25))
 
 
 @pytest.fixture

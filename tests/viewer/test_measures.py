@@ -59,7 +59,7 @@ def test_the_term_of_a_fix_is_equation_16_and_only_of_fixes_that_were_used(solut
 
 def test_a_fix_lies_where_it_was_less_the_lag(solution: Solution) -> None:
     """Stamps of 0.03, 0.13... s of a clock that lags by 0.05 s, in frames 0.1 s apart."""
-    lagging = replace(solution, sensors=replace(solution.sensors, lag_s=0.05))
+    lagging = replace(solution, sensors=replace(solution.sensors, time_offset_s=0.05))
     np.testing.assert_allclose(lagging.fix_times_s, [-0.02, 0.08, 0.18, 0.28, 0.38])
     found = fix_placement(lagging)
     assert found.frame.tolist() == [0, 0, 1, 2, 3] and found.inside.tolist() == [False] + [True] * 4

@@ -39,7 +39,7 @@ def online(
         out: Run folder to write at the end, at Ctrl-C too.
         finish: Keep everything and run stage D at the end, as `smooth` does.
         realtime: A recording at its own pace, else as fast as possible.
-        video_delay: Seconds from a picture's taking to its arrival, where this computer's clock counts.
+        video_delay: StageTimer from a picture's taking to its arrival, where this computer's clock counts.
         gps_model: How a fix acts on the path; a cylinder around it by default.
         survey: YAML with the region r_m, h_m of each fix class.
         config: YAML that overrides the defaults.

@@ -4,7 +4,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 """
 
 from vgps.config.base import SettingsModel
-from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig, QualityConfig, Region, SkyConfig
+from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import TrackConfig
 from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
@@ -29,11 +29,11 @@ __all__ = [
     "GpsModel",
     "GyroCalibrationConfig",
     "IntrinsicsConfig",
-    "JudgeConfig",
     "LandmarksConfig",
     "MappingConfig",
     "MotionConfig",
     "OnlineConfig",
+    "OutlierConfig",
     "QualityConfig",
     "Region",
     "SelectionConfig",

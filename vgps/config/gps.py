@@ -10,7 +10,7 @@ from vgps.model import FixClass
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
 
 
-class JudgeConfig(SettingsModel):
+class OutlierConfig(SettingsModel):
     """What is believed of fixes before the video has spoken."""
 
     enabled: bool = True

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from vgps.config.base import SettingsModel
-from vgps.config.gps import GpsConfig, GpsModel, JudgeConfig
+from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
 from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
 from vgps.config.reading import read_settings, read_survey
 from vgps.config.smoothing import (
@@ -30,7 +30,7 @@ class Config(SettingsModel):
     batch: BatchConfig = BatchConfig()
     motion: MotionConfig = MotionConfig()
     drift: DriftConfig = DriftConfig()
-    judge: JudgeConfig = JudgeConfig()
+    outliers: OutlierConfig = OutlierConfig()
     sensors: SensorsConfig = SensorsConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()

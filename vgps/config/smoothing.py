@@ -38,13 +38,13 @@ class DriftConfig(SettingsModel):
 class SensorsConfig(SettingsModel):
     """The GPS's clock and the lever arm, where they are not known well enough."""
 
-    lag_s: float = 0.0
+    time_offset_s: float = 0.0
     """Positions are this much older than their time stamps say, as far as known."""
-    estimate_lag: Literal["auto", "yes", "no"] = "auto"
+    estimate_time_offset: Literal["auto", "yes", "no"] = "auto"
     """Estimate the lag with the poses; auto keeps what it finds only if it cannot be chance."""
-    lag_sigma_s: PositiveFloat = 0.5
+    time_offset_sigma_s: PositiveFloat = 0.5
     """Standard deviation of the lag before anything was seen."""
-    trusted_lag_s: PositiveFloat = 0.02
+    trusted_time_offset_s: PositiveFloat = 0.02
     """Auto: clocks agree to this standard deviation where nothing is wrong; exposure and rounding of time
     stamps leave as much."""
     significant: PositiveFloat = 3.0
@@ -55,9 +55,9 @@ class SensorsConfig(SettingsModel):
     """Standard deviation of the lever arm before anything was seen."""
 
     @property
-    def lag_prior_s(self) -> float:
+    def time_offset_prior_s(self) -> float:
         """Prior standard deviation of what is still unknown of the lag; 0 if it is held."""
-        return 0.0 if self.estimate_lag == "no" else self.lag_sigma_s
+        return 0.0 if self.estimate_time_offset == "no" else self.time_offset_sigma_s
 
 
 class MotionConfig(SettingsModel):

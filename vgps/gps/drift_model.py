@@ -38,7 +38,7 @@ class Loss:
     width: float
 
 
-class FlexiblePath:
+class DriftModel:
     """Steps scaled and turned by what is interpolated between knots; knots change as a random walk.
 
     Parameters (4 + 4 K,): shift of the start [m] (3,), lag of the fixes behind the video [s], then log scale
@@ -50,7 +50,7 @@ class FlexiblePath:
         fixes: All of them may lie anywhere; what lies outside the path's time is extrapolated.
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift.
-        lag_sigma_s: Prior standard deviation of the lag; 0 holds it.
+        time_offset_sigma_s: Prior standard deviation of the lag; 0 holds it.
         attached: The start hangs on a path that is held: it stays, and bends there as elsewhere.
     """
 
@@ -61,7 +61,7 @@ class FlexiblePath:
         fixes: Fixes,
         camera_p_antenna: FloatArray,
         config: DriftConfig,
-        lag_sigma_s: float = 0.0,
+        time_offset_sigma_s: float = 0.0,
         attached: bool = False,
     ) -> None:
         self.knots = 2 + min(int(len(poses) / config.knot_frames), _MAX_KNOTS)
@@ -74,7 +74,7 @@ class FlexiblePath:
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
         self._sigma = sigma * np.sqrt(max((at[1] - at[0]) / config.knot_frames, 1e-9))
-        self._lag_sigma_s = lag_sigma_s
+        self._lag_sigma_s = time_offset_sigma_s
         self._shift_sigma_m = _HELD_M if attached else np.inf
         # (K or K - 1, K) changes from knot to knot
         self._changes = np.diff(np.eye(self.knots), axis=0)
@@ -89,7 +89,7 @@ class FlexiblePath:
         """Parameters that leave the path as it is."""
         return np.zeros(_KNOTS + 4 * self.knots)
 
-    def lag_s(self, parameters: FloatArray) -> float:
+    def time_offset_s(self, parameters: FloatArray) -> float:
         """The fixes' lag."""
         return float(parameters[_CLOCK])
 
@@ -108,10 +108,10 @@ class FlexiblePath:
 
     def offsets(self, parameters: FloatArray) -> FloatArray:
         """(M, 3) antenna minus fix, metres."""
-        return self._offsets(self.bent(parameters)[0], self.lag_s(parameters))
+        return self._offsets(self.bent(parameters)[0], self.time_offset_s(parameters))
 
-    def _offsets(self, bent: FloatArray, lag_s: float) -> FloatArray:
-        placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
+    def _offsets(self, bent: FloatArray, time_offset_s: float) -> FloatArray:
+        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
         return antenna_at(bent, placement, self._antenna) - self._fixes.world_p_fix
 
     def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
@@ -190,10 +190,10 @@ class FlexiblePath:
         """Reweighted normal equations; the rotations' curvature and the lever arm's turning are left out,
         which changes the way to the minimum and not the minimum."""
         bent, _ = self.bent(parameters)
-        offset = self._offsets(bent, self.lag_s(parameters))
+        offset = self._offsets(bent, self.time_offset_s(parameters))
         weight = np.where(loss.rows, 1.0 / (1.0 + self._away2(offset, loss) / loss.width**2), 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
-        J = self._jacobian(bent, self.lag_s(parameters)) * scale[:, :, None]
+        J = self._jacobian(bent, self.time_offset_s(parameters)) * scale[:, :, None]
         J, r = J.reshape(-1, J.shape[2]), (offset * scale).ravel()
         hessian, gradient = J.T @ J, J.T @ r
         own = slice(_KNOTS, None)
@@ -211,7 +211,7 @@ class FlexiblePath:
         hessian[np.diag_indices_from(hessian)] += 1e-9 * (1.0 + np.diagonal(hessian))
         return hessian, gradient
 
-    def _jacobian(self, bent: FloatArray, lag_s: float) -> FloatArray:
+    def _jacobian(self, bent: FloatArray, time_offset_s: float) -> FloatArray:
         """(M, 3, 4 + 4 K) of the offsets."""
         steps = np.diff(bent[:, :3, 3], axis=0)
         zero = np.zeros(len(steps))
@@ -220,7 +220,7 @@ class FlexiblePath:
         by_own = np.stack(
             [steps, *np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(0, 2, 1)], axis=1
         )
-        placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
+        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
         frame, alpha = placement.frame, placement.alpha
         J = np.zeros((len(frame), 3, _KNOTS + 4 * self.knots))
         J[:, :, _SHIFT] = np.eye(3)

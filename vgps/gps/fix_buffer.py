@@ -6,21 +6,21 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.gps.outlier_detection import Judgement, judge_on_path, judges
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.sensors import Sensors
-from vgps.gps.time_offset import settle_lag
+from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 
 _MANY = 30  # fixes that may change what is believed of the clock
 
 
-class FixLedger:
+class FixBuffer:
     """All fixes so far, in order of time however they came.
 
     Attributes:
         fixes: By their own clock.
         number: (M,) how many fixes had been added before each: its name, while rows move.
-        judgement: Of all fixes, as far as they have been judged.
+        assessment: Of all fixes, as far as they have been judged.
         sensors: The lag of the fixes as the path so far shows it, and the lever arm.
     """
 
@@ -28,7 +28,7 @@ class FixLedger:
         self._config = config
         self.fixes = fixes
         self.number: IntArray = np.arange(len(fixes))
-        self.judgement = Judgement.none(len(fixes))
+        self.assessment = FixAssessment.none(len(fixes))
         self.sensors = Sensors.begin(camera_p_antenna, config.sensors)
         self._added = len(fixes)
         self._late = False
@@ -39,7 +39,7 @@ class FixLedger:
         self.fixes, order = self.fixes.joined(more)
         self.number = np.append(self.number, self._added + np.arange(len(more)))[order]
         self._added += len(more)
-        self.judgement = self.judgement.joined(Judgement.none(len(more)), order)
+        self.assessment = self.assessment.joined(FixAssessment.none(len(more)), order)
         self._late |= bool((more.used & (more.t_s <= now_s)).any())
 
     def forget(self, before_s: float) -> None:
@@ -48,20 +48,20 @@ class FixLedger:
         if keep.all():
             return
         self.fixes, self.number = self.fixes.where(keep), self.number[keep]
-        self.judgement = self.judgement.where(keep)
+        self.assessment = self.assessment.where(keep)
         self._forgot = True
 
-    def snapshot(self) -> "FixLedger":
+    def snapshot(self) -> "FixBuffer":
         """A copy that can judge while this one goes on taking fixes."""
         return copy.copy(self)
 
-    def take(self, judged: "FixLedger") -> None:
+    def take(self, judged: "FixBuffer") -> None:
         """What a snapshot found of the clock and of the fixes that this one still holds."""
         self.sensors = judged.sensors
-        found = Judgement.none(len(self.number))
+        found = FixAssessment.none(len(self.number))
         _, own, its = np.intersect1d(self.number, judged.number, return_indices=True)
-        found.own[own], found.lower[own] = judged.judgement.own[its], judged.judgement.lower[its]
-        self.judgement = self.judgement.updated(found)
+        found.own[own], found.lower[own] = judged.assessment.own[its], judged.assessment.lower[its]
+        self.assessment = self.assessment.updated(found)
 
     def news(self, since_s: float, until_s: float) -> bool:
         """Whether a usable fix came to lie after ``since_s`` and by ``until_s``, or came late since this was
@@ -73,13 +73,13 @@ class FixLedger:
 
     def believed(self, until_s: float) -> Fixes:
         """The fixes so far, as they are judged, at the times at which they were true."""
-        return self.judgement.applied(self._in_time).until(until_s)
+        return self.assessment.applied(self._in_time).until(until_s)
 
     @property
     def _in_time(self) -> Fixes:
-        return self.fixes.earlier(self.sensors.lag_s)
+        return self.fixes.earlier(self.sensors.time_offset_s)
 
-    def settle_lag(self, poses: FloatArray, t_s: FloatArray) -> None:
+    def update_time_offset(self, poses: FloatArray, t_s: FloatArray) -> None:
         """The clock's lag as the path (F, 4, 4) at ``t_s`` (F,) shows it; the window would bend to it.
 
         Where fixes lie before the path, what was found by them is what is believed, until many say otherwise:
@@ -90,9 +90,9 @@ class FixLedger:
             inside = self.fixes.used & (self.fixes.t_s >= t_s[0]) & (self.fixes.t_s <= t_s[-1])
             if inside.sum() < _MANY:
                 return
-            config = config.model_copy(update={"lag_s": self.sensors.lag_s})
-        believed = self.judgement.applied(self.fixes)
-        self.sensors, _ = settle_lag(self.sensors, poses, t_s, believed, config)
+            config = config.model_copy(update={"lag_s": self.sensors.time_offset_s})
+        believed = self.assessment.applied(self.fixes)
+        self.sensors, _ = update_time_offset(self.sensors, poses, t_s, believed, config)
 
     def judge(self, poses: FloatArray, t_s: FloatArray, used_until_s: float = -np.inf) -> float:
         """All fixes along a path (F, 4, 4) at ``t_s`` (F,), anew: what came later may reverse a verdict.
@@ -101,10 +101,10 @@ class FixLedger:
             When the first of the fixes by ``used_until_s`` was taken that was believed and is not any more;
             infinity if there is none.
         """
-        if not judges(self._config):
+        if not detects_outliers(self._config):
             return np.inf
-        fixes, before = self._in_time, self.judgement.rejected
-        found = judge_on_path(poses, t_s, fixes, self.sensors.camera_p_antenna, self._config)
-        self.judgement = self.judgement.updated(found)
-        given_up = self.judgement.rejected & ~before & (fixes.t_s <= used_until_s)
+        fixes, before = self._in_time, self.assessment.rejected
+        found = detect_outliers(poses, t_s, fixes, self.sensors.camera_p_antenna, self._config)
+        self.assessment = self.assessment.updated(found)
+        given_up = self.assessment.rejected & ~before & (fixes.t_s <= used_until_s)
         return float(fixes.t_s[given_up].min(initial=np.inf))

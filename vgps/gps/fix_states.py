@@ -47,7 +47,7 @@ def state_probabilities(
     highest = log_density.max(axis=1)
     density = np.exp(log_density - highest[:, None])
     prior = _prior(fixes, config)
-    change = _transitions(prior, config.judge.lasting_share)
+    change = _transitions(prior, config.outliers.lasting_share)
     forward, size = np.empty_like(density), np.empty(len(density))
     reached = prior[0]
     for k, seen in enumerate(density):
@@ -62,8 +62,8 @@ def state_probabilities(
 
 def _prior(fixes: Fixes, config: Config) -> FloatArray:
     """(M, 5) where nothing is known of the fix before."""
-    lower = np.where(np.isfinite(fixes.lower_r_m), config.judge.lower_share, 0.0)
-    bad = np.full(len(fixes), config.judge.outlier_share)
+    lower = np.where(np.isfinite(fixes.lower_r_m), config.outliers.lower_share, 0.0)
+    bad = np.full(len(fixes), config.outliers.outlier_share)
     none = np.zeros(len(fixes))
     return np.stack([1.0 - lower - bad, lower, bad, none, none], axis=1)
 
@@ -86,7 +86,7 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
     with np.errstate(invalid="ignore"):  # no class below, no density
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
     lower = np.where(np.isnan(lower), -np.inf, lower)
-    bad = np.full(len(offset), -np.log(2.0 * np.pi * config.judge.outlier_radius_m**3))
+    bad = np.full(len(offset), -np.log(2.0 * np.pi * config.outliers.outlier_radius_m**3))
     r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
     alike = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
     still = np.append(-np.inf, alike)
@@ -96,7 +96,7 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
 def _log_class_density(
     offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
 ) -> FloatArray:
-    judge = config.judge
+    judge = config.outliers
     core = _log_density(offset, r_m, h_m, config, tolerance_m)
     tail = _log_density(offset, judge.tail_size * r_m, judge.tail_size * h_m, config, tolerance_m)
     both = np.logaddexp(core + np.log(1.0 - judge.tail_share), tail + np.log(judge.tail_share))

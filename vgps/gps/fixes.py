@@ -9,7 +9,7 @@ from gtsam.symbol_shorthand import X
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between, gps_factor_calibrating
 from vgps.config import GpsConfig
 from vgps.gps.regions import enlarged, region_sizes
-from vgps.gps.sensors import ANTENNA, LAG, Sensors
+from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
@@ -48,9 +48,9 @@ class Fixes:
         """Those taken by the time ``t_s``."""
         return self.where(self.t_s <= t_s)
 
-    def earlier(self, lag_s: float) -> "Fixes":
+    def earlier(self, time_offset_s: float) -> "Fixes":
         """At their times less a lag."""
-        return replace(self, t_s=self.t_s - lag_s)
+        return replace(self, t_s=self.t_s - time_offset_s)
 
     def where(self, mask: BoolArray) -> "Fixes":
         """Those that ``mask`` (M,) names."""
@@ -186,7 +186,7 @@ def gps_graph(
         fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
         if sensors.to_estimate:
             times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
-            factor = gps_factor_calibrating(X(a), X(b), LAG, ANTENNA, times, fix, cost)
+            factor = gps_factor_calibrating(X(a), X(b), TIME_OFFSET, ANTENNA, times, fix, cost)
         else:
             alpha = float(placement.alpha[row])
             factor = gps_factor_between(X(a), X(b), alpha, fix, sensors.camera_p_antenna, cost)

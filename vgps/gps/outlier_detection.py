@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.drift_model import FlexiblePath
+from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import LOWER, OWN, STILL_LOWER, state_probabilities
 from vgps.gps.fixes import Fixes, place
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -24,7 +24,7 @@ _MOST_JUMPS = 8
 
 
 @dataclass(frozen=True)
-class Judgement:
+class FixAssessment:
     """Probabilities (M,) that a fix is what its class says (``own``), or what the class below says
     (``lower``); the rest is the probability of an outlier. NaN where a fix was not judged."""
 
@@ -32,7 +32,7 @@ class Judgement:
     lower: FloatArray
 
     @classmethod
-    def none(cls, count: int) -> "Judgement":
+    def none(cls, count: int) -> "FixAssessment":
         """Nothing judged yet."""
         return cls(np.full(count, np.nan), np.full(count, np.nan))
 
@@ -57,27 +57,29 @@ class Judgement:
             used=fixes.used & ~self.rejected,
         )
 
-    def joined(self, more: "Judgement", order: IntArray) -> "Judgement":
+    def joined(self, more: "FixAssessment", order: IntArray) -> "FixAssessment":
         """With the judgement of more fixes, in the order of :meth:`Fixes.joined`."""
         own, lower = np.concatenate([self.own, more.own]), np.concatenate([self.lower, more.lower])
-        return Judgement(own[order], lower[order])
+        return FixAssessment(own[order], lower[order])
 
-    def where(self, mask: BoolArray) -> "Judgement":
+    def where(self, mask: BoolArray) -> "FixAssessment":
         """Of those that ``mask`` (M,) names."""
-        return Judgement(self.own[mask], self.lower[mask])
+        return FixAssessment(self.own[mask], self.lower[mask])
 
-    def updated(self, newer: "Judgement") -> "Judgement":
+    def updated(self, newer: "FixAssessment") -> "FixAssessment":
         """With what a newer one judged."""
         rows = np.isfinite(newer.own)
-        return Judgement(np.where(rows, newer.own, self.own), np.where(rows, newer.lower, self.lower))
+        return FixAssessment(np.where(rows, newer.own, self.own), np.where(rows, newer.lower, self.lower))
 
 
-def judges(config: Config) -> bool:
+def detects_outliers(config: Config) -> bool:
     """Whether fixes are judged: Cauchy's loss does without."""
-    return config.judge.enabled and config.gps.model not in {"none", "cauchy"}
+    return config.outliers.enabled and config.gps.model not in {"none", "cauchy"}
 
 
-def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0) -> Judgement:
+def probabilities(
+    offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
+) -> FixAssessment:
     """What each fix is, given where the antenna was (:mod:`vgps.gps.fix_states`).
 
     Args:
@@ -86,7 +88,7 @@ def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m:
         config: Priors, and the exponent and weight of the cylinder.
         tolerance_m: How far off the path itself may be.
     """
-    found = Judgement.none(len(fixes))
+    found = FixAssessment.none(len(fixes))
     rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
     if rows.any():
         state, _ = state_probabilities(offset[rows], fixes.where(rows), config, tolerance_m)
@@ -94,9 +96,9 @@ def probabilities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m:
     return found
 
 
-def judge_on_path(
+def detect_outliers(
     poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
-) -> Judgement:
+) -> FixAssessment:
     """Judge the fixes within a path's time, the path free to bend as a camera drifts.
 
     Args:
@@ -108,24 +110,24 @@ def judge_on_path(
     """
     judged = fixes.used & place(t_s, fixes.t_s).inside
     if judged.sum() < 2:
-        return Judgement.none(len(fixes))
-    clocks = {0.0, config.sensors.lag_prior_s}  # in step, or not
+        return FixAssessment.none(len(fixes))
+    clocks = {0.0, config.sensors.time_offset_prior_s}  # in step, or not
     paths = [
-        FlexiblePath(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift, lag_sigma_s)
-        for lag_sigma_s in sorted(clocks)
+        DriftModel(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift, time_offset_sigma_s)
+        for time_offset_sigma_s in sorted(clocks)
     ]
     found = _judge(paths, fixes.where(judged), _tolerance(poses, paths[0].knots, config), config)
-    out = Judgement.none(len(fixes))
+    out = FixAssessment.none(len(fixes))
     out.own[judged], out.lower[judged] = found.own, found.lower
     return out
 
 
-def _judge(paths: list[FlexiblePath], fixes: Fixes, tolerance_m: float, config: Config) -> Judgement:
+def _judge(paths: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
     """At the likeliest of several ends: from the path as it is, and from coarse fits to all fixes; then from
     fits without runs of fixes that are believed though they are suspect."""
     everything = np.ones(len(fixes), dtype=bool)
 
-    def likelier(than: "_End | None", starts: Callable[[FlexiblePath], Iterable[FloatArray]]) -> "_End":
+    def likelier(than: "_End | None", starts: Callable[[DriftModel], Iterable[FloatArray]]) -> "_End":
         ends = [_settled(path, start, fixes, tolerance_m, config) for path in paths for start in starts(path)]
         return min([than, *ends] if than else ends, key=lambda end: end.energy)
 
@@ -168,7 +170,7 @@ class _End(NamedTuple):
 
 
 def _settled(
-    path: FlexiblePath, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
+    path: DriftModel, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
 ) -> _End:
     """Judge and fit in turn until the verdicts stay."""
     found = probabilities(path.offsets(parameters), fixes, config, tolerance_m)
@@ -187,4 +189,4 @@ def _settled(
 def _tolerance(poses: FloatArray, knots: int, config: Config) -> float:
     """What the way between two knots may be wrong by."""
     way = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
-    return max(config.judge.path_tolerance * way / knots, 0.01)
+    return max(config.outliers.path_tolerance * way / knots, 0.01)

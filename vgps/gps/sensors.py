@@ -9,16 +9,16 @@ import numpy as np
 from vgps.config import SensorsConfig
 from vgps.model import FloatArray
 
-LAG = gtsam.symbol("c", 0)
+TIME_OFFSET = gtsam.symbol("c", 0)
 ANTENNA = gtsam.symbol("d", 0)
 _HELD = 1e-6  # prior sigma of what is not to be estimated
 
 
 @dataclass(frozen=True)
-class Lag:
-    """Positions are ``lag_s`` older than their time stamps say, and the standard deviation ``sigma_s``."""
+class TimeOffset:
+    """How much older positions are than their time stamps say: ``time_offset_s`` and its ``sigma_s``."""
 
-    lag_s: float
+    time_offset_s: float
     sigma_s: float
 
 
@@ -27,50 +27,54 @@ class Sensors:
     """Clock and lever arm, with standard deviations before the optimiser saw anything.
 
     Attributes:
-        lag_s: Positions are this much older than their time stamps say.
+        time_offset_s: Positions are this much older than their time stamps say.
         camera_p_antenna: (3,) metres.
-        prior_lag: What is believed of the lag; a sigma of 0 holds it.
+        prior_time_offset: What is believed of the lag; a sigma of 0 holds it.
         prior_antenna: (3,) what is believed of the lever arm.
         antenna_sigma_m: How much; 0 holds it.
     """
 
-    lag_s: float
+    time_offset_s: float
     camera_p_antenna: FloatArray
-    prior_lag: Lag
+    prior_time_offset: TimeOffset
     prior_antenna: FloatArray
     antenna_sigma_m: float = 0.0
 
     @classmethod
-    def known(cls, camera_p_antenna: FloatArray, lag_s: float = 0.0) -> "Sensors":
+    def known(cls, camera_p_antenna: FloatArray, time_offset_s: float = 0.0) -> "Sensors":
         """Nothing to estimate."""
-        return cls(lag_s, camera_p_antenna, Lag(lag_s, 0.0), camera_p_antenna)
+        return cls(time_offset_s, camera_p_antenna, TimeOffset(time_offset_s, 0.0), camera_p_antenna)
 
     @classmethod
     def begin(cls, camera_p_antenna: FloatArray, config: SensorsConfig) -> "Sensors":
         """The lag as configured, held so far; the lever arm, to be estimated if that is asked for."""
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
-        return replace(cls.known(camera_p_antenna, config.lag_s), antenna_sigma_m=antenna_sigma_m)
+        return replace(cls.known(camera_p_antenna, config.time_offset_s), antenna_sigma_m=antenna_sigma_m)
 
-    def with_lag(self, lag: Lag) -> "Sensors":
+    def with_time_offset(self, lag: TimeOffset) -> "Sensors":
         """From another lag on."""
-        return replace(self, lag_s=lag.lag_s, prior_lag=lag)
+        return replace(self, time_offset_s=lag.time_offset_s, prior_time_offset=lag)
 
     @property
     def to_estimate(self) -> bool:
         """Whether anything is unknown."""
-        return self.prior_lag.sigma_s > 0.0 or self.antenna_sigma_m > 0.0
+        return self.prior_time_offset.sigma_s > 0.0 or self.antenna_sigma_m > 0.0
 
     def shared(self) -> dict[int, FloatArray]:
         """Start of the shared vectors: how much the lag (1,) is still to change, and the antenna (3,)."""
-        return {LAG: np.zeros(1), ANTENNA: self.camera_p_antenna} if self.to_estimate else {}
+        return {TIME_OFFSET: np.zeros(1), ANTENNA: self.camera_p_antenna} if self.to_estimate else {}
 
     def priors(self) -> gtsam.NonlinearFactorGraph:
         """What was believed before."""
         graph = gtsam.NonlinearFactorGraph()
         if self.to_estimate:
-            lag = gtsam.noiseModel.Isotropic.Sigma(1, self.prior_lag.sigma_s or _HELD)
+            lag = gtsam.noiseModel.Isotropic.Sigma(1, self.prior_time_offset.sigma_s or _HELD)
             antenna = gtsam.noiseModel.Isotropic.Sigma(3, self.antenna_sigma_m or _HELD)
-            graph.push_back(gtsam.PriorFactorVector(LAG, np.array([self.prior_lag.lag_s - self.lag_s]), lag))
+            graph.push_back(
+                gtsam.PriorFactorVector(
+                    TIME_OFFSET, np.array([self.prior_time_offset.time_offset_s - self.time_offset_s]), lag
+                )
+            )
             graph.push_back(gtsam.PriorFactorVector(ANTENNA, self.prior_antenna, antenna))
         return graph
 
@@ -78,6 +82,8 @@ class Sensors:
         """With what the optimiser found."""
         if not shared:
             return self
-        lag_s = self.lag_s + (float(shared[LAG][0]) if self.prior_lag.sigma_s else 0.0)
+        time_offset_s = self.time_offset_s + (
+            float(shared[TIME_OFFSET][0]) if self.prior_time_offset.sigma_s else 0.0
+        )
         antenna = shared[ANTENNA] if self.antenna_sigma_m else self.camera_p_antenna
-        return replace(self, lag_s=lag_s, camera_p_antenna=antenna)
+        return replace(self, time_offset_s=time_offset_s, camera_p_antenna=antenna)

@@ -15,7 +15,7 @@ from scipy.special import ndtr, stdtrit
 
 from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.gps.sensors import Lag, Sensors
+from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.model import FloatArray
 
 _SEEN = 0.5  # of the prior standard deviation: what is larger was not seen
@@ -33,7 +33,7 @@ _REWEIGHTED = 2
 ComplexArray = npt.NDArray[np.complex128]
 
 
-def settle_lag(
+def update_time_offset(
     sensors: Sensors, poses: FloatArray, t_s: FloatArray, fixes: Fixes, config: SensorsConfig
 ) -> tuple[Sensors, tuple[str, ...]]:
     """Whether there is a lag to be estimated with the poses, from what it looks like on; a remark on it.
@@ -45,41 +45,46 @@ def settle_lag(
         fixes: By their own clock, as they are judged.
         config: What is believed, and what is significant.
     """
-    believed = Lag(config.lag_s, config.lag_prior_s)
+    believed = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not believed.sigma_s:
         return sensors, ()
     pairs = _pairs(poses, t_s, fixes, sensors.camera_p_antenna, believed)
-    found = _best_lag(pairs, believed)
-    change_s, seen = abs(found.lag_s - believed.lag_s), found.sigma_s < _SEEN * believed.sigma_s
-    chance_s = config.significant * float(np.hypot(config.trusted_lag_s, found.sigma_s))
+    found = _best_time_offset(pairs, believed)
+    change_s, seen = (
+        abs(found.time_offset_s - believed.time_offset_s),
+        found.sigma_s < _SEEN * believed.sigma_s,
+    )
+    chance_s = config.significant * float(np.hypot(config.trusted_time_offset_s, found.sigma_s))
     # the best of a grid is narrow by chance too: it must explain the fixes better than what was believed
     tried = 1.0 + 2.0 * _REACH * believed.sigma_s / found.sigma_s
     needed = least_gain(config.significant, pairs.freedom, tried)
-    real = change_s > chance_s and pairs.gain(found.lag_s, believed.lag_s) > needed
-    if seen and (config.estimate_lag == "yes" or real):
+    real = change_s > chance_s and pairs.gain(found.time_offset_s, believed.time_offset_s) > needed
+    if seen and (config.estimate_time_offset == "yes" or real):
         # the path was fitted to the fixes before, at another lag: it may hide as much
-        doubtful = Lag(found.lag_s, float(np.hypot(found.sigma_s, config.trusted_lag_s)))
-        return sensors.with_lag(doubtful), (
-            f"the positions of the GPS log are {found.lag_s:.2f} s older than their time stamps say; "
+        doubtful = TimeOffset(
+            found.time_offset_s, float(np.hypot(found.sigma_s, config.trusted_time_offset_s))
+        )
+        return sensors.with_time_offset(doubtful), (
+            f"the positions of the GPS log are {found.time_offset_s:.2f} s older than their time stamps say; "
             "this was corrected",
         )
-    held = sensors.with_lag(Lag(config.lag_s, 0.0))
-    if seen or config.estimate_lag == "auto":
+    held = sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0))
+    if seen or config.estimate_time_offset == "auto":
         return held, ()
     return held, (
         "the motion does not show the lag between the clocks of video and GPS (standard deviation "
-        f"{found.sigma_s:.2f} s): it was held at {config.lag_s:g} s; curves or braking would show it",
+        f"{found.sigma_s:.2f} s): it was held at {config.time_offset_s:g} s; curves or braking would show it",
     )
 
 
-def lag_by_differences(
+def time_offset_by_differences(
     poses: FloatArray,
     t_s: FloatArray,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
-    believed: Lag,
-) -> Lag:
-    """Lag at which the horizontal ways from fix to fix agree with the camera's.
+    believed: TimeOffset,
+) -> TimeOffset:
+    """Time offset at which the horizontal ways from fix to fix agree with the camera's.
 
     Minimises a Cauchy loss of the differences' disagreement, in units of its own spread, and of the lag's
     distance from what is believed; from the best of a grid.
@@ -91,7 +96,7 @@ def lag_by_differences(
         camera_p_antenna: (3,) metres.
         believed: Before anything was seen.
     """
-    return _best_lag(_pairs(poses, t_s, fixes, camera_p_antenna, believed), believed)
+    return _best_time_offset(_pairs(poses, t_s, fixes, camera_p_antenna, believed), believed)
 
 
 def least_gain(significant: float, freedom: int, tried: float) -> float:
@@ -111,27 +116,27 @@ def least_gain(significant: float, freedom: int, tried: float) -> float:
 
 
 def _pairs(
-    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, believed: Lag
+    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, believed: TimeOffset
 ) -> "_Pairs":
     """Of the fixes that stay within the video whatever the lag may be."""
-    taken_s, reach = fixes.t_s - believed.lag_s, _REACH * believed.sigma_s
+    taken_s, reach = fixes.t_s - believed.time_offset_s, _REACH * believed.sigma_s
     inside = fixes.used & (taken_s > t_s[0] + reach) & (taken_s < t_s[-1] - reach)
     return _Pairs(poses, t_s, fixes.where(inside), camera_p_antenna)
 
 
-def _best_lag(pairs: "_Pairs", believed: Lag) -> Lag:
+def _best_time_offset(pairs: "_Pairs", believed: TimeOffset) -> TimeOffset:
     """The best of a grid, refined."""
     if pairs.count < 3:
         return believed
     reach = _REACH * believed.sigma_s
-    grid = believed.lag_s + np.arange(-reach, reach + _STEP_S, _STEP_S)
-    lag_s = float(grid[int(np.argmin([np.median(pairs.apart(lag)) for lag in grid.tolist()]))])
+    grid = believed.time_offset_s + np.arange(-reach, reach + _STEP_S, _STEP_S)
+    time_offset_s = float(grid[int(np.argmin([np.median(pairs.apart(lag)) for lag in grid.tolist()]))])
     for _ in range(_ITERATIONS):
-        step, sigma_s = pairs.step(lag_s, believed)
-        lag_s += step
+        step, sigma_s = pairs.step(time_offset_s, believed)
+        time_offset_s += step
         if abs(step) < 1e-5:
             break
-    return Lag(lag_s, sigma_s)
+    return TimeOffset(time_offset_s, sigma_s)
 
 
 class _Pairs:
@@ -160,28 +165,33 @@ class _Pairs:
         """Residuals beyond the factors and the lag."""
         return 2 * self.count - 2 * int(self._share.shape[1]) - 1
 
-    def apart(self, lag_s: float) -> FloatArray:
+    def apart(self, time_offset_s: float) -> FloatArray:
         """(n,) lengths of the disagreements, metres."""
-        return np.abs(self._fitted(lag_s).apart)
+        return np.abs(self._fitted(time_offset_s).apart)
 
-    def step(self, lag_s: float, believed: Lag) -> tuple[float, float]:
+    def step(self, time_offset_s: float, believed: TimeOffset) -> tuple[float, float]:
         """Gauss-Newton step of the reweighted problem, and the standard deviation there, factors free."""
-        found = self._fitted(lag_s)
-        by_lag = (self._camera_way(lag_s + _DELTA_S) - found.way) / _DELTA_S * (self._share @ found.factor)
+        found = self._fitted(time_offset_s)
+        by_time_offset = (
+            (self._camera_way(time_offset_s + _DELTA_S) - found.way) / _DELTA_S * (self._share @ found.factor)
+        )
         weight = _weight(found.apart)
         hessian, A = self._normal(found.way, weight)
-        shared = A.conj().T @ (weight * by_lag)
+        shared = A.conj().T @ (weight * by_time_offset)
         known = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # what the factors could explain too
-        information = np.sum(weight * np.abs(by_lag) ** 2) - known + believed.sigma_s**-2
+        information = np.sum(weight * np.abs(by_time_offset) ** 2) - known + believed.sigma_s**-2
         # the factors are at their best, so they do not pull
-        gradient = np.vdot(by_lag, weight * found.apart).real + (lag_s - believed.lag_s) / believed.sigma_s**2
+        gradient = (
+            np.vdot(by_time_offset, weight * found.apart).real
+            + (time_offset_s - believed.time_offset_s) / believed.sigma_s**2
+        )
         return -float(gradient / information), float(information**-0.5)
 
-    def gain(self, lag_s: float, other_s: float) -> float:
+    def gain(self, time_offset_s: float, other_s: float) -> float:
         """Twice the log of how much more likely a lag is than another one."""
         if self.count == 0:
             return 0.0
-        ends = self._fitted(lag_s), self._fitted(other_s)
+        ends = self._fitted(time_offset_s), self._fitted(other_s)
         bend = _WIDTH * _spread(ends[0].apart)
         cost = [
             _WIDTH**2 * np.log1p(np.abs(end.apart / bend) ** 2).sum()
@@ -190,13 +200,13 @@ class _Pairs:
         ]
         return float(cost[1] - cost[0])
 
-    def _camera_way(self, lag_s: float) -> ComplexArray:
-        placement = place(self._t_s, self._fixes.t_s - lag_s, beyond=True)
+    def _camera_way(self, time_offset_s: float) -> ComplexArray:
+        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
         return _ways(antenna_at(self._poses, placement, self._antenna))[self._rows]
 
-    def _fitted(self, lag_s: float) -> "_Fitted":
+    def _fitted(self, time_offset_s: float) -> "_Fitted":
         """At the best factors for a lag: least squares, reweighted."""
-        way = self._camera_way(lag_s)
+        way = self._camera_way(time_offset_s)
         factor: ComplexArray = np.ones(self._share.shape[1], dtype=np.complex128)
         for _ in range(_REWEIGHTED):
             weight = _weight(way * (self._share @ factor) - self._way)

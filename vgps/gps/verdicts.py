@@ -4,7 +4,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.gps.outlier_detection import Judgement
+from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.solution import FixTable, Verdict
 
@@ -12,7 +12,7 @@ from vgps.solution import FixTable, Verdict
 def fix_table(
     log: GpsLog,
     fixes: Fixes,
-    judgement: Judgement,
+    assessment: FixAssessment,
     t_s: FloatArray,
     poses: FloatArray,
     camera_p_antenna: FloatArray,
@@ -23,7 +23,7 @@ def fix_table(
     Args:
         log: The fixes as read.
         fixes: The same fixes in the world.
-        judgement: Of these.
+        assessment: Of these.
         t_s: (F,) frame times, ``poses`` (F, 4, 4): the result.
         camera_p_antenna: (3,) metres.
         config: Names the GPS model.
@@ -31,9 +31,9 @@ def fix_table(
     placement = place(t_s, fixes.t_s)
     residual = antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix
     residual[~placement.inside] = np.nan
-    believed = judgement.applied(fixes)
-    found = verdicts_of(judgement)
-    lasts = _as_before(residual, fixes, judgement.rejected)
+    believed = assessment.applied(fixes)
+    found = verdicts_of(assessment)
+    lasts = _as_before(residual, fixes, assessment.rejected)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
         why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
@@ -44,13 +44,13 @@ def fix_table(
         verdicts.append(found[row])
         where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
         lasting = ", in error as the fix before it" if lasts[row] else ""
-        reasons.append(_in_words(verdicts[-1], fix_class, where, judgement, row) + lasting)
+        reasons.append(_in_words(verdicts[-1], fix_class, where, assessment, row) + lasting)
     return FixTable(
         fixes.world_p_fix,
         residual,
         believed.r_m,
         believed.h_m,
-        judgement.own,
+        assessment.own,
         tuple(verdicts),
         tuple(reasons),
     )
@@ -64,11 +64,11 @@ def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> s
     return "the GPS model is none" if config.gps.model == "none" else ""
 
 
-def verdicts_of(judgement: Judgement) -> list[Verdict]:
+def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
     """What was made of each fix (M,) that took part."""
     return [
         Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
-        for rejected, lowered in zip(judgement.rejected, judgement.lowered, strict=True)
+        for rejected, lowered in zip(assessment.rejected, assessment.lowered, strict=True)
     ]
 
 
@@ -87,8 +87,8 @@ def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
     return f"the antenna lies outside its region, {horizontal:.1f} r and {vertical:.1f} h away"
 
 
-def _in_words(verdict: Verdict, fix_class: FixClass, where: str, judgement: Judgement, row: int) -> str:
-    own, lower = judgement.own[row], judgement.lower[row]
+def _in_words(verdict: Verdict, fix_class: FixClass, where: str, assessment: FixAssessment, row: int) -> str:
+    own, lower = assessment.own[row], assessment.lower[row]
     if verdict == Verdict.REJECTED:
         return (
             f"rejected: {where}, by the video and the other fixes; an outlier with p = {1 - own - lower:.4f}"

@@ -15,7 +15,7 @@ from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
 from vgps.model import FloatArray, GyroLog, Recording
 from vgps.runtime.progress import Progress, Silent
 from vgps.runtime.threads import one_blas_thread
-from vgps.tracking.relative_rotation import Turns, frame_turns
+from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations
 
 _AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
 
@@ -96,11 +96,13 @@ def calibrate_gyro(
     rng = np.random.default_rng(config.seed)
     with one_blas_thread():
         least = config.gyro_calibration.least_interval_s
-        turns = frame_turns(frames, recording.camera, config.tracking, rng, least_interval_s=least)
+        turns = frame_rotations(frames, recording.camera, config.tracking, rng, least_interval_s=least)
         return calibrate_from_turns(turns, raw, config.gyro_calibration)
 
 
-def calibrate_from_turns(turns: Turns, gyro: GyroLog, config: GyroCalibrationConfig) -> GyroCalibration:
+def calibrate_from_turns(
+    turns: RelativeRotations, gyro: GyroLog, config: GyroCalibrationConfig
+) -> GyroCalibration:
     """The same from the camera's turns.
 
     Raises:
@@ -130,18 +132,18 @@ def calibrate_from_turns(turns: Turns, gyro: GyroLog, config: GyroCalibrationCon
     return _told(turns, fit, guess, alignment, _scale(by_gyro, rates, fit), config)
 
 
-def _rates(turns: Turns) -> FloatArray:
+def _rates(turns: RelativeRotations) -> FloatArray:
     vectors = Rotation.from_matrix(turns.start_R_end).as_rotvec()
     return np.asarray(vectors / (turns.end_s - turns.start_s)[:, None])
 
 
-def _gyro_rates(turns: Turns, gyro: GyroIntegral, offset_s: float) -> FloatArray:
+def _gyro_rates(turns: RelativeRotations, gyro: GyroIntegral, offset_s: float) -> FloatArray:
     return gyro.mean_rates(turns.start_s - offset_s, turns.end_s - offset_s)
 
 
 def _covered(
-    turns: Turns, rates: FloatArray, gyro: GyroIntegral, offset_s: float
-) -> tuple[Turns, FloatArray]:
+    turns: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float
+) -> tuple[RelativeRotations, FloatArray]:
     """Without the intervals for which the gyro, moved by up to an interval, has no rates."""
     length = turns.end_s - turns.start_s
     start, end = turns.start_s - offset_s - length, turns.end_s - offset_s + length
@@ -156,7 +158,12 @@ def _scale(by_gyro: FloatArray, rates: FloatArray, fit: Fit) -> float:
 
 
 def _told(
-    turns: Turns, fit: Fit, guess: Guess, alignment: Alignment, scale: float, config: GyroCalibrationConfig
+    turns: RelativeRotations,
+    fit: Fit,
+    guess: Guess,
+    alignment: Alignment,
+    scale: float,
+    config: GyroCalibrationConfig,
 ) -> GyroCalibration:
     sigma = np.sqrt(np.diag(fit.covariance))
     notes = []

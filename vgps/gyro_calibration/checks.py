@@ -7,7 +7,7 @@ from vgps.errors import GeometryError, GyroLogError
 from vgps.gyro_calibration.coarse import Alignment, Guess
 from vgps.gyro_calibration.fit import Fit
 from vgps.model import FloatArray, GyroLog
-from vgps.tracking.relative_rotation import Turns
+from vgps.tracking.relative_rotation import RelativeRotations
 
 _SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
 _UNIT = 2.0  # times too far, and no lens explains it
@@ -66,7 +66,9 @@ def _check_unit(gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, 
         )
 
 
-def check_axes(fit: Fit, alignment: Alignment, turns: Turns, config: GyroCalibrationConfig) -> None:
+def check_axes(
+    fit: Fit, alignment: Alignment, turns: RelativeRotations, config: GyroCalibrationConfig
+) -> None:
     """Check that the camera turned about two axes: one leaves the sensor free to be turned about it.
 
     Raises:

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
-from vgps.tracking.relative_rotation import Turns
+from vgps.tracking.relative_rotation import RelativeRotations
 
 _STEPS_PER_INTERVAL = 8
 _LEAST_OVERLAP = 0.5  # share of the intervals that the gyro must cover
@@ -57,7 +57,9 @@ def align_rates(
     return Alignment(np.asarray((u * sign) @ vt, np.float64), agreement, np.asarray(scatter, np.float64))
 
 
-def guess_offset(turns: Turns, camera_rates: FloatArray, gyro: GyroIntegral, search_s: float) -> Guess | None:
+def guess_offset(
+    turns: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, search_s: float
+) -> Guess | None:
     """The offset within ``search_s`` at which the rates of gyro and video agree best, whatever the mount.
 
     Args:
@@ -86,7 +88,9 @@ def guess_offset(turns: Turns, camera_rates: FloatArray, gyro: GyroIntegral, sea
     return Guess(float(offsets[best]), alignment, float(offsets[other]), float(agreement[other]))
 
 
-def _aligned_at(turns: Turns, rates: FloatArray, gyro: GyroIntegral, offset_s: float) -> Alignment | None:
+def _aligned_at(
+    turns: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float
+) -> Alignment | None:
     start, end = turns.start_s - offset_s, turns.end_s - offset_s
     covered = gyro.covers(start, end)
     if covered.sum() < max(3.0, _LEAST_OVERLAP * len(turns)):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
-from vgps.tracking.relative_rotation import Turns
+from vgps.tracking.relative_rotation import RelativeRotations
 
 _ITERATIONS = 30
 _CAUCHY = 2.5  # standard deviations beyond which an interval counts for less and less
@@ -47,7 +47,7 @@ class Fit(NamedTuple):
     weight: FloatArray
 
 
-def residuals(turns: Turns, gyro: GyroIntegral, mount: Mount) -> FloatArray:
+def residuals(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
     """(P, 3) ``Log(turn^T gyro_R_camera^T gyro's turn gyro_R_camera)``, camera's axes at the end; Eq. (1),
     Matsuda 2007."""
     offset, R = mount.time_offset_s, mount.gyro_R_camera
@@ -56,7 +56,7 @@ def residuals(turns: Turns, gyro: GyroIntegral, mount: Mount) -> FloatArray:
     return np.asarray(Rotation.from_matrix(off).as_rotvec(), np.float64)
 
 
-def fit_mount(turns: Turns, gyro: GyroIntegral, start: Mount) -> Fit:
+def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount) -> Fit:
     """The mount whose turns are the camera's, by Gauss-Newton with Cauchy weights.
 
     An interval's variance is that of its rotation from the image and, equal for all, what the residuals show
@@ -92,7 +92,7 @@ def _weights(residual: FloatArray, covariance: FloatArray) -> tuple[FloatArray, 
     return whitening, 1 / (1 + np.sum(white**2, axis=1) / (3 * _CAUCHY**2))
 
 
-def _jacobian(turns: Turns, gyro: GyroIntegral, mount: Mount) -> FloatArray:
+def _jacobian(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
     """(P, 3, 7) by central differences."""
     columns = []
     for step in np.diag(_STEPS):

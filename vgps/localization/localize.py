@@ -15,7 +15,7 @@ from vgps.localization.tracker import TrackedFrame
 from vgps.model import BoolArray, Float32Array, FloatArray, Frame, Recording
 from vgps.runtime.progress import Progress, Silent
 from vgps.runtime.threads import one_blas_thread
-from vgps.runtime.timing import Seconds
+from vgps.runtime.timing import StageTimer
 from vgps.solution import Solution
 
 _NAMED_STRETCHES = 5
@@ -41,7 +41,7 @@ def localise(
         GeometryError: No frame shows enough of the database's landmarks.
         VgpsError: The video or the database is damaged.
     """
-    config, seconds = config or TrackConfig(), Seconds()
+    config, seconds = config or TrackConfig(), StageTimer()
     localiser = Localiser(recording, database, config)
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []

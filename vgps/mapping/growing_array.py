@@ -8,7 +8,7 @@ from vgps.model import FloatArray
 _START = 256
 
 
-class GrowingRows:
+class GrowingArray:
     """Float rows of one shape; memory is doubled when it is full, so adding n rows costs O(n).
 
     Args:
@@ -20,7 +20,7 @@ class GrowingRows:
         self._count = 0
 
     @classmethod
-    def of(cls, rows: FloatArray) -> "GrowingRows":
+    def of(cls, rows: FloatArray) -> "GrowingArray":
         """These rows (n, *shape), copied."""
         made = cls(rows.shape[1:])
         made._rows = np.concatenate([rows, np.zeros((max(_START, len(rows) // 2), *rows.shape[1:]))])

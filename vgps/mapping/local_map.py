@@ -4,8 +4,8 @@ import copy
 
 import numpy as np
 
-from vgps.mapping.growing_array import GrowingRows
-from vgps.mapping.zero_motion import StaticTie
+from vgps.mapping.growing_array import GrowingArray
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
@@ -31,14 +31,14 @@ class LocalMap:
     def __init__(self, first_frame: int, history: int) -> None:
         self.first_frame = first_frame
         self.forgotten_features = 0
-        self._poses = GrowingRows((4, 4))
-        self._steps = GrowingRows((3,))
+        self._poses = GrowingArray((4, 4))
+        self._steps = GrowingArray((3,))
         self.aligned = False
         self.ids: IntArray = np.zeros(0, dtype=np.int64)
         self.raw_uv_px = np.zeros((0, 2))
         self.views = np.full((0, history, 2), np.nan)
         self.view_frames: IntArray = np.full(history, -1, dtype=np.int64)
-        self.static_ties: list[StaticTie] = []
+        self.zero_motions: list[ZeroMotion] = []
         self.bridged: set[int] = set()
         self._points = np.full((_GROWTH, 3), np.nan)
         self._sigma_px = np.full(_GROWTH, np.nan)
@@ -101,9 +101,9 @@ class LocalMap:
     def snapshot(self) -> "LocalMap":
         """A copy whose poses and positions may be changed while this map goes on growing."""
         twin = copy.copy(self)
-        twin._poses, twin._steps = GrowingRows.of(self.poses), GrowingRows.of(self.steps)
+        twin._poses, twin._steps = GrowingArray.of(self.poses), GrowingArray.of(self.steps)
         twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
-        twin.static_ties, twin.bridged, twin._log = self.static_ties[:], set(self.bridged), self._log[:]
+        twin.zero_motions, twin.bridged, twin._log = self.zero_motions[:], set(self.bridged), self._log[:]
         return twin
 
     def append_pose(self, world_T_camera: FloatArray) -> None:
@@ -167,7 +167,7 @@ class LocalMap:
 
     def pose_standing_frames(self) -> None:
         """Frames that stood still before the map began stand where their view does."""
-        for tie in self.static_ties:
+        for tie in self.zero_motions:
             row = tie.frame - self.first_frame
             if np.isnan(self.poses[row, 0, 0]):
                 self.poses[row] = self.pose(tie.key) @ tie.key_T_frame
@@ -195,8 +195,8 @@ class LocalMap:
         before_view = min(before_view, newest)
         before_frame = max(min(before_frame, before_view), self.first_frame)
         self._log = [entry for entry in self._log if entry[0] >= before_view]
-        self.static_ties = [
-            tie for tie in self.static_ties if tie.frame >= before_view and tie.key >= before_frame
+        self.zero_motions = [
+            tie for tie in self.zero_motions if tie.frame >= before_view and tie.key >= before_frame
         ]
         gone = self.view_frames < before_frame
         self.view_frames = np.where(gone, -1, self.view_frames)
@@ -205,7 +205,7 @@ class LocalMap:
         self._forget_features()
         count = before_frame - self.first_frame
         old = self.poses[:count].copy()
-        self._poses, self._steps = GrowingRows.of(self.poses[count:]), GrowingRows.of(self.steps[count:])
+        self._poses, self._steps = GrowingArray.of(self.poses[count:]), GrowingArray.of(self.steps[count:])
         self.first_frame = before_frame
         return old
 
@@ -239,4 +239,4 @@ class LocalMap:
         self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
         self._points = scale * self._points @ world_R_map.T + world_p_map
         self._steps.values[:] *= scale
-        self.static_ties = [tie.scaled(scale) for tie in self.static_ties]
+        self.zero_motions = [tie.scaled(scale) for tie in self.zero_motions]

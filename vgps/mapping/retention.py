@@ -10,7 +10,7 @@ from vgps.model import FloatArray
 
 
 @dataclass(frozen=True)
-class Memory:
+class RetentionPolicy:
     """How far back a sequence remembers: sightings and views in frames, path and fixes in seconds.
 
     Stage C needs the sightings of a window and of the longest track before it; more changes nothing. Drift
@@ -21,7 +21,7 @@ class Memory:
     path_s: float
 
     @classmethod
-    def of(cls, config: Config) -> "Memory":
+    def of(cls, config: Config) -> "RetentionPolicy":
         """The least that leaves stage C what it needs."""
         window = config.window
         frames = window.length_frames + window.every_frames + config.mapping.max_track_frames
@@ -29,7 +29,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Forgotten:
+class RetiredPoses:
     """Poses (n, 4, 4) of the frames from ``first_frame`` on, which a sequence will not change any more."""
 
     first_frame: int
@@ -38,12 +38,14 @@ class Forgotten:
     bridged: frozenset[int]
 
 
-def whole(local_map: LocalMap) -> Forgotten:
+def whole(local_map: LocalMap) -> RetiredPoses:
     """All poses of a map that ended."""
-    return Forgotten(local_map.first_frame, local_map.poses, local_map.aligned, frozenset(local_map.bridged))
+    return RetiredPoses(
+        local_map.first_frame, local_map.poses, local_map.aligned, frozenset(local_map.bridged)
+    )
 
 
-def oldest(local_map: LocalMap, t_s: FloatArray, horizon_s: float, memory: Memory) -> Forgotten:
+def oldest(local_map: LocalMap, t_s: FloatArray, horizon_s: float, memory: RetentionPolicy) -> RetiredPoses:
     """What a map holds from before a time, which it lets go of; its sightings go by their number of frames.
 
     Args:
@@ -55,4 +57,4 @@ def oldest(local_map: LocalMap, t_s: FloatArray, horizon_s: float, memory: Memor
     first, bridged = local_map.first_frame, frozenset(local_map.bridged)
     before_frame = int(np.searchsorted(t_s, horizon_s))
     poses = local_map.forget(before_frame, local_map.next_frame - memory.view_frames)
-    return Forgotten(first, poses, local_map.aligned, bridged)
+    return RetiredPoses(first, poses, local_map.aligned, bridged)

@@ -8,7 +8,7 @@ from vgps.model import FloatArray
 
 
 @dataclass(frozen=True)
-class StaticTie:
+class ZeroMotion:
     """A frame that shows no motion against ``key``: its relative pose instead of observations of its own.
 
     ``key_T_frame`` (4, 4) and the standard deviations (6,) [rotation rad; translation in map units].
@@ -19,10 +19,10 @@ class StaticTie:
     key_T_frame: FloatArray
     sigma: FloatArray
 
-    def scaled(self, scale: float) -> "StaticTie":
+    def scaled(self, scale: float) -> "ZeroMotion":
         """In a unit ``scale`` times smaller."""
         sigma = np.concatenate([self.sigma[:3], scale * self.sigma[3:]])
-        return StaticTie(self.frame, self.key, scaled_pose(self.key_T_frame, scale), sigma)
+        return ZeroMotion(self.frame, self.key, scaled_pose(self.key_T_frame, scale), sigma)
 
 
 def scaled_pose(pose: FloatArray, scale: float) -> FloatArray:

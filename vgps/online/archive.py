@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.gps.outlier_detection import Judgement
-from vgps.mapping.growing_array import GrowingRows
-from vgps.mapping.retention import Forgotten
+from vgps.gps.outlier_detection import FixAssessment
+from vgps.mapping.growing_array import GrowingArray
+from vgps.mapping.retention import RetiredPoses
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.online.pose_sigmas import Sigmas
 from vgps.readers.fixes import Fix
@@ -22,9 +22,9 @@ class FrameArchive:
     """
 
     def __init__(self) -> None:
-        self._sigmas = GrowingRows((2, 3))
-        self._poses = GrowingRows((3, 4))
-        self._tracked = GrowingRows()
+        self._sigmas = GrowingArray((2, 3))
+        self._poses = GrowingArray((3, 4))
+        self._tracked = GrowingArray()
 
     def append(self, world_T_camera: FloatArray, sigmas: Sigmas, tracked: bool) -> None:
         """The next frame; NaN if it has no pose in the world."""
@@ -32,7 +32,7 @@ class FrameArchive:
         self._poses.append(world_T_camera[:3])
         self._tracked.append(tracked)
 
-    def settle(self, part: Forgotten) -> None:
+    def settle(self, part: RetiredPoses) -> None:
         """Poses as they are now; those of a map that does not lie in the world yet say nothing."""
         if not part.aligned:
             return
@@ -66,8 +66,8 @@ class FixArchive:
     """Every fix that was added, in the order of adding, and the last verdict on each."""
 
     def __init__(self) -> None:
-        self._rows = GrowingRows((12,))
-        self._judged = GrowingRows((2,))
+        self._rows = GrowingArray((12,))
+        self._judged = GrowingArray((2,))
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -86,9 +86,9 @@ class FixArchive:
         """Class of a fix."""
         return _CLASSES[int(self._rows.values[row, 11])]
 
-    def judge(self, number: np.ndarray, judgement: Judgement) -> None:
+    def judge(self, number: np.ndarray, assessment: FixAssessment) -> None:
         """The newest verdicts, on the fixes ``number`` (M,)."""
-        self._judged.values[number] = np.stack([judgement.own, judgement.lower], axis=1)
+        self._judged.values[number] = np.stack([assessment.own, assessment.lower], axis=1)
 
     def log(self, source: Path, rows: slice | np.ndarray = slice(None)) -> GpsLog:
         """These fixes in the order of ``rows``."""
@@ -111,7 +111,7 @@ class FixArchive:
         """(M,) rows in order of time."""
         return np.argsort(self._rows.values[:, 0], kind="stable")
 
-    def judgement(self, rows: np.ndarray) -> Judgement:
+    def assessment(self, rows: np.ndarray) -> FixAssessment:
         """Of the fixes ``rows`` (M,)."""
         own, lower = self._judged.values[rows].T
-        return Judgement(own.copy(), lower.copy())
+        return FixAssessment(own.copy(), lower.copy())

@@ -38,7 +38,7 @@ class OnlineEstimate:
 
     Attributes:
         frame: Its index.
-        t_s: Seconds since the first frame.
+        t_s: StageTimer since the first frame.
         state: How it came by its pose; without ``tracked`` or ``bridged`` both poses are NaN.
         global_T_camera: (4, 4) world_T_camera, the best estimate; it jumps when fixes correct it.
         local_T_camera: (4, 4) world_T_camera that moves smoothly: it nears the other one at a limited speed.

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 from vgps.model import Rig
 from vgps.online.gps_source import GpsSource, ReceivedFix
-from vgps.online.run import Item, Note
+from vgps.online.run import Item, SourceNote
 from vgps.online.video_source import VideoSource
 from vgps.readers.fixes import DAY_S, Clock, Fix, unix_s
 
@@ -60,22 +60,24 @@ def live_feed(
     tell = 1
     while not stop.is_set() and not video.ended:
         frame = video.next(0.05)
-        yield from (Note(text) for text in video.notes())
+        yield from (SourceNote(text) for text in video.notes())
         if frame is not None and clock is None:
             start_s = unix_s(start_utc(video, rig, delay_s))
             clock = VideoClock(start_s, video.live and rig.video_start_utc is None)
         received, notes = gps.take() if gps is not None else ([], [])
-        yield from (Note(text) for text in notes)
+        yield from (SourceNote(text) for text in notes)
         early += received
         if clock is not None:
             for fix in early:
                 placed, note = clock.fix(fix)
-                yield from () if note is None else (Note(note),)
+                yield from () if note is None else (SourceNote(note),)
                 yield placed
             early = []
         if video.dropped >= tell:
             tell *= 10
-            yield Note(f"frames come faster than they are posed: {video.dropped} have been left out so far")
+            yield SourceNote(
+                f"frames come faster than they are posed: {video.dropped} have been left out so far"
+            )
         if frame is not None:
             yield frame
 

@@ -10,14 +10,14 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
-from vgps.pipeline.front_end import Sequence
+from vgps.pipeline.front_end import FramePipeline
 
 _NOTEWORTHY_M = 0.5  # correction of a pose
 _NOWHERE = np.full((4, 4), np.nan)
 
 
 @dataclass(frozen=True)
-class Followed:
+class PublishedPose:
     """What a frame's pose is worth.
 
     Attributes:
@@ -43,25 +43,25 @@ class _Last:
     global_T_camera: FloatArray
 
 
-class Follower:
+class PosePublisher:
     """Asks a sequence after every frame."""
 
-    def __init__(self, sequence: Sequence, config: OnlineConfig) -> None:
-        self._sequence, self._config = sequence, config
+    def __init__(self, frame_pipeline: FramePipeline, config: OnlineConfig) -> None:
+        self._frame_pipeline, self._config = frame_pipeline, config
         self._blender = Blender(config)
         self._map: LocalMap | None = None
         self._last: _Last | None = None
         self._state = OnlineState.STARTING
 
-    def follow(self, frame: int) -> Followed:
+    def follow(self, frame: int) -> PublishedPose:
         """The newest frame, by its index."""
-        current, t_s = self._sequence.current, float(self._sequence.t_s[frame])
+        current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
         state, pose = self._newest(current, frame)
         events = self._changes(state, t_s)
         if current is not self._map or not np.isfinite(pose[0, 0]):
             self._last, self._map = None, current
         if not np.isfinite(pose[0, 0]):
-            return Followed(state, _NOWHERE, _NOWHERE, tuple(events))
+            return PublishedPose(state, _NOWHERE, _NOWHERE, tuple(events))
         if self._last is None or current is None:
             self._blender.begin()
             smooth, moved = pose, None
@@ -70,7 +70,7 @@ class Follower:
             events += self._corrections(current, self._last, t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
-        return Followed(state, pose, smooth, tuple(events), moved)
+        return PublishedPose(state, pose, smooth, tuple(events), moved)
 
     def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
         if current is None:
@@ -85,7 +85,7 @@ class Follower:
 
     def _pose(self, current: LocalMap, frame: int) -> FloatArray:
         """As the map has it, or for a moment after its end by going on as before."""
-        t_s, last = self._sequence.t_s, current.next_frame - 1
+        t_s, last = self._frame_pipeline.t_s, current.next_frame - 1
         if frame <= last:
             return current.pose(frame).copy()  # stage C writes to it later
         away_s = float(t_s[frame] - t_s[last])

@@ -28,8 +28,8 @@ from vgps.config import Config
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.error_propagation import OWN, PLACE, TURN, fix_rows, level, seen, transitions, unknown
-from vgps.online.pose_publisher import Followed
-from vgps.pipeline.front_end import Sequence
+from vgps.online.pose_publisher import PublishedPose
+from vgps.pipeline.front_end import FramePipeline
 from vgps.smoothing.covariance import region_sigmas
 
 
@@ -55,12 +55,12 @@ class PathErrors:
     """Carries the covariance from frame to frame, and anew through the window whenever stage C moved it.
 
     Args:
-        sequence: Whose newest map is followed.
+        frame_pipeline: Whose newest map is followed.
         config: Regions, drift, motion, and what is believed of a camera's level.
     """
 
-    def __init__(self, sequence: Sequence, config: Config) -> None:
-        self._sequence, self._config = sequence, config
+    def __init__(self, frame_pipeline: FramePipeline, config: Config) -> None:
+        self._frame_pipeline, self._config = frame_pipeline, config
         self._correlation_s = np.unique([region.correlation_s for region in config.gps.regions.values()])
         self._errors = OWN + 3 * len(self._correlation_s)
         # times of the fixes by their own clock, as stage C saw them when it began what is used now
@@ -72,11 +72,11 @@ class PathErrors:
 
     def offer(self) -> None:
         """Once a frame: stage C may begin now, and sees the fixes so far."""
-        self._offered_s.append(self._sequence.ledger.fixes.t_s)
+        self._offered_s.append(self._frame_pipeline.fix_buffer.fixes.t_s)
 
-    def follow(self, followed: Followed) -> Sigmas:
+    def follow(self, followed: PublishedPose) -> Sigmas:
         """Of the newest frame, as it was published."""
-        current = self._sequence.current
+        current = self._frame_pipeline.current
         if current is None or not np.isfinite(followed.global_T_camera[0, 0]):
             return UNKNOWN
         self._fade()
@@ -97,7 +97,7 @@ class PathErrors:
         return self._sigmas(current)
 
     def _fade(self) -> None:
-        t_s = self._sequence.t_s[-2:]
+        t_s = self._frame_pipeline.t_s[-2:]
         kept = np.exp(-float(np.ptp(t_s)) / self._lasting_s)
         self._excess = 1.0 + kept * (self._excess - 1.0)
 
@@ -113,9 +113,9 @@ class PathErrors:
     def _carry(self, current: LocalMap, with_fixes: bool) -> None:
         """To the map's end; ``with_fixes`` through what stage C made use of."""
         frame, covariance = self._known[-1]
-        t_s = self._sequence.t_s[frame : current.next_frame]
+        t_s = self._frame_pipeline.t_s[frame : current.next_frame]
         poses = current.poses[frame - current.first_frame :]
-        standing = {tie.frame for tie in current.static_ties}
+        standing = {tie.frame for tie in current.zero_motions}
         moving = np.array([row not in standing for row in range(frame + 1, current.next_frame)], dtype=bool)
         steps = np.diff(poses[:, :3, 3], axis=0)
         F, grown = transitions(steps, np.diff(t_s), moving, self._config.drift, self._correlation_s)
@@ -129,13 +129,13 @@ class PathErrors:
 
     def _rows_of_fixes(self, poses: FloatArray, t_s: FloatArray) -> dict[int, list[FloatArray]]:
         """By the first frame after a fix: what each says, of those that count."""
-        fixes = self._sequence.ledger.believed(float(t_s[-1]))
-        offered = np.isin(fixes.t_s, self._offered_s[0] - self._sequence.sensors.lag_s)
+        fixes = self._frame_pipeline.fix_buffer.believed(float(t_s[-1]))
+        offered = np.isin(fixes.t_s, self._offered_s[0] - self._frame_pipeline.sensors.time_offset_s)
         fixes = fixes.where(offered & fixes.used & (fixes.t_s > t_s[0]))
         sigma_m, slot = region_sigmas(fixes), np.searchsorted(self._correlation_s, fixes.correlation_s)
         if len(fixes):
             self._lasting_s = float(fixes.correlation_s[-1])
-        antenna, rows = self._sequence.sensors.camera_p_antenna, dict[int, list[FloatArray]]()
+        antenna, rows = self._frame_pipeline.sensors.camera_p_antenna, dict[int, list[FloatArray]]()
         for k, row in enumerate(np.searchsorted(t_s, fixes.t_s).tolist()):
             arm = poses[row, :3, :3] @ antenna
             rows.setdefault(row, []).append(fix_rows(self._errors, arm, sigma_m[k], int(slot[k])))
@@ -152,7 +152,7 @@ class PathErrors:
         variance = np.diagonal(self._known[-1].covariance)[:OWN].copy()
         variance[TURN] *= self._excess[0]
         variance[PLACE] *= self._excess[1]
-        t_s, last, motion = self._sequence.t_s, current.next_frame - 1, self._config.motion
+        t_s, last, motion = self._frame_pipeline.t_s, current.next_frame - 1, self._config.motion
         away_s = float(t_s[-1] - t_s[last])
         variance[PLACE] += motion.translation_density**2 * away_s**3 / 3.0
         variance[TURN] += motion.rotation_density**2 * away_s**3 / 3.0

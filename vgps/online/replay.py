@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vgps.model import GpsLog, Recording
-from vgps.online.run import Arrived, GyroSample, Item
+from vgps.online.run import GyroSample, Item, TimedImage
 from vgps.readers.fixes import Fix
 
 
@@ -29,7 +29,7 @@ def replay(recording: Recording, stop: threading.Event, *, realtime: bool = Fals
         due_s = begun_s + frame.t_s if realtime else time.monotonic()
         if realtime and stop.wait(max(0.0, due_s - time.monotonic())):
             return
-        yield Arrived(frame.t_s, frame.gray, due_s)
+        yield TimedImage(frame.t_s, frame.gray, due_s)
     while waiting is not None:
         yield waiting[1]
         waiting = next(others, None)

@@ -15,7 +15,7 @@ from vgps.readers.fixes import Fix
 
 
 @dataclass(frozen=True)
-class Arrived:
+class TimedImage:
     """A frame: its time, its luminance (H, W), and when it came, by ``time.monotonic``."""
 
     t_s: float
@@ -32,13 +32,13 @@ class GyroSample:
 
 
 @dataclass(frozen=True)
-class Note:
+class SourceNote:
     """Something that happened to a source."""
 
     text: str
 
 
-Item = Arrived | Fix | GyroSample | Note
+Item = TimedImage | Fix | GyroSample | SourceNote
 Sink = Callable[[OnlineEstimate, float], None]
 
 
@@ -58,7 +58,7 @@ def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop:
     for item in feed:
         if isinstance(item, Fix):
             smoother.add_fix(item)
-        elif isinstance(item, Note):
+        elif isinstance(item, SourceNote):
             smoother.add_note(item.text)
         elif isinstance(item, GyroSample):
             smoother.add_gyro(item.t_s, item.rate_rad_s)

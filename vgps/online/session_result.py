@@ -15,7 +15,7 @@ from vgps.gps.verdicts import fix_table
 from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
-from vgps.pipeline.front_end import Sequence
+from vgps.pipeline.front_end import FramePipeline
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -30,7 +30,7 @@ _NO_STAGE_D = "stage D was not run: every pose is as it was when it left the mem
 
 
 @dataclass(frozen=True)
-class PassedVideo:
+class StreamedVideo:
     """The times of frames that have gone by; the frames themselves are gone."""
 
     path: Path
@@ -44,7 +44,7 @@ class PassedVideo:
 
 
 @dataclass(frozen=True)
-class Fed:
+class SessionRecord:
     """All that was fed, and what became of it."""
 
     source: Path
@@ -52,7 +52,7 @@ class Fed:
     rig: Rig
     config: Config
     origin: GeodeticPoint | None
-    sequence: Sequence
+    frame_pipeline: FramePipeline
     frames: FrameArchive
     fixes: FixArchive
 
@@ -64,7 +64,7 @@ class Fed:
         return self.fixes.log(self.source, rows), rows
 
 
-def solution_as_it_is(fed: Fed, warnings: tuple[str, ...]) -> Solution:
+def solution_as_it_is(fed: SessionRecord, warnings: tuple[str, ...]) -> Solution:
     """The poses as stage C left them; those never known lie between or beside known ones, and are bridged.
 
     Landmarks are those still remembered. Without alignment the world is the neighbourhood of the first camera
@@ -74,8 +74,8 @@ def solution_as_it_is(fed: Fed, warnings: tuple[str, ...]) -> Solution:
         GeometryError: No frame has a pose.
     """
     poses, states, georeferenced = _every_pose(fed)
-    camera, sensors, t_s = fed.camera, fed.sequence.sensors, fed.sequence.t_s
-    landmarks, observations = _remembered(fed.sequence.current)
+    camera, sensors, t_s = fed.camera, fed.frame_pipeline.sensors, fed.frame_pipeline.t_s
+    landmarks, observations = _remembered(fed.frame_pipeline.current)
     log, table = _verdicts(fed, poses) if georeferenced else (fed.gps()[0], None)
     sigmas = fed.frames.sigmas()
     return Solution(
@@ -93,20 +93,20 @@ def solution_as_it_is(fed: Fed, warnings: tuple[str, ...]) -> Solution:
         observations=observations,
         gps=log,
         fixes=table,
-        sensors=SensorReport(sensors.lag_s, np.nan, (np.nan, np.nan, np.nan)),
+        sensors=SensorReport(sensors.time_offset_s, np.nan, (np.nan, np.nan, np.nan)),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
-        seconds=dict(fed.sequence.seconds.by_stage),
+        seconds=dict(fed.frame_pipeline.seconds.by_stage),
         warnings=warnings,
         config=fed.config.model_dump(mode="json"),
         video_start_utc=fed.rig.video_start_utc,
     )
 
 
-def _every_pose(fed: Fed) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
-    poses, states, t_s = fed.frames.poses(), fed.frames.states(), fed.sequence.t_s
+def _every_pose(fed: SessionRecord) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
+    poses, states, t_s = fed.frames.poses(), fed.frames.states(), fed.frame_pipeline.t_s
     known = fed.frames.known
     georeferenced = bool(known.any())
-    current = fed.sequence.current
+    current = fed.frame_pipeline.current
     if not georeferenced and current is not None:
         rows = slice(current.first_frame, current.next_frame)
         poses[rows] = current.poses
@@ -122,15 +122,15 @@ def _every_pose(fed: Fed) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
     return poses, states, georeferenced
 
 
-def _verdicts(fed: Fed, poses: FloatArray) -> tuple[GpsLog | None, FixTable | None]:
+def _verdicts(fed: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None, FixTable | None]:
     log, rows = fed.gps()
     if log is None or fed.origin is None or len(poses) < 2:
         return log, None
     position = to_enu(fed.origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    sensors = fed.sequence.sensors
-    fixes = fixes_in_world(log, position, fed.config.gps).earlier(sensors.lag_s)
-    judgement, t_s = fed.fixes.judgement(rows), fed.sequence.t_s
-    return log, fix_table(log, fixes, judgement, t_s, poses, sensors.camera_p_antenna, fed.config)
+    sensors = fed.frame_pipeline.sensors
+    fixes = fixes_in_world(log, position, fed.config.gps).earlier(sensors.time_offset_s)
+    assessment, t_s = fed.fixes.assessment(rows), fed.frame_pipeline.t_s
+    return log, fix_table(log, fixes, assessment, t_s, poses, sensors.camera_p_antenna, fed.config)
 
 
 def _remembered(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:

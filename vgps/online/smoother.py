@@ -11,16 +11,16 @@ from vgps.errors import ConfigError, VideoError
 from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.regions import region_sizes
-from vgps.mapping.control_observations import NO_CONTROLS
-from vgps.mapping.retention import Memory, whole
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.mapping.retention import RetentionPolicy, whole
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
-from vgps.online.pose_publisher import Follower
+from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import PathErrors
-from vgps.online.session_result import Fed, PassedVideo, solution_as_it_is
-from vgps.online.verdict_events import VerdictTeller
-from vgps.pipeline.front_end import Sequence
+from vgps.online.session_result import SessionRecord, StreamedVideo, solution_as_it_is
+from vgps.online.verdict_events import VerdictEvents
+from vgps.pipeline.front_end import FramePipeline
 from vgps.pipeline.offline import FrontEnd, optimise_all
 from vgps.readers.fixes import Fix
 from vgps.runtime.allocator import give_back_memory
@@ -66,13 +66,15 @@ class OnlineSmoother:
     ) -> None:
         self._config = config = config or Config()
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
-        memory = None if keep_all else Memory.of(config)
-        self._sequence = Sequence(camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory)
+        memory = None if keep_all else RetentionPolicy.of(config)
+        self._frame_pipeline = FramePipeline(
+            camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory
+        )
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
-        self._follower = Follower(self._sequence, config.online)
-        self._errors = PathErrors(self._sequence, config)
-        self._teller = VerdictTeller(config.gps.model)
+        self._follower = PosePublisher(self._frame_pipeline, config.online)
+        self._errors = PathErrors(self._frame_pipeline, config)
+        self._teller = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
@@ -89,7 +91,7 @@ class OnlineSmoother:
         Returns:
             Whether it was taken; one without a position, or at the time of another, is not.
         """
-        taken = np.append(self._sequence.ledger.fixes.t_s, self._fixes.times_s(self._placed))
+        taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self._fixes.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
             return False
         self._fixes.append(fix)
@@ -104,23 +106,23 @@ class OnlineSmoother:
 
     def add_note(self, text: str) -> None:
         """Something a user should know: an event of the next frame, and a warning of the result."""
-        self._sequence.warnings.append(text)
+        self._frame_pipeline.warnings.append(text)
 
     def add_frame(self, t_s: float, image: GrayImage) -> OnlineEstimate:
         """The next frame: its pose. What is still due for the frames before is done first.
 
         Args:
-            t_s: Seconds since the first frame, later than the frame before.
+            t_s: StageTimer since the first frame, later than the frame before.
             image: (H, W) luminance, uint8; it is not kept.
 
         Raises:
             VideoError: Another size than the camera's, or a time that is not later.
         """
-        begun, frame = time.perf_counter(), len(self._sequence.t_s)
+        begun, frame = time.perf_counter(), len(self._frame_pipeline.t_s)
         self._check(frame, t_s, image)
         self.refine()
         with one_blas_thread():
-            self._sequence.track_frame(Frame(frame, t_s, image))
+            self._frame_pipeline.track_frame(Frame(frame, t_s, image))
         self._place_fixes()
         followed = self._follower.follow(frame)
         sigmas = self._errors.follow(followed)
@@ -144,18 +146,18 @@ class OnlineSmoother:
 
     def refine(self) -> None:
         """Stage C, if it is due: to be called while there is nothing else to do, else it is done in time."""
-        frames = len(self._sequence.t_s)
+        frames = len(self._frame_pipeline.t_s)
         if self._estimate is None or self._refined == frames:
             return
         self._refined = frames
         self._errors.offer()
         with one_blas_thread():
-            self._sequence.refine()
-        ledger = self._sequence.ledger
-        self._fixes.judge(ledger.number, ledger.judgement)
+            self._frame_pipeline.refine()
+        fix_buffer = self._frame_pipeline.fix_buffer
+        self._fixes.judge(fix_buffer.number, fix_buffer.assessment)
         self._tell_verdicts()
         if frames % _FORGET_EVERY == 0:
-            for part in self._sequence.forget():
+            for part in self._frame_pipeline.forget():
                 self._frames.settle(part)
         if frames % _GIVE_BACK_EVERY == 0:
             give_back_memory()
@@ -177,35 +179,41 @@ class OnlineSmoother:
         if stage_d and not self._keep_all:
             raise ConfigError("stage D without the sightings of all frames", remedy="give keep_all")
         self.refine()
-        self._sequence.settle()
+        self._frame_pipeline.settle()
         if self._estimate is not None:
             self._note_warnings(self._estimate.t_s)
-        sequence = self._sequence
-        fed = Fed(
+        frame_pipeline = self._frame_pipeline
+        fed = SessionRecord(
             self._source,
             self._camera,
             replace(self._rig, video_start_utc=self.video_start_utc),
             self._config,
             self._origin,
-            sequence,
+            frame_pipeline,
             self._frames,
             self._fixes,
         )
-        if stage_d and sequence.maps:
+        if stage_d and frame_pipeline.maps:
             return optimise_all(self._front_end(fed), self._config)
-        for local_map in sequence.maps:
+        for local_map in frame_pipeline.maps:
             self._frames.settle(whole(local_map))
         return solution_as_it_is(fed, tuple(self._warnings))
 
-    def _front_end(self, fed: Fed) -> FrontEnd:
+    def _front_end(self, fed: SessionRecord) -> FrontEnd:
         log, _ = fed.gps()
-        video = PassedVideo(self._source, fed.sequence.t_s, self._camera.width, self._camera.height)
+        video = StreamedVideo(self._source, fed.frame_pipeline.t_s, self._camera.width, self._camera.height)
         samples = np.array(self._gyro).reshape(-1, 4)
         gyro = GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None
         rig = replace(fed.rig, world_origin=self._origin)
         recording = Recording(self._source, video, self._camera, rig, log, gyro)
-        fed.sequence.warnings[:] = self._warnings
-        return FrontEnd(recording, self._origin, fed.sequence.ledger.fixes, NO_CONTROLS, fed.sequence)
+        fed.frame_pipeline.warnings[:] = self._warnings
+        return FrontEnd(
+            recording,
+            self._origin,
+            fed.frame_pipeline.fix_buffer.fixes,
+            NO_CONTROL_OBSERVATIONS,
+            fed.frame_pipeline,
+        )
 
     def _check(self, frame: int, t_s: float, image: GrayImage) -> None:
         size = (self._camera.height, self._camera.width)
@@ -215,8 +223,8 @@ class OnlineSmoother:
                 place=f"frame {frame}",
                 expected=f"{size}, uint8 luminance",
             )
-        if frame and not t_s > self._sequence.t_s[-1]:
-            last = self._sequence.t_s[-1]
+        if frame and not t_s > self._frame_pipeline.t_s[-1]:
+            last = self._frame_pipeline.t_s[-1]
             raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
 
     def _place_fixes(self) -> None:
@@ -225,30 +233,30 @@ class OnlineSmoother:
             return
         log = self._fixes.log(self._source, slice(self._placed, None))
         if self._origin is None:
-            if not len(self._sequence.t_s):
+            if not len(self._frame_pipeline.t_s):
                 return
             r_m, _ = region_sizes(log.fix_class, self._config.gps)
-            usable = np.flatnonzero(np.isfinite(r_m) & (log.t_s >= self._sequence.t_s[0]))
+            usable = np.flatnonzero(np.isfinite(r_m) & (log.t_s >= self._frame_pipeline.t_s[0]))
             if not len(usable):
                 return
             first = usable[int(np.argmin(log.t_s[usable]))]
             place = log.latitude_deg[first], log.longitude_deg[first], log.height_m[first]
             self._origin = GeodeticPoint(*(float(x) for x in place))
         position = to_enu(self._origin, log.latitude_deg, log.longitude_deg, log.height_m)
-        self._sequence.add_fixes(fixes_in_world(log, position, self._config.gps))
+        self._frame_pipeline.add_fixes(fixes_in_world(log, position, self._config.gps))
         self._placed = len(self._fixes)
 
     def _tell_verdicts(self) -> None:
-        ledger, current = self._sequence.ledger, self._sequence.current
+        fix_buffer, current = self._frame_pipeline.fix_buffer, self._frame_pipeline.current
         if current is None or not current.aligned:
             return
-        t_s = self._sequence.t_s
+        t_s = self._frame_pipeline.t_s
         since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
-        self._events += self._teller.news(ledger, self._fixes.fix_class, since_s, until_s)
+        self._events += self._teller.news(fix_buffer, self._fixes.fix_class, since_s, until_s)
 
     def _note_warnings(self, t_s: float) -> None:
         """New warnings become events; the result keeps the first of them."""
-        new = self._sequence.warnings[:]
-        self._sequence.warnings.clear()
+        new = self._frame_pipeline.warnings[:]
+        self._frame_pipeline.warnings.clear()
         self._events += [OnlineEvent(t_s, "note", text) for text in new]
         self._warnings += new[: max(0, _MOST_WARNINGS - len(self._warnings))]

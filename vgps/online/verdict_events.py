@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 
 from vgps.config import GpsModel
-from vgps.gps.fix_buffer import FixLedger
+from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.verdicts import verdicts_of
 from vgps.model import FixClass
 from vgps.online.estimate import OnlineEvent
 from vgps.solution import Verdict
 
 
-class VerdictTeller:
+class VerdictEvents:
     """Remembers what was told of the fixes that a ledger still holds.
 
     Args:
@@ -24,7 +24,7 @@ class VerdictTeller:
         self.told: dict[int, Verdict] = {}
 
     def news(
-        self, ledger: FixLedger, class_of: Callable[[int], FixClass], since_s: float, until_s: float
+        self, fix_buffer: FixBuffer, class_of: Callable[[int], FixClass], since_s: float, until_s: float
     ) -> list[OnlineEvent]:
         """What there is to tell of fixes between two times of the video.
 
@@ -33,18 +33,18 @@ class VerdictTeller:
             class_of: Class of a fix by its number.
             since_s, until_s: The path in the world so far.
         """
-        fixes, judgement = ledger.fixes, ledger.judgement
+        fixes, assessment = fix_buffer.fixes, fix_buffer.assessment
         rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
-        found, takes_part = verdicts_of(judgement), fixes.used & (self._model != "none")
+        found, takes_part = verdicts_of(assessment), fixes.used & (self._model != "none")
         now = {
-            int(ledger.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
+            int(fix_buffer.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
             for row in rows.tolist()
         }
         before, self.told = self.told, now
         events = []
         for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
             if before.get(number) != verdict:
-                t_s, own = float(fixes.t_s[row]), float(judgement.own[row])
+                t_s, own = float(fixes.t_s[row]), float(assessment.own[row])
                 kind = class_of(number)
                 events.append(_event(until_s, t_s, kind, verdict, before.get(number), own))
         return events

@@ -10,7 +10,7 @@ from pathlib import Path
 import av
 
 from vgps.errors import VideoError
-from vgps.online.run import Arrived
+from vgps.online.run import TimedImage
 from vgps.readers.luma import luma
 
 _WAITING = 2  # pictures: when more come than can be posed, older ones are left out
@@ -48,7 +48,7 @@ class VideoSource:
         self.start_unix_s = 0.0
         self._begun_s: float | None = None  # monotonic time of the first frame
         self._last_s = -1.0
-        self._frames: queue.Queue[Arrived] = queue.Queue(_WAITING)
+        self._frames: queue.Queue[TimedImage] = queue.Queue(_WAITING)
         self._notes: queue.Queue[str] = queue.Queue()
         self._closed, self._ended = threading.Event(), threading.Event()
         try:
@@ -67,7 +67,7 @@ class VideoSource:
             )
         threading.Thread(target=self._work, args=(container,), name="video", daemon=True).start()
 
-    def next(self, timeout_s: float) -> Arrived | None:
+    def next(self, timeout_s: float) -> TimedImage | None:
         """The next frame, or nothing yet."""
         with contextlib.suppress(queue.Empty):
             return self._frames.get(timeout=timeout_s)
@@ -133,7 +133,7 @@ class VideoSource:
                 self.start_unix_s = time.time() - (time.monotonic() - own_s)
             t_s = max(own_s - self._begun_s, self._last_s + _LEAST_STEP_S, 0.0)
             self._last_s = t_s
-            self._put(Arrived(t_s, luma(picture), at_s))
+            self._put(TimedImage(t_s, luma(picture), at_s))
 
     def _current(
         self, container: av.container.InputContainer
@@ -155,7 +155,7 @@ class VideoSource:
             if current:
                 yield picture, own_s + offset_s, at_s
 
-    def _put(self, frame: Arrived) -> None:
+    def _put(self, frame: TimedImage) -> None:
         while not self._closed.is_set():
             with contextlib.suppress(queue.Full):
                 self._frames.put(frame, timeout=0.0 if self.live else 0.1)

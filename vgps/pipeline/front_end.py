@@ -6,20 +6,20 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError
-from vgps.gps.fix_buffer import FixLedger
+from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
-from vgps.mapping.control_observations import NO_CONTROLS, Controls
-from vgps.mapping.growing_array import GrowingRows
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
+from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.retention import Forgotten, Memory, oldest, whole
+from vgps.mapping.retention import RetentionPolicy, RetiredPoses, oldest, whole
 from vgps.model import Camera, FloatArray, Frame
-from vgps.pipeline.map_builder import GrowingMap
-from vgps.pipeline.window_worker import Refiner
-from vgps.runtime.timing import Seconds
-from vgps.tracking.bootstrap import TwoViewStart
+from vgps.pipeline.map_builder import MapBuilder
+from vgps.pipeline.window_worker import WindowWorker
+from vgps.runtime.timing import StageTimer
+from vgps.tracking.bootstrap import TwoViewInitializer
 from vgps.tracking.control_points import control_poses
-from vgps.tracking.frame_tracker import FrameTracker, Tracked
+from vgps.tracking.frame_tracker import FrameTracker, TrackingResult
 from vgps.tracking.mapper import Mapper
 from vgps.tracking.relocaliser import Relocaliser
 
@@ -27,14 +27,14 @@ _UNKNOWN = np.full((4, 4), np.nan)
 _MOST_FAILURES = 3  # of stage C in a row, before a map is given up
 
 
-class Sequence:
+class FramePipeline:
     """Tracks, maps and optimises a window, frame by frame.
 
     Attributes:
         t_s: Times of the frames so far.
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: What happened on the way that a user should know.
-        ledger: The fixes so far, their verdicts, their clock.
+        fix_buffer: The fixes so far, their verdicts, their clock.
 
     Args:
         camera: Its lens.
@@ -51,24 +51,24 @@ class Sequence:
         camera_p_antenna: FloatArray,
         fixes: Fixes,
         config: Config,
-        controls: Controls = NO_CONTROLS,
-        memory: Memory | None = None,
+        controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
+        memory: RetentionPolicy | None = None,
     ) -> None:
         self._camera, self._config, self._memory = camera, config, memory
         rng = np.random.default_rng(config.seed)
         self._rng = rng
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        self._start = TwoViewStart(camera.K, config.start, config.tracking, rng)
-        self._current: GrowingMap | None = None
-        self._next: GrowingMap | None = None
-        self._times = GrowingRows()
+        self._start = TwoViewInitializer(camera.K, config.start, config.tracking, rng)
+        self._current: MapBuilder | None = None
+        self._next: MapBuilder | None = None
+        self._times = GrowingArray()
         self.maps: list[LocalMap] = []
         self.warnings: list[str] = []
-        self.seconds = Seconds()
-        self.ledger = FixLedger(fixes, camera_p_antenna, config)
+        self.seconds = StageTimer()
+        self.fix_buffer = FixBuffer(fixes, camera_p_antenna, config)
         poses = control_poses(controls, camera.K)
-        self._refiner = Refiner(camera.K, self.ledger, config, controls, poses, self.seconds)
+        self._refiner = WindowWorker(camera.K, self.fix_buffer, config, controls, poses, self.seconds)
 
     @property
     def t_s(self) -> FloatArray:
@@ -78,7 +78,7 @@ class Sequence:
     @property
     def sensors(self) -> Sensors:
         """The lag of the fixes as the path so far shows it, and the lever arm."""
-        return self.ledger.sensors
+        return self.fix_buffer.sensors
 
     @property
     def current(self) -> LocalMap | None:
@@ -87,7 +87,7 @@ class Sequence:
 
     def add_fixes(self, fixes: Fixes) -> None:
         """More fixes; late ones, and in any order, land at their own times."""
-        self.ledger.add(fixes, float(self.t_s[-1]) if len(self._times) else -np.inf)
+        self.fix_buffer.add(fixes, float(self.t_s[-1]) if len(self._times) else -np.inf)
 
     def add_frame(self, frame: Frame) -> None:
         """The next frame of the video: its pose, then stage C if that is due."""
@@ -109,30 +109,30 @@ class Sequence:
 
         Stage C of a map that lies in the world works beside the frames that follow.
         """
-        growing = self._current
-        if growing is None or not growing.started:
+        builder = self._current
+        if builder is None or not builder.started:
             return
         delay = self._config.window.delay_frames
-        if self._refiner.busy and len(self._times) >= growing.window_at + delay:
+        if self._refiner.busy and len(self._times) >= builder.window_at + delay:
             self.settle()
-        if not growing.moved:
+        if not builder.moved:
             return
-        growing.moved = False
-        if not growing.local_map.aligned:
-            self._align(growing)
-        if growing.since_window < self._config.window.every_frames:
+        builder.moved = False
+        if not builder.local_map.aligned:
+            self._align(builder)
+        if builder.since_window < self._config.window.every_frames:
             return
-        if delay == 0 or not growing.local_map.aligned:
-            self._window(growing)
+        if delay == 0 or not builder.local_map.aligned:
+            self._window(builder)
         elif not self._refiner.busy:
-            growing.since_window, growing.window_at = 0, len(self._times)
-            self._refiner.begin(growing.local_map, self.t_s)
+            builder.since_window, builder.window_at = 0, len(self._times)
+            self._refiner.begin(builder.local_map, self.t_s)
 
     def settle(self) -> None:
         """Wait for stage C, if it is at work: to be called after the last frame."""
-        growing = self._current
-        if growing is not None and self._refiner.busy:
-            self._attempt(growing, lambda: self._take_over(growing.local_map))
+        builder = self._current
+        if builder is not None and self._refiner.busy:
+            self._attempt(builder, lambda: self._take_over(builder.local_map))
 
     def _take_over(self, local_map: LocalMap) -> list[str]:
         unknown, warnings = self._refiner.finish()
@@ -140,7 +140,7 @@ class Sequence:
             self._mapper.position(local_map, np.flatnonzero(np.isin(local_map.ids, unknown)))
         return warnings
 
-    def forget(self) -> list[Forgotten]:
+    def forget(self) -> list[RetiredPoses]:
         """Let go of what lies further back than the memory, and give its poses."""
         if self._memory is None or not len(self._times):
             return []
@@ -148,35 +148,35 @@ class Sequence:
         current = self.current
         gone = [whole(local_map) for local_map in self.maps if local_map is not current]
         self.maps = [current] if current is not None else []
-        for growing in (self._current, self._next):
-            if growing is not None:
-                part = oldest(growing.local_map, self.t_s, horizon_s, self._memory)
-                gone += [part] if growing.started else []
-        self.ledger.forget(horizon_s)
+        for builder in (self._current, self._next):
+            if builder is not None:
+                part = oldest(builder.local_map, self.t_s, horizon_s, self._memory)
+                gone += [part] if builder.started else []
+        self.fix_buffer.forget(horizon_s)
         return [part for part in gone if len(part.poses)]
 
-    def _grow_start(self, growing: GrowingMap | None, frame: Frame) -> GrowingMap | None:
+    def _grow_start(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
         """Follow features without positions until two views begin the map; start over when they are lost."""
         with self.seconds.measure("start"):
-            if growing is None:
+            if builder is None:
                 return self._first_view(frame)
-            local_map = growing.local_map
-            tracked = self._tracker.follow(local_map, growing.key, frame.gray)
+            local_map = builder.local_map
+            tracked = self._tracker.follow(local_map, builder.key, frame.gray)
             if tracked.found.sum() < self._config.start.min_inliers:
                 return self._first_view(frame)
             local_map.append_pose(_UNKNOWN)
-            if self._stands(growing, tracked, frame):
-                growing.tie_before_start(frame.index)
-                return growing
-            growing.push(frame, tracked)
-            growing.started = self._start.try_start(local_map)
+            if self._stands(builder, tracked, frame):
+                builder.tie_before_start(frame.index)
+                return builder
+            builder.push(frame, tracked)
+            builder.started = self._start.initialize(local_map)
             self._mapper.refill(local_map, frame.gray)
-        if growing.started:
+        if builder.started:
             local_map.pose_standing_frames()
-            self._window(growing)
-        return growing
+            self._window(builder)
+        return builder
 
-    def _first_view(self, frame: Frame) -> GrowingMap | None:
+    def _first_view(self, frame: Frame) -> MapBuilder | None:
         local_map = LocalMap(frame.index, self._config.mapping.max_track_frames)
         local_map.append_pose(_UNKNOWN)
         nothing = np.zeros((0, 2))
@@ -184,74 +184,74 @@ class Sequence:
         self._mapper.refill(local_map, frame.gray)
         if len(local_map.ids) < self._config.start.min_inliers:
             return None
-        return GrowingMap(local_map, frame.gray)
+        return MapBuilder(local_map, frame.gray)
 
-    def _track(self, growing: GrowingMap, frame: Frame) -> None:
-        local_map = growing.local_map
-        predicted = growing.predicted(self.t_s, frame.t_s)
+    def _track(self, builder: MapBuilder, frame: Frame) -> None:
+        local_map = builder.local_map
+        predicted = builder.predicted(self.t_s, frame.t_s)
         with self.seconds.measure("track"):
-            tracked = self._tracker.track(local_map, growing.key, frame.gray, predicted)
+            tracked = self._tracker.track(local_map, builder.key, frame.gray, predicted)
             if tracked.world_T_camera is None:
-                tracked = self._find_again(growing, frame, predicted)
+                tracked = self._find_again(builder, frame, predicted)
         if tracked.world_T_camera is None:
             self._lost(frame)
             return
-        growing.relocaliser, self._next = None, None
-        note = growing.bridge(self.t_s, frame.index, tracked.world_T_camera)
+        builder.relocaliser, self._next = None, None
+        note = builder.bridge(self.t_s, frame.index, tracked.world_T_camera)
         self.warnings += [note] if note else []
         local_map.append_pose(tracked.world_T_camera)
-        if self._stands(growing, tracked, frame):
-            growing.tie(frame.index, tracked)
+        if self._stands(builder, tracked, frame):
+            builder.tie(frame.index, tracked)
             return
-        growing.push(frame, tracked)
+        builder.push(frame, tracked)
         with self.seconds.measure("map"):
             self._mapper.update(local_map, frame.gray)
-        growing.since_window += 1
-        growing.moved = True
+        builder.since_window += 1
+        builder.moved = True
 
-    def _stands(self, growing: GrowingMap, tracked: Tracked, frame: Frame) -> bool:
+    def _stands(self, builder: MapBuilder, tracked: TrackingResult, frame: Frame) -> bool:
         """Whether a frame needs no view of its own; in a long stop it does, before its view is forgotten."""
-        newest = int(growing.local_map.view_frames[-1])
+        newest = int(builder.local_map.view_frames[-1])
         if self._memory is not None and frame.index - newest > self._memory.view_frames // 2:
             return False
-        return growing.stands(tracked, self._config.tracking.static_px)
+        return builder.stands(tracked, self._config.tracking.static_px)
 
-    def _align(self, growing: GrowingMap) -> None:
-        warnings = self._refiner.align(growing.local_map, self.t_s)
+    def _align(self, builder: MapBuilder) -> None:
+        warnings = self._refiner.align(builder.local_map, self.t_s)
         if warnings is not None:
             self.warnings.extend(warnings)
-            self._window(growing)
+            self._window(builder)
 
-    def _window(self, growing: GrowingMap) -> None:
-        growing.since_window = 0
-        self._attempt(growing, lambda: self._refiner.optimise(growing.local_map, self.t_s))
+    def _window(self, builder: MapBuilder) -> None:
+        builder.since_window = 0
+        self._attempt(builder, lambda: self._refiner.optimise(builder.local_map, self.t_s))
 
-    def _attempt(self, growing: GrowingMap, stage_c: Callable[[], list[str]]) -> None:
+    def _attempt(self, builder: MapBuilder, stage_c: Callable[[], list[str]]) -> None:
         """An update that fails leaves the map as it is, a map that fails again and again ends."""
         try:
             self.warnings.extend(stage_c())
         except (GeometryError, RuntimeError, np.linalg.LinAlgError) as error:
-            growing.failures += 1
+            builder.failures += 1
             reason = " ".join(str(error).split())[:200]
             self.warnings.append(f"stage C failed at {self.t_s[-1]:.2f} s and was left out: {reason}")
         else:
-            growing.failures = 0
-        if growing.failures >= _MOST_FAILURES:
+            builder.failures = 0
+        if builder.failures >= _MOST_FAILURES:
             self.warnings.append(f"stage C failed {_MOST_FAILURES} times in a row: a new map begins")
             self._current = None
-        growing.relocaliser = None  # it looks for the map as it was
+        builder.relocaliser = None  # it looks for the map as it was
 
-    def _find_again(self, growing: GrowingMap, frame: Frame, predicted: FloatArray) -> Tracked:
+    def _find_again(self, builder: MapBuilder, frame: Frame, predicted: FloatArray) -> TrackingResult:
         """Look for the features of the last good frame anywhere in this one."""
-        if growing.relocaliser is None:
-            growing.relocaliser = Relocaliser(
-                self._camera, self._config.tracking, self._rng, growing.key, growing.local_map
+        if builder.relocaliser is None:
+            builder.relocaliser = Relocaliser(
+                self._camera, self._config.tracking, self._rng, builder.key, builder.local_map
             )
-        pose = growing.relocaliser.find(frame.gray, predicted)
+        pose = builder.relocaliser.find(frame.gray, predicted)
         if pose is None:
-            nothing = np.zeros(len(growing.local_map.ids), dtype=bool)
-            return Tracked(growing.local_map.raw_uv_px, growing.local_map.last_uv_px, nothing)
-        return self._tracker.track(growing.local_map, growing.key, frame.gray, pose)
+            nothing = np.zeros(len(builder.local_map.ids), dtype=bool)
+            return TrackingResult(builder.local_map.raw_uv_px, builder.local_map.last_uv_px, nothing)
+        return self._tracker.track(builder.local_map, builder.key, frame.gray, pose)
 
     def _lost(self, frame: Frame) -> None:
         """While the old map is lost a new one may begin; once it stands the old one is closed."""

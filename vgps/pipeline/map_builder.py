@@ -6,16 +6,16 @@ import numpy as np
 
 from vgps.geometry import interpolate_poses
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.zero_motion import StaticTie
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray, Frame, GrayImage
-from vgps.tracking.frame_tracker import Tracked
+from vgps.tracking.frame_tracker import TrackingResult
 from vgps.tracking.relocaliser import Relocaliser
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)
 
 
 @dataclass
-class GrowingMap:
+class MapBuilder:
     """A map, and what is needed to go on with it.
 
     Attributes:
@@ -38,30 +38,30 @@ class GrowingMap:
     moved: bool = False
     relocaliser: Relocaliser | None = None
 
-    def push(self, frame: Frame, tracked: Tracked) -> None:
+    def push(self, frame: Frame, tracked: TrackingResult) -> None:
         """A new view, from which features are followed now."""
         self.local_map.push_view(frame.index, tracked.raw_uv_px, tracked.uv_px, tracked.found)
         self.key = frame.gray
 
-    def stands(self, tracked: Tracked, static_px: float) -> bool:
+    def stands(self, tracked: TrackingResult, static_px: float) -> bool:
         """Whether features are where the newest view has them, in the median."""
         moved = np.linalg.norm(tracked.uv_px - self.local_map.last_uv_px, axis=1)[tracked.found]
         return len(moved) > 0 and float(np.median(moved)) < static_px
 
-    def tie(self, frame: int, tracked: Tracked) -> None:
+    def tie(self, frame: int, tracked: TrackingResult) -> None:
         """A posed frame that stands where the newest view does."""
         if tracked.world_T_camera is None or tracked.pose_sigma is None:
             return
         key = int(self.local_map.view_frames[-1])
         relative = np.linalg.inv(self.local_map.pose(key)) @ tracked.world_T_camera
-        self.local_map.static_ties.append(
-            StaticTie(frame, key, relative, np.maximum(tracked.pose_sigma, 1e-6))
+        self.local_map.zero_motions.append(
+            ZeroMotion(frame, key, relative, np.maximum(tracked.pose_sigma, 1e-6))
         )
 
     def tie_before_start(self, frame: int) -> None:
         """A frame that stands where the newest view does, which has no pose yet."""
         key = int(self.local_map.view_frames[-1])
-        self.local_map.static_ties.append(StaticTie(frame, key, np.eye(4), _STANDING_SIGMA))
+        self.local_map.zero_motions.append(ZeroMotion(frame, key, np.eye(4), _STANDING_SIGMA))
 
     def predicted(self, t_s: FloatArray, now_s: float) -> FloatArray:
         """Pose (4, 4) at constant velocity from the last two frames; ``t_s`` of all frames so far."""

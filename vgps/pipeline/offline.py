@@ -14,37 +14,37 @@ from vgps.gps.fixes import Fixes, fixes_in_world, place
 from vgps.gps.regions import region_sizes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
-from vgps.mapping.control_observations import NO_CONTROLS, Controls
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
-from vgps.pipeline.front_end import Sequence
+from vgps.pipeline.front_end import FramePipeline
 from vgps.runtime.progress import Progress, Silent
 from vgps.runtime.threads import one_blas_thread
-from vgps.runtime.timing import Seconds
+from vgps.runtime.timing import StageTimer
 from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.batch_result import Smoothed
+from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
-from vgps.smoothing.merge_maps import Joined, join_maps
+from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import Landmarks, Observations, SensorReport, Solution, Trajectory
 from vgps.tracking.control_points import world_controls
 
 
 @dataclass(frozen=True)
 class FrontEnd:
-    """What stages A to C leave to D; ``sequence`` holds the maps."""
+    """What stages A to C leave to D; ``frame_pipeline`` holds the maps."""
 
     recording: Recording
     origin: GeodeticPoint | None
     fixes: Fixes
-    controls: Controls
-    sequence: Sequence
+    controls: ControlObservations
+    frame_pipeline: FramePipeline
 
     def copied(self) -> "FrontEnd":
         """The same with maps of its own, which stage D moves, and a clock of its own."""
-        sequence = copy.copy(self.sequence)
-        sequence.maps = copy.deepcopy(self.sequence.maps)
-        sequence.seconds = Seconds()
-        return replace(self, sequence=sequence)
+        frame_pipeline = copy.copy(self.frame_pipeline)
+        frame_pipeline.maps = copy.deepcopy(self.frame_pipeline.maps)
+        frame_pipeline.seconds = StageTimer()
+        return replace(self, frame_pipeline=frame_pipeline)
 
 
 def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
@@ -73,21 +73,21 @@ def track_and_map(recording: Recording, config: Config, progress: Progress) -> F
     """
     origin, fixes = world_fixes(recording, config)
     camera, antenna = recording.camera, recording.rig.camera_p_antenna
-    controls = world_controls(recording.control_points, camera, origin) or NO_CONTROLS
-    sequence = Sequence(camera, antenna, fixes, config, controls)
-    frames = _decoded(recording.video.frames(), sequence.seconds)
+    controls = world_controls(recording.control_points, camera, origin) or NO_CONTROL_OBSERVATIONS
+    frame_pipeline = FramePipeline(camera, antenna, fixes, config, controls)
+    frames = _decoded(recording.video.frames(), frame_pipeline.seconds)
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
-            sequence.add_frame(frame)
-        sequence.settle()
-    if not sequence.maps:
+            frame_pipeline.add_frame(frame)
+        frame_pipeline.settle()
+    if not frame_pipeline.maps:
         raise GeometryError(
             "the camera hardly moves, or too little is seen, to begin a map",
             file=recording.video.path,
             expected=f"two views with {config.start.min_inliers} common features and "
             f"{config.start.min_flow_px:g} px between them",
         )
-    return FrontEnd(recording, origin, fixes, controls, sequence)
+    return FrontEnd(recording, origin, fixes, controls, frame_pipeline)
 
 
 def optimise_all(front: FrontEnd, config: Config) -> Solution:
@@ -96,27 +96,37 @@ def optimise_all(front: FrontEnd, config: Config) -> Solution:
     Raises:
         GeometryError: No map can be aligned with the fixes, or the optimiser cannot leave its start.
     """
-    recording, sequence, fixes = front.recording, front.sequence, front.fixes
+    recording, frame_pipeline, fixes = front.recording, front.frame_pipeline, front.fixes
     antenna = recording.rig.camera_p_antenna
-    with one_blas_thread(), sequence.seconds.measure("batch"):
-        sensors = sequence.sensors
-        joined = join_maps(sequence.maps, sequence.t_s, fixes, antenna, config, front.controls, sensors.lag_s)
-        held = None if len(front.controls.frame) else _held_frames(joined, config)
-        if joined.georeferenced and recording.gps is not None:
+    with one_blas_thread(), frame_pipeline.seconds.measure("batch"):
+        sensors = frame_pipeline.sensors
+        merged = merge_maps(
+            frame_pipeline.maps,
+            frame_pipeline.t_s,
+            fixes,
+            antenna,
+            config,
+            front.controls,
+            sensors.time_offset_s,
+        )
+        held = None if len(front.controls.frame) else _held_frames(merged, config)
+        if merged.georeferenced and recording.gps is not None:
             satellites = recording.gps.satellites
-            path = Trajectory(joined.scene.t_s, joined.scene.poses)
-            fixes = under_sky(fixes, path, joined.scene.points, sensors, satellites, config.gps)
+            path = Trajectory(merged.scene.t_s, merged.scene.poses)
+            fixes = under_sky(fixes, path, merged.scene.points, sensors, satellites, config.gps)
 
-        def optimise(scene: Scene, K: FloatArray) -> Smoothed:
-            return optimise_batch(scene, K, fixes, sensors, config, held, joined.judgement)
+        def optimise(scene: Scene, K: FloatArray) -> BatchResult:
+            return optimise_batch(scene, K, fixes, sensors, config, held, merged.assessment)
 
         if config.intrinsics.refine:
-            smoothed, refined = refine_camera(joined.scene, recording.camera, optimise, config.intrinsics)
+            smoothed, refined = refine_camera(merged.scene, recording.camera, optimise, config.intrinsics)
         else:
-            smoothed, refined = optimise(joined.scene, recording.camera.K), None
+            smoothed, refined = optimise(merged.scene, recording.camera.K), None
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
-    warnings = (*seen_on_the_way, *sequence.warnings, *joined.warnings, *smoothed.warnings)
-    solution = _solution(recording, config, front.origin, fixes, joined, smoothed, sequence.seconds, warnings)
+    warnings = (*seen_on_the_way, *frame_pipeline.warnings, *merged.warnings, *smoothed.warnings)
+    solution = _solution(
+        recording, config, front.origin, fixes, merged, smoothed, frame_pipeline.seconds, warnings
+    )
     return solution if refined is None else _with_camera(solution, refined)
 
 
@@ -178,7 +188,7 @@ def _given_origin(recording: Recording) -> GeodeticPoint | None:
     return None
 
 
-def _decoded(frames: Iterator[Frame], seconds: Seconds) -> Iterator[Frame]:
+def _decoded(frames: Iterator[Frame], seconds: StageTimer) -> Iterator[Frame]:
     """The same frames; the time spent waiting for them is counted."""
     while True:
         with seconds.measure("decode"):
@@ -188,11 +198,11 @@ def _decoded(frames: Iterator[Frame], seconds: Seconds) -> Iterator[Frame]:
         yield frame
 
 
-def _held_frames(joined: Joined, config: Config) -> np.ndarray | None:
+def _held_frames(merged: MergedMaps, config: Config) -> np.ndarray | None:
     """Without fixes in the energy the first frame and one further on hold place and scale."""
-    if joined.georeferenced and config.gps.model != "none":
+    if merged.georeferenced and config.gps.model != "none":
         return None
-    poses = joined.scene.poses
+    poses = merged.scene.poses
     way = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     second = 1 + int(np.searchsorted(way, 0.02 * way[-1]))
     return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
@@ -203,9 +213,9 @@ def _solution(
     config: Config,
     origin: GeodeticPoint | None,
     fixes: Fixes,
-    joined: Joined,
-    smoothed: Smoothed,
-    seconds: Seconds,
+    merged: MergedMaps,
+    smoothed: BatchResult,
+    seconds: StageTimer,
     warnings: tuple[str, ...],
 ) -> Solution:
     kept = np.flatnonzero(np.isfinite(smoothed.sigma_px))
@@ -213,31 +223,35 @@ def _solution(
     row_of[kept] = np.arange(len(kept))
     observations = smoothed.observations
     rotation_sigma, position_sigma = world_sigmas(smoothed.poses, smoothed.covariance)
-    t_s, log, sensors = joined.scene.t_s, recording.gps, smoothed.sensors
-    antenna, in_time = sensors.camera_p_antenna, fixes.earlier(sensors.lag_s)
-    table = fix_table(log, in_time, smoothed.judgement, t_s, smoothed.poses, antenna, config) if log else None
+    t_s, log, sensors = merged.scene.t_s, recording.gps, smoothed.sensors
+    antenna, in_time = sensors.camera_p_antenna, fixes.earlier(sensors.time_offset_s)
+    table = (
+        fix_table(log, in_time, smoothed.assessment, t_s, smoothed.poses, antenna, config) if log else None
+    )
     return Solution(
         recording=recording.path,
         world_origin=origin,
-        georeferenced=joined.georeferenced,
+        georeferenced=merged.georeferenced,
         t_s=t_s,
         world_T_camera=smoothed.poses,
         sigma_rotation_rad=rotation_sigma,
         sigma_position_m=position_sigma,
-        state=joined.state,
+        state=merged.state,
         camera=recording.camera,
         camera_p_antenna=antenna,
-        landmarks=Landmarks(smoothed.points[kept], smoothed.sigma_px[kept], joined.gray[kept]),
+        landmarks=Landmarks(smoothed.points[kept], smoothed.sigma_px[kept], merged.gray[kept]),
         observations=Observations(observations.frame, row_of[observations.landmark], observations.uv_px),
         gps=log,
         fixes=table,
         sensors=SensorReport(
-            sensors.lag_s, float(smoothed.lag_sigma_s[0]), tuple(smoothed.antenna_sigma_m.tolist())
+            sensors.time_offset_s,
+            float(smoothed.time_offset_sigma_s[0]),
+            tuple(smoothed.antenna_sigma_m.tolist()),
         ),
         report=smoothed.report,
         seconds=dict(seconds.by_stage),
         warnings=warnings,
         config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
-        world_p_before=joined.scene.poses[:, :3, 3].copy(),
+        world_p_before=merged.scene.poses[:, :3, 3].copy(),
     )

@@ -11,7 +11,7 @@ from vgps.tracking.pose import refine_pose
 _LEAST = 12  # features that a frame is posed by anew
 
 
-def hand_over(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: float) -> IntArray:
+def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: float) -> IntArray:
     """Put the poses and positions of a refined copy into the map that it was taken from, in place.
 
     Frames that came since keep their motion, at the scale that the features have now, and are posed anew by
@@ -38,8 +38,8 @@ def hand_over(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
     trusted = np.isfinite(local_map.points[:, 0])
     trusted[own] = False
     _pose_anew(local_map, old, scale, trusted, K, inlier_px)
-    local_map.static_ties = [
-        tie.scaled(scale) if tie.frame > newest else tie for tie in local_map.static_ties
+    local_map.zero_motions = [
+        tie.scaled(scale) if tie.frame > newest else tie for tie in local_map.zero_motions
     ]
     return own
 

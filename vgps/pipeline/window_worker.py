@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.fix_buffer import FixLedger
-from vgps.mapping.control_observations import Controls
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray, IntArray
-from vgps.pipeline.reconciliation import hand_over
-from vgps.runtime.timing import BESIDE, Seconds
+from vgps.pipeline.reconciliation import reconcile
+from vgps.runtime.timing import BESIDE, StageTimer
 from vgps.smoothing.drift_correction import correct_drift, path_of, seen_path, unbend
 from vgps.smoothing.map_alignment import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
@@ -27,16 +27,16 @@ class _Job:
 
     original: LocalMap
     refined: LocalMap
-    ledger: FixLedger
+    fix_buffer: FixBuffer
     ends: "Future[list[str]]"
 
 
-class Refiner:
+class WindowWorker:
     """Puts maps into the world and optimises their newest frames.
 
     Args:
         K: (3, 3).
-        ledger: The fixes; judged here.
+        fix_buffer: The fixes; judged here.
         config: Everything.
         controls: Sightings of known points, ``control_poses`` (4, 4) by frame what they give.
         seconds: Where its time is counted.
@@ -45,13 +45,13 @@ class Refiner:
     def __init__(
         self,
         K: FloatArray,
-        ledger: FixLedger,
+        fix_buffer: FixBuffer,
         config: Config,
-        controls: Controls,
+        controls: ControlObservations,
         control_poses: Mapping[int, FloatArray],
-        seconds: Seconds,
+        seconds: StageTimer,
     ) -> None:
-        self._K, self._ledger, self._config, self._seconds = K, ledger, config, seconds
+        self._K, self._ledger, self._config, self._seconds = K, fix_buffer, config, seconds
         self._controls, self._control_poses = controls, control_poses
         self._job: _Job | None = None
         self._used_until_s = -np.inf  # by stage C
@@ -103,10 +103,10 @@ class Refiner:
             local_map: As in :meth:`optimise`.
             t_s: Times of all frames so far.
         """
-        refined, ledger = local_map.snapshot(), self._ledger.snapshot()
+        refined, fix_buffer = local_map.snapshot(), self._ledger.snapshot()
         pool = ThreadPoolExecutor(1)
-        ends = pool.submit(self._optimise, refined, t_s, ledger, BESIDE)
-        self._job = _Job(local_map, refined, ledger, ends)
+        ends = pool.submit(self._optimise, refined, t_s, fix_buffer, BESIDE)
+        self._job = _Job(local_map, refined, fix_buffer, ends)
         pool.shutdown(wait=False)
 
     def finish(self) -> tuple[IntArray, list[str]]:
@@ -123,33 +123,33 @@ class Refiner:
             return np.zeros(0, dtype=np.int64), []
         with self._seconds.measure("wait"):
             warnings = job.ends.result()
-        self._ledger.take(job.ledger)
+        self._ledger.take(job.fix_buffer)
         inlier_px = self._config.tracking.inlier_px
-        return hand_over(job.refined, job.original, self._K, inlier_px), warnings
+        return reconcile(job.refined, job.original, self._K, inlier_px), warnings
 
     def _optimise(
-        self, local_map: LocalMap, t_s: FloatArray, ledger: FixLedger, beside: str = ""
+        self, local_map: LocalMap, t_s: FloatArray, fix_buffer: FixBuffer, beside: str = ""
     ) -> list[str]:
         until_s = float(t_s[-1])
         since_s = until_s - self._config.drift.horizon_s
         antenna, config = self._antenna, self._config
 
         def contradicted() -> bool:
-            return contradicts(local_map, t_s, ledger.believed(until_s), antenna, config)
+            return contradicts(local_map, t_s, fix_buffer.believed(until_s), antenna, config)
 
         bent = False
         with self._seconds.measure("drift" + beside):
             if local_map.aligned:
-                ledger.settle_lag(*seen_path(local_map, t_s, since_s))
+                fix_buffer.update_time_offset(*seen_path(local_map, t_s, since_s))
             if local_map.aligned and contradicted():
-                torn_s = ledger.judge(*path_of(local_map, t_s, since_s), self._used_until_s)
+                torn_s = fix_buffer.judge(*path_of(local_map, t_s, since_s), self._used_until_s)
                 if torn_s < until_s:
                     unbend(local_map, t_s, torn_s - _TEAR_S)
                 bent = contradicted()
             if bent:
-                correct_drift(local_map, t_s, ledger.believed(until_s), antenna, config, since_s)
+                correct_drift(local_map, t_s, fix_buffer.believed(until_s), antenna, config, since_s)
         with self._seconds.measure("window" + beside):
-            fixes = ledger.believed(until_s)
+            fixes = fix_buffer.believed(until_s)
             # a bent path suits no long track well: without these the window would tear off
             tolerance = _BENT_TOLERANCE if bent else 1.0
             found = optimise_window(

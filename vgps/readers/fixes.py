@@ -59,13 +59,13 @@ class RawLog:
 
 
 def unix_s(instant: datetime) -> float:
-    """Seconds from 1970-01-01 UTC; a naive instant is UTC."""
+    """StageTimer from 1970-01-01 UTC; a naive instant is UTC."""
     aware = instant if instant.tzinfo else instant.replace(tzinfo=UTC)
     return (aware - EPOCH).total_seconds()
 
 
 def unix_day_s(day: date) -> float:
-    """Seconds from 1970-01-01 to the midnight at which a day begins."""
+    """StageTimer from 1970-01-01 to the midnight at which a day begins."""
     return (day - EPOCH.date()).days * DAY_S
 
 

@@ -116,10 +116,10 @@ def _skipped(solution: Solution) -> list[str]:
 
 
 def _lag(solution: Solution) -> str:
-    lag_s, sigma_s = solution.sensors.lag_s, solution.sensors.lag_sigma_s
+    time_offset_s, sigma_s = solution.sensors.time_offset_s, solution.sensors.time_offset_sigma_s
     if math.isfinite(sigma_s):
-        return f"{lag_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
-    return f"{lag_s:.3f} s (not estimated with the poses)"
+        return f"{time_offset_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
+    return f"{time_offset_s:.3f} s (not estimated with the poses)"
 
 
 def _antenna(solution: Solution) -> str:

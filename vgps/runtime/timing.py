@@ -9,7 +9,7 @@ BESIDE = " beside"  # ends the name of a stage that ran in a thread of its own
 
 
 @dataclass
-class Seconds:
+class StageTimer:
     """Wall seconds per stage."""
 
     by_stage: dict[str, float] = field(default_factory=dict)

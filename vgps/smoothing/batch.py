@@ -9,11 +9,11 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.gps.outlier_detection import Judgement, judges, probabilities
+from vgps.gps.outlier_detection import FixAssessment, detects_outliers, probabilities
 from vgps.gps.sensors import Sensors
-from vgps.gps.time_offset import settle_lag
+from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray
-from vgps.smoothing.batch_result import Smoothed, Solved, report_of, smoothed
+from vgps.smoothing.batch_result import BatchResult, SolvedBatch, report_of, smoothed
 from vgps.smoothing.factor_graph import (
     Scene,
     build_problem,
@@ -33,8 +33,8 @@ def optimise_batch(
     sensors: Sensors,
     config: Config,
     fixed: BoolArray | None = None,
-    judgement: Judgement | None = None,
-) -> Smoothed:
+    assessment: FixAssessment | None = None,
+) -> BatchResult:
     """Minimise the energy (11) over all poses and features, in a few rounds.
 
     Between rounds sightings and fixes are judged anew, features that lost their place are triangulated again
@@ -44,15 +44,15 @@ def optimise_batch(
         scene: All frames, posed, and all features with their sightings.
         K: (3, 3).
         fixes: All fixes, by their own clock.
-        sensors: Lag and lever arm to begin with, and whether they are estimated with the poses.
+        sensors: TimeOffset and lever arm to begin with, and whether they are estimated with the poses.
         config: Weights, rounds and GPS model.
         fixed: (F,) frames to hold, where no fix ties the scene.
-        judgement: Of the fixes, to begin with.
+        assessment: Of the fixes, to begin with.
 
     Raises:
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
-    estimate = _Estimate(scene, sensors, judgement or Judgement.none(len(fixes)), config)
+    estimate = _Estimate(scene, sensors, assessment or FixAssessment.none(len(fixes)), config)
     last = config.batch.rounds - 1
     remark: tuple[str, ...] = ()
     iterations = 0
@@ -67,7 +67,7 @@ def optimise_batch(
             estimate = _judged_anew(estimate, K, fixes, solved, config)
     report, warnings = report_of(scene, solved.result, iterations)
     said = *remark, *warnings
-    return smoothed(solved, K, fixes, estimate.judgement, estimate.sensors, config, report, said)
+    return smoothed(solved, K, fixes, estimate.assessment, estimate.sensors, config, report, said)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class _Estimate:
 
     scene: Scene
     sensors: Sensors
-    judgement: Judgement
+    assessment: FixAssessment
     weighted: Config
 
     def after(self, result: BundleResult) -> "_Estimate":
@@ -87,13 +87,13 @@ class _Estimate:
 
     def believed(self, fixes: Fixes) -> Fixes:
         """The fixes as they are judged, at the times at which they were true."""
-        return self.judgement.applied(fixes).earlier(self.sensors.lag_s)
+        return self.assessment.applied(fixes).earlier(self.sensors.time_offset_s)
 
 
 def _with_lag(estimate: _Estimate, fixes: Fixes, config: Config) -> tuple[_Estimate, tuple[str, ...]]:
     """With the lag that the fixes show, and what is to be said of it."""
-    scene, believed = estimate.scene, estimate.judgement.applied(fixes)
-    sensors, remark = settle_lag(estimate.sensors, scene.poses, scene.t_s, believed, config.sensors)
+    scene, believed = estimate.scene, estimate.assessment.applied(fixes)
+    sensors, remark = update_time_offset(estimate.sensors, scene.poses, scene.t_s, believed, config.sensors)
     return replace(estimate, sensors=sensors), remark
 
 
@@ -105,7 +105,7 @@ def _solved(
     n: int,
     fixed: BoolArray | None,
     first_last: tuple[bool, bool],
-) -> Solved:
+) -> SolvedBatch:
     """The problem of a round with the walls' exponent ``n``, solved."""
     first, last = first_last
     kept, sigma = select_observations(estimate.scene, K, config, _FIRST_TOLERANCE if first else 1.0)
@@ -119,18 +119,18 @@ def _solved(
             f"the optimiser made no step: {result.report.stop_reason}",
             remedy="check the camera's calibration, the GPS log and their clocks",
         )
-    return Solved(result, kept, sigma, in_time, sensors)
+    return SolvedBatch(result, kept, sigma, in_time, sensors)
 
 
 def _judged_anew(
-    estimate: _Estimate, K: FloatArray, fixes: Fixes, solved: Solved, config: Config
+    estimate: _Estimate, K: FloatArray, fixes: Fixes, solved: SolvedBatch, config: Config
 ) -> _Estimate:
     """With features that were left out, verdicts and weights as the improved poses have them."""
     scene = _retriangulated(estimate.scene, K, solved.sigma, config)
-    in_time = fixes.earlier(estimate.sensors.lag_s)
-    judgement = estimate.judgement.updated(_judged(scene, in_time, estimate.sensors, config))
-    weighted = _rebalanced(config, estimate.weighted, scene, judgement.applied(in_time), estimate.sensors)
-    return _Estimate(scene, estimate.sensors, judgement, weighted)
+    in_time = fixes.earlier(estimate.sensors.time_offset_s)
+    assessment = estimate.assessment.updated(_judged(scene, in_time, estimate.sensors, config))
+    weighted = _rebalanced(config, estimate.weighted, scene, assessment.applied(in_time), estimate.sensors)
+    return _Estimate(scene, estimate.sensors, assessment, weighted)
 
 
 def _rebalanced(config: Config, weighted: Config, scene: Scene, fixes: Fixes, sensors: Sensors) -> Config:
@@ -140,11 +140,11 @@ def _rebalanced(config: Config, weighted: Config, scene: Scene, fixes: Fixes, se
     return config.model_copy(update={"batch": config.batch.model_copy(update={"video_sigma_scale": scale})})
 
 
-def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Judgement:
+def _judged(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> FixAssessment:
     placement = place(scene.t_s, fixes.t_s)
     judged = fixes.used & placement.inside
-    if not judges(config) or not judged.any():
-        return Judgement.none(len(fixes))
+    if not detects_outliers(config) or not judged.any():
+        return FixAssessment.none(len(fixes))
     offset = antenna_at(scene.poses, placement, sensors.camera_p_antenna) - fixes.world_p_fix
     offset[~judged] = np.nan
     return probabilities(offset, fixes, config)

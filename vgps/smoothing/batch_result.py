@@ -7,8 +7,8 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes, gps_graph, taking_part
-from vgps.gps.outlier_detection import Judgement
-from vgps.gps.sensors import ANTENNA, LAG, Sensors
+from vgps.gps.outlier_detection import FixAssessment
+from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FloatArray
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene, other_pose_factors
@@ -19,7 +19,7 @@ from vgps.solver.schur_complement import BundleResult, Covariances
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class BatchResult:
     """What stage D found.
 
     Attributes:
@@ -27,9 +27,10 @@ class Smoothed:
             NaN if the system does not determine them.
         points: (L, 3) and reliabilities ``sigma_px`` (L,), NaN for features that were left out.
         observations: Those that took part.
-        judgement: Of the fixes.
-        sensors: Lag and lever arm, estimated or as they were.
-        lag_sigma_s: (1,), ``antenna_sigma_m`` (3,): their standard deviations, NaN where not estimated.
+        assessment: Of the fixes.
+        sensors: Time offset and lever arm, estimated or as they were.
+        time_offset_sigma_s: (1,), ``antenna_sigma_m`` (3,): their standard deviations, NaN where not
+            estimated.
         report: Cost per term before and after, iterations, why it stopped.
         warnings: In words.
         problem: What was solved last, at its end.
@@ -40,9 +41,9 @@ class Smoothed:
     points: FloatArray
     sigma_px: FloatArray
     observations: Observations
-    judgement: Judgement
+    assessment: FixAssessment
     sensors: Sensors
-    lag_sigma_s: FloatArray
+    time_offset_sigma_s: FloatArray
     antenna_sigma_m: FloatArray
     report: SolverReport
     warnings: tuple[str, ...]
@@ -50,7 +51,7 @@ class Smoothed:
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedBatch:
     """A problem solved, and what it was built from: the sightings that took part and the reliabilities of all
     features, the fixes, the sensors as they were before."""
 
@@ -62,21 +63,21 @@ class Solved:
 
 
 def smoothed(
-    solved: Solved,
+    solved: SolvedBatch,
     K: FloatArray,
     fixes: Fixes,
-    judgement: Judgement,
+    assessment: FixAssessment,
     sensors: Sensors,
     config: Config,
     report: SolverReport,
     warnings: tuple[str, ...],
-) -> Smoothed:
+) -> BatchResult:
     """The last problem's outcome with its standard deviations.
 
     Args:
         solved: The last problem.
         K: (3, 3).
-        fixes: All of them, by their own clock; ``judgement`` of them.
+        fixes: All of them, by their own clock; ``assessment`` of them.
         sensors: As they were found.
         config: Weights and GPS model.
         report, warnings: What was said on the way.
@@ -84,18 +85,18 @@ def smoothed(
     after = solved.result.problem
     covariance, doubts = _covariance(after, solved.kept, K, solved.fixes, solved.sensors, config)
     # what all tracks have in common shows in no track, but in fixes that fit worse than their regions say
-    believed, antenna = judgement.applied(fixes).earlier(sensors.lag_s), sensors.camera_p_antenna
+    believed, antenna = assessment.applied(fixes).earlier(sensors.time_offset_s), sensors.camera_p_antenna
     t_s = solved.kept.t_s
     covariance = covariance.scaled(variance_factor(config, after.world_T_camera, t_s, believed, antenna))
-    return Smoothed(
+    return BatchResult(
         after.world_T_camera,
         covariance.poses,
         after.world_p_landmark,
         solved.sigma,
         solved.kept.observations,
-        judgement,
+        assessment,
         sensors,
-        _sigma(covariance, LAG, sensors.prior_lag.sigma_s == 0.0),
+        _sigma(covariance, TIME_OFFSET, sensors.prior_time_offset.sigma_s == 0.0),
         _sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report,
         (*warnings, *doubts),

@@ -8,7 +8,7 @@ no later step leaves. So the path is bent first: its steps are scaled and turned
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.drift_model import FlexiblePath
+from vgps.gps.drift_model import DriftModel
 from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
@@ -90,17 +90,17 @@ def bend_path(
         attached: The start hangs on a path that is held.
     """
 
-    def path_with(lag_sigma_s: float) -> FlexiblePath:
-        return FlexiblePath(poses, t_s, fixes, camera_p_antenna, config.drift, lag_sigma_s, attached)
+    def path_with(time_offset_sigma_s: float) -> DriftModel:
+        return DriftModel(poses, t_s, fixes, camera_p_antenna, config.drift, time_offset_sigma_s, attached)
 
     everything = np.ones(len(fixes), dtype=bool)
     in_step = path_with(0.0)
     regions = in_step.regions()
     found = in_step.settle(in_step.approach(everything, _FINEST_M), everything, regions)
-    if not config.sensors.lag_prior_s:
+    if not config.sensors.time_offset_prior_s:
         return in_step.bent(found)
     # a clock that is not in step must explain the fixes better: on a straight any lag does as well as none
-    late = path_with(config.sensors.lag_prior_s)
+    late = path_with(config.sensors.time_offset_prior_s)
     shifted = late.settle(found, everything, regions)
     gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
     return in_step.bent(found if gain <= config.sensors.significant**2 else shifted)

@@ -18,9 +18,9 @@ from factors import (
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
-from vgps.mapping.control_observations import NO_CONTROLS, Controls
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.zero_motion import StaticTie
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 from vgps.solver.problem import BundleProblem, projection_errors, whitened_robust_k
@@ -38,19 +38,19 @@ class Scene:
         poses: (F, 4, 4) world_T_camera.
         points: (L, 3) positions of the features that have one.
         observations: Of these features in these frames.
-        static_ties: Frames held to another one because nothing moved; indices within the range.
+        zero_motions: Frames held to another one because nothing moved; indices within the range.
     """
 
     t_s: FloatArray
     poses: FloatArray
     points: FloatArray
     observations: Observations
-    static_ties: tuple[StaticTie, ...] = ()
-    controls: Controls = NO_CONTROLS
+    zero_motions: tuple[ZeroMotion, ...] = ()
+    controls: ControlObservations = NO_CONTROL_OBSERVATIONS
 
 
 def scene_of_map(
-    local_map: LocalMap, t_s: FloatArray, first: int, controls: Controls = NO_CONTROLS
+    local_map: LocalMap, t_s: FloatArray, first: int, controls: ControlObservations = NO_CONTROL_OBSERVATIONS
 ) -> tuple[Scene, IntArray]:
     """The frames of a map from ``first`` on, and the features behind the rows of its points.
 
@@ -66,8 +66,8 @@ def scene_of_map(
     ids, row = np.unique(log.landmark[known], return_inverse=True)
     observations = Observations(log.frame[known] - first, row, log.uv_px[known])
     ties = tuple(
-        StaticTie(tie.frame - first, tie.key - first, tie.key_T_frame, tie.sigma)
-        for tie in local_map.static_ties
+        ZeroMotion(tie.frame - first, tie.key - first, tie.key_T_frame, tie.sigma)
+        for tie in local_map.zero_motions
         if tie.key >= first
     )
     poses = local_map.poses[first - local_map.first_frame :]
@@ -175,7 +175,7 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
     graph = gtsam.NonlinearFactorGraph()
     frames = len(scene.t_s)
     held = np.bincount(scene.observations.frame, minlength=frames) > 0
-    for tie in scene.static_ties:
+    for tie in scene.zero_motions:
         noise = gtsam.noiseModel.Diagonal.Sigmas(tie.sigma)
         relative = gtsam.Pose3(tie.key_T_frame)
         graph.push_back(gtsam.BetweenFactorPose3(X(tie.key), X(tie.frame), relative, noise))
@@ -227,7 +227,7 @@ def other_pose_factors(
     return graph
 
 
-def _known_points(controls: Controls, K: FloatArray, config: Config) -> gtsam.NonlinearFactorGraph:
+def _known_points(controls: ControlObservations, K: FloatArray, config: Config) -> gtsam.NonlinearFactorGraph:
     graph = gtsam.NonlinearFactorGraph()
     calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
     noise = projection_noise(config.start.control_sigma_px)

@@ -14,7 +14,7 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
 from vgps.model import Camera, FloatArray
-from vgps.smoothing.batch_result import Smoothed
+from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
 from vgps.solver.elimination import structure_of
@@ -58,8 +58,11 @@ class RefinedCamera:
 
 
 def refine_camera(
-    scene: Scene, camera: Camera, optimise: Callable[[Scene, FloatArray], Smoothed], config: IntrinsicsConfig
-) -> tuple[Smoothed, RefinedCamera]:
+    scene: Scene,
+    camera: Camera,
+    optimise: Callable[[Scene, FloatArray], BatchResult],
+    config: IntrinsicsConfig,
+) -> tuple[BatchResult, RefinedCamera]:
     """Stage D with the calibration as an unknown.
 
     Args:

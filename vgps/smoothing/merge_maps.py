@@ -8,10 +8,10 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
-from vgps.gps.outlier_detection import Judgement, judge_on_path, judges
-from vgps.mapping.control_observations import NO_CONTROLS, Controls
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.zero_motion import StaticTie
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray
 from vgps.smoothing.drift_correction import correct_drift
 from vgps.smoothing.factor_graph import Scene
@@ -21,27 +21,27 @@ from vgps.solution import FrameState, Observations
 
 
 @dataclass(frozen=True)
-class Joined:
+class MergedMaps:
     """The scene, the state of each frame (F,), luminance of the features (L,) uint8, the judgement of the
     fixes that it was bent by, and warnings."""
 
     scene: Scene
-    judgement: Judgement
+    assessment: FixAssessment
     state: tuple[FrameState, ...]
     gray: np.ndarray
     georeferenced: bool
     warnings: tuple[str, ...]
 
 
-def join_maps(
+def merge_maps(
     maps: list[LocalMap],
     t_s: FloatArray,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
-    controls: Controls = NO_CONTROLS,
-    lag_s: float = 0.0,
-) -> Joined:
+    controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
+    time_offset_s: float = 0.0,
+) -> MergedMaps:
     """Put every map into the world, by its own fixes or by continuing its neighbour; pose every frame.
 
     Args:
@@ -51,7 +51,7 @@ def join_maps(
         camera_p_antenna: (3,) metres.
         config: What it takes to align.
         controls: Sightings of known points.
-        lag_s: Of the fixes, as far as it is known.
+        time_offset_s: Of the fixes, as far as it is known.
 
     Raises:
         GeometryError: There are fixes, but no map could be aligned with them.
@@ -72,12 +72,12 @@ def join_maps(
         warnings.append("no fix ties the result to the world: place, heading and scale are arbitrary")
         maps[0].aligned = True
     warnings.extend(_continue_maps(maps, t_s))
-    judgement = Judgement.none(len(fixes))
+    assessment = FixAssessment.none(len(fixes))
     path, _ = _every_frame(maps, t_s)
-    in_time = fixes.earlier(lag_s)
-    if georeferenced and judges(config):
-        judgement = judge_on_path(path, t_s, in_time, camera_p_antenna, config)
-    believed = judgement.applied(in_time)
+    in_time = fixes.earlier(time_offset_s)
+    if georeferenced and detects_outliers(config):
+        assessment = detect_outliers(path, t_s, in_time, camera_p_antenna, config)
+    believed = assessment.applied(in_time)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
             if contradicts(local_map, t_s, believed, camera_p_antenna, config, whole=True):
@@ -85,7 +85,7 @@ def join_maps(
     poses, state = _every_frame(maps, t_s)
     scene = replace(_scene(maps, t_s, poses), controls=controls)
     gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])
-    return Joined(scene, judgement, state, gray, georeferenced, tuple(warnings))
+    return MergedMaps(scene, assessment, state, gray, georeferenced, tuple(warnings))
 
 
 def _align_at_last(
@@ -185,7 +185,7 @@ def _positioned(local_map: LocalMap) -> np.ndarray:
 
 def _scene(maps: list[LocalMap], t_s: FloatArray, poses: FloatArray) -> Scene:
     points, frames, landmarks, uv = [], [], [], []
-    ties: list[StaticTie] = []
+    ties: list[ZeroMotion] = []
     offset = 0
     for local_map in maps:
         ids = _positioned(local_map)
@@ -197,7 +197,7 @@ def _scene(maps: list[LocalMap], t_s: FloatArray, poses: FloatArray) -> Scene:
         landmarks.append(row_of[log.landmark[known]])
         uv.append(log.uv_px[known])
         points.append(local_map.points[ids])
-        ties.extend(local_map.static_ties)
+        ties.extend(local_map.zero_motions)
         offset += len(ids)
     observations = Observations(np.concatenate(frames), np.concatenate(landmarks), np.concatenate(uv))
     return Scene(t_s, poses, np.concatenate(points), observations, tuple(ties))

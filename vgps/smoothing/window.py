@@ -7,7 +7,7 @@ from gtsam.symbol_shorthand import X
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors
-from vgps.mapping.control_observations import NO_CONTROLS, Controls
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.smoothing.factor_graph import (
@@ -30,7 +30,7 @@ def optimise_window(
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
-    controls: Controls = NO_CONTROLS,
+    controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
     tolerance: float = 1.0,
 ) -> bool:
     """Optimise the poses of the last frames and the features seen in them, in place.

@@ -12,7 +12,7 @@ from vgps.tracking.pose import lmeds_pose, refine_pose
 _MAX_ERROR_PX = 1.0
 
 
-class TwoViewStart:
+class TwoViewInitializer:
     """Begins a map from its oldest and newest view once they show enough parallax."""
 
     def __init__(
@@ -20,7 +20,7 @@ class TwoViewStart:
     ) -> None:
         self._K, self._start, self._tracking, self._rng = K, start, tracking, rng
 
-    def try_start(self, local_map: LocalMap) -> bool:
+    def initialize(self, local_map: LocalMap) -> bool:
         """Pose all views of the map if its oldest and newest are far enough apart; say whether it worked.
 
         The oldest view becomes the origin and the distance to the newest the unit of length.

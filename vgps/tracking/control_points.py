@@ -5,7 +5,7 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.geodesy import to_enu
-from vgps.mapping.control_observations import Controls
+from vgps.mapping.control_observations import ControlObservations
 from vgps.model import Camera, ControlPoints, FloatArray, GeodeticPoint
 from vgps.tracking.pose import refine_pose
 
@@ -14,7 +14,7 @@ _MIN_POINTS = 4
 
 def world_controls(
     points: ControlPoints | None, camera: Camera, origin: GeodeticPoint | None
-) -> Controls | None:
+) -> ControlObservations | None:
     """The sightings, undistorted, in the world frame; those that the lens cannot have seen are left out.
 
     Args:
@@ -29,10 +29,10 @@ def world_controls(
         world = to_enu(origin, *world.T)
     uv = undistort(camera, points.uv_px)
     seen = np.isfinite(uv).all(axis=1)
-    return Controls(points.frame[seen], uv[seen], world[seen])
+    return ControlObservations(points.frame[seen], uv[seen], world[seen])
 
 
-def control_poses(controls: Controls, K: FloatArray) -> dict[int, FloatArray]:
+def control_poses(controls: ControlObservations, K: FloatArray) -> dict[int, FloatArray]:
     """Pose (4, 4) of every frame with four or more control points, by (18) over them alone."""
     poses = {}
     for frame in np.unique(controls.frame).tolist():

@@ -17,7 +17,7 @@ _GUESS_STEPS = 4  # of a pose that competes with others, and is refined if it wi
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackingResult:
     """One frame's outcome: sightings (N, 2) of the map's followed features, and the pose if there is one.
 
     ``pose_sigma`` (6,) [rotation rad; translation], of the pose against the features it was computed from.
@@ -41,14 +41,14 @@ class FrameTracker:
         self._rng = rng
         self._matcher: Matcher = make_matcher(tracking)
 
-    def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> Tracked:
+    def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> TrackingResult:
         """Match alone, for a map that has no positions yet."""
         match = self._matcher.match(previous, gray, local_map.raw_uv_px, local_map.raw_uv_px)
         return self._tracked(match)
 
     def track(
         self, local_map: LocalMap, previous: GrayImage, gray: GrayImage, predicted: FloatArray
-    ) -> Tracked:
+    ) -> TrackingResult:
         """Match, then pose (A-2) to (A-5).
 
         Args:
@@ -77,11 +77,11 @@ class FrameTracker:
         tracked = self._rematch(local_map, previous, gray, tracked, tentative)
         return self._final_pose(local_map, tracked, tentative)
 
-    def _tracked(self, match: Match) -> Tracked:
+    def _tracked(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)
         # beyond the fold of its polynomial a lens has no ray
         seen = np.asarray(np.isfinite(uv).all(axis=1))
-        return Tracked(match.uv_px, np.where(seen[:, None], uv, 0.0), match.found & seen)
+        return TrackingResult(match.uv_px, np.where(seen[:, None], uv, 0.0), match.found & seen)
 
     def _predict(self, local_map: LocalMap, predicted: FloatArray) -> FloatArray:
         """Where to look (N, 2), in the distorted image; features without position at the typical depth."""
@@ -98,7 +98,7 @@ class FrameTracker:
         return np.where(sane[:, None], raw, local_map.raw_uv_px)
 
     def _refine(
-        self, local_map: LocalMap, tracked: Tracked, usable: BoolArray, start: FloatArray
+        self, local_map: LocalMap, tracked: TrackingResult, usable: BoolArray, start: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         points = local_map.points[local_map.ids]
         usable = usable & reprojection_inliers(
@@ -113,9 +113,9 @@ class FrameTracker:
         local_map: LocalMap,
         previous: GrayImage,
         gray: GrayImage,
-        tracked: Tracked,
+        tracked: TrackingResult,
         tentative: FloatArray,
-    ) -> Tracked:
+    ) -> TrackingResult:
         """(A-4): features that were missed or mismatched are looked for near where the pose puts them."""
         points = local_map.points[local_map.ids]
         agree = reprojection_inliers(self._K, tentative, points, tracked.uv_px, self._config.inlier_px)
@@ -131,9 +131,11 @@ class FrameTracker:
         again_uv = undistort(self._camera, match.uv_px)
         seen = np.asarray(np.isfinite(again_uv).all(axis=1))
         uv_px[again], found[again] = np.where(seen[:, None], again_uv, 0.0), match.found & seen
-        return Tracked(raw_uv, uv_px, found)
+        return TrackingResult(raw_uv, uv_px, found)
 
-    def _final_pose(self, local_map: LocalMap, tracked: Tracked, tentative: FloatArray) -> Tracked:
+    def _final_pose(
+        self, local_map: LocalMap, tracked: TrackingResult, tentative: FloatArray
+    ) -> TrackingResult:
         """(A-5) by Eq. (18); matches that still disagree are dropped."""
         positioned = local_map.positioned
         usable = positioned & tracked.found
@@ -143,6 +145,6 @@ class FrameTracker:
         inliers = int((usable & agree).sum())
         found = tracked.found & (agree | ~positioned)
         if inliers < self._config.min_inliers or inliers < self._config.min_inlier_share * usable.sum():
-            return Tracked(tracked.raw_uv_px, tracked.uv_px, tracked.found)
+            return TrackingResult(tracked.raw_uv_px, tracked.uv_px, tracked.found)
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
-        return Tracked(tracked.raw_uv_px, tracked.uv_px, found, pose, sigma)
+        return TrackingResult(tracked.raw_uv_px, tracked.uv_px, found, pose, sigma)

@@ -30,7 +30,7 @@ _CONVERGED = 1e-6  # rad
 
 
 @dataclass(frozen=True)
-class Turns:
+class RelativeRotations:
     """Rotations of the camera over P intervals of time.
 
     Attributes:
@@ -49,33 +49,33 @@ class Turns:
     def __len__(self) -> int:
         return len(self.start_s)
 
-    def only(self, kept: BoolArray) -> "Turns":
+    def only(self, kept: BoolArray) -> "RelativeRotations":
         """The intervals (P,) that are kept; the others count as missed."""
         start, end = self.start_s[kept], self.end_s[kept]
         missed = self.missed + int((~kept).sum())
-        return Turns(start, end, self.start_R_end[kept], self.covariance[kept], missed)
+        return RelativeRotations(start, end, self.start_R_end[kept], self.covariance[kept], missed)
 
 
-def frame_turns(
+def frame_rotations(
     frames: Iterable[Frame],
     camera: Camera,
     config: TrackingConfig,
     rng: np.random.Generator,
     *,
     least_interval_s: float = 0.0,
-) -> Turns:
+) -> RelativeRotations:
     """Rotations between successive frames that lie at least ``least_interval_s`` apart."""
     matcher, rows, missed = make_matcher(config), [], 0
     for first, second in _pairs(frames, least_interval_s):
         uv = new_corners(first.gray, np.zeros((0, 2)), config.max_features, config, rng)
         match = matcher.match(first.gray, second.gray, uv, uv + _shift(first.gray, second.gray))
         flat = [undistort(camera, uv[match.found]), undistort(camera, match.uv_px[match.found])]
-        turn = relative_turn(camera.K, *flat)
+        turn = relative_rotation(camera.K, *flat)
         if turn is None:
             missed += 1
         else:
             rows.append((first.t_s, second.t_s, *turn))
-    return Turns(
+    return RelativeRotations(
         np.array([row[0] for row in rows]),
         np.array([row[1] for row in rows]),
         np.array([row[2] for row in rows]).reshape(-1, 3, 3),
@@ -84,7 +84,7 @@ def frame_turns(
     )
 
 
-def relative_turn(
+def relative_rotation(
     K: FloatArray, first_px: FloatArray, second_px: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Rotation between two views of one rigid scene, whether or not the camera moved.

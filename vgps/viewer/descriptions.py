@@ -44,7 +44,7 @@ def fix_facts(solution: Solution, row: int, term: float) -> Facts:
     log, table = judged(solution)
     east, north, up = table.residual_m[row]
     r_m, h_m = table.r_m[row], table.h_m[row]
-    lag_s, between = solution.sensors.lag_s, int(fix_placement(solution).frame[row])
+    time_offset_s, between = solution.sensors.time_offset_s, int(fix_placement(solution).frame[row])
     over = f"{np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h"
     details = [
         fix_title(solution, row),
@@ -53,7 +53,11 @@ def fix_facts(solution: Solution, row: int, term: float) -> Facts:
         f"region: r {r_m:g} m, h {h_m:g} m; residual over region: {over}",
         f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
         f"acts between frames {between} and {between + 1}",
-        *([f"its time stamp is {log.t_s[row]:.2f} s, {lag_s:+.3f} s of it the clock's lag"] if lag_s else []),
+        *(
+            [f"its time stamp is {log.t_s[row]:.2f} s, {time_offset_s:+.3f} s of it the clock's lag"]
+            if time_offset_s
+            else []
+        ),
     ]
     return Facts(
         what=f"fix {row}, {solution.fix_times_s[row]:.2f} s",

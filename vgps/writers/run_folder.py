@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vgps.solution import FrameState, Solution
+from vgps.solution import FrameState, SensorReport, Solution
 from vgps.writers.atomic import check_writable, new_folder
 from vgps.writers.measurements import write_measurements
 from vgps.writers.ply import write_ply
@@ -74,11 +74,21 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "warnings": list(solution.warnings),
         "camera": asdict(solution.camera),
         "camera_p_antenna": solution.camera_p_antenna,
-        "sensors": asdict(solution.sensors),
+        "sensors": _sensors(solution.sensors),
         "gps": None
         if solution.gps is None
         else {"source": str(solution.gps.source), "skipped": list(solution.gps.skipped)},
         "versions": _versions(),
+    }
+
+
+def _sensors(report: SensorReport) -> dict[str, Any]:
+    """The keys are those of the first version: a time offset was a lag there."""
+    return {
+        "lag_s": report.time_offset_s,
+        "lag_sigma_s": report.time_offset_sigma_s,
+        "antenna_sigma_m": report.antenna_sigma_m,
+        "camera_sigma": report.camera_sigma,
     }
 
 
