@@ -169,7 +169,7 @@ for name, tracked in results.items():
     )
     followed = np.array([f.tracked and (k == 0 or not f.recovered) for k, f in enumerate(tracked)])
     held = followed & (error < 0.5)
-    count = np.array([len(f.sightings) for f in tracked]) * held
+    count = np.array([len(f.observations) for f in tracked]) * held
     order = np.argsort(rate_deg_s)
     seen.plot(rate_deg_s[order], count[order], ".", label=name)
     off.semilogy(np.arange(len(tracked)), np.where(held, error, np.nan), ".-", lw=0.8, label=name)

@@ -45,7 +45,7 @@ def round_the_block(frames: int, laps: int) -> FloatArray:
 def seen_again(
     poses: FloatArray, points: FloatArray, frame: IntArray, landmark: IntArray, lap: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Frame, landmark and pixels of the same sightings one lap later, of seven landmarks in ten."""
+    """Frame, landmark and pixels of the same observations one lap later, of seven landmarks in ten."""
     again = (landmark % 10 < 7) & (frame + lap < len(poses))
     frame, landmark = frame[again] + lap, landmark[again]
     p = np.einsum("nji,nj->ni", poses[frame, :3, :3], points[landmark] - poses[frame, :3, 3])
@@ -54,7 +54,7 @@ def seen_again(
     return frame[ahead], landmark[ahead], uv[ahead]
 
 
-def sightings(
+def observations(
     poses: FloatArray, landmarks: int, track: int, rng: np.random.Generator
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
     """Points, and frame, landmark and pixels of tracks whose lengths scatter about ``track``."""
@@ -92,7 +92,7 @@ def make_problem(frames: int, landmarks: int, track: int, laps: int) -> BundlePr
     rng = np.random.default_rng(0)
     poses = winding_drive(frames) if laps == 1 else round_the_block(frames, laps)
     lap = -(-frames // laps)
-    points, frame, landmark, uv = sightings(poses[:lap], landmarks, track, rng)
+    points, frame, landmark, uv = observations(poses[:lap], landmarks, track, rng)
     rows = [(frame, landmark, uv)]
     for number in range(1, laps):
         rows.append(seen_again(poses, points, frame, landmark, number * lap))

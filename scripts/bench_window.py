@@ -2,7 +2,7 @@
 
 python scripts/bench_window.py RUN [--frames 300] [--every 15] [--length 60]
 
-All three get the same sightings, fixes and starts: the run's own motion with 0.05 deg and 2 cm of noise a
+All three get the same observations, fixes and starts: the run's own motion with 0.05 deg and 2 cm of noise a
 frame, points 3 % off in depth. The error is that of the newest frames' positions against the run's, right
 after each update.
 """
@@ -30,7 +30,7 @@ SIGMA_PX, ROBUST_K, MIN_VIEWS = 4.0, 0.25, 3
 
 
 class World:
-    """A run replayed: its sightings, and starts that are somewhat wrong."""
+    """A run replayed: its observations, and starts that are somewhat wrong."""
 
     def __init__(self, run: Solution, frames: int) -> None:
         rng = np.random.default_rng(0)
@@ -57,13 +57,13 @@ class World:
         return estimate.compose(a.between(b)).compose(gtsam.Pose3.Expmap(self.noise[frame]))
 
     def ready(self, first: int, last: int) -> IntArray:
-        """Sightings in frames first..last of points that have been seen often enough by then."""
+        """Observations in frames first..last of points that have been seen often enough by then."""
         views = np.bincount(self.landmark[self.frame <= last], minlength=len(self.points))
         rows = (self.frame >= first) & (self.frame <= last) & (views[self.landmark] >= MIN_VIEWS)
         return np.flatnonzero(rows)
 
     def parallax(self, last: int) -> FloatArray:
-        """(L,) angle between the rays of a point's first sighting and its newest so far, radians."""
+        """(L,) angle between the rays of a point's first observation and its newest so far, radians."""
         rows = self.frame <= last
         newest, first = np.zeros(len(self.points), dtype=np.int64), np.zeros(len(self.points), dtype=np.int64)
         newest[self.landmark[rows]] = self.frame[rows]

@@ -97,7 +97,7 @@ class Series:
     @property
     def landmarks(self) -> FloatArray:
         """(F,) that agree with the pose, 0 where it is not held."""
-        return np.array([len(frame.sightings) for frame in self.errors.frames]) * self.held
+        return np.array([len(frame.observations) for frame in self.errors.frames]) * self.held
 
 
 def track(recording: Recording, database: Path, changes: dict[str, object]) -> Series:

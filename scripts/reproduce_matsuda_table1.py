@@ -163,7 +163,7 @@ def plot(
         ("(2) templates not blurred", "tab:green"),
         ("graph (default), as it comes", "tab:blue"),
     ):
-        count = [len(frame.sightings) for frame in found[name].frames]
+        count = [len(frame.observations) for frame in found[name].frames]
         against.scatter(rate, count, s=8, color=colour, label=name, alpha=0.7)
     against.set(xlabel="angular rate [deg/s]", ylabel="landmarks that agree", title="Landmarks held")
     against.legend(fontsize=8)
@@ -199,7 +199,7 @@ def write_frames(found: dict[str, Errors], rate: FloatArray, out: Path) -> None:
             for i, frame in enumerate(errors.frames):
                 numbers = (frame.correlation, rate[i], errors.position_m[i], errors.rotation_deg[i])
                 told = [f"{number:.4f}" for number in numbers]
-                writer.writerow([name, i, int(frame.tracked), len(frame.sightings), *told])
+                writer.writerow([name, i, int(frame.tracked), len(frame.observations), *told])
 
 
 def main() -> None:

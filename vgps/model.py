@@ -148,7 +148,7 @@ class ControlPoints:
     """Points of known world position seen in frames (how the thesis starts a run).
 
     Attributes:
-        frame: (N,) frame index of the sighting.
+        frame: (N,) frame index of the observation.
         uv_px: (N, 2) where it is seen, in the distorted image.
         world_p_point: (N, 3) ENU metres, or latitude, longitude [deg], height [m] if ``geodetic``.
     """

@@ -99,7 +99,7 @@ def test_landmarks_poorly_known_are_left_out(wall: WallRun, contents: LandmarkCo
     assert strict == {landmark for landmark in everything if sigma[landmark] <= 0.45}
 
     count = np.bincount(wall.solution.observations.landmark, minlength=150)
-    often = set(built(wall, min_sightings=20).views.landmark.tolist())
+    often = set(built(wall, min_observations=20).views.landmark.tolist())
     assert often == {landmark for landmark in everything if count[landmark] >= 20} != everything
 
     sure = built(wall, max_relative_sigma=0.03).views

@@ -10,7 +10,7 @@ HISTORY = 5
 
 
 def walked(frames, rng, lost_share=0.2):
-    """A map whose features come and go, sightings named by frame and a number of their own."""
+    """A map whose features come and go, observations named by frame and a number of their own."""
     made = LocalMap(0, HISTORY)
     for frame in range(frames):
         pose = np.eye(4)
@@ -27,8 +27,8 @@ def walked(frames, rng, lost_share=0.2):
     return made
 
 
-def sightings(made, since):
-    """Frame, place in the image, position and luminance of every sighting: what does not depend on ids."""
+def observations(made, since):
+    """Frame, place in the image, position and luminance of every observation: what does not depend on ids."""
     log = made.observations(since)
     return np.column_stack([log.frame, log.uv_px, made.points[log.landmark], made.gray[log.landmark]])
 
@@ -41,7 +41,7 @@ def test_forgetting_leaves_the_rest_as_it_was(frames, before_frame, before_view,
     since = min(before_view, frames - 1)
     assert cut.first_frame == min(before_frame, since) and cut.next_frame == frames
     np.testing.assert_array_equal(np.concatenate([old, cut.poses]), whole.poses)
-    np.testing.assert_array_equal(sightings(cut, 0), sightings(whole, since))
+    np.testing.assert_array_equal(observations(cut, 0), observations(whole, since))
     np.testing.assert_array_equal(cut.points[cut.ids], whole.points[whole.ids])
     np.testing.assert_array_equal(cut.last_uv_px, whole.last_uv_px)
     poses, valid = cut.view_poses()

@@ -54,10 +54,10 @@ def test_without_gps_the_result_says_that_it_floats(recording):
 
 @pytest.mark.slow
 def test_control_points_replace_gps(solution, recording, tmp_path):
-    sightings = solution.observations
-    early = sightings.frame < 25
-    points = solution.landmarks.world_p_landmark[sightings.landmark[early]]
-    rows = np.column_stack([sightings.frame[early], sightings.uv_px[early], points])
+    observations = solution.observations
+    early = observations.frame < 25
+    points = solution.landmarks.world_p_landmark[observations.landmark[early]]
+    rows = np.column_stack([observations.frame[early], observations.uv_px[early], points])
     file = tmp_path / "control_points.csv"
     np.savetxt(file, rows, delimiter=",", header="frame,u_px,v_px,east_m,north_m,up_m", comments="")
     opened = replace(vgps.open_recording(recording, control_points=file), gps=None)

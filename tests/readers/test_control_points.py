@@ -21,14 +21,14 @@ def test_local_and_geodetic(tmp_path):
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("-1,1,2,1,2,3", "line 2: an impossible sighting"),
-        ("0.5,1,2,1,2,3", "line 2: an impossible sighting"),
-        ("0,1,,1,2,3", "line 2: an impossible sighting"),
+        ("-1,1,2,1,2,3", "line 2: an impossible observation"),
+        ("0.5,1,2,1,2,3", "line 2: an impossible observation"),
+        ("0,1,,1,2,3", "line 2: an impossible observation"),
         ("0,1,2,1,2,high", "line 2: 'high' in column up_m"),
         ("", "no control points"),
     ],
 )
-def test_what_is_no_sighting_is_told(tmp_path, row, message):
+def test_what_is_no_observation_is_told(tmp_path, row, message):
     path = tmp_path / "control_points.csv"
     path.write_text("frame,u_px,v_px,east_m,north_m,up_m\n" + row + "\n")
     with pytest.raises(RecordingError, match=message):

@@ -56,7 +56,7 @@ def test_what_is_firmly_believed_hardly_moves():
     assert found.sigma["focal"] <= 1e-6
 
 
-def test_sightings_go_through_the_old_lens_into_the_new():
+def test_observations_go_through_the_old_lens_into_the_new():
     problem, poses, t_s, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), t_s, 0)
     other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))

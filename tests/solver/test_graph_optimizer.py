@@ -83,7 +83,7 @@ def held() -> Graph:
 
 
 def known_points() -> Graph:
-    """Landmarks with priors, two sightings in one frame, another loss and another camera for some."""
+    """Landmarks with priors, two observations in one frame, another loss and another camera for some."""
     graph, values = to_graph(small())
     points = [key for key in list(values.keys()) if gtsam.Symbol(key).chr() == ord("l")]
     tight = gtsam.noiseModel.Isotropic.Sigma(3, 0.02)

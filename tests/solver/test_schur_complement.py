@@ -271,7 +271,7 @@ def test_start_without_a_finite_cost_is_refused() -> None:
         solve(replace(problem, world_p_landmark=points))
 
 
-def test_two_sightings_in_one_frame_are_refused() -> None:
+def test_two_observations_in_one_frame_are_refused() -> None:
     problem, _ = drive(frames=10, landmarks=20)
     twice = only(problem, np.append(np.arange(len(problem.frame)), 3))
     with pytest.raises(ValueError, match="twice in one frame"):

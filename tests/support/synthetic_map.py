@@ -11,7 +11,7 @@ INTERVAL_S = 0.1
 
 
 def map_of(problem, first, last, history=60):
-    """Frames first..last with the problem's poses, sightings and points; in the world."""
+    """Frames first..last with the problem's poses, observations and points; in the world."""
     made = LocalMap(first, history)
     of_id: list[int] = []  # landmark of every feature
     for frame in range(first, last + 1):

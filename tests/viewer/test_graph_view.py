@@ -8,11 +8,11 @@ import numpy as np
 from vgps.solution import Landmarks, Observations, Solution
 from vgps.viewer import colours
 from vgps.viewer.graph import MAX_FIXES, MAX_LANDMARKS, MAX_POSES, Graph, factor_graphs
-from vgps.viewer.measures import sightings
+from vgps.viewer.measures import observations
 
 
 def only(solution: Solution) -> Graph:
-    ((_, graph),) = factor_graphs(solution, sightings(solution))
+    ((_, graph),) = factor_graphs(solution, observations(solution))
     return graph
 
 
@@ -103,7 +103,7 @@ def test_nodes_have_the_colours_of_verdict_and_state(solution: Solution) -> None
 
 def test_a_long_run_comes_in_stretches_in_each_of_which_poses_hang_together(solution: Solution) -> None:
     run = long_run(solution, frames=2500, track=30)
-    graphs = factor_graphs(run, sightings(run))
+    graphs = factor_graphs(run, observations(run))
     assert len(graphs) > 1
     assert np.all(np.diff(np.concatenate([frames for frames, _ in graphs])) <= 30 // 3)
     for frames, graph in graphs:
@@ -121,9 +121,9 @@ def test_no_two_poses_lie_on_each_other(solution: Solution) -> None:
     run = long_run(solution, frames=400, track=30)
     places = [
         node.place
-        for _, graph in factor_graphs(run, sightings(run))
+        for _, graph in factor_graphs(run, observations(run))
         for node in graph.nodes
         if node.name[0] == "x"
     ]
-    ((_, graph),) = factor_graphs(run, sightings(run))
+    ((_, graph),) = factor_graphs(run, observations(run))
     assert len(set(places)) == len([node for node in graph.nodes if node.name[0] == "x"])

@@ -7,13 +7,15 @@ import pytest
 
 from vgps.camera import project as project_distorted
 from vgps.solution import Solution
-from vgps.viewer.measures import fix_placement, gps_terms, per_frame, sightings, video_terms
+from vgps.viewer.measures import fix_placement, gps_terms, observations, per_frame, video_terms
 
 PLANTED = [0.6, -0.8]
 
 
-def test_sightings_are_in_order_of_frames_and_in_the_picture_that_the_video_shows(solution: Solution) -> None:
-    seen = sightings(solution)
+def test_observations_are_in_order_of_frames_and_in_the_picture_of_the_video(
+    solution: Solution,
+) -> None:
+    seen = observations(solution)
     assert seen.frame.tolist() == sorted(solution.observations.frame.tolist())
     assert seen.per_frame.tolist() == [3] * 6
     np.testing.assert_array_equal(solution.observations.landmark[seen.order], seen.landmark)
@@ -24,7 +26,7 @@ def test_sightings_are_in_order_of_frames_and_in_the_picture_that_the_video_show
 
 
 def test_the_planted_error_is_found_in_the_pinhole_image(solution: Solution) -> None:
-    seen = sightings(solution)
+    seen = observations(solution)
     planted = (seen.frame == 0) & (seen.landmark == 0)
     np.testing.assert_allclose(seen.error_px[planted], [[-PLANTED[0], -PLANTED[1]]], atol=1e-9)
     np.testing.assert_allclose(seen.error_px[~planted], 0.0, atol=1e-9)
@@ -32,8 +34,10 @@ def test_the_planted_error_is_found_in_the_pinhole_image(solution: Solution) -> 
 
 def test_the_term_of_a_frame_is_equation_12(solution: Solution) -> None:
     # one error of 1 px among 3 features, sigma_j = 0.5: mu = 2, Phi = 2 * 1 / 3
-    np.testing.assert_allclose(video_terms(solution, sightings(solution)), [2 / 3, 0, 0, 0, 0, 0], atol=1e-9)
-    rms, largest = per_frame(sightings(solution), 6)
+    np.testing.assert_allclose(
+        video_terms(solution, observations(solution)), [2 / 3, 0, 0, 0, 0, 0], atol=1e-9
+    )
+    rms, largest = per_frame(observations(solution), 6)
     np.testing.assert_allclose([rms[0], largest[0], largest[1]], [np.sqrt(1 / 3), 1.0, 0.0], atol=1e-9)
 
 
@@ -46,8 +50,8 @@ def test_a_frame_without_features_has_no_term(solution: Solution) -> None:
             seen, frame=seen.frame[kept], landmark=seen.landmark[kept], uv_px=seen.uv_px[kept]
         ),
     )
-    rms, largest = per_frame(sightings(fewer), 6)
-    for values in (video_terms(fewer, sightings(fewer)), rms, largest):
+    rms, largest = per_frame(observations(fewer), 6)
+    for values in (video_terms(fewer, observations(fewer)), rms, largest):
         assert np.isnan(values).tolist() == [False, False, False, True, False, False]
 
 

@@ -25,7 +25,7 @@ LENSES = {
 
 
 def consistent(solution, camera, noise_px=0.5):
-    """The fixture's run with five frames, forty points, and sightings that are half a pixel off."""
+    """The fixture's run with five frames, forty points, and observations that are half a pixel off."""
     rng = np.random.default_rng(0)
     poses = np.tile(np.eye(4), (5, 1, 1))
     turns = rng.normal(-90, 3, (5, 3)) * [1, 0, 0]

@@ -19,14 +19,14 @@ class LandmarksConfig(SettingsModel):
     """Scales of a template; each covers twice the width of the one before."""
     max_views: PositiveInt = 8
     """Places from which a landmark is kept, spread in direction and distance."""
-    min_sightings: PositiveInt = 4
+    min_observations: PositiveInt = 4
     """Landmarks seen in fewer frames are left out."""
     max_sigma_px: PositiveFloat = 1.0
     """Landmarks with a larger reliability sigma_j, Eq. (13) Kume 2010, are left out."""
     max_relative_sigma: PositiveFloat = 0.1
     """Landmarks whose position is uncertain by more than this share of their depth are left out."""
     max_error_px: PositiveFloat = 3.0
-    """Sightings that miss their landmark's projection by more give no view."""
+    """Observations that miss their landmark's projection by more give no view."""
     angle_unit_deg: PositiveFloat = 10.0
     """Views of a landmark are spread: so far apart in direction counts as one,"""
     octave_unit: PositiveFloat = 0.5

@@ -81,6 +81,6 @@ class StartConfig(SettingsModel):
     min_control_travel_m: PositiveFloat = 0.5
     """Frames posed by control points must lie this far apart before they give the scale."""
     control_sigma_px: PositiveFloat = 1.0
-    """Standard deviation of a control point's sighting."""
+    """Standard deviation of a control point's observation."""
     pitch_sigma_deg: PositiveFloat = 30.0
     """The same for its mean pitch."""

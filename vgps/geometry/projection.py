@@ -1,6 +1,7 @@
 """Pinhole geometry of many points at once: projecting, rays, triangulating (19), angles between rays.
 
-Pixels here are of the undistorted image; ``world_T_camera`` maps camera to world coordinates. Sightings are
+Pixels here are of the undistorted image; ``world_T_camera`` maps camera to world coordinates. Observations
+are
 flat arrays, a row each, sorted by feature: a feature seen in three views has three rows.
 """
 
@@ -77,14 +78,14 @@ def triangulate(
 
     Args:
         K: (3, 3).
-        world_T_camera: (N, 4, 4) the camera of each sighting.
+        world_T_camera: (N, 4, 4) the camera of each observation.
         uv_px: (N, 2), sorted by feature.
         start: (M,) first row of each feature.
         iterations: Gauss-Newton steps.
 
     Returns:
-        ``points`` (M, 3) and the reprojection error (N,) of each sighting in pixels, infinite where the point
-        lies behind the camera.
+        ``points`` (M, 3) and the reprojection error (N,) of each observation in pixels, infinite where the
+        point lies behind the camera.
     """
     count = np.diff(np.append(start, len(uv_px)))
     centre = world_T_camera[:, :3, 3]

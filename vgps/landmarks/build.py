@@ -12,8 +12,8 @@ from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
 from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.landmarks.view_choice import (
-    Sightings,
-    all_sightings,
+    LandmarkObservations,
+    all_observations,
     choose_views,
     known_landmarks,
     template_frames,
@@ -52,17 +52,17 @@ def build_database(
     """
     config = config or LandmarksConfig()
     _check(solution, recording)
-    sightings = all_sightings(solution)
-    known, sigma_m = known_landmarks(solution, sightings, config)
-    sightings = sightings.take(known[sightings.landmark])
-    chosen = choose_views(solution, sightings, frames, config)
+    observations = all_observations(solution)
+    known, sigma_m = known_landmarks(solution, observations, config)
+    observations = observations.take(known[observations.landmark])
+    chosen = choose_views(solution, observations, frames, config)
     if not len(chosen.landmark):
         raise LandmarkDatabaseError(
             f"none of {len(known)} landmarks is known well enough and seen in {frames} frames",
             file=recording.path,
             remedy="relax the limits on landmarks, or use all frames",
         )
-    keyed = sightings.take(np.isin(sightings.landmark, chosen.landmark) & (sightings.depth_m > 0))
+    keyed = observations.take(np.isin(observations.landmark, chosen.landmark) & (observations.depth_m > 0))
     keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
     video = (progress or Silent()).track(recording.video.frames(), len(recording.video.times_s))
     templates, keyframes = _pictures(video, solution, chosen, keyed, keys, config)
@@ -75,12 +75,12 @@ def build_database(
 def _pictures(
     video: Iterable[Frame],
     solution: Solution,
-    chosen: Sightings,
-    keyed: Sightings,
+    chosen: LandmarkObservations,
+    keyed: LandmarkObservations,
     keys: IntArray,
     config: LandmarksConfig,
 ) -> tuple[npt.NDArray[np.uint8], tuple[Keyframe, ...]]:
-    """Templates (N, levels, P, P) of the chosen sightings, and the keyframes, of frames ``keys``."""
+    """Templates (N, levels, P, P) of the chosen observations, and the keyframes, of frames ``keys``."""
     templates = np.zeros((len(chosen.landmark), config.levels, config.patch_px, config.patch_px), np.uint8)
     keyframes, rectify = [], Rectifier(solution.camera)
     for frame in video:
@@ -122,9 +122,13 @@ def _of_another(recording: Recording, what: str, solution: Solution) -> Landmark
 
 
 def _keyframe(
-    frame: int, image: Float32Array, solution: Solution, sightings: Sightings, config: LandmarksConfig
+    frame: int,
+    image: Float32Array,
+    solution: Solution,
+    observations: LandmarkObservations,
+    config: LandmarksConfig,
 ) -> Keyframe:
-    seen = sightings.take(sightings.frame == frame)
+    seen = observations.take(observations.frame == frame)
     return make_keyframe(
         np.clip(np.round(image), 0, 255).astype(np.uint8),
         solution.camera,
@@ -137,7 +141,7 @@ def _keyframe(
 
 
 def _views(
-    solution: Solution, chosen: Sightings, sigma_m: FloatArray, templates: npt.NDArray[np.uint8]
+    solution: Solution, chosen: LandmarkObservations, sigma_m: FloatArray, templates: npt.NDArray[np.uint8]
 ) -> LandmarkViews:
     column, row = plane_axes(chosen.world_T_camera, solution.camera, chosen.depth_m)
     return LandmarkViews(

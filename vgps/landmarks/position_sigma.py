@@ -10,14 +10,14 @@ def position_sigmas_m(
 ) -> FloatArray:
     """Standard deviation of each landmark along its least known axis, the poses held.
 
-    The inverse of ``sum J^T J / sigma^2`` over the sightings of a landmark, J of Eq. (4), Kume 2010.
+    The inverse of ``sum J^T J / sigma^2`` over the observations of a landmark, J of Eq. (4), Kume 2010.
 
     Args:
         K: (3, 3).
-        world_T_camera: (N, 4, 4) the camera of each sighting.
-        points: (N, 3) the landmark of each sighting.
-        start: (M,) first sighting of each landmark.
-        sigma_px: (M,) standard deviation of one sighting.
+        world_T_camera: (N, 4, 4) the camera of each observation.
+        points: (N, 3) the landmark of each observation.
+        start: (M,) first observation of each landmark.
+        sigma_px: (M,) standard deviation of one observation.
 
     Returns:
         (M,) metres; infinite where the rays do not determine the position.

@@ -14,7 +14,7 @@ from vgps.solution import FrameState, Solution
 
 
 @dataclass(frozen=True)
-class Sightings:
+class LandmarkObservations:
     """Landmarks seen in frames, sorted by landmark.
 
     Attributes:
@@ -32,12 +32,12 @@ class Sightings:
     depth_m: FloatArray
     error_px: FloatArray
 
-    def take(self, rows: IntArray | BoolArray) -> "Sightings":
+    def take(self, rows: IntArray | BoolArray) -> "LandmarkObservations":
         """Some of them."""
-        return Sightings(*(values[rows] for values in vars(self).values()))
+        return LandmarkObservations(*(values[rows] for values in vars(self).values()))
 
 
-def all_sightings(solution: Solution) -> Sightings:
+def all_observations(solution: Solution) -> LandmarkObservations:
     """Every observation of a run against where its landmark projects."""
     seen = solution.observations
     order = np.lexsort((seen.frame, seen.landmark))
@@ -45,7 +45,7 @@ def all_sightings(solution: Solution) -> Sightings:
     poses, points = solution.world_T_camera[frame], solution.landmarks.world_p_landmark[landmark]
     uv, depth = project(solution.camera.K, poses, points[:, None])
     error = np.linalg.norm(uv[:, 0] - seen.uv_px[order], axis=1)
-    return Sightings(landmark, frame, poses, points, uv[:, 0], depth[:, 0], error)
+    return LandmarkObservations(landmark, frame, poses, points, uv[:, 0], depth[:, 0], error)
 
 
 def template_frames(solution: Solution, frames: Frames) -> BoolArray:
@@ -57,39 +57,39 @@ def template_frames(solution: Solution, frames: Frames) -> BoolArray:
 
 
 def known_landmarks(
-    solution: Solution, sightings: Sightings, config: LandmarksConfig
+    solution: Solution, observations: LandmarkObservations, config: LandmarksConfig
 ) -> tuple[BoolArray, FloatArray]:
     """(L,) which landmarks are known well enough, and (L,) the standard deviation of each position [m]."""
     total = len(solution.landmarks.sigma_px)
     sigma_m, nearest_m = np.full(total, np.inf), np.full(total, np.nan)
-    if len(sightings.landmark):
-        start = np.flatnonzero(np.diff(sightings.landmark, prepend=-1))
-        owner, count = np.unique(sightings.landmark, return_counts=True)
-        # a track drifts as a whole: many sightings of it tell of the position no more than their mean does
+    if len(observations.landmark):
+        start = np.flatnonzero(np.diff(observations.landmark, prepend=-1))
+        owner, count = np.unique(observations.landmark, return_counts=True)
+        # a track drifts as a whole: many observations of it tell of the position no more than their mean does
         sigma_px = solution.landmarks.sigma_px[owner] * np.sqrt(count)
-        poses, points = sightings.world_T_camera, sightings.world_p_landmark
+        poses, points = observations.world_T_camera, observations.world_p_landmark
         sigma_m[owner] = position_sigmas_m(solution.camera.K, poses, points, start, sigma_px)
-        nearest_m[owner] = np.minimum.reduceat(sightings.depth_m, start)
-    often = np.bincount(sightings.landmark, minlength=total) >= config.min_sightings
+        nearest_m[owner] = np.minimum.reduceat(observations.depth_m, start)
+    often = np.bincount(observations.landmark, minlength=total) >= config.min_observations
     sure = (solution.landmarks.sigma_px <= config.max_sigma_px) & (nearest_m > 0)
     return often & sure & (sigma_m <= config.max_relative_sigma * nearest_m), sigma_m
 
 
 def choose_views(
-    solution: Solution, sightings: Sightings, frames: Frames, config: LandmarksConfig
-) -> Sightings:
-    """The sightings of known landmarks that become views, spread in direction and scale.
+    solution: Solution, observations: LandmarkObservations, frames: Frames, config: LandmarksConfig
+) -> LandmarkObservations:
+    """The observations of known landmarks that become views, spread in direction and scale.
 
     Args:
         solution: Of a run.
-        sightings: Of known landmarks.
+        observations: Of known landmarks.
         frames: Which frames may give templates.
         config: How many views, how different.
     """
-    usable = template_frames(solution, frames)[sightings.frame]
-    usable &= (sightings.depth_m > 0) & (sightings.error_px <= config.max_error_px)
-    usable &= has_room(sightings.uv_px, solution.camera, config.patch_px)
-    found = sightings.take(usable)
+    usable = template_frames(solution, frames)[observations.frame]
+    usable &= (observations.depth_m > 0) & (observations.error_px <= config.max_error_px)
+    usable &= has_room(observations.uv_px, solution.camera, config.patch_px)
+    found = observations.take(usable)
     to_camera = found.world_T_camera[:, :3, 3] - found.world_p_landmark
     direction = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
     units = Differences(config.angle_unit_deg, config.octave_unit)

@@ -24,7 +24,7 @@ class Differences:
 def spread_out(
     landmark: IntArray, place: FloatArray, error_px: FloatArray, count: int, least: float
 ) -> BoolArray:
-    """Choose up to ``count`` sightings of each landmark, each time the one furthest from those chosen.
+    """Choose up to ``count`` observations of each landmark, each time the one furthest from those chosen.
 
     The first is the one with the least error; then the furthest from all chosen before, a large error
     counting against it.

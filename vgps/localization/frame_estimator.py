@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.localization.pose import PoseEstimate
 from vgps.localization.prediction import Motion
-from vgps.localization.search import Sightings
+from vgps.localization.search import LandmarkMatches
 from vgps.model import FloatArray
 
 _LONGEST_STEP_S = 0.5  # a velocity from frames farther apart is none
@@ -27,7 +27,7 @@ class FrameEstimator:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         return self._motion
 
-    def add(self, t_s: float, pose: PoseEstimate, seen: Sightings, *, anew: bool) -> PoseEstimate:
+    def add(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches, *, anew: bool) -> PoseEstimate:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         self._motion = motion_between(self._motion, t_s, pose.world_T_camera, self._max_speed_m_s)
         return PoseEstimate(pose.world_T_camera, pose.covariance, np.ones(len(seen), bool))

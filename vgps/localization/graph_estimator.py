@@ -18,7 +18,7 @@ from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.frame_estimator import motion_between
 from vgps.localization.pose import PoseEstimate
 from vgps.localization.prediction import Motion
-from vgps.localization.search import Sightings
+from vgps.localization.search import LandmarkMatches
 from vgps.model import BoolArray, FloatArray
 
 # moves in rad, m and rad/s from which on factors are linearised anew: less of them leaves an error of their
@@ -52,7 +52,7 @@ class GraphEstimator:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         return self._motion
 
-    def add(self, t_s: float, pose: PoseEstimate, seen: Sightings, *, anew: bool) -> PoseEstimate:
+    def add(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches, *, anew: bool) -> PoseEstimate:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         if anew:
             self._begin()
@@ -80,7 +80,7 @@ class GraphEstimator:
         self._values = gtsam.Values()
         self._frames: list[tuple[int, float]] = []
 
-    def _update(self, t_s: float, pose: PoseEstimate, seen: Sightings) -> PoseEstimate:
+    def _update(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches) -> PoseEstimate:
         k = self._frame = self._frame + 1
         graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
         start.insert(_x(k), gtsam.Pose3(pose.world_T_camera))
@@ -93,7 +93,7 @@ class GraphEstimator:
         self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(_x(i))]
         return self._read(t_s, k, pose, seen)
 
-    def _landmarks(self, k: int, seen: Sightings) -> gtsam.CustomFactor:
+    def _landmarks(self, k: int, seen: LandmarkMatches) -> gtsam.CustomFactor:
         return known_points_factor(
             _x(k), seen.world_p_landmark, seen.uv_px, seen.sigma_px, self._K, self._config.huber_px
         )
@@ -125,7 +125,7 @@ class GraphEstimator:
     def _bias(self) -> FloatArray:
         return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
 
-    def _read(self, t_s: float, k: int, alone: PoseEstimate, seen: Sightings) -> PoseEstimate:
+    def _read(self, t_s: float, k: int, alone: PoseEstimate, seen: LandmarkMatches) -> PoseEstimate:
         """The newest pose, and the motion for the next prediction.
 
         Its covariance is that of the frame alone, an upper bound that costs nothing.
@@ -140,7 +140,7 @@ class GraphEstimator:
         self._motion = Motion(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
         return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
 
-    def _agree(self, pose: FloatArray, seen: Sightings) -> BoolArray:
+    def _agree(self, pose: FloatArray, seen: LandmarkMatches) -> BoolArray:
         return reprojection_inliers(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)
 
 

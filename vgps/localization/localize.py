@@ -52,7 +52,7 @@ def localise(
             image = localiser.undistort(frame.gray)
             tracked = localiser.add(frame.t_s, image)
             frames.append(tracked)
-            gray.append(_gray(image, tracked.sightings.uv_px))
+            gray.append(_gray(image, tracked.observations.uv_px))
             poses[frame.t_s] = tracked.world_T_camera
             poses |= localiser.revised() if config.revise else {}
     if not any(frame.tracked for frame in frames):

@@ -30,7 +30,7 @@ def as_solution(
         config: As used.
         frames: One per frame of the video.
         world_T_camera: (F, 4, 4) final poses.
-        gray: Of each frame the luminance (N,) at its sightings.
+        gray: Of each frame the luminance (N,) at its observations.
         seconds: Per stage.
         warnings: What to know.
     """
@@ -63,7 +63,7 @@ def as_solution(
 
 def _seen(frames: Sequence[TrackedFrame], gray: Sequence[FloatArray]) -> tuple[Landmarks, Observations]:
     """The landmarks that were seen at all, and where."""
-    seen = [frame.sightings for frame in frames]
+    seen = [frame.observations for frame in frames]
     ids = np.concatenate([part.landmark for part in seen])
     _, first, row = np.unique(ids, return_index=True, return_inverse=True)
     landmarks = Landmarks(

@@ -13,7 +13,7 @@ from vgps.model import BoolArray, Float32Array, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Sightings:
+class LandmarkMatches:
     """Landmarks found in a frame.
 
     Attributes:
@@ -31,14 +31,14 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.landmark)
 
-    def take(self, rows: BoolArray) -> "Sightings":
+    def take(self, rows: BoolArray) -> "LandmarkMatches":
         """Some of them."""
-        return Sightings(
+        return LandmarkMatches(
             self.landmark[rows], self.world_p_landmark[rows], self.uv_px[rows], self.sigma_px[rows]
         )
 
 
-NOTHING_SEEN = Sightings(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
+NOTHING_SEEN = LandmarkMatches(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Found:
 
     Attributes:
         pose: From the matches; None if too few agree on one.
-        sightings: Those that agree with the pose; all matches if there is none.
+        observations: Those that agree with the pose; all matches if there is none.
         correlation: Median over these; 0 if there were none.
     """
 
     pose: PoseEstimate | None
-    sightings: Sightings
+    observations: LandmarkMatches
     correlation: float
 
 
@@ -93,7 +93,7 @@ def search_frame(
     matches = match_templates(image, expected.templates, predicted, radius_px, config.min_contrast)
     good = matches.correlation >= config.min_correlation
     sigma = match_sigma_px(K, views, depth, config)
-    seen = Sightings(views.landmark, views.world_p_landmark, matches.uv_px, sigma).take(good)
+    seen = LandmarkMatches(views.landmark, views.world_p_landmark, matches.uv_px, sigma).take(good)
     median = float(np.median(matches.correlation))
     pose = pose_from_matches(
         K,

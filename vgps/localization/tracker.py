@@ -19,7 +19,7 @@ from vgps.localization.prediction import (
     predict,
     search_radius_px,
 )
-from vgps.localization.search import NOTHING_SEEN, Expected, Found, Sightings, search_frame
+from vgps.localization.search import NOTHING_SEEN, Expected, Found, LandmarkMatches, search_frame
 from vgps.localization.templates import render_templates
 from vgps.model import Float32Array, FloatArray
 
@@ -37,7 +37,7 @@ class TrackedFrame:
         covariance: (6, 6) in the camera's tangent; NaN if it is not ``tracked``.
         tracked: Posed by landmarks seen in it.
         recovered: Posed by descriptors, without a prediction.
-        sightings: The landmarks that agree with the pose.
+        observations: The landmarks that agree with the pose.
         correlation: Median over these.
     """
 
@@ -46,7 +46,7 @@ class TrackedFrame:
     covariance: FloatArray
     tracked: bool
     recovered: bool
-    sightings: Sightings
+    observations: LandmarkMatches
     correlation: float
 
 
@@ -58,7 +58,7 @@ class Estimator(Protocol):
         """What is known of the camera at the last tracked frame; None before the first."""
         ...
 
-    def add(self, t_s: float, pose: PoseEstimate, seen: Sightings, *, anew: bool) -> PoseEstimate:
+    def add(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches, *, anew: bool) -> PoseEstimate:
         """Take a frame in, which follows the last one or begins ``anew``; its final pose."""
         ...
 
@@ -125,8 +125,8 @@ class LandmarkTracker:
 
     def _accept(self, t_s: float, pose: PoseEstimate, found: Found, *, anew: bool) -> TrackedFrame:
         self._recover_from_s = -np.inf
-        final = self._estimator.add(t_s, pose, found.sightings, anew=anew)
-        seen = found.sightings.take(final.inlier)
+        final = self._estimator.add(t_s, pose, found.observations, anew=anew)
+        seen = found.observations.take(final.inlier)
         return TrackedFrame(t_s, final.world_T_camera, final.covariance, True, anew, seen, found.correlation)
 
     def _follow(self, t_s: float, image: Float32Array, motion: Motion, widen: float) -> Found:
@@ -162,7 +162,7 @@ class LandmarkTracker:
         assert found.pose is not None
         radius = np.full(len(expected.views), float(self._config.refine_window_px))
         again = self._search(image, found.pose.world_T_camera, expected, radius)
-        better = again.pose is not None and len(again.sightings) >= len(found.sightings)
+        better = again.pose is not None and len(again.observations) >= len(found.observations)
         return again if better else found
 
     def _search(

@@ -1,4 +1,4 @@
-"""Sightings of points whose place in the world is known."""
+"""Observations of points whose place in the world is known."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,8 @@ from vgps.model import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class ControlObservations:
-    """Sightings of known points: ``frame`` (N,), ``uv_px`` (N, 2) undistorted, ``world_p_point`` (N, 3)."""
+    """Observations of known points: ``frame`` (N,), ``uv_px`` (N, 2) undistorted, ``world_p_point`` (N,
+    3)."""
 
     frame: IntArray
     uv_px: FloatArray

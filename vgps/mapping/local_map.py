@@ -24,8 +24,9 @@ class LocalMap:
         first_frame: Index of the frame of ``poses[0]``.
         forgotten_features: By how much ids of features were lowered in all.
         aligned: Whether the world is the world of the GPS fixes.
-        ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last sighting in the distorted image.
-        views: (N, H, 2) undistorted sightings in the frames ``view_frames`` (H,), newest last; NaN: unseen.
+        ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last observation in the distorted image.
+        views: (N, H, 2) undistorted observations in the frames ``view_frames`` (H,), newest last; NaN:
+            unseen.
     """
 
     def __init__(self, first_frame: int, history: int) -> None:
@@ -95,7 +96,7 @@ class LocalMap:
 
     @property
     def last_uv_px(self) -> FloatArray:
-        """(N, 2) newest undistorted sighting of the followed features."""
+        """(N, 2) newest undistorted observation of the followed features."""
         return self.views[:, -1]
 
     def snapshot(self) -> "LocalMap":
@@ -180,7 +181,7 @@ class LocalMap:
         return np.where(valid[:, None, None], poses, np.eye(4)), valid
 
     def forget(self, before_frame: int, before_view: int) -> FloatArray:
-        """Let go of poses before one frame and of sightings before another; the newest view always stays.
+        """Let go of poses before one frame and of observations before another; the newest view always stays.
 
         Ids of features are counted anew by a round number, so that what is scheduled by id stays.
 
@@ -222,7 +223,7 @@ class LocalMap:
         self._log = [(frame, ids - drop, uv) for frame, ids, uv in self._log]
 
     def observations(self, since_frame: int = 0) -> Observations:
-        """Every sighting from a frame on; ``landmark`` is the feature id."""
+        """Every observation from a frame on; ``landmark`` is the feature id."""
         start = next((k for k in range(len(self._log)) if self._log[k][0] >= since_frame), len(self._log))
         log = self._log[start:]
         if not log:

@@ -11,9 +11,9 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class RetentionPolicy:
-    """How far back a sequence remembers: sightings and views in frames, path and fixes in seconds.
+    """How far back a sequence remembers: observations and views in frames, path and fixes in seconds.
 
-    Stage C needs the sightings of a window and of the longest track before it; more changes nothing. Drift
+    Stage C needs the observations of a window and of the longest track before it; more changes nothing. Drift
     and verdicts are found on the path.
     """
 
@@ -46,13 +46,14 @@ def whole(local_map: LocalMap) -> RetiredPoses:
 
 
 def oldest(local_map: LocalMap, t_s: FloatArray, horizon_s: float, memory: RetentionPolicy) -> RetiredPoses:
-    """What a map holds from before a time, which it lets go of; its sightings go by their number of frames.
+    """What a map holds from before a time, which it lets go of; its observations go by their number of
+    frames.
 
     Args:
         local_map: Changed in place.
         t_s: Times of all frames so far.
         horizon_s: The time.
-        memory: How many frames of sightings stay.
+        memory: How many frames of observations stay.
     """
     first, bridged = local_map.first_frame, frozenset(local_map.bridged)
     before_frame = int(np.searchsorted(t_s, horizon_s))

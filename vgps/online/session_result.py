@@ -134,7 +134,7 @@ def _verdicts(fed: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None, Fix
 
 
 def _remembered(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:
-    """Features that have a position, and their sightings."""
+    """Features that have a position, and their observations."""
     if local_map is None:
         none, no_ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
         gray = np.zeros(0, dtype=np.uint8)

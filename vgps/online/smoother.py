@@ -48,7 +48,7 @@ class OnlineSmoother:
         camera: Its lens.
         rig: Lever arm; ``world_origin``, else the world's origin is the first usable fix.
         config: Defaults if none is given.
-        keep_all: Remember every sighting, for a result with stage D.
+        keep_all: Remember every observation, for a result with stage D.
         source: What the result is said to be made from.
 
     Attributes:
@@ -177,7 +177,7 @@ class OnlineSmoother:
             GeometryError: No frame has a pose; with stage D also as :func:`vgps.smooth`.
         """
         if stage_d and not self._keep_all:
-            raise ConfigError("stage D without the sightings of all frames", remedy="give keep_all")
+            raise ConfigError("stage D without the observations of all frames", remedy="give keep_all")
         self.refine()
         self._frame_pipeline.settle()
         if self._estimate is not None:

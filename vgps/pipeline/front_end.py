@@ -41,7 +41,7 @@ class FramePipeline:
         camera_p_antenna: (3,) metres.
         fixes: Those known from the start; more may be added at any time.
         config: Everything.
-        controls: Sightings of known points.
+        controls: Observations of known points.
         memory: What to remember of long ago; everything if none is given.
     """
 

@@ -22,7 +22,7 @@ def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
         refined: A :meth:`LocalMap.snapshot` that was optimised.
         local_map: May have grown, and may have forgotten its oldest frames and features.
         K: (3, 3).
-        inlier_px: Sightings farther off than this take no part.
+        inlier_px: Observations farther off than this take no part.
 
     Returns:
         Features whose position the copy does not know.
@@ -71,7 +71,7 @@ def _growth(before: FloatArray, after: FloatArray, old: FloatArray, new: FloatAr
 def _posed(
     local_map: LocalMap, ids: IntArray, uv_px: FloatArray, K: FloatArray, moved: FloatArray, inlier_px: float
 ) -> FloatArray:
-    """A frame's pose by its sightings (n, 2) of features (n,), from where it is thought to be."""
+    """A frame's pose by its observations (n, 2) of features (n,), from where it is thought to be."""
     points = local_map.points[ids]
     good = reprojection_inliers(K, moved, points, uv_px, inlier_px)
     if good.sum() < _LEAST:

@@ -38,7 +38,7 @@ class WindowWorker:
         K: (3, 3).
         fix_buffer: The fixes; judged here.
         config: Everything.
-        controls: Sightings of known points, ``control_poses`` (4, 4) by frame what they give.
+        controls: Observations of known points, ``control_poses`` (4, 4) by frame what they give.
         seconds: Where its time is counted.
     """
 

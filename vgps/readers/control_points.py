@@ -26,14 +26,14 @@ def read_control_points(path: str | Path) -> ControlPoints:
     names = [table.require(name) for name in ("frame", "u_px", "v_px", *place)]
     values = np.column_stack([table.numbers(name) for name in names])
     if len(values) == 0:
-        raise RecordingError("no control points", file=path, expected="a row for each sighting")
+        raise RecordingError("no control points", file=path, expected="a row for each observation")
     bad = ~np.isfinite(values).all(axis=1) | (values[:, 0] < 0) | (values[:, 0] % 1 != 0)
     if geodetic:
         bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
     if bad.any():
         line = table.line[int(np.flatnonzero(bad)[0])]
         raise RecordingError(
-            "an impossible sighting",
+            "an impossible observation",
             file=path,
             place=f"line {line}",
             expected=f"a frame index from 0 and finite {', '.join(names[1:])}",

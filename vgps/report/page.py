@@ -101,7 +101,7 @@ def _tiles(solution: Solution, total_s: float) -> list[Tile]:
         Tile(
             "landmarks",
             f"{len(solution.landmarks.sigma_px):,}",
-            f"{len(solution.observations.frame):,} sightings",
+            f"{len(solution.observations.frame):,} observations",
         )
     )
     note = f"{long_s / total_s:.2f} times real time" if total_s else ""

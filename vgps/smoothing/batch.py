@@ -37,11 +37,12 @@ def optimise_batch(
 ) -> BatchResult:
     """Minimise the energy (11) over all poses and features, in a few rounds.
 
-    Between rounds sightings and fixes are judged anew, features that lost their place are triangulated again
-    (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS walls in stages.
+    Between rounds observations and fixes are judged anew, features that lost their place are triangulated
+    again (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS walls in
+    stages.
 
     Args:
-        scene: All frames, posed, and all features with their sightings.
+        scene: All frames, posed, and all features with their observations.
         K: (3, 3).
         fixes: All fixes, by their own clock.
         sensors: TimeOffset and lever arm to begin with, and whether they are estimated with the poses.

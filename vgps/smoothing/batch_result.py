@@ -52,8 +52,8 @@ class BatchResult:
 
 @dataclass(frozen=True)
 class SolvedBatch:
-    """A problem solved, and what it was built from: the sightings that took part and the reliabilities of all
-    features, the fixes, the sensors as they were before."""
+    """A problem solved, and what it was built from: the observations that took part and the reliabilities of
+    all features, the fixes, the sensors as they were before."""
 
     result: BundleResult
     kept: Scene

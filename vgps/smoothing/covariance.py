@@ -1,8 +1,9 @@
 """How far the poses may be off: errors drawn for every track and every fix, and sent through the optimum.
 
-The curvature of the energy does not say it. A feature that slips does so over many frames, so its sightings
-are far from independent; and a cylinder has no curvature in its middle, while the receiver's error is there.
-So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and their spread is the covariance:
+The curvature of the energy does not say it. A feature that slips does so over many frames, so its
+observations are far from independent; and a cylinder has no curvature in its middle, while the receiver's
+error is there. So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and their spread is
+the covariance:
 
 - a **track** errs as one: its own misfit, all of it, with a random sign (the wild bootstrap with a cluster
   per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered Errors,

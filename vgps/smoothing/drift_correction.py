@@ -65,7 +65,7 @@ def _move_frames(local_map: LocalMap, first: int, moved: FloatArray, scale: Floa
     poses = local_map.poses[first - local_map.first_frame :]
     log = local_map.observations(first)
     anchor = np.full(local_map.feature_count, -1)
-    anchor[log.landmark] = log.frame - first  # the log is in order of time: the last sighting stays
+    anchor[log.landmark] = log.frame - first  # the log is in order of time: the last observation stays
     ids = np.flatnonzero((anchor >= 0) & np.isfinite(local_map.points[:, 0]))
     points = carried(local_map.points[ids], poses, moved, anchor[ids], scale[anchor[ids]])
     local_map.set_points(ids, points, local_map.sigma_px[ids])

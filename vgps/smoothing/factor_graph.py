@@ -58,7 +58,7 @@ def scene_of_map(
         local_map: All its frames posed.
         t_s: Times of all frames of the video so far.
         first: Index of the first frame to take.
-        controls: Sightings of known points, of all frames.
+        controls: Observations of known points, of all frames.
     """
     log = local_map.observations(first)
     known = np.isfinite(local_map.points[log.landmark, 0])
@@ -81,12 +81,13 @@ def select_observations(
 ) -> tuple[Scene, FloatArray]:
     """Drop what contradicts the scene, and judge what is left.
 
-    Sightings with too large an error go, then features with too few sightings or behind a camera. While the
-    poses are still rough a larger ``tolerance``, in ``max_reprojection_px``, keeps what holds them together.
+    Observations with too large an error go, then features with too few observations or behind a camera. While
+    the poses are still rough a larger ``tolerance``, in ``max_reprojection_px``, keeps what holds them
+    together.
 
     Returns:
         The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) pixels,
-        NaN for features that have no sighting left.
+        NaN for features that have no observation left.
     """
     problem = _bare_problem(scene, K)
     error, behind = projection_errors(problem)
@@ -165,7 +166,7 @@ def build_problem(
 
 
 def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsam.NonlinearFactorGraph:
-    """Ties for frames without sightings: standing frames to their view, others by constant velocity.
+    """Ties for frames without observations: standing frames to their view, others by constant velocity.
 
     Args:
         scene: Selected observations.

@@ -66,9 +66,9 @@ def refine_camera(
     """Stage D with the calibration as an unknown.
 
     Args:
-        scene: As for stage D, sightings undistorted by ``camera``.
+        scene: As for stage D, observations undistorted by ``camera``.
         camera: The calibration to begin with, and what is believed of it.
-        optimise: Stage D, of a scene and the (3, 3) K of its sightings.
+        optimise: Stage D, of a scene and the (3, 3) K of its observations.
         config: How firmly it is believed, and when to stop.
     """
     given, smoothed, turn, settled = camera, optimise(scene, camera.K), 0, False
@@ -115,7 +115,7 @@ def _difference(camera: Camera, given: Camera) -> FloatArray:
 
 
 def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """The scene with its sightings undistorted by another camera; those that it cannot see stay."""
+    """The scene with its observations undistorted by another camera; those that it cannot see stay."""
     old, controls = scene.observations, scene.controls
 
     def again(uv_px: FloatArray) -> FloatArray:

@@ -50,7 +50,7 @@ def merge_maps(
         fixes: All fixes.
         camera_p_antenna: (3,) metres.
         config: What it takes to align.
-        controls: Sightings of known points.
+        controls: Observations of known points.
         time_offset_s: Of the fixes, as far as it is known.
 
     Raises:

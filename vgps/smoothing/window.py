@@ -48,8 +48,9 @@ def optimise_window(
         fixes: Fixes so far.
         camera_p_antenna: (3,) metres.
         config: Window, weights and GPS model.
-        controls: Sightings of known points.
-        tolerance: Of sightings that contradict the start, in ``max_reprojection_px``: more where it is rough.
+        controls: Observations of known points.
+        tolerance: Of observations that contradict the start, in ``max_reprojection_px``: more where it is
+            rough.
 
     Returns:
         Whether the optimiser found its way; else the poses are as they were.

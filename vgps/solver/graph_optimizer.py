@@ -132,8 +132,8 @@ def _landmarks_first(graph: gtsam.NonlinearFactorGraph) -> list[int]:
     """
     factors = [factor for factor in map(graph.at, range(graph.size())) if factor is not None]
     keys = [set(factor.keys()) for factor in factors]
-    sightings = (one for one in factors if isinstance(one, gtsam.GenericProjectionFactorCal3_S2))
-    points = {one.keys()[1] for one in sightings}
+    observations = (one for one in factors if isinstance(one, gtsam.GenericProjectionFactorCal3_S2))
+    points = {one.keys()[1] for one in observations}
     for own in keys:
         tied = points & own
         if len(tied) > 1:

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from vgps.model import FloatArray, IntArray
 from vgps.solver.noise_models import Noise
 from vgps.solver.problem import BundleProblem, all_pose_values, cost_terms
-from vgps.solver.projection_factors import Calibration, Sightings, sorted_out, usual, with_more
+from vgps.solver.projection_factors import Calibration, ProjectionFactors, sorted_out, usual, with_more
 
 _MOST_SHARED = 300  # coordinates solved for beside the poses; they are a dense border of the matrix
 _MOST_KEY = np.iinfo(np.int64).max
@@ -68,18 +68,18 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
     """
     if any(key > _MOST_KEY for key in graph.keyVector()):
         raise NotABundleError(f"keys beyond {_MOST_KEY}")
-    sightings, noises, cameras, others = sorted_out(graph)
-    if len(sightings.place) <= len(others):
+    observations, noises, cameras, others = sorted_out(graph)
+    if len(observations.place) <= len(others):
         raise NotABundleError(
-            f"{len(sightings.place)} projections among {len(sightings.place) + len(others)} factors"
+            f"{len(observations.place)} projections among {len(observations.place) + len(others)} factors"
         )
-    read = usual(sightings, noises, cameras)
-    read &= ~with_more(graph, sightings, read, others)
+    read = usual(observations, noises, cameras)
+    read &= ~with_more(graph, observations, read, others)
     if not np.any(read):
         raise NotABundleError("no projection that can be read")
-    others = sorted([*others, *sightings.place[~read].tolist()])
+    others = sorted([*others, *observations.place[~read].tolist()])
     pose_graph, held = _pose_graph(graph, others, values)
-    bundle = _bundle(sightings.only(read), noises, cameras, pose_graph, held, values)
+    bundle = _bundle(observations.only(read), noises, cameras, pose_graph, held, values)
     _check(bundle.problem, graph, values)
     return bundle
 
@@ -103,33 +103,33 @@ def _pose_graph(
 
 
 def _bundle(
-    sightings: Sightings,
+    observations: ProjectionFactors,
     noises: list[Noise | None],
     cameras: list[Calibration],
     pose_graph: gtsam.NonlinearFactorGraph,
     held: set[int],
     values: gtsam.Values,
 ) -> GraphBundle:
-    seen_from = set(np.unique(sightings.pose).tolist())
+    seen_from = set(np.unique(observations.pose).tolist())
     more = {int(key) for key in pose_graph.keyVector()} - seen_from
     poses = seen_from | held | {key for key in more if is_pose(values, key)}
     in_order = np.array(sorted(poses), dtype=np.int64)
-    landmark_keys, landmark = np.unique(sightings.point, return_inverse=True)
-    frame = np.searchsorted(in_order, sightings.pose)
+    landmark_keys, landmark = np.unique(observations.point, return_inverse=True)
+    frame = np.searchsorted(in_order, observations.pose)
     pose_keys, frame = _near_each_other(in_order, frame, landmark)
     known = [noise or Noise(1.0, "none", np.inf) for noise in noises]  # of those read none is unknown
-    losses = {known[i].loss for i in np.unique(sightings.noise).tolist()} - {"none"}
-    fx, fy, _, cx, cy = cameras[int(sightings.camera[0])]
+    losses = {known[i].loss for i in np.unique(observations.noise).tolist()} - {"none"}
+    fx, fy, _, cx, cy = cameras[int(observations.camera[0])]
     problem = BundleProblem(
         K=(fx, fy, cx, cy),
         world_T_camera=np.stack([values.atPose3(key).matrix() for key in pose_keys.tolist()]),
         world_p_landmark=np.stack([values.atPoint3(key) for key in landmark_keys.tolist()]),
         frame=frame,
         landmark=landmark,
-        uv_px=sightings.uv_px,
-        sigma_px=np.array([noise.sigma_px for noise in known])[sightings.noise],
+        uv_px=observations.uv_px,
+        sigma_px=np.array([noise.sigma_px for noise in known])[observations.noise],
         robust=losses.pop() if losses else "none",
-        robust_k=np.array([noise.k for noise in known])[sightings.noise],
+        robust_k=np.array([noise.k for noise in known])[observations.noise],
         pose_graph=pose_graph,
         fixed=np.isin(pose_keys, np.array(sorted(held), dtype=np.int64)),
         shared=_vectors(values, more - poses),
@@ -139,9 +139,9 @@ def _bundle(
 
 
 def _near_each_other(pose_keys: IntArray, frame: IntArray, landmark: IntArray) -> tuple[IntArray, IntArray]:
-    """Keys and frames in an order that has the sightings of a landmark near each other.
+    """Keys and frames in an order that has the observations of a landmark near each other.
 
-    That of the keys, unless reverse Cuthill and McKee's halves the frames between first and last sighting.
+    That of the keys, unless reverse Cuthill and McKee's halves the frames between first and last observation.
     """
     shape = int(landmark.max()) + 1, len(pose_keys)
     seen = sparse.csr_array((np.ones(len(frame)), (landmark, frame)), shape=shape)

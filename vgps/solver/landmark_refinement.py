@@ -2,7 +2,7 @@
 
 A Levenberg-Marquardt step moves poses and points together by a linear model. For a few points, far ones or
 such that are seen along nearly one ray, the model is wrong even for short steps; damped as a whole, the
-system would creep for their sake. So each point takes its part of a step only if its own sightings gain.
+system would creep for their sake. So each point takes its part of a step only if its own observations gain.
 """
 
 import numpy as np
@@ -46,7 +46,7 @@ def carried(
 
 
 def landmark_costs(problem: BundleProblem, structure: Structure) -> FloatArray:
-    """(L,) cost of each landmark's sightings."""
+    """(L,) cost of each landmark's observations."""
     costs = np.zeros(len(problem.world_p_landmark))
     for chunk in structure.chunks:
         here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
@@ -67,7 +67,7 @@ def best_points(
         structure: Of the problem.
 
     Returns:
-        (L, 3) the points, and what their sightings cost.
+        (L, 3) the points, and what their observations cost.
     """
     poses, points = problem.world_T_camera, problem.world_p_landmark
     goes = problem.moved(poses, points + step)

@@ -15,7 +15,7 @@ _MIN_POINTS = 4
 def world_controls(
     points: ControlPoints | None, camera: Camera, origin: GeodeticPoint | None
 ) -> ControlObservations | None:
-    """The sightings, undistorted, in the world frame; those that the lens cannot have seen are left out.
+    """The observations, undistorted, in the world frame; those that the lens cannot have seen are left out.
 
     Args:
         points: As read, or nothing.

@@ -18,7 +18,7 @@ _GUESS_STEPS = 4  # of a pose that competes with others, and is refined if it wi
 
 @dataclass(frozen=True)
 class TrackingResult:
-    """One frame's outcome: sightings (N, 2) of the map's followed features, and the pose if there is one.
+    """One frame's outcome: observations (N, 2) of the map's followed features, and the pose if there is one.
 
     ``pose_sigma`` (6,) [rotation rad; translation], of the pose against the features it was computed from.
     """

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
-from vgps.viewer.measures import Sightings, fix_placement, judged
+from vgps.viewer.measures import ReprojectedObservations, fix_placement, judged
 
 _LISTED = 40  # residuals of a landmark that are spelt out
 
@@ -104,8 +104,8 @@ def pose_facts(solution: Solution, frame: int, errors_px: FloatArray, phi: float
     )
 
 
-def landmark_facts(solution: Solution, landmark: int, seen: Sightings, rows: IntArray) -> Facts:
-    """Everything about the factors on a landmark: ``rows`` are its rows of the sightings."""
+def landmark_facts(solution: Solution, landmark: int, seen: ReprojectedObservations, rows: IntArray) -> Facts:
+    """Everything about the factors on a landmark: ``rows`` are its rows of the observations."""
     east, north, up = solution.landmarks.world_p_landmark[landmark]
     frames, errors = seen.frame[rows], seen.error_px[rows]
     rms = np.sqrt(np.mean(np.sum(errors**2, axis=1)))

@@ -5,7 +5,7 @@ import rerun as rr
 
 from vgps.viewer import colours
 from vgps.viewer.columns import Sheet
-from vgps.viewer.measures import Sightings
+from vgps.viewer.measures import ReprojectedObservations
 from vgps.viewer.scene import IMAGE
 
 FEATURES, REPROJECTIONS, RESIDUALS = (
@@ -15,7 +15,7 @@ MAGNIFIED = 10.0
 """The residual's line is this many times as long: errors of half a pixel would not be seen."""
 
 
-def log_features(sheet: Sheet, seen: Sightings) -> None:
+def log_features(sheet: Sheet, seen: ReprojectedObservations) -> None:
     """Features in the distorted image, green to red by reprojection error, reprojections, and residuals."""
     tints = colours.green_to_red(seen.length_px, 0.0, colours.BAD_PX)
     at = np.nan_to_num(seen.seen_px, nan=-1.0).astype(np.float32)

@@ -11,7 +11,7 @@ from vgps.solution import FrameState, Solution
 from vgps.viewer import colours
 from vgps.viewer.columns import Sheet
 from vgps.viewer.descriptions import Facts, fix_facts, landmark_facts, pose_facts
-from vgps.viewer.measures import Sightings, fix_placement, judged
+from vgps.viewer.measures import ReprojectedObservations, fix_placement, judged
 from vgps.viewer.row_index import Lookup
 
 GRAPH = "graph"
@@ -55,7 +55,7 @@ class _Rows:
         return along * _STEP, row * _ROW + level * _LEVEL
 
 
-def log_graph(sheet: Sheet, solution: Solution, seen: Sightings) -> None:
+def log_graph(sheet: Sheet, solution: Solution, seen: ReprojectedObservations) -> None:
     """Log the graph of each stretch from its first frame on.
 
     Everything is on one entity, since an edge joins nodes of its own entity only.
@@ -80,11 +80,11 @@ def _columns(graph: Graph) -> dict[str, Any]:
     return {item.name: [getattr(node.facts, item.name) for node in graph.nodes] for item in fields(Facts)}
 
 
-def factor_graphs(solution: Solution, seen: Sightings) -> list[tuple[IntArray, Graph]]:
+def factor_graphs(solution: Solution, seen: ReprojectedObservations) -> list[tuple[IntArray, Graph]]:
     """Samples of the graph that stage D solves, small enough to read, one for each stretch of the run.
 
-    Every k-th pose ``x``, the landmarks ``l`` with the most sightings in these, spread over the stretch, and
-    a factor ``gps`` per fix, joined to the nearest of these poses. An edge from a pose to a landmark is a
+    Every k-th pose ``x``, the landmarks ``l`` with the most observations in these, spread over the stretch,
+    and a factor ``gps`` per fix, joined to the nearest of these poses. An edge from a pose to a landmark is a
     projection factor; one from a pose to the next stands for the landmarks that both see. k is such that
     a long track holds three to eight of these poses: fewer share no landmark, more are a thicket of edges.
 
@@ -99,7 +99,7 @@ def factor_graphs(solution: Solution, seen: Sightings) -> list[tuple[IntArray, G
     return [(stretch, _graph(run, stretch, step)) for stretch in stretches]
 
 
-def _long_track(seen: Sightings, landmarks: int) -> int:
+def _long_track(seen: ReprojectedObservations, landmarks: int) -> int:
     """How many frames a long track spans: a tenth span more."""
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
     np.minimum.at(first, seen.landmark, seen.frame)
@@ -126,7 +126,7 @@ def _graph(run: Lookup, frames: IntArray, step: int) -> Graph:
 
 
 def _landmarks(run: Lookup, frames: IntArray) -> IntArray:
-    """Landmarks with sightings in two or more of the frames: in each part of the stretch the best."""
+    """Landmarks with observations in two or more of the frames: in each part of the stretch the best."""
     seen = run.seen
     rows = np.concatenate([np.arange(*run.rows_of_frame(int(frame))) for frame in frames])
     found, first, views = np.unique(seen.landmark[rows], return_index=True, return_counts=True)

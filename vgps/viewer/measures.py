@@ -16,7 +16,7 @@ _AT_ONCE = 200_000  # observations projected together: 4x4 poses of all of a lon
 
 
 @dataclass(frozen=True)
-class Sightings:
+class ReprojectedObservations:
     """Every observation, sorted by frame.
 
     Attributes:
@@ -41,7 +41,7 @@ class Sightings:
         return np.asarray(np.linalg.norm(self.error_px, axis=1))
 
 
-def sightings(solution: Solution) -> Sightings:
+def observations(solution: Solution) -> ReprojectedObservations:
     """All observations and their reprojections; what the lens cannot show is NaN in the distorted image."""
     seen = solution.observations
     order = np.argsort(seen.frame, kind="stable")
@@ -54,7 +54,7 @@ def sightings(solution: Solution) -> Sightings:
             solution.camera.K, solution.world_T_camera[frame[rows]], points[rows, None]
         )  # one point per camera
         reprojected[rows] = np.where(depth > 0, uv[:, 0], np.nan)
-    return Sightings(
+    return ReprojectedObservations(
         order,
         frame,
         landmark,
@@ -65,7 +65,7 @@ def sightings(solution: Solution) -> Sightings:
     )
 
 
-def video_terms(solution: Solution, seen: Sightings) -> FloatArray:
+def video_terms(solution: Solution, seen: ReprojectedObservations) -> FloatArray:
     """(F,) Phi_i, Eq. (12), Kume 2010, with mu_j = 1/(2 sigma_j^2), Eq. (13); NaN where nothing is seen.
 
     As the thesis has it: without the robust loss and the balance with GPS that stage D puts on it.
@@ -76,7 +76,7 @@ def video_terms(solution: Solution, seen: Sightings) -> FloatArray:
     return np.where(seen.per_frame > 0, total / np.maximum(seen.per_frame, 1), np.nan)
 
 
-def per_frame(seen: Sightings, frames: int) -> tuple[FloatArray, FloatArray]:
+def per_frame(seen: ReprojectedObservations, frames: int) -> tuple[FloatArray, FloatArray]:
     """(F,) root mean square and (F,) largest reprojection error [px]; NaN where nothing is seen."""
     squares = np.bincount(seen.frame, seen.length_px**2, minlength=frames)
     rms = np.sqrt(squares / np.maximum(seen.per_frame, 1))

@@ -7,7 +7,7 @@ from vgps.model import BoolArray, FloatArray
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
 from vgps.viewer.columns import Sheet
-from vgps.viewer.measures import Sightings, gps_terms, judged, per_frame, video_terms
+from vgps.viewer.measures import ReprojectedObservations, gps_terms, judged, per_frame, video_terms
 from vgps.writers.tables import region_ratios
 
 PLOTS, VERDICTS, SUMMARY = "plots", "verdicts", "summary"
@@ -20,7 +20,7 @@ MOST_RATIO = 3.0
 _AXES = (("east", (255, 90, 90, 255)), ("north", (90, 220, 90, 255)), ("up", (90, 150, 255, 255)))
 
 
-def log_plots(sheet: Sheet, solution: Solution, seen: Sightings) -> None:
+def log_plots(sheet: Sheet, solution: Solution, seen: ReprojectedObservations) -> None:
     """Numbers of every frame, and of every fix at its own time, less the lag."""
     rms, largest = per_frame(seen, len(solution.t_s))
     _line(sheet, f"{ERROR}/rms", rms, (60, 220, 90, 255), "root mean square")

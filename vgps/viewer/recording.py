@@ -19,7 +19,7 @@ from vgps.viewer.columns import Sheet
 from vgps.viewer.features import log_features
 from vgps.viewer.graph import log_graph
 from vgps.viewer.map_view import log_map
-from vgps.viewer.measures import sightings
+from vgps.viewer.measures import observations
 from vgps.viewer.plots import log_plots, log_summary
 from vgps.viewer.scene import IMAGE, log_scene
 from vgps.viewer.screenshot import NO_ANSWER, answering_viewer, take_screenshot
@@ -64,7 +64,7 @@ def fill(
     stream: rr.RecordingStream, solution: Solution, recording: Recording | None, for_picture: bool = False
 ) -> tuple[str, ...]:
     """Log everything to a stream, layout first; returns what could not be shown."""
-    sheet, seen, notes = Sheet(stream, solution.t_s), sightings(solution), list[str]()
+    sheet, seen, notes = Sheet(stream, solution.t_s), observations(solution), list[str]()
     on_earth = solution.world_origin if solution.georeferenced else None
     stream.send_blueprint(blueprint(solution, on_earth is not None, for_picture))
     log_scene(sheet, solution)

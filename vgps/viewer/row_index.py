@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution
-from vgps.viewer.measures import Sightings, fix_placement, gps_terms, video_terms
+from vgps.viewer.measures import ReprojectedObservations, fix_placement, gps_terms, video_terms
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Lookup:
     """
 
     solution: Solution
-    seen: Sightings
+    seen: ReprojectedObservations
 
     @cached_property
     def phi(self) -> FloatArray:
@@ -48,15 +48,15 @@ class Lookup:
         return order, np.searchsorted(self.seen.landmark[order], np.arange(count + 1))
 
     def rows_of_frame(self, frame: int) -> tuple[int, int]:
-        """First row of the sightings, and the row after the last."""
+        """First row of the observations, and the row after the last."""
         return int(self._first_row[frame]), int(self._first_row[frame + 1])
 
     def of_frame(self, frame: int) -> slice:
-        """Rows of the sightings."""
+        """Rows of the observations."""
         return slice(*self.rows_of_frame(frame))
 
     def of_landmark(self, landmark: int) -> IntArray:
-        """Rows of the sightings, in order of time."""
+        """Rows of the observations, in order of time."""
         order, first = self._by_landmark
         return order[first[landmark] : first[landmark + 1]]
 

@@ -38,7 +38,7 @@ def write_colmap(solution: Solution, folder: Path) -> None:
     order = good[np.argsort(seen.frame[good], kind="stable")]
     frame, landmark, uv = seen.frame[order], seen.landmark[order], uv[order]
     begins: IntArray = np.searchsorted(frame, np.arange(len(solution.t_s) + 1)).astype(np.int64)
-    place = np.arange(len(frame), dtype=np.int64) - begins[frame]  # of a sighting among those of its image
+    place = np.arange(len(frame), dtype=np.int64) - begins[frame]  # of a observation among those of its image
     _write(folder / "cameras.txt", [_camera_line(solution.camera)])
     _write(folder / "images.txt", _image_lines(solution, landmark, uv, begins))
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
