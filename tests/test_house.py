@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,6 +56,11 @@ def test_both_packages_come_from_one_place() -> None:
     # the package index has an unrelated project named factors
     assert vgps.__file__ is not None and factors.__file__ is not None
     assert Path(vgps.__file__).parents[1] == Path(factors.__file__).parents[1]
+
+
+def test_version_is_that_of_the_installed_package() -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert vgps.__version__ == declared
 
 
 def test_imports_go_down() -> None:

@@ -1,5 +1,7 @@
 """The pose of every frame of a video in world coordinates, from the video and a GPS log."""
 
+from importlib.metadata import version
+
 from vgps.config import Config, read_config
 from vgps.model import Recording
 from vgps.online import Fix, OnlineEstimate, OnlineSmoother
@@ -15,8 +17,11 @@ __all__ = [
     "OnlineSmoother",
     "Recording",
     "Solution",
+    "__version__",
     "open_recording",
     "read_config",
     "smooth",
     "write_run",
 ]
+
+__version__ = version("vgps")
