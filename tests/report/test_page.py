@@ -59,7 +59,7 @@ def test_the_page_stands_alone_and_its_pictures_parse(html):
 
 
 def test_warnings_come_first_and_in_full(html, solution, tmp_path):
-    assert "the clock lags &amp; so on" in html and "gps.nmea: 2 damaged lines passed over" in html
+    assert "the clock lags &amp; so on" in html and "gps.nmea: 2 damaged lines skipped" in html
     assert html.index("the clock lags") < html.index('class="tiles"') < html.index("From above")
     assert "gave no warnings" not in html
     quiet = replace(solution, warnings=(), gps=replace(solution.gps, skipped=()))

@@ -7,18 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+from solutions import NORTH_R_CAMERA, make_landmarks, make_poses, make_solution
 
 from vgps.camera import camera_fields, undistort
 from vgps.model import Camera, GeodeticPoint
 from vgps.readers.recording import open_recording
-from vgps.solution import (
-    FrameState,
-    Landmarks,
-    Observations,
-    SensorReport,
-    Solution,
-    SolverReport,
-)
+from vgps.solution import Observations, Solution
 from vgps.writers.run_folder import write_run
 
 ORIGIN = GeodeticPoint(49.011, 8.4165, 163.0)
@@ -26,7 +20,6 @@ PINHOLE = Camera("pinhole", 320, 240, 260.0, 255.0, 158.0, 121.0)
 BENT = Camera("opencv", 320, 240, 260.0, 255.0, 158.0, 121.0, (-0.15, 0.04, 0.001, -0.001))
 WALL_NORTH_M, TEXEL_M = 12.0, 0.03
 FRAMES = 24
-NORTH_R_CAMERA = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # looks north
 
 
 @dataclass(frozen=True)
@@ -48,12 +41,10 @@ def texture() -> np.ndarray:
 
 def poses() -> np.ndarray:
     """(F, 4, 4) three metres along the wall, two towards it, turning a little."""
-    out = np.tile(np.eye(4), (FRAMES, 1, 1))
     share = np.linspace(0, 1, FRAMES)
     turn = Rotation.from_euler("yx", np.column_stack([6 * np.sin(4 * share), 4 * share]), degrees=True)
-    out[:, :3, :3] = NORTH_R_CAMERA @ turn.as_matrix()
-    out[:, :3, 3] = np.column_stack([3 * share - 1.5, 2 * share, 0.2 * share])
-    return out
+    positions = np.column_stack([3 * share - 1.5, 2 * share, 0.2 * share])
+    return make_poses(positions, NORTH_R_CAMERA @ turn.as_matrix())
 
 
 @cache
@@ -82,27 +73,14 @@ def wall_solution(recording: Path, camera: Camera) -> Solution:
     uv = camera_p[..., :2] / camera_p[..., 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
     seen = ((uv > 2) & (uv < (camera.width - 3, camera.height - 3))).all(axis=2)
     frame, landmark = np.nonzero(seen)
-    nothing = np.full((FRAMES, 3), 0.01)
-    return Solution(
-        recording=recording,
-        world_origin=ORIGIN,
-        georeferenced=True,
+    return make_solution(
         t_s=np.arange(FRAMES) / 10,
         world_T_camera=path,
-        sigma_rotation_rad=nothing,
-        sigma_position_m=nothing,
-        state=(FrameState.TRACKED,) * FRAMES,
+        recording=recording,
+        world_origin=ORIGIN,
         camera=camera,
-        camera_p_antenna=np.zeros(3),
-        landmarks=Landmarks(points, rng.uniform(0.3, 0.6, 150), np.full(150, 128, np.uint8)),
+        landmarks=make_landmarks(points, sigma_px=rng.uniform(0.3, 0.6, 150)),
         observations=Observations(frame, landmark, uv[frame, landmark]),
-        gps=None,
-        fixes=None,
-        sensors=SensorReport(0.0, float("nan"), (float("nan"),) * 3),
-        report=SolverReport({"video": 1.0}, {"video": 1.0}, 1, "made so"),
-        seconds={},
-        warnings=(),
-        config={},
     )
 
 

@@ -181,7 +181,7 @@ def test_the_summary_says_what_to_know(logged: Logged) -> None:
         "6 frames, 3 landmarks, 18 observations",
         "2 used, 1 down-classed, 1 rejected, 1 not used",
         "| video | 10 | 2 |",
-        "- the roll is a belief",
+        "- the roll is uncertain",
     ):
         assert words in text
 
