@@ -60,7 +60,14 @@ def simulated_log(path: Path) -> Path:
     errors = np.concatenate([gauss_markov(count, 1.0, FIX_ERRORS[name], rng) for name, count in runs])
     said = np.array([FIX_ERRORS[name].reported_m for name in classes])
     t = np.arange(float(len(classes)))
-    fixes = SimulatedFixes(t, classes, np.zeros((len(t), 3)), errors, said, np.zeros(len(t), bool))
+    fixes = SimulatedFixes(
+        t_s=t,
+        fix_class=classes,
+        world_p_antenna=np.zeros((len(t), 3)),
+        error_m=errors,
+        reported_m=said,
+        outlier=np.zeros(len(t), bool),
+    )
     path.write_bytes(nmea(fixes, SCENES["walk"]))
     return path
 
@@ -197,7 +204,7 @@ for one in survey.classes:
 rng = np.random.default_rng(1)
 sigma_h = float(np.sqrt(np.mean([fit.sigma_m**2 for fit in fits[:2]])))
 correlation = float(np.mean([fit.correlation_s for fit in fits[:2]]))
-process = FixErrors(sigma_h, fits[2].sigma_m, correlation)
+process = FixErrors(sigma_h_m=sigma_h, sigma_v_m=fits[2].sigma_m, correlation_s=correlation)
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for epochs, logs, shade in ((len(t_s), 200, "#e9a23b"), (18_000, 8, "#5a6acf")):
     radii = [region(gauss_markov(epochs, 1.0, process, rng), 0.05)[0] for _ in range(logs)]

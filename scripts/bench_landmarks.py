@@ -22,7 +22,7 @@ from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import Camera, FloatArray, GeodeticPoint
 
-CAMERA = Camera("pinhole", 1242, 374, 721.5, 721.5, 609.6, 172.9)
+CAMERA = Camera(model="pinhole", width=1242, height=374, fx=721.5, fy=721.5, cx=609.6, cy=172.9)
 VIEWS, LEVELS, PATCH_PX = 8, 3, 15
 STREET_M = 10_000.0
 EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # looks east along the street

@@ -79,8 +79,17 @@ def as_fixes(t_s: FloatArray, world_p_fix: FloatArray, sigma_m: float, config: C
     """As a log of them would be read."""
     unknown = np.full(len(t_s), np.nan)
     log = GpsLog(
-        *(t_s, unknown, unknown, unknown, (FixClass.RTK_FIX,) * len(t_s), np.full((len(t_s), 3), sigma_m)),
-        *(unknown, unknown, unknown, np.arange(len(t_s)), Path("simulated")),
+        t_s=t_s,
+        latitude_deg=unknown,
+        longitude_deg=unknown,
+        height_m=unknown,
+        fix_class=(FixClass.RTK_FIX,) * len(t_s),
+        sigma_m=np.full((len(t_s), 3), sigma_m),
+        hdop=unknown,
+        satellites=unknown,
+        correction_age_s=unknown,
+        line=np.arange(len(t_s)),
+        source=Path("simulated"),
     )
     return fixes_in_world(log, world_p_fix, config.gps)
 

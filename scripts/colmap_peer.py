@@ -93,7 +93,7 @@ def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Recons
         base,
         t_s=base.t_s[:frames],
         world_T_camera=problem.world_T_camera,
-        camera=Camera("pinhole", c.width, c.height, c.fx, c.fy, c.cx, c.cy),
+        camera=Camera(model="pinhole", width=c.width, height=c.height, fx=c.fx, fy=c.fy, cx=c.cx, cy=c.cy),
         landmarks=landmarks,
         observations=Observations(problem.frame, problem.landmark, problem.uv_px),
     )

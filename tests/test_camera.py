@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -6,14 +8,31 @@ from hypothesis import strategies as st
 from vgps.camera import camera_fields, distort, project, turning_radius, undistort
 from vgps.model import Camera
 
-PINHOLE = Camera("pinhole", 640, 480, 500.0, 510.0, 320.0, 240.0)
-CV4 = Camera("opencv", 848, 480, 486.16, 486.16, 424.0, 240.0, (-0.1435, 0.01, 0.001, -0.002))
-CV5 = Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (-0.2, 0.05, 0.001, -0.0005, -0.004))
-CV8 = Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.05, 1e-3, -5e-4, 0.01, 0.2, 0.1, 0.01))
-FISHEYE = Camera("fisheye", 640, 480, 300.0, 305.0, 320.0, 240.0, (-0.01, 0.02, -0.005, 0.001))
+PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
+CV4 = Camera(
+    model="opencv",
+    width=848,
+    height=480,
+    fx=486.16,
+    fy=486.16,
+    cx=424.0,
+    cy=240.0,
+    distortion=(-0.1435, 0.01, 0.001, -0.002),
+)
+CV5 = replace(PINHOLE, model="opencv", distortion=(-0.2, 0.05, 0.001, -0.0005, -0.004))
+CV8 = replace(PINHOLE, model="opencv", distortion=(0.1, 0.05, 1e-3, -5e-4, 0.01, 0.2, 0.1, 0.01))
+FISHEYE = replace(PINHOLE, model="fisheye", fx=300.0, fy=305.0, distortion=(-0.01, 0.02, -0.005, 0.001))
 # 1/3 inch sensor of 720 x 480 pixels behind a wide converter, as in the thesis
 TSAI = Camera(
-    "tsai", 720, 480, 600.0, 590.0, 355.0, 238.0, (8e-3, 1e-4), pixel_mm=(4.8 / 720 / 1.02, 3.6 / 480)
+    model="tsai",
+    width=720,
+    height=480,
+    fx=600.0,
+    fy=590.0,
+    cx=355.0,
+    cy=238.0,
+    distortion=(8e-3, 1e-4),
+    pixel_mm=(4.8 / 720 / 1.02, 3.6 / 480),
 )
 CAMERAS = [PINHOLE, CV4, CV5, CV8, FISHEYE, TSAI]
 names = [f"{camera.model}{len(camera.distortion)}" for camera in CAMERAS]
@@ -82,7 +101,7 @@ def test_no_points_are_no_points():
 
 
 def test_a_folding_polynomial_has_no_pixel_beyond_its_turn():
-    barrel = Camera("opencv", 640, 480, 500.0, 500.0, 320.0, 240.0, (-0.4, 0.0, 0.0, 0.0))
+    barrel = replace(PINHOLE, model="opencv", fy=500.0, distortion=(-0.4, 0.0, 0.0, 0.0))
     turn = np.sqrt(1 / (3 * 0.4))  # d/dr (r - 0.4 r^3) = 0
     assert turning_radius(barrel) == pytest.approx(turn)
     inside, outside = project(barrel, [[0.99 * turn, 0, 1], [1.01 * turn, 0, 1]])
@@ -95,7 +114,7 @@ def test_a_folding_polynomial_has_no_pixel_beyond_its_turn():
 
 
 def test_tsai_with_a_negative_coefficient_is_not_inverted_beyond_its_turn():
-    camera = Camera("tsai", 640, 480, 500.0, 500.0, 320.0, 240.0, (-0.05, 0.0), pixel_mm=(0.01, 0.01))
+    camera = replace(PINHOLE, model="tsai", fy=500.0, distortion=(-0.05, 0.0), pixel_mm=(0.01, 0.01))
     turn_px = np.sqrt(1 / (3 * 0.05)) / 0.01
     inside, outside = undistort(camera, [[320 + 0.95 * turn_px, 240], [320 + 1.05 * turn_px, 240]])
     assert np.isfinite(inside).all()
@@ -106,7 +125,7 @@ def test_tsai_with_a_negative_coefficient_is_not_inverted_beyond_its_turn():
 
 @given(st.floats(0, 0.02), st.floats(0, 5e-4), st.floats(0, 720), st.floats(0, 480))
 def test_tsai_inverts_exactly(k1, k2, u, v):
-    camera = Camera("tsai", 720, 480, 600.0, 590.0, 355.0, 238.0, (k1, k2), pixel_mm=(0.0067, 0.0075))
+    camera = replace(TSAI, distortion=(k1, k2), pixel_mm=(0.0067, 0.0075))
     np.testing.assert_allclose(distort(camera, undistort(camera, [[u, v]])), [[u, v]], atol=1e-7)
 
 

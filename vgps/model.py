@@ -44,7 +44,7 @@ class GeodeticPoint(NamedTuple):
     height_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Camera:
     """Intrinsics: focal lengths and principal point in pixels, and the lens model's coefficients.
 
@@ -69,7 +69,7 @@ class Camera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rig:
     """How the sensors sit on the camera, and how their clocks relate.
 
@@ -94,7 +94,7 @@ class Rig:
     video_start_s: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GpsLog:
     """GPS fixes, a row each, in order of time. Unknown numbers are NaN.
 
@@ -143,7 +143,7 @@ class GyroLog:
     source: Path
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ControlPoints:
     """Points of known world position seen in frames (how the thesis starts a run).
 
@@ -197,7 +197,7 @@ class Video(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """What one recording is made of, every stream on the video's clock."""
 

@@ -65,7 +65,7 @@ class Verdict(StrEnum):
     NOT_USED = "not used"  # it could not take part, good or bad
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FixTable:
     """One verdict per fix of the log, same order and length.
 
@@ -120,7 +120,7 @@ class SolverReport:
     stop_reason: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Solution:
     """The result of a run; everything that a run folder holds.
 

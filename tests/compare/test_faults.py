@@ -5,13 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from recordings import SMALL
+from solutions import make_gps_log
 
 import vgps
 from vgps.compare.fault_matrix import MODELS, Cell, as_markdown, matrix_picture, run_fault
 from vgps.compare.faults import FAULTS
 from vgps.errors import GpsLogError, TrajectoryError
 from vgps.geodesy import to_enu, to_geodetic
-from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog, Recording, Rig
+from vgps.model import Camera, FixClass, GeodeticPoint, Recording, Rig
 from vgps.runtime.progress import Silent
 from vgps.simulate import GpsConfig, simulate
 
@@ -23,18 +24,30 @@ def good_log(count=80):
     """A fix a second, half of a frame late, on a straight line east; the last two are after the video."""
     t_s = np.arange(float(count)) + 0.05
     places = to_geodetic(ORIGIN, np.column_stack([10.0 * t_s, np.zeros((count, 2))]))
-    nan = np.full(count, np.nan)
     classes = tuple(FixClass.RTK_FIX if k < 40 else FixClass.RTK_FLOAT for k in range(count))
-    return GpsLog(
-        t_s, *places.T, classes, np.full((count, 3), 0.01), nan, nan, nan, np.arange(count), Path("gps.nmea")
+    latitude, longitude, height = places.T
+    return make_gps_log(
+        t_s,
+        classes,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=height,
+        sigma_m=np.full((count, 3), 0.01),
+        line=np.arange(count),
     )
 
 
 @pytest.fixture
 def made():
     video = SimpleNamespace(times_s=np.arange(781) / 10.0)
-    camera = Camera("pinhole", 640, 480, 500.0, 500.0, 320.0, 240.0)
-    return Recording(Path("rec"), video, camera, Rig(np.array([0.0, -1.0, 0.0]), None, ORIGIN), good_log())
+    camera = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    return Recording(
+        path=Path("rec"),
+        video=video,
+        camera=camera,
+        rig=Rig(camera_p_antenna=np.array([0.0, -1.0, 0.0]), video_start_utc=None, world_origin=ORIGIN),
+        gps=good_log(),
+    )
 
 
 def faulty(made, name, seed=0):

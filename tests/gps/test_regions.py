@@ -1,16 +1,15 @@
 """Regions grow where a log says that a fix is worse than its class, by the stated rule, and never shrink."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from solutions import make_gps_log
 
 from vgps.config import GpsConfig, QualityConfig
 from vgps.gps.fixes import fixes_in_world
 from vgps.gps.regions import enlarged
-from vgps.model import FixClass, GpsLog
+from vgps.model import FixClass
 
 NAN = float("nan")
 RULE = QualityConfig(good_hdop=2.0, good_satellites=8, fresh_s=10.0, age_rate_m_s=0.002)
@@ -22,9 +21,14 @@ def log_of(hdop=NAN, satellites=NAN, age_s=NAN, sigma_m=(NAN, NAN, NAN), fix_cla
     def one(value):
         return np.array([value], dtype=float)
 
-    place = one(35.0), one(139.0), one(40.0)
-    quality = np.array([sigma_m], dtype=float), one(hdop), one(satellites), one(age_s)
-    return GpsLog(one(0.0), *place, (fix_class,), *quality, np.array([1]), Path("gps.csv"))
+    return make_gps_log(
+        one(0.0),
+        (fix_class,),
+        sigma_m=np.array([sigma_m], dtype=float),
+        hdop=one(hdop),
+        satellites=one(satellites),
+        correction_age_s=one(age_s),
+    )
 
 
 def region(r_m=2.0, h_m=5.0, rule=RULE, **said):

@@ -12,7 +12,6 @@ from vgps.landmarks.build import build_database
 from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.model import Camera
 from vgps.readers.recording import open_recording
 from vgps.solution import FrameState
 
@@ -112,7 +111,7 @@ def test_of_a_lens_that_bends_templates_are_of_the_undistorted_image(tmp_path: P
     wall = texture()
     row = int(np.argmax(np.abs(bent.world_p_landmark[:, 0] - bent.world_p_camera[:, 0])))
     pose = poses()[frame_of(bent.world_p_camera[row : row + 1])[0]]
-    flat = Camera("pinhole", *(getattr(BENT, name) for name in ("width", "height", "fx", "fy", "cx", "cy")))
+    flat = replace(BENT, model="pinhole", distortion=())
     image = render(flat, pose, wall).astype(np.float32)
     camera_p = (bent.world_p_landmark[row] - pose[:3, 3]) @ pose[:3, :3]
     uv = camera_p[:2] / camera_p[2] * (flat.fx, flat.fy) + (flat.cx, flat.cy)

@@ -40,7 +40,16 @@ def test_a_database_without_keyframes_has_no_candidates():
 
 def test_an_image_is_undistorted():
     # black left of a column of the distorted image, bright right of it
-    lens = Camera("opencv", 320, 240, 300.0, 300.0, 160.0, 120.0, (-0.2, 0.05, 0.001, -0.002))
+    lens = Camera(
+        model="opencv",
+        width=320,
+        height=240,
+        fx=300.0,
+        fy=300.0,
+        cx=160.0,
+        cy=120.0,
+        distortion=(-0.2, 0.05, 0.001, -0.002),
+    )
     u, v = np.meshgrid(np.arange(320.0), np.arange(240.0))
     flat = np.column_stack([u.ravel(), v.ravel()])
     seen = distort(lens, flat)

@@ -26,7 +26,9 @@ def database():
 
 def recording_of(video, bias=(0.0, 0.0, 0.0)):
     rig = Rig(gyro_R_camera=GYRO_R_CAMERA, exposure_s=video.exposure_s)
-    return Recording(Path("wall"), video, CAMERA, rig, gyro=gyro(video.count / 10, bias))
+    return Recording(
+        path=Path("wall"), video=video, camera=CAMERA, rig=rig, gyro=gyro(video.count / 10, bias)
+    )
 
 
 def errors(poses, t_s):

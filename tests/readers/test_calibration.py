@@ -1,3 +1,4 @@
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,6 +20,7 @@ PINHOLE = {
     "cx": 320.0,
     "cy": 240.0,
 }
+FLAT = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
 TSAI = {
     "model": "tsai",
     "width": 720,
@@ -47,12 +49,12 @@ def rig(folder: Path, text: str):
 @pytest.mark.parametrize(
     "expected",
     [
-        Camera("pinhole", 640, 480, 500.0, 510.0, 320.0, 240.0),
-        Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.2, 0.3, 0.4)),
-        Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.2, 0.3, 0.4, 0.5)),
-        Camera("opencv", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)),
-        Camera("fisheye", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.2, 0.3, 0.4)),
-        Camera("tsai", 640, 480, 500.0, 510.0, 320.0, 240.0, (0.1, 0.2), (0.01, 0.02)),
+        FLAT,
+        replace(FLAT, model="opencv", distortion=(0.1, 0.2, 0.3, 0.4)),
+        replace(FLAT, model="opencv", distortion=(0.1, 0.2, 0.3, 0.4, 0.5)),
+        replace(FLAT, model="opencv", distortion=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)),
+        replace(FLAT, model="fisheye", distortion=(0.1, 0.2, 0.3, 0.4)),
+        replace(FLAT, model="tsai", distortion=(0.1, 0.2), pixel_mm=(0.01, 0.02)),
     ],
 )
 def test_what_is_written_reads_back(tmp_path, expected):

@@ -1,5 +1,6 @@
 """Calibrations that other programs write; cv2 and pycolmap write or project them as oracles."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -23,13 +24,12 @@ KALIBR = {
     "rostopic": "/cam0/image_raw",
     "T_cam_imu": np.eye(4).tolist(),
 }
+FLAT = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.5, cy=240.25)
 CAMERAS = [
-    Camera("pinhole", 640, 480, 500.0, 510.0, 320.5, 240.25),
-    Camera("opencv", 640, 480, 500.0, 510.0, 320.5, 240.25, (0.1, -0.2, 0.003, -0.004)),
-    Camera(
-        "opencv", 640, 480, 500.0, 510.0, 320.5, 240.25, (0.1, -0.2, 0.003, -0.004, 0.05, 0.01, 0.02, 0.03)
-    ),
-    Camera("fisheye", 640, 480, 500.0, 510.0, 320.5, 240.25, (0.1, -0.02, 0.003, -0.0004)),
+    FLAT,
+    replace(FLAT, model="opencv", distortion=(0.1, -0.2, 0.003, -0.004)),
+    replace(FLAT, model="opencv", distortion=(0.1, -0.2, 0.003, -0.004, 0.05, 0.01, 0.02, 0.03)),
+    replace(FLAT, model="fisheye", distortion=(0.1, -0.02, 0.003, -0.0004)),
 ]
 
 
@@ -62,7 +62,7 @@ def storage(file: Path, distortion, names=("camera_matrix", "distortion_coeffici
 def test_opencv_storage_in_each_of_its_syntaxes(tmp_path, suffix, shape):
     k = [0.1, -0.2, 0.003, -0.004, 0.05]
     file = storage(tmp_path / f"calibration.{suffix}", np.reshape(k, shape))
-    expected = Camera("opencv", 640, 480, 500.0, 510.0, 320.5, 240.25, tuple(k))
+    expected = replace(FLAT, model="opencv", distortion=tuple(k))
     assert read_camera(file) == expected
     # by content, whatever its name
     assert read_camera(file.rename(tmp_path / "lens.dat")) == expected

@@ -152,12 +152,12 @@ def test_the_first_number_of_an_entry_or_the_default(said, expected):
 
 def blocks(*rows: tuple[float, int, float]) -> list[Block]:
     """Of (stamp, samples, start), each shown for a second."""
-    return [Block(stamp, np.zeros((n, 1)), start_s=start) for stamp, n, start in rows]
+    return [Block(stamp_s=stamp, samples=np.zeros((n, 1)), start_s=start) for stamp, n, start in rows]
 
 
 def test_samples_lie_evenly_between_the_stamps_of_payloads():
     sensor = blocks((10.1, 4, 0.0), (11.3, 2, 1.0), (12.1, 2, 2.0))
-    first_frame = Block(10.0, np.zeros((30, 1)))
+    first_frame = Block(stamp_s=10.0, samples=np.zeros((30, 1)))
     np.testing.assert_allclose(
         sample_times(sensor, first_frame), [0.1, 0.4, 0.7, 1.0, 1.3, 1.7, 2.1, 2.5], atol=1e-12
     )
@@ -168,7 +168,7 @@ def test_samples_lie_evenly_between_the_stamps_of_payloads():
 def test_a_video_cut_at_its_beginning_keeps_its_clock():
     """The first payload is shown before the first frame that is left; SHUT starts with it."""
     sensor = blocks((10.1, 2, -0.4), (11.1, 2, 0.6))
-    first_frame = Block(10.0, np.zeros((30, 1)), start_s=-0.4)
+    first_frame = Block(stamp_s=10.0, samples=np.zeros((30, 1)), start_s=-0.4)
     np.testing.assert_allclose(sample_times(sensor, first_frame), [-0.3, 0.2, 0.7, 1.2], atol=1e-12)
 
 

@@ -33,7 +33,13 @@ def series(count: int, fix_class: FixClass = FLOAT, step_s: float = 1.0) -> Erro
     east = np.arange(float(count))
     error = np.column_stack([east, -east, np.full(count, 100.0)])
     sigma = np.tile([0.5, 0.6, 0.7], (count, 1))
-    return ErrorSeries(step_s * east, error, sigma, (fix_class,) * count, Path("rover.pos"))
+    return ErrorSeries(
+        t_s=step_s * east,
+        error_m=error,
+        sigma_m=sigma,
+        fix_class=(fix_class,) * count,
+        source=Path("rover.pos"),
+    )
 
 
 def log_of(path: Path, error_m: np.ndarray, fix_class: tuple[FixClass, ...], moving: bool = False) -> Path:
@@ -41,14 +47,23 @@ def log_of(path: Path, error_m: np.ndarray, fix_class: tuple[FixClass, ...], mov
     t = np.arange(float(len(error_m)))
     place = np.zeros((len(t), 3))
     place[:, 0] = t * moving
-    fixes = SimulatedFixes(t, fix_class, place, error_m, np.full((len(t), 3), 0.25), np.zeros(len(t), bool))
+    fixes = SimulatedFixes(
+        t_s=t,
+        fix_class=fix_class,
+        world_p_antenna=place,
+        error_m=error_m,
+        reported_m=np.full((len(t), 3), 0.25),
+        outlier=np.zeros(len(t), bool),
+    )
     path.write_bytes(nmea(fixes, WALK))
     return path
 
 
 @pytest.mark.parametrize(("sigma", "time_s"), [(0.7, 8.0), (2.5, 40.0)])
 def test_a_process_is_found_again(sigma: float, time_s: float) -> None:
-    error = gauss_markov(40_000, 1.0, FixErrors(sigma, sigma, time_s), rng())
+    error = gauss_markov(
+        40_000, 1.0, FixErrors(sigma_h_m=sigma, sigma_v_m=sigma, correlation_s=time_s), rng()
+    )
     for axis in range(3):
         found = fit_gauss_markov(np.arange(40_000.0), error[:, axis])
         assert found.sigma_m == pytest.approx(sigma, rel=0.1)
@@ -57,14 +72,14 @@ def test_a_process_is_found_again(sigma: float, time_s: float) -> None:
 
 def test_gaps_and_other_intervals_do_not_matter() -> None:
     t = 0.2 * np.arange(100_000)
-    error = gauss_markov(len(t), 0.2, FixErrors(1.0, 1.0, 5.0), rng())[:, 0]
+    error = gauss_markov(len(t), 0.2, FixErrors(sigma_h_m=1.0, sigma_v_m=1.0, correlation_s=5.0), rng())[:, 0]
     kept = rng(1).random(len(t)) < 0.6
     found = fit_gauss_markov(t[kept], error[kept])
     assert found.sigma_m == pytest.approx(1.0, rel=0.1) and found.correlation_s == pytest.approx(5.0, rel=0.2)
 
 
 def test_the_doubt_is_as_large_as_the_scatter_of_short_logs() -> None:
-    model = FixErrors(1.0, 1.0, 20.0)
+    model = FixErrors(sigma_h_m=1.0, sigma_v_m=1.0, correlation_s=20.0)
     fits = [
         fit_gauss_markov(np.arange(600.0), gauss_markov(600, 1.0, model, rng(k))[:, 0]) for k in range(60)
     ]
@@ -99,7 +114,14 @@ def test_a_reference_of_another_day_is_told(tmp_path: Path) -> None:
     log = log_of(tmp_path / "a.nmea", np.zeros((3, 3)), (FIX,) * 3)
     later = replace(WALK, start_utc=WALK.start_utc + timedelta(days=3))
     t = np.arange(3.0)
-    fixes = SimulatedFixes(t, (FIX,) * 3, np.zeros((3, 3)), np.zeros((3, 3)), np.ones((3, 3)), t > 9)
+    fixes = SimulatedFixes(
+        t_s=t,
+        fix_class=(FIX,) * 3,
+        world_p_antenna=np.zeros((3, 3)),
+        error_m=np.zeros((3, 3)),
+        reported_m=np.ones((3, 3)),
+        outlier=t > 9,
+    )
     (tmp_path / "b.nmea").write_bytes(nmea(fixes, later))
     with pytest.raises(GpsLogError, match=r"a\.nmea: no fix at the time of an RTK-fix of the reference"):
         read_errors(log, tmp_path / "b.nmea")

@@ -87,7 +87,7 @@ def test_outliers_are_far_off_and_as_many_as_asked() -> None:
 
 
 def test_gauss_markov_has_its_sigma_and_its_memory() -> None:
-    error = gauss_markov(200_000, 1.0, FixErrors(0.75, 2.2, 25.0), rng())
+    error = gauss_markov(200_000, 1.0, FixErrors(sigma_h_m=0.75, sigma_v_m=2.2, correlation_s=25.0), rng())
     np.testing.assert_allclose(error.std(axis=0), [0.75, 0.75, 2.2], rtol=0.1)
     for lag in (1, 25, 75):
         correlation = np.mean(error[lag:] * error[:-lag], axis=0) / error.var(axis=0)
@@ -95,7 +95,7 @@ def test_gauss_markov_has_its_sigma_and_its_memory() -> None:
 
 
 def test_each_stretch_has_a_bias_of_its_own() -> None:
-    still = FixErrors(0.0, 0.0, 25.0, bias_h_m=0.45, bias_v_m=1.2)
+    still = FixErrors(sigma_h_m=0.0, sigma_v_m=0.0, correlation_s=25.0, bias_h_m=0.45, bias_v_m=1.2)
     bias = np.array([gauss_markov(3, 1.0, still, rng(k)) for k in range(3000)])
     assert np.ptp(bias, axis=1).max() == 0.0
     np.testing.assert_allclose(bias[:, 0].std(axis=0), [0.45, 0.45, 1.2], rtol=0.05)
@@ -120,7 +120,11 @@ def test_float_errors_are_as_large_as_a_real_receivers(data_dir: Path) -> None:
 
 
 def test_gyro_integrates_to_the_true_rotation() -> None:
-    config = replace(SCENES["spin"], spin_deg_s=200.0, gyro=GyroConfig(1000.0, 0.0, 0.0, 0.0))
+    config = replace(
+        SCENES["spin"],
+        spin_deg_s=200.0,
+        gyro=GyroConfig(rate_hz=1000.0, noise_rad_s=0.0, bias_rad_s=0.0, bias_walk_rad_s_sqrt_s=0.0),
+    )
     motion = build_motion(config, rng())
     t, rate = simulate_gyro(motion, config, rng())
     assert t[0] == pytest.approx(-0.2) and t[-1] == pytest.approx(config.duration_s + 0.2, abs=1e-3)

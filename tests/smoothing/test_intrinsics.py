@@ -1,5 +1,7 @@
 """A calibration that is wrong is put right with the poses; what is believed of it counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_bundle import ANTENNA, K
@@ -14,8 +16,8 @@ from vgps.smoothing.factor_graph import scene_of_map
 from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
 
 CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"), batch=BatchConfig(video_sigma_scale=4.0))
-TRUE = Camera("pinhole", 640, 480, *K)
-LENS = Camera("opencv", 640, 480, *K, distortion=(-0.2, 0.05, 0.0, 0.0))
+TRUE = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
+LENS = replace(TRUE, model="opencv", distortion=(-0.2, 0.05, 0.0, 0.0))
 
 
 def refined(camera, wrong, **believed):

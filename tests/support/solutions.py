@@ -29,6 +29,8 @@ NAN = float("nan")
 EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 NORTH_R_CAMERA = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
+PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=501.0, cx=320.0, cy=240.0)
+
 
 def make_poses(world_p_camera: np.ndarray, world_R_camera: np.ndarray) -> np.ndarray:
     """(F, 4, 4) poses from positions (F, 3) and rotations, (3, 3) or (F, 3, 3)."""
@@ -77,7 +79,7 @@ def make_solution(t_s: np.ndarray, world_T_camera: np.ndarray, **changes: Any) -
         sigma_rotation_rad=np.full((count, 3), 0.01),
         sigma_position_m=np.full((count, 3), 0.01),
         state=(FrameState.TRACKED,) * count,
-        camera=Camera("pinhole", 640, 480, 500.0, 501.0, 320.0, 240.0),
+        camera=PINHOLE,
         camera_p_antenna=np.zeros(3),
         landmarks=make_landmarks(np.zeros((0, 3))),
         observations=Observations(none, none, np.zeros((0, 2))),
@@ -107,7 +109,7 @@ def distinct_values() -> Solution:
         sigma_rotation_rad=np.radians(np.arange(1.0, 13.0).reshape(4, 3)),
         sigma_position_m=np.vstack([np.arange(1.0, 10.0).reshape(3, 3) / 100, [[np.nan] * 3]]),
         state=(FrameState.TRACKED, FrameState.BRIDGED, FrameState.TRACKED, FrameState.TRACKED),
-        camera=Camera("tsai", 720, 480, 900.0, 901.0, 359.5, 240.5, (1e-3, 2e-5), (0.0075, 0.0071)),
+        camera=replace(PINHOLE, model="tsai", distortion=(1e-3, 2e-5), pixel_mm=(0.0075, 0.0071)),
         camera_p_antenna=np.array([0.05, -0.93, -0.32]),
         landmarks=Landmarks(
             np.array([[1.0, 2.0, 30.0], [4.0, 5.0, 1 / 7], [7.0, 8.0, 9.0]]),
@@ -156,7 +158,16 @@ def short_drive() -> Solution:
 
     Observations are in reverse order and exact, but for one pixel on landmark 0 in frame 0.
     """
-    camera = Camera("opencv", 64, 48, 50.0, 50.0, 31.5, 23.5, (-0.2, 0.03, 0.0, 0.0))
+    camera = Camera(
+        model="opencv",
+        width=64,
+        height=48,
+        fx=50.0,
+        fy=50.0,
+        cx=31.5,
+        cy=23.5,
+        distortion=(-0.2, 0.03, 0.0, 0.0),
+    )
     assert np.isfinite(undistort(camera, [[0.0, 0.0], [63.0, 47.0]])).all()
     poses = make_poses(np.arange(6.0)[:, None] * [0.0, 1.0, 0.0], NORTH_R_CAMERA)
     points = np.array([[-1.0, 12.0, 1.0], [1.0, 14.0, -1.0], [2.0, 16.0, 0.5]])

@@ -7,7 +7,7 @@ from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import Camera, GeodeticPoint
 
-CAMERA = Camera("pinhole", 320, 240, 260.0, 255.0, 158.0, 121.0)
+CAMERA = Camera(model="pinhole", width=320, height=240, fx=260.0, fy=255.0, cx=158.0, cy=121.0)
 ORIGIN = GeodeticPoint(49.011, 8.4165, 163.0)
 
 

@@ -1,6 +1,6 @@
 """A recording of a textured wall by a camera that moves along it, and the run it gives, known exactly."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from vgps.solution import Observations, Solution
 from vgps.writers.run_folder import write_run
 
 ORIGIN = GeodeticPoint(49.011, 8.4165, 163.0)
-PINHOLE = Camera("pinhole", 320, 240, 260.0, 255.0, 158.0, 121.0)
-BENT = Camera("opencv", 320, 240, 260.0, 255.0, 158.0, 121.0, (-0.15, 0.04, 0.001, -0.001))
+PINHOLE = Camera(model="pinhole", width=320, height=240, fx=260.0, fy=255.0, cx=158.0, cy=121.0)
+BENT = replace(PINHOLE, model="opencv", distortion=(-0.15, 0.04, 0.001, -0.001))
 WALL_NORTH_M, TEXEL_M = 12.0, 0.03
 FRAMES = 24
 

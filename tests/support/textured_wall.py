@@ -12,7 +12,7 @@ from vgps.landmarks.descriptors import describe
 from vgps.landmarks.views import LandmarkViews
 from vgps.model import Camera, Frame, GeodeticPoint, GyroLog
 
-CAMERA = Camera("pinhole", 320, 240, 300.0, 300.0, 160.0, 120.0)
+CAMERA = Camera(model="pinhole", width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0)
 METRES = 0.02  # of a pixel of the texture
 WALL_M = 10.0  # the wall stands at z = 10, the camera looks along z
 FPS = 10.0

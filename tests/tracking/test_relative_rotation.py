@@ -10,7 +10,7 @@ from vgps.config import TrackingConfig
 from vgps.model import Camera, Frame
 from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations, relative_rotation
 
-CAMERA = Camera("pinhole", 640, 480, 500.0, 510.0, 320.0, 240.0)
+CAMERA = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
 SIDEWAYS, AHEAD, NONE = (0.4, 0.05, 0.0), (0.02, -0.03, 0.6), (0.0, 0.0, 0.0)
 
 
@@ -160,8 +160,17 @@ def test_black_frames_are_missed_and_said(panned):
 
 def test_a_lens_is_taken_out():
     """A scene far away through a barrel lens: the picture is bent, the turn is not."""
-    lens = Camera("opencv", 640, 480, 500.0, 500.0, 320.0, 240.0, (-0.2, 0.03, 0.0, 0.0))
-    flat = Camera("pinhole", 640, 480, 500.0, 500.0, 320.0, 240.0)
+    lens = Camera(
+        model="opencv",
+        width=640,
+        height=480,
+        fx=500.0,
+        fy=500.0,
+        cx=320.0,
+        cy=240.0,
+        distortion=(-0.2, 0.03, 0.0, 0.0),
+    )
+    flat = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
     turn, rng = [0.03, -0.05, 0.08], np.random.default_rng(0)
     R = Rotation.from_rotvec(turn).as_matrix()
     uv = rng.uniform((60, 60), (580, 420), (200, 2))

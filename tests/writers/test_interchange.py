@@ -15,12 +15,13 @@ from vgps.solution import FrameState, Landmarks, Observations
 from vgps.writers.export import export
 from vgps.writers.run_folder import write_run
 
+PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.5, cy=241.0)
 LENSES = {
-    "pinhole": Camera("pinhole", 640, 480, 500.0, 510.0, 320.5, 241.0),
-    "opencv": Camera("opencv", 640, 480, 500.0, 510.0, 320.5, 241.0, (-0.2, 0.05, 1e-3, -5e-4)),
-    "opencv5": Camera("opencv", 640, 480, 500.0, 510.0, 320.5, 241.0, (-0.2, 0.05, 1e-3, -5e-4, 0.01)),
-    "fisheye": Camera("fisheye", 640, 480, 400.0, 400.0, 320.5, 241.0, (0.03, -0.01, 2e-3, -1e-3)),
-    "tsai": Camera("tsai", 640, 480, 500.0, 510.0, 320.5, 241.0, (1e-3, 2e-5), (0.0075, 0.0071)),
+    "pinhole": PINHOLE,
+    "opencv": replace(PINHOLE, model="opencv", distortion=(-0.2, 0.05, 1e-3, -5e-4)),
+    "opencv5": replace(PINHOLE, model="opencv", distortion=(-0.2, 0.05, 1e-3, -5e-4, 0.01)),
+    "fisheye": replace(PINHOLE, model="fisheye", fx=400.0, fy=400.0, distortion=(0.03, -0.01, 2e-3, -1e-3)),
+    "tsai": replace(PINHOLE, model="tsai", distortion=(1e-3, 2e-5), pixel_mm=(0.0075, 0.0071)),
 }
 
 

@@ -91,7 +91,13 @@ def survey(
         frame_rate: Of later recordings.
         plot: Picture of the scatter; beside the YAML if not given.
     """
-    options = SurveyOptions(drop, _place(truth), speed, vertical_speed, frame_rate)
+    options = SurveyOptions(
+        drop=drop,
+        truth=_place(truth),
+        speed_m_s=speed,
+        vertical_speed_m_s=vertical_speed,
+        frame_rate=frame_rate,
+    )
     picture = plot or out.with_suffix(".png")
     check_files(out, picture)
     found = survey_logs(logs, options)

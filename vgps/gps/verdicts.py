@@ -46,13 +46,13 @@ def fix_table(
         lasting = ", in error as the fix before it" if lasts[row] else ""
         reasons.append(_in_words(verdicts[-1], fix_class, where, assessment, row) + lasting)
     return FixTable(
-        fixes.world_p_fix,
-        residual,
-        believed.r_m,
-        believed.h_m,
-        assessment.own,
-        tuple(verdicts),
-        tuple(reasons),
+        world_p_fix=fixes.world_p_fix,
+        residual_m=residual,
+        r_m=believed.r_m,
+        h_m=believed.h_m,
+        probability=assessment.own,
+        verdict=tuple(verdicts),
+        reason=tuple(reasons),
     )
 
 

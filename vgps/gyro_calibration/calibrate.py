@@ -20,7 +20,7 @@ from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations
 _AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GyroCalibration:
     """How a gyro sits on a camera and how it errs, and how well that is known.
 

@@ -205,7 +205,9 @@ class OnlineSmoother:
         samples = np.array(self._gyro).reshape(-1, 4)
         gyro = GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None
         rig = replace(fed.rig, world_origin=self._origin)
-        recording = Recording(self._source, video, self._camera, rig, log, gyro)
+        recording = Recording(
+            path=self._source, video=video, camera=self._camera, rig=rig, gps=log, gyro=gyro
+        )
         fed.frame_pipeline.warnings[:] = self._warnings
         return FrontEnd(
             recording,

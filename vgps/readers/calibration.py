@@ -69,7 +69,17 @@ class _TsaiFields(_Fields):
         """Eq. (4) and (6), Kume 2010: a pixel is ccd_x / (scr_x s_x) wide and ccd_y / scr_y high."""
         pixel = (self.ccd_mm[0] / self.width / self.scale, self.ccd_mm[1] / self.height)
         fx, fy = self.focal_mm / pixel[0], self.focal_mm / pixel[1]
-        return Camera("tsai", self.width, self.height, fx, fy, self.cx, self.cy, self.kappa, pixel)
+        return Camera(
+            model="tsai",
+            width=self.width,
+            height=self.height,
+            fx=fx,
+            fy=fy,
+            cx=self.cx,
+            cy=self.cy,
+            distortion=self.kappa,
+            pixel_mm=pixel,
+        )
 
 
 class _RigFields(_Fields):

@@ -38,4 +38,10 @@ def read_control_points(path: str | Path) -> ControlPoints:
             place=f"line {line}",
             expected=f"a frame index from 0 and finite {', '.join(names[1:])}",
         )
-    return ControlPoints(values[:, 0].astype(np.int64), values[:, 1:3], values[:, 3:], geodetic, path)
+    return ControlPoints(
+        frame=values[:, 0].astype(np.int64),
+        uv_px=values[:, 1:3],
+        world_p_point=values[:, 3:],
+        geodetic=geodetic,
+        source=path,
+    )

@@ -25,7 +25,7 @@ _TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
 _STILL_S = 1.0  # a position that stays longer than this is a new fix and not the old one shown again
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Row:
     """A subtitle's position; heights are NaN where it does not say them."""
 
@@ -90,7 +90,15 @@ def _row(number: int, subtitle: srt.Subtitle) -> _Row | None:
     if np.isnan(latitude) or np.isnan(longitude) or latitude == longitude == 0.0:
         return None
     t_s = subtitle.start.total_seconds()
-    return _Row(number, t_s, latitude, longitude, absolute, _number(_RELATIVE, text), old is not None)
+    return _Row(
+        number=number,
+        t_s=t_s,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        absolute_m=absolute,
+        relative_m=_number(_RELATIVE, text),
+        old=old is not None,
+    )
 
 
 def _float(text: str) -> float:

@@ -27,7 +27,7 @@ _NUMBERS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """A key with its data: ``kind`` the type's letter ("" for nested), ``size`` of a structure in bytes."""
 
@@ -38,7 +38,7 @@ class Entry:
     data: bytes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Block:
     """What one payload says of one sensor.
 
@@ -97,7 +97,13 @@ def parse(data: bytes) -> Iterator[Entry]:
         length = size * count
         if at + length > len(data):
             raise ValueError(f"{key!r} claims {length} bytes, {len(data) - at} are left")
-        yield Entry(key.decode("latin-1"), chr(kind) if kind else "", size, count, data[at : at + length])
+        yield Entry(
+            key=key.decode("latin-1"),
+            kind=chr(kind) if kind else "",
+            size=size,
+            count=count,
+            data=data[at : at + length],
+        )
         at += -(-length // 4) * 4
 
 
@@ -218,5 +224,7 @@ def _add(sensors: dict[str, list[Block]], entries: list[Entry], packet: Packet) 
             raise ValueError(f"{last.key} has {values.shape[1]} columns and {len(scale)} scales")
         values = values / scale
     stamp_s = first_number(known, "STMP", float("nan")) * 1e-6
-    block = Block(stamp_s, values, known, packet.start_s, packet.duration_s)
+    block = Block(
+        stamp_s=stamp_s, samples=values, about=known, start_s=packet.start_s, duration_s=packet.duration_s
+    )
     sensors.setdefault(last.key, []).append(block)

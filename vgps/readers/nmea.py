@@ -23,7 +23,7 @@ _ERRORS = (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, Val
 _GGA_FIELDS = 15
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Epoch:
     """A GGA sentence and what belongs to it: ``day`` counts midnights since the log's first sentence."""
 
@@ -45,7 +45,7 @@ class _Anchor:
     day_zero_s: float
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Reading:
     """What has been read so far."""
 
@@ -121,7 +121,9 @@ def _take(reading: _Reading, order: int, line: int, kind: bytes, message: Any, r
     reading.time_s = time_s
     if kind == b"GGA":
         hdop = _number(message, "HDOP")
-        reading.epochs.append(_Epoch(order, line, reading.day, time_s, message, hdop))
+        reading.epochs.append(
+            _Epoch(order=order, line=line, day=reading.day, time_s=time_s, gga=message, hdop=hdop)
+        )
     elif kind == b"GST":
         sigmas = [_number(message, name) for name in ("stdLong", "stdLat", "stdAlt")]
         reading.sigmas[_key(reading.day, time_s)] = (sigmas[0], sigmas[1], sigmas[2])

@@ -36,7 +36,7 @@ _JST_S = 9 * 3600.0
 Frame = Literal["geodetic", "ecef", "enu"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Header:
     """What the comment lines say: time system, position columns, and where a baseline starts."""
 
@@ -112,13 +112,13 @@ def _header(comments: list[str], path: Path) -> _Header:
         return _Header(notes=("no line of column names: taken as GPST, latitude and longitude in degrees",))
     columns = named[2]
     if "x-ecef" in columns:
-        return _Header(named[1], "ecef")
+        return _Header(time_system=named[1], frame="ecef")
     if "e-baseline" in columns:
-        return _Header(named[1], "enu", origin=_origin(comments, path))
+        return _Header(time_system=named[1], frame="enu", origin=_origin(comments, path))
     notes: tuple[str, ...] = ()
     if any("WGS84/geodetic" in line for line in comments):
         notes = ("heights are above the geoid but taken as ellipsoidal: they may be off by 100 m",)
-    return _Header(named[1], sexagesimal="(d'" in columns, notes=notes)
+    return _Header(time_system=named[1], sexagesimal="(d'" in columns, notes=notes)
 
 
 def _origin(comments: list[str], path: Path) -> GeodeticPoint:

@@ -23,7 +23,7 @@ def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
     return data
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """Rows of text under named columns.
 
@@ -124,7 +124,9 @@ def read_table(path: Path, error: type[VgpsError]) -> Table:
     whole = [(number, row) for number, row in paired if len(row) >= len(columns)]
     short = tuple(number for number, row in paired if len(row) < len(columns))
     line = np.array([number for number, _ in whole], np.int64)
-    return Table(path, error, columns, [row for _, row in whole], line, short)
+    return Table(
+        path=path, error=error, columns=columns, cells=[row for _, row in whole], line=line, short_lines=short
+    )
 
 
 def _delimiter(header: str) -> str:

@@ -19,7 +19,7 @@ _LEAST_CORRELATION = 0.1  # beyond the lag where it first falls so low, an autoc
 _SAME_TIME_S = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ErrorSeries:
     """What was wrong with the fixes of a receiver, in order of time.
 
@@ -41,7 +41,13 @@ class ErrorSeries:
         """The epochs of one class."""
         rows = np.array([one is fix_class for one in self.fix_class], bool)
         classes = (fix_class,) * int(rows.sum())
-        return ErrorSeries(self.t_s[rows], self.error_m[rows], self.sigma_m[rows], classes, self.source)
+        return ErrorSeries(
+            t_s=self.t_s[rows],
+            error_m=self.error_m[rows],
+            sigma_m=self.sigma_m[rows],
+            fix_class=classes,
+            source=self.source,
+        )
 
 
 class GaussMarkov(NamedTuple):
@@ -74,7 +80,9 @@ def read_errors(log: Path, reference: Path | None = None) -> ErrorSeries:
     own = read_gps_log(log, clock)
     if reference is None:
         surveyed = survey_logs([log])
-        return ErrorSeries(own.t_s, surveyed.errors_m, own.sigma_m, own.fix_class, log)
+        return ErrorSeries(
+            t_s=own.t_s, error_m=surveyed.errors_m, sigma_m=own.sigma_m, fix_class=own.fix_class, source=log
+        )
     better = read_gps_log(reference, clock)
     rows, theirs = _common(own, better)
     if not len(rows):
@@ -89,7 +97,9 @@ def read_errors(log: Path, reference: Path | None = None) -> ErrorSeries:
     origin = GeodeticPoint(*(float(x) for x in place))
     error = _enu(origin, own)[rows] - _enu(origin, better)[theirs]
     classes = tuple(own.fix_class[k] for k in rows)
-    return ErrorSeries(own.t_s[rows], error, own.sigma_m[rows], classes, log)
+    return ErrorSeries(
+        t_s=own.t_s[rows], error_m=error, sigma_m=own.sigma_m[rows], fix_class=classes, source=log
+    )
 
 
 def fit_gauss_markov(t_s: FloatArray, error_m: FloatArray) -> GaussMarkov:

@@ -15,7 +15,7 @@ from vgps.simulate.receiver_errors import ErrorSeries, read_errors
 _ORIGIN = GeodeticPoint(34.7325, 135.7345, 120.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FixErrors:
     """Errors of one fix class: a constant bias per stretch plus a first-order Gauss-Markov process.
 
@@ -55,14 +55,32 @@ class FixErrors:
 # log, rounded up. The reported sigmas are as optimistic as in that log.
 FIX_ERRORS: Mapping[FixClass, FixErrors] = MappingProxyType(
     {
-        FixClass.RTK_FIX: FixErrors(0.010, 0.020, 5.0),
-        FixClass.RTK_FLOAT: FixErrors(0.75, 2.2, 25.0, 0.45, 1.2, (0.5, 0.5, 1.0), 0.9, 12),
-        FixClass.SINGLE: FixErrors(1.5, 3.0, 60.0, 1.0, 2.0, (1.5, 1.5, 3.0), 1.3, 9),
+        FixClass.RTK_FIX: FixErrors(sigma_h_m=0.010, sigma_v_m=0.020, correlation_s=5.0),
+        FixClass.RTK_FLOAT: FixErrors(
+            sigma_h_m=0.75,
+            sigma_v_m=2.2,
+            correlation_s=25.0,
+            bias_h_m=0.45,
+            bias_v_m=1.2,
+            reported_m=(0.5, 0.5, 1.0),
+            hdop=0.9,
+            satellites=12,
+        ),
+        FixClass.SINGLE: FixErrors(
+            sigma_h_m=1.5,
+            sigma_v_m=3.0,
+            correlation_s=60.0,
+            bias_h_m=1.0,
+            bias_v_m=2.0,
+            reported_m=(1.5, 1.5, 3.0),
+            hdop=1.3,
+            satellites=9,
+        ),
     }
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GpsConfig:
     """When fixes come, of which class, and how wrong they are.
 
@@ -88,7 +106,7 @@ class GpsConfig:
     replay: ErrorSeries | None = field(default=None, repr=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GyroConfig:
     """A consumer MEMS gyro: white noise, and a bias that starts somewhere and walks.
 
@@ -104,7 +122,7 @@ class GyroConfig:
     margin_s: float = 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SceneConfig:
     """A scene: motion, camera, surroundings, sensors. Change fields with :func:`dataclasses.replace`.
 

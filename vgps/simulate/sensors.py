@@ -18,7 +18,7 @@ GEOID_SEPARATION_M = 37.0
 _QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SimulatedFixes:
     """Fixes and what is wrong with them, ENU metres.
 
@@ -55,7 +55,9 @@ def simulate_fixes(motion: Motion, config: SceneConfig, rng: np.random.Generator
     direction, reach = rng.uniform(0, 2 * np.pi, len(t)), rng.uniform(*gps.outlier_m, len(t))
     jump = np.stack([np.cos(direction), np.sin(direction), rng.normal(0, 0.7, len(t))], axis=-1)
     error += outlier[:, None] * reach[:, None] * jump
-    return SimulatedFixes(t, classes, antenna, error, reported, outlier)
+    return SimulatedFixes(
+        t_s=t, fix_class=classes, world_p_antenna=antenna, error_m=error, reported_m=reported, outlier=outlier
+    )
 
 
 def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.random.Generator) -> FloatArray:

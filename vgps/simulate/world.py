@@ -10,7 +10,7 @@ from vgps.simulate.textures import Image
 UP = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class World:
     """Textured parallelograms: texture coordinates (a, b) in [0, 1] lie at ``origin + a edge_u + b edge_v``.
 
@@ -117,15 +117,15 @@ class Builder:
         """What was collected."""
         origin, u, v, texture, repeat, two_sided, velocity, epoch = zip(*self.rows, strict=True)
         return World(
-            np.array(origin, float),
-            np.array(u, float),
-            np.array(v, float),
-            np.array(texture),
-            np.array(repeat),
-            np.array(two_sided),
-            np.array(velocity, float),
-            np.array(epoch, float),
-            tuple(self.images),
+            origin=np.array(origin, float),
+            edge_u=np.array(u, float),
+            edge_v=np.array(v, float),
+            texture=np.array(texture),
+            repeat=np.array(repeat),
+            two_sided=np.array(two_sided),
+            velocity=np.array(velocity, float),
+            epoch_s=np.array(epoch, float),
+            textures=tuple(self.images),
         )
 
 

@@ -18,7 +18,7 @@ class Ellipsoid:
     beta_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ClassSurvey:
     """What a survey says of one fix class.
 

@@ -17,7 +17,7 @@ _FEW = 20.0  # independent epochs below which a region is a guess
 _STANDING_M = 1.0  # half of the RTK-fix epochs of a receiver that stands lie nearer to their mean
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SurveyOptions:
     """How a survey is made.
 
@@ -41,7 +41,7 @@ class SurveyOptions:
             raise GpsLogError(f"frame rate is {self.frame_rate}", expected="a positive number")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Survey:
     """The result.
 
@@ -95,7 +95,14 @@ def survey_logs(paths: Sequence[Path], options: SurveyOptions | None = None) -> 
                 f"{name}: {surveyed.epochs} epochs are worth {surveyed.independent:.0f} independent ones "
                 f"(the error stays alike for {surveyed.correlation_s:.0f} s): survey longer, at other hours"
             )
-    return Survey(truth, tuple(found), t_s, errors, classes, tuple(warnings))
+    return Survey(
+        truth=truth,
+        classes=tuple(found),
+        t_s=t_s,
+        errors_m=errors,
+        fix_class=classes,
+        warnings=tuple(warnings),
+    )
 
 
 def _mean_of_fixes(logs: Sequence[GpsLog]) -> GeodeticPoint:

@@ -96,7 +96,15 @@ def _heading(solution: Solution) -> FloatArray:
 def _no_verdicts(count: int) -> FixTable:
     unknown = np.full((count, 3), np.nan)
     column = unknown[:, 0]
-    return FixTable(unknown, unknown, column, column, column, (Verdict.NOT_USED,) * count, ("",) * count)
+    return FixTable(
+        world_p_fix=unknown,
+        residual_m=unknown,
+        r_m=column,
+        h_m=column,
+        probability=column,
+        verdict=(Verdict.NOT_USED,) * count,
+        reason=("",) * count,
+    )
 
 
 def _enu(name: str, values: FloatArray) -> dict[str, list[str]]:
