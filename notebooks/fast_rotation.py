@@ -26,8 +26,8 @@
 # | E | RANSAC, PnP, least reprojection error | |
 #
 # Here the experiment is made small: a street is simulated, walked slowly and sharply, then again with the
-# shutter open all the time while the camera swings at up to 120 deg/s. `scripts/reproduce_matsuda_rates.py`
-# does the same for rates from 0 to 300 deg/s, `scripts/reproduce_matsuda_table1.py` on a real drive.
+# shutter open all the time while the camera swings at up to 120 deg/s. `scripts/experiments/matsuda/rates.py`
+# does the same for rates from 0 to 300 deg/s, `scripts/experiments/matsuda/table1.py` on a real drive.
 
 # %%
 import tempfile

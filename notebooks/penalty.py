@@ -105,7 +105,7 @@ plt.show()
 # A walk of a minute along a bend. The video gives the motion from second to second, with a drift in scale
 # and heading as tracking has it. GPS has RTK-fix for eight seconds at both ends and RTK-float between,
 # whose error is a Gauss-Markov process about a bias, with the constants of a real receiver
-# (`scripts/fit_gps_errors.py`). The only difference between the estimates is the penalty.
+# (`scripts/tools/fit_gps_errors.py`). The only difference between the estimates is the penalty.
 
 # %%
 SECONDS, ENDS = 60, 8

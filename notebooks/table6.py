@@ -40,8 +40,14 @@ import numpy as np
 from IPython.display import Markdown
 
 import vgps
+from scripts.experiments.kume_table6.table import (
+    THESIS,
+    AntennaError,
+    antenna_errors,
+    as_markdown,
+    ratios_to_gaussians,
+)
 from vgps.compare import METHODS, compare
-from vgps.compare.table6 import THESIS, AntennaError, antenna_errors, as_markdown, ratios_to_gaussians
 from vgps.pipeline.offline import Silent
 from vgps.simulate import SCENES, simulate
 
@@ -109,7 +115,7 @@ plt.show()
 # %% [markdown]
 # ## Whole walks
 #
-# `table6_walks.json` holds what `python scripts/reproduce_kume_table6.py --json table6_walks.json` found on
+# `table6_walks.json` holds what `python -m scripts.experiments.kume_table6 --json table6_walks.json` found on
 # whole walks like the thesis's: 70 m, 1110 frames of 720x480, fixes at 1 Hz. Ranges are over the walks,
 # each with a world, a path and GPS errors of its own.
 

@@ -49,10 +49,10 @@ class FixErrors:
 # RTK-float: 289 epochs of the same log scatter by 0.87 m per horizontal axis and 2.5 m in height, 0.36 and
 # 0.42 m off the mean of its RTK-fix, with an autocorrelation of 0.5-0.8 after 5 s, 0.0-0.6 after 20 s and
 # 0.2-0.5 after 40 s, hence 25 s. Part of it is constant while the ambiguities float on the same values; the
-# two parts below add up to 0.87 and 2.5 m. scripts/fit_gps_errors.py fits 0.97, 0.84, 2.54 m and 23, 13, 36 s
-# (east, north, up) to that log, but 0.13, 0.19, 0.42 m and 670, 68, 201 s to another receiver's RTK-float on
-# a drive: what a receiver is worth its own logs say, hence ``GpsConfig.replay``. Single: nine epochs of the
-# log, rounded up. The reported sigmas are as optimistic as in that log.
+# two parts below add up to 0.87 and 2.5 m. scripts.tools.fit_gps_errors fits 0.97, 0.84, 2.54 m and 23, 13,
+# 36 s (east, north, up) to that log, but 0.13, 0.19, 0.42 m and 670, 68, 201 s to another receiver's RTK-
+# float on a drive: each receiver's worth is in its own logs, hence ``GpsConfig.replay``. Single: nine epochs
+# of the log, rounded up. The reported sigmas are as optimistic as in that log.
 FIX_ERRORS: Mapping[FixClass, FixErrors] = MappingProxyType(
     {
         FixClass.RTK_FIX: FixErrors(sigma_h_m=0.010, sigma_v_m=0.020, correlation_s=5.0),

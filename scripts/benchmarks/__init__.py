@@ -1,0 +1,1 @@
+"""Speed and accuracy, alone and beside other programs."""

@@ -1,0 +1,230 @@
+"""Latency, memory and error of the online mode over a long drive: a recording to and fro, with an outage.
+
+The first frames of the recording are played forwards, backwards, forwards ... Fixes are its true antenna at
+1 Hz with the errors of its log; they come late, as NMEA over TCP. In the middle there is an outage; after
+three quarters the receiver's server is killed, and started again. The error is that of each pose as it came,
+against the truth, and NEES its square over the variance stated: 1 is honest, more is overconfident.
+"""
+
+import argparse
+import resource
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import vgps
+from scripts.common.fix_server import FixServer
+from scripts.common.ping_pong import PingPong
+from vgps.model import FloatArray
+from vgps.online import OnlineEstimate
+from vgps.online.gps_source import GpsSource
+from vgps.online.live_feed import VideoClock
+from vgps.readers.fixes import unix_s
+
+
+def resident_mb() -> float:
+    """What the process holds now; where that is not told, the most it held."""
+    pages = Path("/proc/self/statm")
+    if pages.exists():
+        return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+@dataclass
+class Measured:
+    """A row for every frame."""
+
+    pose_s: list[float] = field(default_factory=list)
+    refine_s: list[float] = field(default_factory=list)
+    error_m: list[float] = field(default_factory=list)
+    smooth_error_m: list[float] = field(default_factory=list)
+    step_m: list[float] = field(default_factory=list)
+    sigma_m: list[float] = field(default_factory=list)
+    nees: list[float] = field(default_factory=list)
+    memory_mb: list[float] = field(default_factory=list)
+    t_s: list[float] = field(default_factory=list)
+    fix_error_m: float = 0.0
+    lost: int = 0
+    _smooth: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+
+    def add(
+        self, t_s: float, estimate: OnlineEstimate, true: FloatArray, pose_s: float, refine_s: float
+    ) -> None:
+        """A frame; ``true`` (4, 4) is its true pose."""
+        self.t_s.append(t_s)
+        self.pose_s.append(pose_s)
+        self.refine_s.append(refine_s)
+        error = estimate.global_T_camera[:3, 3] - true[:3, 3]
+        before, self._smooth = self._smooth, estimate.local_T_camera[:3, 3]
+        self.error_m.append(float(np.linalg.norm(error)))
+        self.smooth_error_m.append(float(np.linalg.norm(self._smooth - true[:3, 3])))
+        self.step_m.append(float(np.linalg.norm(self._smooth - before)))
+        self.sigma_m.append(float(np.linalg.norm(estimate.sigma_position_m)))
+        self.nees.append(float(np.mean((error / estimate.sigma_position_m) ** 2)))
+        self.memory_mb.append(resident_mb())
+
+    def growth(self, part: int) -> str:
+        """Last against first frames, once the first window and the first memory are full."""
+        pose, memory = np.array(self.pose_s), np.array(self.memory_mb)
+        slower = np.median(pose[-part:]) / np.median(pose[:part])
+        more = memory[-1] - memory[part - 1]
+        return f"From the first to the last {part}: pose p50 x {slower:.2f}, memory {more:+.1f} MB."
+
+    def table(self, rows: slice, name: str) -> str:
+        """A line of Markdown on some frames."""
+        pose, refine = np.array(self.pose_s[rows]), np.array(self.refine_s[rows])
+        busy = pose + refine
+        figures = [
+            *(1e3 * np.percentile(pose, [50, 99])),
+            *(1e3 * np.percentile(busy, [50, 99])),
+            1.0 / busy.mean(),
+            np.nanmean(self.error_m[rows]),
+            np.nanmax(self.error_m[rows]),
+            np.nanmax(self.step_m[rows]),
+            np.nanmean(self.nees[rows]),
+            self.memory_mb[rows][-1],
+        ]
+        return f"| {name} | " + " | ".join(f"{x:.3g}" for x in figures) + " |"
+
+
+class Receiver:
+    """Sends each fix when it is due, and takes what has come: through a server, but for when that is down.
+
+    Args:
+        source: Of the fixes.
+        late_s: By which a fix comes after its time.
+        outage: Without fixes, [s, s).
+        down: Without a server, [s, s).
+    """
+
+    def __init__(
+        self, source: PingPong, late_s: float, outage: tuple[float, float], down: tuple[float, float]
+    ) -> None:
+        self._source, self._late_s, self._outage, self._down = source, late_s, outage, down
+        self._server, self._second, self._alive = FixServer(), 0, True
+        self._gps = GpsSource(f"tcp://127.0.0.1:{self._server.port}")
+        self._clock = VideoClock(unix_s(FixServer.start_utc), live=False)
+        self.lost = 0
+
+    def until(self, t_s: float) -> tuple[list[vgps.Fix], list[str]]:
+        """Fixes and notes that have come by then."""
+        alive = not self._down[0] <= t_s < self._down[1]
+        if alive != self._alive:
+            (self._server.start if alive else self._server.kill)()
+            self._alive = alive
+        while self._source.fix(self._second).t_s + self._late_s <= t_s:
+            fix = self._source.fix(self._second)
+            valid = not self._outage[0] <= fix.t_s < self._outage[1]
+            self.lost += valid and not self._server.heard
+            self._server.send(fix, valid)
+            time.sleep(0.06)  # on the wall: an epoch ends when nothing more comes
+            self._second += 1
+        received, notes = self._gps.take()
+        return [self._clock.fix(fix)[0] for fix in received], notes
+
+    def close(self) -> None:
+        """Hang up."""
+        self._gps.close()
+        self._server.kill()
+
+
+def drive(given: argparse.Namespace) -> tuple[Measured, list[str]]:
+    """Feed the smoother, and measure."""
+    recording = vgps.open_recording(given.recording, gps=given.gps)
+    source = PingPong(recording, given.section)
+    smoother = vgps.OnlineSmoother(recording.camera, recording.rig)
+    found, told, end_s = (
+        Measured(fix_error_m=source.fix_error_m),
+        list[str](),
+        given.frames * source.interval_s,
+    )
+    outage, down = (0.5 * end_s, 0.5 * end_s + given.outage), (0.75 * end_s, 0.75 * end_s + given.down)
+    receiver = Receiver(source, given.late, outage, down)
+    clock = time.process_time if given.cpu else time.perf_counter
+    start = time.perf_counter()
+    for index in range(given.frames):
+        t_s, image, true = source.frame(index)
+        if given.pace:
+            time.sleep(max(0.0, start + index / given.pace - time.perf_counter()))
+        fixes, notes = receiver.until(t_s)
+        for note in notes:
+            smoother.add_note(note)
+        begun = clock()
+        for fix in fixes:
+            smoother.add_fix(fix)
+        estimate = smoother.add_frame(t_s, image)
+        posed = clock()
+        smoother.refine()
+        found.add(t_s, estimate, true, posed - begun, clock() - posed)
+        told += [f"{event.t_s:8.1f} s  {event.kind}: {event.text}" for event in estimate.events]
+    receiver.close()
+    found.lost = receiver.lost
+    return found, told
+
+
+def plot(found: Measured, given: argparse.Namespace, path: Path) -> None:
+    """Errors, latency and memory over time."""
+    import matplotlib  # noqa: PLC0415
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot as plt  # noqa: PLC0415
+
+    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(9, 7), layout="constrained")
+    pose_ms, refine_ms = 1e3 * np.array(found.pose_s), 1e3 * np.array(found.refine_s)
+    axes[0].fill_between(found.t_s, 2 * np.array(found.sigma_m), color="0.88", label="two sigma")
+    axes[0].plot(found.t_s, found.error_m, label="corrected", lw=1)
+    axes[0].plot(found.t_s, found.smooth_error_m, label="smooth", lw=1)
+    axes[0].set(ylabel="error as it came [m]", ylim=(0, 1.2 * np.nanmax(found.smooth_error_m)))
+    axes[1].plot(found.t_s, pose_ms, ".", ms=2, label="until the pose is known")
+    axes[1].plot(found.t_s, refine_ms, ".", ms=2, label="stage C after it")
+    axes[1].set(ylabel="ms", yscale="log", ylim=(0.9, None))
+    axes[2].plot(found.t_s, found.memory_mb, color="0.3", lw=1)
+    axes[2].set(ylabel="memory [MB]", xlabel="s", ylim=(0, None))
+    end_s = found.t_s[-1]
+    for axis in axes:
+        axis.axvspan(0.5 * end_s, 0.5 * end_s + given.outage, color="C3", alpha=0.12, label="no fixes")
+        axis.axvspan(0.75 * end_s, 0.75 * end_s + given.down, color="C4", alpha=0.15, label="server down")
+        axis.margins(x=0)
+    axes[0].legend(ncols=5, fontsize=8, loc="upper left")
+    axes[1].legend(ncols=4, fontsize=8, loc="upper left")
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Print a row for the first and the last frames."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("--gps", default="gps_float.nmea")
+    parser.add_argument("--frames", type=int, default=10000)
+    parser.add_argument("--section", type=int, default=400)
+    parser.add_argument("--outage", type=float, default=30.0, help="seconds, in the middle")
+    parser.add_argument("--late", type=float, default=0.4, help="seconds by which fixes come late")
+    parser.add_argument("--down", type=float, default=10.0, help="seconds without the receiver's server")
+    parser.add_argument(
+        "--cpu",
+        action="store_true",
+        help="seconds of the processor, all threads together",
+    )
+    parser.add_argument("--pace", type=float, help="frames a second; as fast as they go without it")
+    parser.add_argument("--events", action="store_true", help="print what happened, but for the fixes used")
+    parser.add_argument("--plot", type=Path)
+    given = parser.parse_args()
+    found, told = drive(given)
+    part = min(1000, given.frames // 3)
+    print("| frames | pose p50 [ms] | p99 | with stage C p50 | p99 | frames/s | error mean [m] | max | "
+          "largest smooth step [m] | NEES | memory [MB] |\n" + "|---" * 11 + "|")  # fmt: skip
+    print(found.table(slice(0, part), f"first {part}"))
+    print(found.table(slice(len(found.t_s) - part, None), f"last {part}"))
+    print(found.table(slice(None), "all"))
+    print(f"\nThe fixes' own error is {found.fix_error_m:.2f} m in the mean. {found.growth(part)}")
+    print(f"{found.lost} fixes were lost while the server was down, or not yet found again.")
+    if given.events:
+        print("\n".join(line for line in told if not line.endswith(" used")))
+    if given.plot:
+        plot(found, given, given.plot)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What several scripts share: command line, results files, tables, scenes, COLMAP."""

@@ -1,0 +1,192 @@
+"""COLMAP doing vgps's work, for comparison: bundle adjustment with position priors, and mapping from images.
+
+Needs the ``bench`` extra (pycolmap). COLMAP knows no lever arm and no weight per observation: the problems
+here are made such that neither is missed.
+"""
+
+import re
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+import pycolmap
+
+from scripts.common.colmap_problem import Priors
+from vgps.model import Camera, FloatArray, Recording
+from vgps.solution import Landmarks, Observations, Solution, Trajectory
+from vgps.solver.problem import BundleProblem
+from vgps.writers.colmap import IMAGE_NAME, colmap_camera, write_colmap
+
+_FAR_M = 1e3  # COLMAP moves the whole model onto the priors first: none of them is to be left out of that
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """What an optimiser made of a problem, in how many iterations, wall and processor seconds."""
+
+    problem: BundleProblem
+    iterations: int
+    wall_s: float
+    cpu_s: float
+
+
+def adjust(
+    problem: BundleProblem,
+    priors: Priors,
+    base: Solution,
+    threads: int,
+    most: int,
+    tolerance: float,
+    *,
+    robust: bool | None = None,
+) -> Adjusted:
+    """COLMAP's pose-prior bundle adjustment; the camera's calibration is held.
+
+    Args:
+        problem: The start; one ``sigma_px`` for all observations.
+        priors: Those of its ``pose_graph``.
+        base: The run that it is made from.
+        threads: Of Ceres.
+        most: Iterations.
+        tolerance: Ends once a step lowers the cost by no more than this part of it.
+        robust: For wrong priors: COLMAP's own choice of those that it moves the model onto, and its Cauchy
+            loss or its default, which is none. Without it the priors are all taken to be right.
+    """
+    sigma_px = float(problem.sigma_px[0])
+    model = as_reconstruction(problem, base)
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_extra_params = options.print_summary = False
+    solver = options.ceres.solver_options
+    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = threads, most, tolerance
+    options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
+    prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
+    if robust is None:
+        prior_options.alignment_ransac.max_error = _FAR_M
+    elif robust:
+        prior_options.ceres.prior_position_loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    prior_options.alignment_ransac.random_seed = 0
+    config = pycolmap.BundleAdjustmentConfig()
+    for image in model.reg_image_ids():
+        config.add_image(image)
+    # COLMAP's pixels have a sigma of 1: sigmas in metres are divided by what its unit stands for
+    poses = [_prior(model.image(int(f) + 1).data_id, p, s / sigma_px) for f, p, s in _rows(priors)]
+    wall, cpu = time.perf_counter(), time.process_time()
+    adjuster = pycolmap.create_pose_prior_bundle_adjuster(options, prior_options, config, poses, model)
+    report = adjuster.solve().brief_report()
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    found = re.search(r"Iterations: (\d+)", report)
+    if found is None:
+        raise RuntimeError(f"COLMAP's report is not understood: {report}")
+    steps = int(found[1]) - 1  # Ceres counts its look at the start
+    return Adjusted(_back(problem, model), steps, wall, cpu)
+
+
+def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Reconstruction:
+    """A problem as COLMAP's model: image f + 1 is frame f, point j + 1 landmark j, pixels are undistorted."""
+    frames, points = len(problem.world_T_camera), len(problem.world_p_landmark)
+    c = base.camera
+    landmarks = Landmarks(problem.world_p_landmark, np.ones(points), np.zeros(points, np.uint8))
+    solution = replace(
+        base,
+        t_s=base.t_s[:frames],
+        world_T_camera=problem.world_T_camera,
+        camera=Camera(model="pinhole", width=c.width, height=c.height, fx=c.fx, fy=c.fy, cx=c.cx, cy=c.cy),
+        landmarks=landmarks,
+        observations=Observations(problem.frame, problem.landmark, problem.uv_px),
+    )
+    with TemporaryDirectory() as folder:
+        write_colmap(solution, Path(folder))
+        return pycolmap.Reconstruction(folder)
+
+
+def _rows(priors: Priors) -> list[tuple[int, FloatArray, FloatArray]]:
+    return list(zip(priors.frame.tolist(), priors.world_p_camera, priors.sigma_m, strict=True))
+
+
+def _prior(data: pycolmap.data_t, position: FloatArray, sigma_m: FloatArray) -> pycolmap.PosePrior:
+    return pycolmap.PosePrior(
+        corr_data_id=data,
+        position=position,
+        position_covariance=np.diag(sigma_m**2),
+        coordinate_system=pycolmap.PosePriorCoordinateSystem.CARTESIAN,
+    )
+
+
+def _back(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProblem:
+    poses, points = problem.world_T_camera.copy(), problem.world_p_landmark.copy()
+    for f in range(len(poses)):
+        poses[f, :3] = model.image(f + 1).cam_from_world().inverse().matrix()
+    for j, point in model.points3D.items():
+        points[j - 1] = point.xyz
+    return problem.moved(poses, points)
+
+
+def map_images(
+    recording: Recording, every: int, most: int | None, priors: Priors, seed: int
+) -> tuple[Trajectory, dict[str, float]]:
+    """COLMAP's features, sequential matches and pose-prior mapping of every n-th frame.
+
+    Args:
+        recording: Its video and camera, whose calibration is held.
+        every: Take every n-th frame.
+        most: Take so many at most; None for all.
+        priors: One per fix, at frames that are taken.
+        seed: Of COLMAP's random choices.
+
+    Returns:
+        Poses of the frames of its largest model, in the priors' world, and wall seconds per step.
+    """
+    seconds: dict[str, float] = {}
+    with TemporaryDirectory() as scratch:
+        images, database = Path(scratch) / "images", Path(scratch) / "database.db"
+        images.mkdir()
+        _save(recording, every, most, images)
+        begun = time.perf_counter()
+        name, parameters = colmap_camera(recording.camera)
+        reader = pycolmap.ImageReaderOptions(
+            camera_model=name, camera_params=",".join(f"{x:.17g}" for x in parameters)
+        )
+        single = pycolmap.CameraMode.SINGLE
+        pycolmap.set_random_seed(seed)
+        pycolmap.extract_features(database, images, camera_mode=single, reader_options=reader)
+        seconds["features"] = time.perf_counter() - begun
+        _write_priors(database, priors)
+        pycolmap.match_sequential(database)
+        seconds["matching"] = time.perf_counter() - begun - seconds["features"]
+        options = pycolmap.IncrementalPipelineOptions()
+        options.use_prior_position, options.random_seed = True, seed
+        options.ba_refine_focal_length = options.ba_refine_extra_params = False
+        models = pycolmap.incremental_mapping(database, images, scratch, options)
+        seconds["mapping"] = time.perf_counter() - begun - sum(seconds.values())
+    best = max(models.values(), key=lambda model: model.num_reg_images(), default=None)
+    return _trajectory(best, recording.video.times_s), seconds
+
+
+def _save(recording: Recording, every: int, most: int | None, folder: Path) -> None:
+    for frame in recording.video.frames():
+        if most is not None and frame.index >= every * most:
+            return
+        if frame.index % every == 0:
+            # without loss: names as in the exported model, whatever they end in
+            cv2.imwrite(str(folder / IMAGE_NAME.format(frame.index).replace(".jpg", ".png")), frame.gray)
+
+
+def _write_priors(database: Path, priors: Priors) -> None:
+    with pycolmap.Database.open(database) as store:
+        by_frame = {int(re.sub(r"\D", "", image.name)): image for image in store.read_all_images()}
+        for frame, position, sigma in _rows(priors):
+            if frame in by_frame:
+                store.write_pose_prior(_prior(by_frame[frame].data_id, position, sigma))
+
+
+def _trajectory(model: pycolmap.Reconstruction | None, times_s: FloatArray) -> Trajectory:
+    if model is None:
+        return Trajectory(np.empty(0), np.empty((0, 4, 4)))
+    images = sorted(model.images.values(), key=lambda image: image.name)
+    frames = [int(re.sub(r"\D", "", image.name)) for image in images if image.has_pose]
+    poses = np.tile(np.eye(4), (len(frames), 1, 1))
+    poses[:, :3] = [image.cam_from_world().inverse().matrix() for image in images if image.has_pose]
+    return Trajectory(times_s[frames], poses)

@@ -1,0 +1,1 @@
+"""Patterns for programs of your own."""

@@ -1,0 +1,1 @@
+"""Experiments of the papers, and what settings, faults and recordings change."""

@@ -1,0 +1,92 @@
+"""How far a tracked camera is from its truth, and how well its templates correlate, as in Matsuda 2007."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.config import TrackConfig
+from vgps.geometry import project
+from vgps.geometry.angular_rates import GyroIntegral
+from vgps.landmarks.database import LandmarkDatabase
+from vgps.localization.localizer import Localiser
+from vgps.localization.matching import match_templates
+from vgps.localization.prediction import Motion, exposure_motion_px
+from vgps.localization.templates import render_templates
+from vgps.localization.tracker import TrackedFrame
+from vgps.model import FloatArray, Recording
+
+ALIKE: dict[str, object] = {"max_landmarks": 160}  # for all methods
+PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of one method: position [m] and rotation [deg] of every frame, and whether it was tracked."""
+
+    frames: list[TrackedFrame]
+    position_m: FloatArray
+    rotation_deg: FloatArray
+
+    def row(self, name: str, counted: slice) -> str:
+        """A line of the table."""
+        tracked = np.array([frame.tracked for frame in self.frames])
+        lost = np.flatnonzero(~tracked)
+        first = str(lost[0]) if len(lost) else "never"
+        good = tracked[counted]
+        position, rotation = self.position_m[counted][good], self.rotation_deg[counted][good]
+        return (
+            f"| {name} | {position.mean():.3f} | {np.median(position):.3f} | {position.max():.2f} "
+            f"| {rotation.mean():.2f} | {rotation.max():.2f} | {tracked.sum()} of {len(tracked)} | {first} |"
+        )
+
+
+def errors_of(frames: list[TrackedFrame], truth: FloatArray) -> Errors:
+    """Unaligned errors against the truth (F, 4, 4); NaN where there is not even a prediction."""
+    poses = np.array([frame.world_T_camera for frame in frames])
+    between = poses[:, :3, :3].transpose(0, 2, 1) @ truth[:, :3, :3]
+    cosine = (np.trace(between, axis1=1, axis2=2) - 1) / 2
+    position = np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+    return Errors(frames, position, np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def correlations(
+    recording: Recording, database: LandmarkDatabase, world_T_camera: FloatArray, every: slice
+) -> tuple[FloatArray, FloatArray]:
+    """Median correlation of each counted frame without and with blur at poses (F, 4, 4), or NaN."""
+    config, camera = TrackConfig.model_validate(ALIKE), recording.camera
+    localiser = Localiser(recording, database, config)
+    out = []
+    wanted = set(np.arange(len(world_T_camera))[every].tolist())
+    for frame in recording.video.frames():
+        pose = world_T_camera[frame.index]
+        if frame.index not in wanted or np.isnan(pose).any():
+            continue
+        views = database.views(pose, camera, max_landmarks=config.max_landmarks)
+        if not len(views):
+            out.append([np.nan, np.nan])
+            continue
+        motion = Motion(frame.t_s, pose, None, np.zeros(3), np.zeros(3))
+        exposure_s = recording.rig.exposure_s or 0.0
+        blur = exposure_motion_px(
+            camera.K, motion, localiser.turns, frame.t_s, exposure_s, views.world_p_landmark
+        )
+        uv, _ = project(camera.K, pose, views.world_p_landmark)
+        image, radius = localiser.undistort(frame.gray), np.full(len(views), 3.0)
+        medians = []
+        for motion_px in (np.zeros_like(blur), blur):
+            templates = render_templates(camera.K, pose, views, motion_px, config.template_px)
+            medians.append(float(np.median(match_templates(image, templates, uv, radius).correlation)))
+        out.append(medians)
+    without, with_blur = np.array(out).T
+    return without, with_blur
+
+
+def rates_deg_s(recording: Recording) -> FloatArray:
+    """(F,) angular rate of the camera over each exposure."""
+    assert recording.gyro is not None
+    half = (recording.rig.exposure_s or 0.0) / 2 + 1e-3
+    t = recording.video.times_s
+    low, high = recording.gyro.t_s[0], recording.gyro.t_s[-1]
+    start = np.clip(t - half, low, high - 2e-3)
+    mean = GyroIntegral(recording.gyro).mean_rates(start, np.clip(t + half, low + 2e-3, high))
+    return np.asarray(np.degrees(np.linalg.norm(mean, axis=1)))
