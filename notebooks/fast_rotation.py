@@ -13,7 +13,7 @@
 # %% [markdown]
 # # A camera that whips around
 #
-# Matsuda 2007 localises a camera against a landmark database while it turns so fast that every frame is
+# Matsuda 2007 localizes a camera against a landmark database while it turns so fast that every frame is
 # blurred. A place is surveyed once, slowly, with video and GPS; afterwards any camera with a gyro is placed
 # there without GPS. Each frame goes through five steps:
 #
@@ -43,10 +43,10 @@ from vgps.geometry import project
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.localization.localizer import Localiser
-from vgps.localization.matching import match_templates
-from vgps.localization.prediction import Motion, exposure_motion_px
-from vgps.localization.templates import render_templates
+from vgps.localization import Localizer
+from vgps.localization.prediction import MotionState, exposure_motion_px
+from vgps.localization.template_matching import match_templates
+from vgps.localization.template_rendering import render_templates
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, GpsConfig, simulate
 
@@ -109,18 +109,18 @@ plt.show()
 # %%
 config, camera = TrackConfig(), recording.camera
 database = LandmarkDatabase.open(here / "street.vgps", config.selection)
-localiser = Localiser(recording, database, config)
+localizer = Localizer(recording, database, config)
 
 
 def compared(k):
     """Templates as stored and as blurred at frame k's true pose, and where and how well they match."""
     views = database.views(truth[k], camera, max_landmarks=config.max_landmarks)
-    motion = Motion(frames[k].t_s, truth[k], None, np.zeros(3), np.zeros(3))
+    motion = MotionState(frames[k].t_s, truth[k], None, np.zeros(3), np.zeros(3))
     blur = exposure_motion_px(
-        camera.K, motion, localiser.turns, frames[k].t_s, fast.exposure_s, views.world_p_landmark
+        camera.K, motion, localizer.rotations, frames[k].t_s, fast.exposure_s, views.world_p_landmark
     )
     uv, _ = project(camera.K, truth[k], views.world_p_landmark)
-    image, radius = localiser.undistort(frames[k].gray), np.full(len(views), 3.0)
+    image, radius = localizer.undistort(frames[k].gray), np.full(len(views), 3.0)
     templates = [render_templates(camera.K, truth[k], views, b, 15) for b in (np.zeros_like(blur), blur)]
     return image, templates, [match_templates(image, one, uv, radius) for one in templates]
 
@@ -159,7 +159,7 @@ results = {}
 for name, changes in VARIANTS.items():
     settings = TrackConfig.model_validate(changes)
     with LandmarkDatabase.open(here / "street.vgps", settings.selection) as opened:
-        tracker = Localiser(recording, opened, settings)
+        tracker = Localizer(recording, opened, settings)
         results[name] = [tracker.add(frame.t_s, tracker.undistort(frame.gray)) for frame in frames]
 
 figure, (seen, off) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import DatabaseContents, LandmarkViews
 from vgps.model import Camera, FloatArray, GeodeticPoint
 
 CAMERA = Camera(model="pinhole", width=1242, height=374, fx=721.5, fy=721.5, cx=609.6, cy=172.9)
@@ -26,7 +25,7 @@ STREET_M = 10_000.0
 EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # looks east along the street
 
 
-def street(landmarks: int, rng: np.random.Generator) -> LandmarkContents:
+def street(landmarks: int, rng: np.random.Generator) -> DatabaseContents:
     """Landmarks along a street to the east, most of them seen from 5 to 60 m, some from 300 m."""
     point = np.column_stack(
         [
@@ -48,7 +47,7 @@ def street(landmarks: int, rng: np.random.Generator) -> LandmarkContents:
     views = LandmarkViews(
         owner, point[owner], camera, axes[:, 0], axes[:, 1], templates, 0.4 * ones, 0.1 * ones
     )
-    return LandmarkContents(GeodeticPoint(49.0, 8.4, 160.0), views, (), ())
+    return DatabaseContents(GeodeticPoint(49.0, 8.4, 160.0), views, (), ())
 
 
 def pose_at(east_m: float) -> FloatArray:

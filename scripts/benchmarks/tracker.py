@@ -16,9 +16,8 @@ import numpy as np
 
 from vgps.config import TrackConfig
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization import search, tracker
+from vgps.localization import Localizer, search, tracker
 from vgps.localization.graph_estimator import GraphEstimator
-from vgps.localization.localizer import Localiser
 from vgps.readers.recording import open_recording
 from vgps.runtime.threads import one_blas_thread
 
@@ -28,8 +27,8 @@ PARTS = {
     "correlation": (search, "match_templates"),
     "poses": (search, "pose_from_matches"),
     "graph": (GraphEstimator, "add"),
-    "undistorting": (Localiser, "undistort"),
-    "all": (Localiser, "add"),
+    "undistorting": (Localizer, "undistort"),
+    "all": (Localizer, "add"),
 }
 
 
@@ -66,10 +65,10 @@ def main() -> None:
         wall, processor, held, followed = [], [], 0, 0
         parts: Counter[str] = Counter()
         with LandmarkDatabase.open(given.landmarks, config.selection) as database, one_blas_thread():
-            localiser = Localiser(recording, database, config)
+            localizer = Localizer(recording, database, config)
             for frame in frames:
                 begun, used = time.perf_counter(), time.process_time()
-                posed = localiser.add(frame.t_s, localiser.undistort(frame.gray))
+                posed = localizer.add(frame.t_s, localizer.undistort(frame.gray))
                 wall.append(1e3 * (time.perf_counter() - begun))
                 processor.append(1e3 * (time.process_time() - used))
                 held += posed.tracked

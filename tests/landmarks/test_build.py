@@ -9,9 +9,9 @@ from synthetic_run import BENT, FRAMES, PINHOLE, WallRun, make_wall_run, poses, 
 from vgps.config import LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.build import build_database
-from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
+from vgps.landmarks.model import DatabaseContents
 from vgps.readers.recording import open_recording
 from vgps.solution import FrameState
 
@@ -22,11 +22,11 @@ def wall(tmp_path_factory: pytest.TempPathFactory) -> WallRun:
 
 
 @pytest.fixture(scope="module")
-def contents(wall: WallRun) -> LandmarkContents:
+def contents(wall: WallRun) -> DatabaseContents:
     return built(wall)
 
 
-def built(run: WallRun, frames="all", **changes) -> LandmarkContents:
+def built(run: WallRun, frames="all", **changes) -> DatabaseContents:
     recording = open_recording(run.recording, with_gps=False)
     return build_database(run.solution, recording, frames, LandmarksConfig(**changes))
 
@@ -36,7 +36,7 @@ def frame_of(places: np.ndarray) -> np.ndarray:
     return np.linalg.norm(places[:, None] - poses()[None, :, :3, 3], axis=2).argmin(axis=1)
 
 
-def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: LandmarkContents) -> None:
+def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: DatabaseContents) -> None:
     views, wall = contents.views, texture()
     frames = frame_of(views.world_p_camera)
     for row in range(0, len(views), 29):
@@ -55,7 +55,7 @@ def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: LandmarkC
 
 
 def test_landmarks_keep_their_positions_and_look_towards_the_camera(
-    wall: WallRun, contents: LandmarkContents
+    wall: WallRun, contents: DatabaseContents
 ) -> None:
     views = contents.views
     points = wall.solution.landmarks
@@ -65,7 +65,7 @@ def test_landmarks_keep_their_positions_and_look_towards_the_camera(
     assert ((views.position_sigma_m > 0.05) & (views.position_sigma_m < 1.2)).all()
 
 
-def test_views_are_few_and_spread(contents: LandmarkContents) -> None:
+def test_views_are_few_and_spread(contents: DatabaseContents) -> None:
     counts = np.unique(contents.views.landmark, return_counts=True)[1]
     assert counts.max() == 8 and len(counts) > 80
     frames = frame_of(contents.views.world_p_camera)
@@ -91,7 +91,7 @@ def test_frames_without_a_pose_of_their_own_give_nothing(wall: WallRun) -> None:
     assert frame_of(built(bridged).views.world_p_camera).min() == 12
 
 
-def test_landmarks_poorly_known_are_left_out(wall: WallRun, contents: LandmarkContents) -> None:
+def test_landmarks_poorly_known_are_left_out(wall: WallRun, contents: DatabaseContents) -> None:
     everything = set(contents.views.landmark.tolist())
     sigma = wall.solution.landmarks.sigma_px
     strict = set(built(wall, max_sigma_px=0.45).views.landmark.tolist())
@@ -121,7 +121,7 @@ def test_of_a_lens_that_bends_templates_are_of_the_undistorted_image(tmp_path: P
     assert np.corrcoef(bent.templates[row, 0].ravel(), shown.ravel())[0, 1] > 0.99
 
 
-def test_a_keyframe_places_features_beside_their_landmarks(contents: LandmarkContents) -> None:
+def test_a_keyframe_places_features_beside_their_landmarks(contents: DatabaseContents) -> None:
     key = contents.keyframes[1]
     position = dict(zip(contents.views.landmark, contents.views.world_p_landmark, strict=True))
     own = np.array([position[landmark] for landmark in key.landmark])
@@ -135,7 +135,7 @@ def test_a_keyframe_places_features_beside_their_landmarks(contents: LandmarkCon
     assert key.thumbnail.shape == (48, 64)
 
 
-def test_written_and_asked_it_shows_what_a_frame_saw(contents: LandmarkContents, tmp_path: Path) -> None:
+def test_written_and_asked_it_shows_what_a_frame_saw(contents: DatabaseContents, tmp_path: Path) -> None:
     write_database(contents, tmp_path / "wall.vgps")
     with LandmarkDatabase.open(tmp_path / "wall.vgps") as database:
         seen = database.views(poses()[10], PINHOLE)

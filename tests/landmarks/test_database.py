@@ -8,14 +8,13 @@ from hypothesis import strategies as st
 from synthetic_landmarks import CAMERA, random_contents, random_poses
 
 from vgps.config import SelectionConfig
-from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import DatabaseContents, LandmarkViews
 from vgps.model import Camera
 
 
-def written(folder: Path, contents: LandmarkContents) -> Path:
+def written(folder: Path, contents: DatabaseContents) -> Path:
     out = folder / "landmarks.vgps"
     write_database(contents, out)
     return out

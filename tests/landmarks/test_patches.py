@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from synthetic_landmarks import CAMERA, random_poses
 
-from vgps.landmarks.patches import Pyramid, has_room, plane_axes
+from vgps.landmarks.patches import Pyramid, patch_in_image, plane_axes
 
 
 def image(rng: np.random.Generator) -> np.ndarray:
@@ -68,4 +68,4 @@ def test_the_axes_are_one_pixel_wide() -> None:
 
 def test_room_for_a_patch() -> None:
     uv = np.array([[7.0, 7.0], [6.9, 100.0], [312.0, 232.0], [312.1, 100.0], [100.0, 232.5]])
-    assert has_room(uv, CAMERA, 15).tolist() == [True, False, True, False, False]
+    assert patch_in_image(uv, CAMERA, 15).tolist() == [True, False, True, False, False]

@@ -4,19 +4,19 @@ from scipy.spatial.transform import Rotation
 from textured_wall import GYRO_R_CAMERA, gyro, pose_at
 
 from vgps.geometry.angular_rates import GyroIntegral
-from vgps.localization.bridging import bridge
-from vgps.localization.prediction import Turns
+from vgps.localization.bridging import bridge_gaps
+from vgps.localization.prediction import RotationPredictor
 
 T = np.arange(20) / 10
 TRUE = np.array([pose_at(t) for t in T])
-WITH_GYRO = Turns(GyroIntegral(gyro(2.0)), GYRO_R_CAMERA)
+WITH_GYRO = RotationPredictor(GyroIntegral(gyro(2.0)), GYRO_R_CAMERA)
 
 
-def bridged(lost, turns=WITH_GYRO, coast_s=3.0):
+def bridged(lost, rotations=WITH_GYRO, coast_s=3.0):
     tracked = np.ones(len(T), bool)
     tracked[lost] = False
     poses = np.where(tracked[:, None, None], TRUE, np.nan)
-    return bridge(T, poses, tracked, turns, np.zeros(3), coast_s)
+    return bridge_gaps(T, poses, tracked, rotations, np.zeros(3), coast_s)
 
 
 def turned_deg(poses):
@@ -32,21 +32,21 @@ def test_a_gap_follows_the_gyro():
 def test_what_the_gyro_misses_is_spread_over_the_gap():
     # a gyro with an unknown bias of 2 deg/s would be 1.8 deg off at the far end
     bias = np.radians([2.0, 0, 0])
-    out = bridged(slice(6, 14), Turns(GyroIntegral(gyro(2.0, tuple(bias))), GYRO_R_CAMERA))
+    out = bridged(slice(6, 14), RotationPredictor(GyroIntegral(gyro(2.0, tuple(bias))), GYRO_R_CAMERA))
     assert turned_deg(out).max() < 0.3
     assert turned_deg(out)[[5, 14]].max() == pytest.approx(0, abs=1e-5)
 
 
 def test_without_a_gyro_the_camera_turns_evenly():
-    out = bridged(slice(6, 8), Turns(None, None))
+    out = bridged(slice(6, 8), RotationPredictor(None, None))
     steps = Rotation.from_matrix(out[5:8, :3, :3].transpose(0, 2, 1) @ out[6:9, :3, :3]).as_rotvec()
     np.testing.assert_allclose(steps, np.tile(steps[0], (3, 1)), atol=1e-9)
 
 
 def test_a_gyro_that_ends_within_the_gap_turns_nothing_twice():
     lost = slice(4, 16)
-    out = bridged(lost, Turns(GyroIntegral(gyro(0.9)), GYRO_R_CAMERA))
-    np.testing.assert_allclose(out, bridged(lost, Turns(None, None)), atol=1e-9)
+    out = bridged(lost, RotationPredictor(GyroIntegral(gyro(0.9)), GYRO_R_CAMERA))
+    np.testing.assert_allclose(out, bridged(lost, RotationPredictor(None, None)), atol=1e-9)
 
 
 def test_before_the_first_and_after_the_last_the_gyro_goes_on_and_the_velocity_for_a_while():

@@ -8,8 +8,8 @@ from textured_wall import GYRO_R_CAMERA, gyro, pose_at
 from vgps.geometry import project
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.prediction import (
-    Motion,
-    Turns,
+    MotionState,
+    RotationPredictor,
     exposure_motion_px,
     interval_motion_px,
     predict,
@@ -18,7 +18,7 @@ from vgps.localization.prediction import (
 from vgps.model import GyroLog
 
 K = np.array([[720.0, 0, 320], [0, 720, 150], [0, 0, 1]])
-STILL = Motion(0.0, np.eye(4), None, np.zeros(3), np.zeros(3))
+STILL = MotionState(0.0, np.eye(4), None, np.zeros(3), np.zeros(3))
 
 
 def steady_gyro(rate, mount):
@@ -34,39 +34,45 @@ def test_window_by_hand():
 @pytest.mark.parametrize("end_s", [0.3, -0.2])
 def test_a_steady_turn_is_the_exponential(end_s):
     rate = np.array([0.5, -1.0, 0.3])
-    turns = Turns(GyroIntegral(steady_gyro(rate, GYRO_R_CAMERA)), GYRO_R_CAMERA)
+    rotations = RotationPredictor(GyroIntegral(steady_gyro(rate, GYRO_R_CAMERA)), GYRO_R_CAMERA)
     expected = Rotation.from_rotvec(rate * end_s).as_matrix()
-    np.testing.assert_allclose(turns.turn(STILL, 0.0, end_s), expected, atol=1e-12)
+    np.testing.assert_allclose(rotations.relative_rotation(STILL, 0.0, end_s), expected, atol=1e-12)
 
 
 def test_the_bias_is_taken_off():
     rate, bias = np.array([0.5, -1.0, 0.3]), np.array([0.02, 0.01, -0.03])
     log = steady_gyro(rate, GYRO_R_CAMERA)
-    turns = Turns(GyroIntegral(GyroLog(log.t_s, log.rate_rad_s + bias, log.source)), GYRO_R_CAMERA)
-    motion = Motion(0.0, np.eye(4), None, np.zeros(3), bias)
+    rotations = RotationPredictor(
+        GyroIntegral(GyroLog(log.t_s, log.rate_rad_s + bias, log.source)), GYRO_R_CAMERA
+    )
+    motion = MotionState(0.0, np.eye(4), None, np.zeros(3), bias)
     np.testing.assert_allclose(
-        turns.turn(motion, 0.0, 0.2), Rotation.from_rotvec(0.2 * rate).as_matrix(), atol=1e-12
+        rotations.relative_rotation(motion, 0.0, 0.2),
+        Rotation.from_rotvec(0.2 * rate).as_matrix(),
+        atol=1e-12,
     )
 
 
 def test_without_a_gyro_the_last_rate_goes_on():
-    motion = Motion(0.0, np.eye(4), None, np.array([0.0, 2.0, 0.0]), np.zeros(3))
-    for turns in (Turns(None, None), Turns(GyroIntegral(gyro(0.5)), None)):
-        assert not turns.covered(0.0, 0.1)
-        np.testing.assert_allclose(turns.turn(motion, 0, 0.1), Rotation.from_euler("y", 0.2).as_matrix())
+    motion = MotionState(0.0, np.eye(4), None, np.array([0.0, 2.0, 0.0]), np.zeros(3))
+    for rotations in (RotationPredictor(None, None), RotationPredictor(GyroIntegral(gyro(0.5)), None)):
+        assert not rotations.covers(0.0, 0.1)
+        np.testing.assert_allclose(
+            rotations.relative_rotation(motion, 0, 0.1), Rotation.from_euler("y", 0.2).as_matrix()
+        )
 
 
 def test_beyond_the_log_the_gyro_does_not_tell():
-    turns = Turns(GyroIntegral(gyro(0.5)), GYRO_R_CAMERA)
-    assert turns.covered(0.0, 0.5)
-    assert not turns.covered(0.5, 3.0)
+    rotations = RotationPredictor(GyroIntegral(gyro(0.5)), GYRO_R_CAMERA)
+    assert rotations.covers(0.0, 0.5)
+    assert not rotations.covers(0.5, 3.0)
 
 
 def test_the_predicted_pose_is_where_the_camera_goes():
-    turns = Turns(GyroIntegral(gyro(1.0)), GYRO_R_CAMERA)
+    rotations = RotationPredictor(GyroIntegral(gyro(1.0)), GYRO_R_CAMERA)
     before, now = pose_at(0.4), pose_at(0.5)
-    motion = Motion(0.5, now, (now[:3, 3] - before[:3, 3]) / 0.1, np.zeros(3), np.zeros(3))
-    predicted, true = predict(motion, turns, 0.6), pose_at(0.6)
+    motion = MotionState(0.5, now, (now[:3, 3] - before[:3, 3]) / 0.1, np.zeros(3), np.zeros(3))
+    predicted, true = predict(motion, rotations, 0.6), pose_at(0.6)
     turned = Rotation.from_matrix(predicted[:3, :3].T @ true[:3, :3]).magnitude()
     assert np.degrees(turned) < 0.01
     assert np.linalg.norm(predicted[:3, 3] - true[:3, 3]) < 0.002
@@ -76,14 +82,14 @@ def test_the_centre_is_extrapolated_not_the_translation_of_world_to_camera():
     # a camera far from the origin that turns about itself stays where it is
     pose = np.eye(4)
     pose[:3, 3] = (100, 0, 0)
-    motion = Motion(0.0, pose, np.zeros(3), np.array([0, 1.0, 0]), np.zeros(3))
-    np.testing.assert_allclose(predict(motion, Turns(None, None), 0.1)[:3, 3], [100, 0, 0])
+    motion = MotionState(0.0, pose, np.zeros(3), np.array([0, 1.0, 0]), np.zeros(3))
+    np.testing.assert_allclose(predict(motion, RotationPredictor(None, None), 0.1)[:3, 3], [100, 0, 0])
 
 
 def test_blur_of_a_turn_by_hand():
     # 0.5 rad/s about y for 0.06 s, seen on the axis: 720 * 2 tan(0.015) px to the left
-    motion = Motion(0.0, np.eye(4), None, np.array([0, 0.5, 0]), np.zeros(3))
-    blur = exposure_motion_px(K, motion, Turns(None, None), 0.0, 0.06, np.array([[0, 0, 10.0]]))
+    motion = MotionState(0.0, np.eye(4), None, np.array([0, 0.5, 0]), np.zeros(3))
+    blur = exposure_motion_px(K, motion, RotationPredictor(None, None), 0.0, 0.06, np.array([[0, 0, 10.0]]))
     np.testing.assert_allclose(blur, [[-720 * 2 * np.tan(0.015), 0]], atol=1e-9)
 
 

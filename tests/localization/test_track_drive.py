@@ -9,7 +9,7 @@ from vgps.config import TrackConfig
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.localization.localize import localise
+from vgps.localization import localize
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FrameState
 
@@ -27,7 +27,7 @@ def test_every_shaken_frame_is_held(data_dir, database):
     config = TrackConfig()
     shaken = vgps.open_recording(data_dir / "kitti03_shake")
     with LandmarkDatabase.open(database, config.selection) as opened:
-        solution = localise(shaken, opened, config)
+        solution = localize(shaken, opened, config)
     truth = read_trajectory(data_dir / "kitti03_shake" / "truth.tum", video_start_s=shaken.rig.video_start_s)
     true, odd = truth.world_T_camera, slice(1, None, 2)
     away = np.linalg.norm(solution.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1)

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews, Source
 from vgps.model import Camera, GeodeticPoint
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=260.0, fy=255.0, cx=158.0, cy=121.0)
@@ -21,7 +20,7 @@ def random_poses(rng: np.random.Generator, count: int, spread_m: float = 20.0) -
 
 def random_contents(
     seed: int = 0, landmarks: int = 60, max_views: int = 4, spread_m: float = 30.0, keyframes: int = 2
-) -> LandmarkContents:
+) -> DatabaseContents:
     """A small world of landmarks, each seen from random places by cameras that face it."""
     rng = np.random.default_rng(seed)
     count = rng.integers(1, max_views + 1, landmarks)
@@ -45,7 +44,7 @@ def random_contents(
         position_sigma_m=rng.uniform(0.01, 0.5, landmarks)[owner],
     )
     keys = tuple(_keyframe(rng, views, pose) for pose in random_poses(rng, keyframes))
-    return LandmarkContents(ORIGIN, views, keys, (Source("rec/wälk", "even", landmarks, '{"max_views":4}'),))
+    return DatabaseContents(ORIGIN, views, keys, (Source("rec/wälk", "even", landmarks, '{"max_views":4}'),))
 
 
 def _keyframe(rng: np.random.Generator, views: LandmarkViews, pose: np.ndarray) -> Keyframe:

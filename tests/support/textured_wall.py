@@ -7,9 +7,8 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.landmarks.contents import Keyframe
 from vgps.landmarks.descriptors import describe
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import Keyframe, LandmarkViews
 from vgps.model import Camera, Frame, GeodeticPoint, GyroLog
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0)

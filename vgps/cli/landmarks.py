@@ -13,10 +13,10 @@ from vgps.cli.app import app
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import Frames, LandmarksConfig
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.from_runs import DatabaseInfo, build_from_runs, database_info
+from vgps.landmarks.info import DatabaseInfo, build_from_runs, database_info
 from vgps.writers.atomic import check_file
 
-landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localise other cameras by.")
+landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localize other cameras by.")
 app.command(landmarks)
 _DEFAULTS = LandmarksConfig()
 

@@ -1,4 +1,4 @@
-"""The verb that localises a recording against a landmark database."""
+"""The verb that localizes a recording against a landmark database."""
 
 from pathlib import Path
 from typing import Literal
@@ -7,7 +7,7 @@ from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import TrackConfig, read_settings
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization.localize import localise
+from vgps.localization import localize
 from vgps.readers.recording import open_recording
 from vgps.runtime.timing import one_after_another
 from vgps.solution import FrameState
@@ -25,7 +25,7 @@ def track(
     camera: str | None = None,
     rig: str | None = None,
 ) -> None:
-    """Localise a recording against landmarks seen before, with its gyro and without GPS.
+    """Localize a recording against landmarks seen before, with its gyro and without GPS.
 
     Args:
         recording: Folder with video, camera.yaml, and if there are any rig.yaml and gyro.csv.
@@ -42,7 +42,7 @@ def track(
         settings = settings.model_copy(update={"estimator": estimator})
     opened = open_recording(recording, camera=camera, rig=rig, with_gps=False)
     with LandmarkDatabase.open(landmarks, settings.selection) as database:
-        solution = localise(opened, database, settings, TerminalProgress())
+        solution = localize(opened, database, settings, TerminalProgress())
     write_run(solution, out)
     for warning in solution.warnings:
         note(warning)

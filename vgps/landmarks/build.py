@@ -7,18 +7,17 @@ import numpy.typing as npt
 
 from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
 from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
-from vgps.landmarks.patches import Pyramid, plane_axes
-from vgps.landmarks.rectify import Rectifier
-from vgps.landmarks.view_choice import (
+from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews, Source
+from vgps.landmarks.observation_selection import (
     LandmarkObservations,
-    all_observations,
-    choose_views,
-    known_landmarks,
+    collect_observations,
+    reliable_landmarks,
+    select_views,
     template_frames,
 )
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.patches import Pyramid, plane_axes
+from vgps.landmarks.rectify import Rectifier
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.runtime.progress import Progress, Silent
 from vgps.solution import Solution
@@ -30,7 +29,7 @@ def build_database(
     frames: Frames = "all",
     config: LandmarksConfig | None = None,
     progress: Progress | None = None,
-) -> LandmarkContents:
+) -> DatabaseContents:
     """Landmarks with views and keyframes, (A) to (D) of Matsuda 2007, from a run and its video.
 
     The positions are those of the whole run, whichever frames give the templates. The video is decoded once.
@@ -52,10 +51,10 @@ def build_database(
     """
     config = config or LandmarksConfig()
     _check(solution, recording)
-    observations = all_observations(solution)
-    known, sigma_m = known_landmarks(solution, observations, config)
+    observations = collect_observations(solution)
+    known, sigma_m = reliable_landmarks(solution, observations, config)
     observations = observations.take(known[observations.landmark])
-    chosen = choose_views(solution, observations, frames, config)
+    chosen = select_views(solution, observations, frames, config)
     if not len(chosen.landmark):
         raise LandmarkDatabaseError(
             f"none of {len(known)} landmarks is known well enough and seen in {frames} frames",
@@ -69,7 +68,7 @@ def build_database(
     views = _views(solution, chosen, sigma_m, templates)
     count = len(np.unique(views.landmark))
     source = Source(str(recording.path), frames, count, config.model_dump_json())
-    return LandmarkContents(solution.world_origin, views, keyframes, (source,))
+    return DatabaseContents(solution.world_origin, views, keyframes, (source,))
 
 
 def _pictures(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import LandmarkViews
 from vgps.model import FloatArray, IntArray
 
 
@@ -31,7 +31,7 @@ def pixel_sizes_m(views: LandmarkViews) -> FloatArray:
     return np.asarray(np.sqrt(column * row))
 
 
-def group(points: FloatArray, octave: IntArray, size: int) -> list[IntArray]:
+def partition(points: FloatArray, octave: IntArray, size: int) -> list[IntArray]:
     """Rows of points in groups of at most ``size``, near each other and of one octave.
 
     Args:
@@ -57,7 +57,7 @@ def group(points: FloatArray, octave: IntArray, size: int) -> list[IntArray]:
     return done
 
 
-def ranges(first: IntArray, count: IntArray) -> IntArray:
+def concatenated_ranges(first: IntArray, count: IntArray) -> IntArray:
     """first[0], first[0] + 1, ..., ``count[0]`` of them; then the same for the next."""
     start = np.repeat(first - (np.cumsum(count) - count), count)
     return np.asarray(start + np.arange(len(start)))

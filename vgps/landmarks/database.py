@@ -7,14 +7,13 @@ from typing import Self
 import numpy as np
 
 from vgps.config import SelectionConfig
-from vgps.landmarks.cache import LandmarkPool, TemplateCache
-from vgps.landmarks.cells import ranges
-from vgps.landmarks.contents import Keyframe, LandmarkContents, Source
+from vgps.landmarks.candidate_region import CandidateRegion, find_candidates, optics
+from vgps.landmarks.cells import concatenated_ranges
 from vgps.landmarks.database_file import DatabaseFile
-from vgps.landmarks.region import Region, optics, region_around
+from vgps.landmarks.landmark_table import LandmarkTable, TemplateCache
+from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews, Source
 from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
-from vgps.landmarks.selection import Candidates, best_views, in_image, spread
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.view_selection import VisibleLandmarks, best_views, spread_over_image, visible_landmarks
 from vgps.model import Camera, Float32Array, FloatArray, GeodeticPoint, IntArray
 
 _MORE = 2  # candidates whose views are looked at, for each landmark that is wanted
@@ -32,8 +31,8 @@ class LandmarkDatabase:
 
     def __init__(self, file: DatabaseFile, selection: SelectionConfig) -> None:
         self._file, self._selection = file, selection
-        self._pool, self._templates = LandmarkPool(file), TemplateCache(file, selection.cache_mb)
-        self._region: Region | None = None
+        self._pool, self._templates = LandmarkTable(file), TemplateCache(file, selection.cache_mb)
+        self._region: CandidateRegion | None = None
         self.path, meta = file.path, file.meta
         self.world_origin: GeodeticPoint | None = meta.world_origin
         self.patch_px, self.levels = meta.patch_px, meta.levels
@@ -93,10 +92,10 @@ class LandmarkDatabase:
         region_T_camera = world_T_camera.copy()
         region_T_camera[:3, 3] -= region.centre
         place = region_T_camera[:3, 3:].astype(np.float32)
-        seen = in_image(region_T_camera, camera, region.points, max_depth_m)
+        seen = visible_landmarks(region_T_camera, camera, region.points, max_depth_m)
         if max_landmarks is None:
             return self._gather(*self._suiting(place, region, seen, camera, len(seen.row)))
-        few = seen.take(spread(seen.uv_px, (camera.width, camera.height), _MORE * max_landmarks))
+        few = seen.take(spread_over_image(seen.uv_px, (camera.width, camera.height), _MORE * max_landmarks))
         rows, views = self._suiting(place, region, few, camera, max_landmarks)
         if len(rows) < max_landmarks and len(few.row) < len(seen.row):
             rows, views = self._suiting(place, region, seen, camera, max_landmarks)
@@ -107,7 +106,7 @@ class LandmarkDatabase:
         rows = self._pool.rows(self._keys())
         rows = rows[np.argsort(self._pool.landmark[rows], kind="stable")]
         count = self._pool.count[rows]
-        return self._gather(np.repeat(rows, count), ranges(np.zeros_like(count), count))
+        return self._gather(np.repeat(rows, count), concatenated_ranges(np.zeros_like(count), count))
 
     def positions(self) -> FloatArray:
         """(L, 3) where the landmarks are, metres, in no particular order."""
@@ -128,9 +127,9 @@ class LandmarkDatabase:
         rows = self._file.rows(f"SELECT {SOURCE_COLUMNS} FROM source ORDER BY id")
         return tuple(Source(*row) for row in rows)
 
-    def contents(self) -> LandmarkContents:
+    def contents(self) -> DatabaseContents:
         """Everything, in memory."""
-        return LandmarkContents(self.world_origin, self.all_views(), self.keyframes(), self.sources())
+        return DatabaseContents(self.world_origin, self.all_views(), self.keyframes(), self.sources())
 
     def verify(self) -> str:
         """Look through the whole file; the SHA-256 of its contents.
@@ -143,25 +142,29 @@ class LandmarkDatabase:
     def _keys(self) -> list[int]:
         return [key for (key,) in self._file.rows("SELECT id FROM cell_box ORDER BY id")]
 
-    def _region_around(self, place: FloatArray, camera: Camera, max_depth_m: float | None) -> Region:
+    def _region_around(self, place: FloatArray, camera: Camera, max_depth_m: float | None) -> CandidateRegion:
         """What may be of use from there: what was found last, as long as the camera has not gone far."""
         seen_by = optics(camera, max_depth_m)
         if self._region is None or not self._region.serves(place, seen_by):
-            self._region = region_around(place.copy(), seen_by, self._file, self._pool, self._selection)
+            self._region = find_candidates(place.copy(), seen_by, self._file, self._pool, self._selection)
         return self._region
 
     def _suiting(
-        self, place: Float32Array, region: Region, seen: Candidates, camera: Camera, count: int
+        self, place: Float32Array, region: CandidateRegion, seen: VisibleLandmarks, camera: Camera, count: int
     ) -> tuple[IntArray, IntArray]:
         """Rows of the pool of up to ``count`` landmarks, and of each the view that suits best."""
         rows = region.rows[seen.row]
         to_camera = place - region.points[:3].take(seen.row, axis=1)
-        best = best_views(to_camera, seen.pixel_m, self._pool.looks.take(rows, axis=0), self._selection)
+        best = best_views(
+            to_camera, seen.pixel_m, self._pool.view_geometry.take(rows, axis=0), self._selection
+        )
         usable = np.flatnonzero(best.view >= 0)
         if len(usable) > count:
-            badness = best.badness(seen.pixel_m, *self._pool.numbers.take(rows, axis=0)[:, 3:].T)[usable]
-            usable = usable[np.argsort(badness, kind="stable")]
-            usable = usable[spread(seen.uv_px[:, usable], (camera.width, camera.height), count)]
+            ranking_cost = best.ranking_cost(seen.pixel_m, *self._pool.numbers.take(rows, axis=0)[:, 3:].T)[
+                usable
+            ]
+            usable = usable[np.argsort(ranking_cost, kind="stable")]
+            usable = usable[spread_over_image(seen.uv_px[:, usable], (camera.width, camera.height), count)]
         return rows[usable], best.view[usable]
 
     def _gather(self, rows: IntArray, views: IntArray) -> LandmarkViews:

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.cells import Cell, group, pixel_sizes_m, ranges
-from vgps.landmarks.contents import LandmarkContents
+from vgps.landmarks.cells import Cell, concatenated_ranges, partition, pixel_sizes_m
+from vgps.landmarks.model import DatabaseContents, LandmarkViews
 from vgps.landmarks.schema import (
     APPLICATION_ID,
     TABLES,
@@ -20,7 +20,6 @@ from vgps.landmarks.schema import (
     encode_cell,
     encode_keyframe,
 )
-from vgps.landmarks.views import LandmarkViews
 from vgps.model import IntArray
 from vgps.writers.atomic import new_file
 
@@ -29,7 +28,7 @@ Templates = npt.NDArray[np.uint8]
 CELL_SIZE = 64  # landmarks: small cells waste less of what is read, large ones take fewer look-ups
 
 
-def write_database(contents: LandmarkContents, out: Path) -> None:
+def write_database(contents: DatabaseContents, out: Path) -> None:
     """Write a landmark database; the file takes its name when it is complete. Equal contents, equal bytes.
 
     Raises:
@@ -48,7 +47,7 @@ def write_database(contents: LandmarkContents, out: Path) -> None:
             connection.close()
 
 
-def _fill(connection: sqlite3.Connection, contents: LandmarkContents) -> None:
+def _fill(connection: sqlite3.Connection, contents: DatabaseContents) -> None:
     # the file has no other name yet: a journal would protect nothing
     connection.executescript("PRAGMA page_size=16384; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;")
     connection.executescript(f"PRAGMA application_id={APPLICATION_ID}; PRAGMA user_version={VERSION};")
@@ -76,7 +75,7 @@ def _insert(connection: sqlite3.Connection, table: str, values: tuple[Any, ...])
     connection.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(values))})", values)
 
 
-def _meta(contents: LandmarkContents) -> tuple[float | int | None, ...]:
+def _meta(contents: DatabaseContents) -> tuple[float | int | None, ...]:
     origin = contents.world_origin or (None, None, None)
     views = contents.views
     count = np.unique(views.landmark, return_counts=True)[1]
@@ -91,8 +90,8 @@ def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, Templates, tuple[float,
     landmark, first, count = np.unique(views.landmark[order], return_index=True, return_counts=True)
     pixel_m = pixel_sizes_m(views)[order]
     octave = np.round(np.log2(np.maximum.reduceat(pixel_m, first))).astype(np.int64)
-    for rows in group(views.world_p_landmark[order[first]], octave, CELL_SIZE):
-        seen = ranges(first[rows], count[rows])
+    for rows in partition(views.world_p_landmark[order[first]], octave, CELL_SIZE):
+        seen = concatenated_ranges(first[rows], count[rows])
         cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[seen])
         point, pixels = cell.numbers[:, :3], pixel_m[seen]
         sides = np.column_stack([point.min(axis=0), point.max(axis=0)]).ravel().tolist()

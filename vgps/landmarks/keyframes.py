@@ -5,8 +5,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vgps.geometry import project, rays
-from vgps.landmarks.contents import Keyframe
 from vgps.landmarks.descriptors import KEYFRAME_FEATURES, describe
+from vgps.landmarks.model import Keyframe
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 
 

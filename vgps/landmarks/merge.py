@@ -7,12 +7,11 @@ import numpy as np
 
 from vgps.errors import LandmarkDatabaseError
 from vgps.geodesy import enu_R_ecef, to_enu
-from vgps.landmarks.contents import Keyframe, LandmarkContents
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews
 from vgps.model import FloatArray, GeodeticPoint
 
 
-def merge(contents: Sequence[LandmarkContents]) -> LandmarkContents:
+def merge(contents: Sequence[DatabaseContents]) -> DatabaseContents:
     """All landmarks and keyframes, in the ENU frame of the first.
 
     A place that several runs saw keeps the landmarks of each. Ids are numbered on from one to the next.
@@ -25,7 +24,7 @@ def merge(contents: Sequence[LandmarkContents]) -> LandmarkContents:
             only one.
     """
     first = contents[0]
-    moved: list[LandmarkContents] = []
+    moved: list[DatabaseContents] = []
     next_id = 0
     for part in contents:
         if part.views.templates.shape[1:] != first.views.templates.shape[1:]:
@@ -38,7 +37,7 @@ def merge(contents: Sequence[LandmarkContents]) -> LandmarkContents:
         )
         moved.append(_renumbered(in_first, next_id))
         next_id += int(part.views.landmark.max()) + 1 if len(part.views) else 0
-    return LandmarkContents(
+    return DatabaseContents(
         first.world_origin,
         _stacked([part.views for part in moved]),
         tuple(keyframe for part in moved for keyframe in part.keyframes),
@@ -46,7 +45,7 @@ def merge(contents: Sequence[LandmarkContents]) -> LandmarkContents:
     )
 
 
-def _size(part: LandmarkContents) -> str:
+def _size(part: DatabaseContents) -> str:
     levels, side = part.views.templates.shape[1:3]
     return f"{levels} levels of {side} pixels"
 
@@ -65,7 +64,7 @@ def _transform(new: GeodeticPoint | None, old: GeodeticPoint | None) -> FloatArr
     return transform
 
 
-def _in_world(part: LandmarkContents, new_T_old: FloatArray) -> LandmarkContents:
+def _in_world(part: DatabaseContents, new_T_old: FloatArray) -> DatabaseContents:
     rotation, shift = new_T_old[:3, :3], new_T_old[:3, 3]
     views = replace(
         part.views,
@@ -82,7 +81,7 @@ def _moved(keyframe: Keyframe, new_T_old: FloatArray) -> Keyframe:
     return replace(keyframe, world_T_camera=new_T_old @ keyframe.world_T_camera, world_p_landmark=points)
 
 
-def _renumbered(part: LandmarkContents, first_id: int) -> LandmarkContents:
+def _renumbered(part: DatabaseContents, first_id: int) -> DatabaseContents:
     views = replace(part.views, landmark=part.views.landmark + first_id)
     keyframes = tuple(replace(key, landmark=key.landmark + first_id) for key in part.keyframes)
     return replace(part, views=views, keyframes=keyframes)

@@ -68,7 +68,7 @@ def plane_axes(
     return depth_m[:, None] / camera.fx * right, depth_m[:, None] / camera.fy * down
 
 
-def has_room(uv_px: FloatArray, camera: Camera, patch_px: int) -> BoolArray:
+def patch_in_image(uv_px: FloatArray, camera: Camera, patch_px: int) -> BoolArray:
     """(N,) whether the finest patch lies within the image; coarser ones may repeat its edge."""
     half = patch_px // 2
     inside = (uv_px >= half) & (uv_px <= (camera.width - 1 - half, camera.height - 1 - half))

@@ -13,7 +13,7 @@ import zlib
 import numpy as np
 
 from vgps.landmarks.cells import Cell
-from vgps.landmarks.contents import Keyframe
+from vgps.landmarks.model import Keyframe
 
 APPLICATION_ID = 0x76677073  # "vgps"
 VERSION = 1

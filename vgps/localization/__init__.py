@@ -1,1 +1,6 @@
-"""The tracker of Matsuda 2007: the pose of a camera against a landmark database."""
+"""Localization of a camera against a landmark database (Matsuda 2007)."""
+
+from vgps.localization.localizer import Localizer
+from vgps.localization.run import localize
+
+__all__ = ["Localizer", "localize"]

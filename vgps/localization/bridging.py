@@ -4,15 +4,15 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
-from vgps.localization.prediction import Motion, Turns
+from vgps.localization.prediction import MotionState, RotationPredictor
 from vgps.model import BoolArray, FloatArray
 
 
-def bridge(
+def bridge_gaps(
     t_s: FloatArray,
     world_T_camera: FloatArray,
     tracked: BoolArray,
-    turns: Turns,
+    rotations: RotationPredictor,
     gyro_bias_rad_s: FloatArray,
     coast_s: float,
 ) -> FloatArray:
@@ -26,7 +26,7 @@ def bridge(
         t_s: (F,) times.
         world_T_camera: (F, 4, 4); only tracked ones are looked at.
         tracked: (F,) at least one.
-        turns: The gyro.
+        rotations: The gyro.
         gyro_bias_rad_s: (3,).
         coast_s: See above.
 
@@ -43,7 +43,7 @@ def bridge(
         after = int(np.searchsorted(good, i))
         before = good[after - 1] if after > 0 else None
         following = good[after] if after < len(good) else None
-        out[i, :3, :3] = _rotation(t_s, world_T_camera, before, int(i), following, turns, gyro_bias_rad_s)
+        out[i, :3, :3] = _rotation(t_s, world_T_camera, before, int(i), following, rotations, gyro_bias_rad_s)
     return out
 
 
@@ -63,21 +63,21 @@ def _rotation(
     before: int | None,
     at: int,
     after: int | None,
-    turns: Turns,
+    rotations: RotationPredictor,
     bias: FloatArray,
 ) -> FloatArray:
     """World rotation (3, 3) of frame ``at`` from the tracked frames next to it."""
     if before is None or after is None:
         near = before if before is not None else after
         assert near is not None
-        motion = Motion(t_s[near], poses[near], None, np.zeros(3), bias)
-        return np.asarray(poses[near, :3, :3] @ turns.turn(motion, t_s[near], t_s[at]))
+        motion = MotionState(t_s[near], poses[near], None, np.zeros(3), bias)
+        return np.asarray(poses[near, :3, :3] @ rotations.relative_rotation(motion, t_s[near], t_s[at]))
     # without a gyro over the whole gap all of the turn is spread evenly
-    motion = Motion(t_s[before], poses[before], None, np.zeros(3), bias)
-    whole = turns.turn(motion, t_s[before], t_s[after])
+    motion = MotionState(t_s[before], poses[before], None, np.zeros(3), bias)
+    whole = rotations.relative_rotation(motion, t_s[before], t_s[after])
     missed = Rotation.from_matrix((poses[before, :3, :3] @ whole).T @ poses[after, :3, :3]).as_rotvec()
-    known = turns.covered(t_s[before], t_s[after])
-    part = turns.turn(motion, t_s[before], t_s[at]) if known else np.eye(3)
+    known = rotations.covers(t_s[before], t_s[after])
+    part = rotations.relative_rotation(motion, t_s[before], t_s[at]) if known else np.eye(3)
     rest = part.T @ whole  # the missed turn is said in the axes of the frame after
     share = (t_s[at] - t_s[before]) / (t_s[after] - t_s[before])
     spread = Rotation.from_rotvec(share * (rest @ missed)).as_matrix()

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.localization.pose import PoseEstimate
-from vgps.localization.prediction import Motion
+from vgps.localization.prediction import MotionState
 from vgps.localization.search import LandmarkMatches
 from vgps.model import FloatArray
 
@@ -20,10 +20,10 @@ class FrameEstimator:
 
     def __init__(self, max_speed_m_s: float) -> None:
         self._max_speed_m_s = max_speed_m_s
-        self._motion: Motion | None = None
+        self._motion: MotionState | None = None
 
     @property
-    def motion(self) -> Motion | None:
+    def motion(self) -> MotionState | None:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         return self._motion
 
@@ -38,19 +38,19 @@ class FrameEstimator:
 
 
 def motion_between(
-    last: Motion | None, t_s: float, world_T_camera: FloatArray, max_speed_m_s: float
-) -> Motion:
-    """Motion at a pose from the last one: velocity of the centre, turn rate in the camera's axes.
+    last: MotionState | None, t_s: float, world_T_camera: FloatArray, max_speed_m_s: float
+) -> MotionState:
+    """MotionState at a pose from the last one: velocity of the centre, turn rate in the camera's axes.
 
     Two poses of which one was found anew give it too; only where they lie too far apart for a camera that
     moves at ``max_speed_m_s``, or for long, nothing is known of it.
     """
     bias = np.zeros(3) if last is None else last.gyro_bias_rad_s
     if last is None or t_s - last.t_s > _LONGEST_STEP_S:
-        return Motion(t_s, world_T_camera, None, np.zeros(3), bias)
+        return MotionState(t_s, world_T_camera, None, np.zeros(3), bias)
     dt = t_s - last.t_s
     velocity = (world_T_camera[:3, 3] - last.world_T_camera[:3, 3]) / dt
     if np.linalg.norm(velocity) > max_speed_m_s:
-        return Motion(t_s, world_T_camera, None, np.zeros(3), bias)
+        return MotionState(t_s, world_T_camera, None, np.zeros(3), bias)
     turn = Rotation.from_matrix(last.world_T_camera[:3, :3].T @ world_T_camera[:3, :3])
-    return Motion(t_s, world_T_camera, velocity, turn.as_rotvec() / dt, last.gyro_bias_rad_s)
+    return MotionState(t_s, world_T_camera, velocity, turn.as_rotvec() / dt, last.gyro_bias_rad_s)

@@ -17,7 +17,7 @@ from vgps.geometry import reprojection_inliers
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.frame_estimator import motion_between
 from vgps.localization.pose import PoseEstimate
-from vgps.localization.prediction import Motion
+from vgps.localization.prediction import MotionState
 from vgps.localization.search import LandmarkMatches
 from vgps.model import BoolArray, FloatArray
 
@@ -43,12 +43,12 @@ class GraphEstimator:
         self._K, self._config = K, config
         self._gyro = gyro if gyro_R_camera is not None else None
         self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
-        self._motion: Motion | None = None
+        self._motion: MotionState | None = None
         self._frame = 0
         self._begin()
 
     @property
-    def motion(self) -> Motion | None:
+    def motion(self) -> MotionState | None:
         """As in :class:`vgps.localization.tracker.Estimator`."""
         return self._motion
 
@@ -135,9 +135,9 @@ class GraphEstimator:
         last = self._motion  # of before a new beginning
         if len(self._frames) > 1:
             j, t_j = self._frames[-2]
-            last = Motion(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
+            last = MotionState(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
         fresh = motion_between(last, t_s, pose, self._config.max_speed_m_s)
-        self._motion = Motion(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
+        self._motion = MotionState(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
         return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
 
     def _agree(self, pose: FloatArray, seen: LandmarkMatches) -> BoolArray:

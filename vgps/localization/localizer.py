@@ -6,17 +6,17 @@ from vgps.config import TrackConfig
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.descriptors import describe
+from vgps.landmarks.model import LandmarkViews
 from vgps.landmarks.rectify import Rectifier
-from vgps.landmarks.views import LandmarkViews
 from vgps.localization.frame_estimator import FrameEstimator
 from vgps.localization.graph_estimator import GraphEstimator
-from vgps.localization.prediction import Turns
+from vgps.localization.prediction import RotationPredictor
 from vgps.localization.recovery import DescriptorRecovery
 from vgps.localization.tracker import LandmarkTracker, TrackedFrame
 from vgps.model import Float32Array, FloatArray, GrayImage, Recording
 
 
-class Localiser:
+class Localizer:
     """Poses frames, one after the other.
 
     Args:
@@ -25,7 +25,7 @@ class Localiser:
         config: Settings.
 
     Attributes:
-        turns: The gyro between frames.
+        rotations: The gyro between frames.
         warnings: What is missing, and what is lost by that.
     """
 
@@ -35,7 +35,7 @@ class Localiser:
         gyro, mount = None, rig.gyro_R_camera
         if recording.gyro is not None and mount is not None and config.use_gyro:
             gyro = GyroIntegral(recording.gyro)
-        self.turns = Turns(gyro, mount)
+        self.rotations = RotationPredictor(gyro, mount)
         self._rectifier = Rectifier(camera)
         self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config.max_speed_m_s)
         if config.estimator == "graph":
@@ -47,7 +47,7 @@ class Localiser:
 
         exposure_s = rig.exposure_s or 0.0
         self._tracker = LandmarkTracker(
-            camera.K, views, self.turns, self._estimator, recovery, exposure_s, config
+            camera.K, views, self.rotations, self._estimator, recovery, exposure_s, config
         )
 
     @property

@@ -12,7 +12,7 @@ from vgps.model import FloatArray
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionState:
     """What is known of the camera at a time.
 
     Attributes:
@@ -30,7 +30,7 @@ class Motion:
     gyro_bias_rad_s: FloatArray
 
 
-class Turns:
+class RotationPredictor:
     """Rotations of the camera between times, from the gyro where it covers them, else from the last rate.
 
     Args:
@@ -38,7 +38,7 @@ class Turns:
         gyro_R_camera: (3, 3).
 
     Attributes:
-        covered: Whether the gyro tells of the whole interval between two times [s].
+        covers: Whether the gyro tells of the whole interval between two times [s].
     """
 
     def __init__(self, gyro: GyroIntegral | None, gyro_R_camera: FloatArray | None) -> None:
@@ -46,22 +46,24 @@ class Turns:
         self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
         # every search of a frame asks for the same few turns
         self._gyro_turn = lru_cache(maxsize=32)(self._integrated)
-        self.covered = lru_cache(maxsize=32)(self._covered)
+        self.covers = lru_cache(maxsize=32)(self._covers)
 
-    def _covered(self, start_s: float, end_s: float) -> bool:
+    def _covers(self, start_s: float, end_s: float) -> bool:
         first, last = np.array([min(start_s, end_s)]), np.array([max(start_s, end_s)])
         return self._gyro is not None and bool(self._gyro.covers(first, last)[0])
 
-    def turn(self, motion: Motion, start_s: float, end_s: float) -> FloatArray:
+    def relative_rotation(self, motion: MotionState, start_s: float, end_s: float) -> FloatArray:
         """Rotation (3, 3) start_R_end of the camera, Eq. (1), Matsuda 2007; the end may lie before the start.
 
         The paper's Eq. (3) has a bare skew matrix of rates; here every sample goes through the exponential.
         """
-        if not self.covered(start_s, end_s):
+        if not self.covers(start_s, end_s):
             rotation = Rotation.from_rotvec(motion.camera_w_rad_s * (end_s - start_s)).as_matrix()
             return np.asarray(rotation, np.float64)
-        turn = self._gyro_turn(min(start_s, end_s), max(start_s, end_s), tuple(motion.gyro_bias_rad_s))
-        return turn if end_s >= start_s else turn.T
+        relative_rotation = self._gyro_turn(
+            min(start_s, end_s), max(start_s, end_s), tuple(motion.gyro_bias_rad_s)
+        )
+        return relative_rotation if end_s >= start_s else relative_rotation.T
 
     def _integrated(self, start_s: float, end_s: float, bias_rad_s: tuple[float, ...]) -> FloatArray:
         assert self._gyro is not None
@@ -73,25 +75,30 @@ class Turns:
         return np.asarray(self._mount.T @ reduce(np.matmul, steps) @ self._mount)
 
 
-def predict(motion: Motion, turns: Turns, t_s: float) -> FloatArray:
+def predict(motion: MotionState, rotations: RotationPredictor, t_s: float) -> FloatArray:
     """Pose (4, 4) at a time: rotation from the last estimate and the gyro, centre at constant velocity.
 
     Eq. (1) and (5), Matsuda 2007. The paper extrapolates the translation of world to camera, which is wrong
     while the camera turns; the centre is meant.
     """
     pose = motion.world_T_camera.copy()
-    pose[:3, :3] = pose[:3, :3] @ turns.turn(motion, motion.t_s, t_s)
+    pose[:3, :3] = pose[:3, :3] @ rotations.relative_rotation(motion, motion.t_s, t_s)
     if motion.world_v_camera is not None:
         pose[:3, 3] = pose[:3, 3] + motion.world_v_camera * (t_s - motion.t_s)
     return pose
 
 
 def exposure_motion_px(
-    K: FloatArray, motion: Motion, turns: Turns, t_s: float, exposure_s: float, points: FloatArray
+    K: FloatArray,
+    motion: MotionState,
+    rotations: RotationPredictor,
+    t_s: float,
+    exposure_s: float,
+    points: FloatArray,
 ) -> FloatArray:
     """(N, 2) image motion of landmarks (N, 3) while the shutter is open, ``exposure_s`` about ``t_s``."""
-    start, _ = project(K, predict(motion, turns, t_s - exposure_s / 2), points)
-    end, _ = project(K, predict(motion, turns, t_s + exposure_s / 2), points)
+    start, _ = project(K, predict(motion, rotations, t_s - exposure_s / 2), points)
+    end, _ = project(K, predict(motion, rotations, t_s + exposure_s / 2), points)
     return end - start
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.config import TrackConfig
-from vgps.landmarks.contents import Keyframe
+from vgps.landmarks.model import Keyframe
 from vgps.localization.pose import pose_from_matches
 from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
 

@@ -12,7 +12,7 @@ from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.solution import FrameState, Landmarks, Observations, SensorReport, Solution, SolverReport
 
 
-def as_solution(
+def to_solution(
     recording: Recording,
     world_origin: GeodeticPoint | None,
     config: TrackConfig,
@@ -25,7 +25,7 @@ def as_solution(
     """A Solution in the database's world.
 
     Args:
-        recording: What was localised.
+        recording: What was localized.
         world_origin: Of the database.
         config: As used.
         frames: One per frame of the video.

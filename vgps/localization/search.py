@@ -6,9 +6,9 @@ import numpy as np
 
 from vgps.config import TrackConfig
 from vgps.geometry import project
-from vgps.landmarks.views import LandmarkViews
-from vgps.localization.matching import match_templates
+from vgps.landmarks.model import LandmarkViews
 from vgps.localization.pose import PoseEstimate, pose_from_matches
+from vgps.localization.template_matching import match_templates
 from vgps.model import BoolArray, Float32Array, FloatArray, IntArray
 
 
@@ -38,11 +38,11 @@ class LandmarkMatches:
         )
 
 
-NOTHING_SEEN = LandmarkMatches(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
+NO_MATCHES = LandmarkMatches(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """What a search gave.
 
     Attributes:
@@ -57,25 +57,25 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedLandmarks:
     """What to look for: ``views`` of N landmarks, and ``templates`` (N, M, M) as the image will show them."""
 
     views: LandmarkViews
     templates: Float32Array
 
-    def take(self, rows: IntArray) -> "Expected":
+    def take(self, rows: IntArray) -> "ExpectedLandmarks":
         """Some of it."""
-        return Expected(self.views.take(rows), self.templates[rows])
+        return ExpectedLandmarks(self.views.take(rows), self.templates[rows])
 
 
 def search_frame(
     image: Float32Array,
     K: FloatArray,
     world_T_camera: FloatArray,
-    expected: Expected,
+    expected: ExpectedLandmarks,
     radius_px: FloatArray,
     config: TrackConfig,
-) -> Found:
+) -> SearchResult:
     """Look for every landmark around its projection and pose the camera by what is found.
 
     Args:
@@ -88,7 +88,7 @@ def search_frame(
     """
     views = expected.views
     if len(views) == 0:
-        return Found(None, NOTHING_SEEN, 0.0)
+        return SearchResult(None, NO_MATCHES, 0.0)
     predicted, depth = project(K, world_T_camera, views.world_p_landmark)
     matches = match_templates(image, expected.templates, predicted, radius_px, config.min_contrast)
     good = matches.correlation >= config.min_correlation
@@ -105,12 +105,12 @@ def search_frame(
         huber_px=config.huber_px,
         guess=world_T_camera,
     )
-    if pose is None or pose.inlier.sum() < enough(len(seen), config):
-        return Found(None, seen, median)
-    return Found(pose, seen.take(pose.inlier), median)
+    if pose is None or pose.inlier.sum() < required_inliers(len(seen), config):
+        return SearchResult(None, seen, median)
+    return SearchResult(pose, seen.take(pose.inlier), median)
 
 
-def enough(matches: int, config: TrackConfig) -> int:
+def required_inliers(matches: int, config: TrackConfig) -> int:
     """How many matches must agree: six, Matsuda 2007, and a share of all."""
     return max(config.min_inliers, int(np.ceil(config.min_inlier_share * matches)))
 

@@ -29,7 +29,7 @@ from vgps.config import LandmarksConfig, TrackConfig
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
-from vgps.localization.localizer import Localiser
+from vgps.localization import Localizer
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
@@ -109,8 +109,8 @@ def track(recording: Recording, database: Path, changes: dict[str, object]) -> S
     config = TrackConfig.model_validate(changes)
     truth = read_trajectory(recording.path / "truth.tum", video_start_s=recording.rig.video_start_s)
     with one_blas_thread(), LandmarkDatabase.open(database, config.selection) as opened:
-        localiser = Localiser(recording, opened, config)
-        frames = [localiser.add(f.t_s, localiser.undistort(f.gray)) for f in recording.video.frames()]
+        localizer = Localizer(recording, opened, config)
+        frames = [localizer.add(f.t_s, localizer.undistort(f.gray)) for f in recording.video.frames()]
     errors = errors_of(frames, truth.world_T_camera)
     followed = [frame.tracked and (i == 0 or not frame.recovered) for i, frame in enumerate(frames)]
     return Series(errors, np.array(followed) & (errors.position_m < RIGHT_M))

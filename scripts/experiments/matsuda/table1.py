@@ -26,7 +26,7 @@ from scripts.experiments.matsuda.tracking_errors import (
 from vgps.config import TrackConfig
 from vgps.evaluation.run import in_world
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization.localizer import Localiser
+from vgps.localization import Localizer
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import FloatArray
 from vgps.readers.recording import open_recording
@@ -56,10 +56,10 @@ def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
     config = TrackConfig.model_validate(ALIKE | METHODS[name])
     frames: dict[float, TrackedFrame] = {}
     with one_blas_thread(), LandmarkDatabase.open(landmarks, config.selection) as database:
-        localiser = Localiser(recording, database, config)
+        localizer = Localizer(recording, database, config)
         for frame in recording.video.frames():
-            frames[frame.t_s] = localiser.add(frame.t_s, localiser.undistort(frame.gray))
-            for t_s, pose in localiser.revised().items() if name == AS_TRACK else ():
+            frames[frame.t_s] = localizer.add(frame.t_s, localizer.undistort(frame.gray))
+            for t_s, pose in localizer.revised().items() if name == AS_TRACK else ():
                 frames[t_s] = replace(frames[t_s], world_T_camera=pose)
     return list(frames.values())
 

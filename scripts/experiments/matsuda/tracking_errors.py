@@ -8,10 +8,10 @@ from vgps.config import TrackConfig
 from vgps.geometry import project
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization.localizer import Localiser
-from vgps.localization.matching import match_templates
-from vgps.localization.prediction import Motion, exposure_motion_px
-from vgps.localization.templates import render_templates
+from vgps.localization import Localizer
+from vgps.localization.prediction import MotionState, exposure_motion_px
+from vgps.localization.template_matching import match_templates
+from vgps.localization.template_rendering import render_templates
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import FloatArray, Recording
 
@@ -54,7 +54,7 @@ def correlations(
 ) -> tuple[FloatArray, FloatArray]:
     """Median correlation of each counted frame without and with blur at poses (F, 4, 4), or NaN."""
     config, camera = TrackConfig.model_validate(ALIKE), recording.camera
-    localiser = Localiser(recording, database, config)
+    localizer = Localizer(recording, database, config)
     out = []
     wanted = set(np.arange(len(world_T_camera))[every].tolist())
     for frame in recording.video.frames():
@@ -65,13 +65,13 @@ def correlations(
         if not len(views):
             out.append([np.nan, np.nan])
             continue
-        motion = Motion(frame.t_s, pose, None, np.zeros(3), np.zeros(3))
+        motion = MotionState(frame.t_s, pose, None, np.zeros(3), np.zeros(3))
         exposure_s = recording.rig.exposure_s or 0.0
         blur = exposure_motion_px(
-            camera.K, motion, localiser.turns, frame.t_s, exposure_s, views.world_p_landmark
+            camera.K, motion, localizer.rotations, frame.t_s, exposure_s, views.world_p_landmark
         )
         uv, _ = project(camera.K, pose, views.world_p_landmark)
-        image, radius = localiser.undistort(frame.gray), np.full(len(views), 3.0)
+        image, radius = localizer.undistort(frame.gray), np.full(len(views), 3.0)
         medians = []
         for motion_px in (np.zeros_like(blur), blur):
             templates = render_templates(camera.K, pose, views, motion_px, config.template_px)

@@ -18,7 +18,7 @@ _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 @dataclass(frozen=True)
-class Candidates:
+class VisibleLandmarks:
     """Landmarks in the image: ``row`` (n,) of the points asked, ``uv_px`` (2, n), and ``pixel_m`` (n,) metres
     that a pixel of the camera covers there."""
 
@@ -26,9 +26,9 @@ class Candidates:
     uv_px: Float32Array
     pixel_m: Float32Array
 
-    def take(self, rows: IntArray) -> "Candidates":
+    def take(self, rows: IntArray) -> "VisibleLandmarks":
         """Some of them."""
-        return Candidates(self.row[rows], self.uv_px[:, rows], self.pixel_m[rows])
+        return VisibleLandmarks(self.row[rows], self.uv_px[:, rows], self.pixel_m[rows])
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class BestViews:
     cost: Float32Array
     sine: Float32Array
 
-    def badness(
+    def ranking_cost(
         self, pixel_m: Float32Array, sigma_px: FloatArray, position_sigma_m: FloatArray
     ) -> FloatArray:
         """(n,) the less, the better a match to expect.
@@ -82,9 +82,9 @@ def _sides(camera: Camera, max_depth_m: float | None) -> FloatArray:
     return np.column_stack([of_pixels @ camera.K, limits])
 
 
-def in_image(
+def visible_landmarks(
     world_T_camera: FloatArray, camera: Camera, points: Float32Array, max_depth_m: float | None
-) -> Candidates:
+) -> VisibleLandmarks:
     """Those of the points (4, N), a column (x, y, z, 1) each, that the camera's undistorted image shows."""
     # a row for each axis, not for each point: numpy is several times faster along rows
     of_camera = _sides(camera, max_depth_m)
@@ -94,26 +94,27 @@ def in_image(
     row = np.flatnonzero(measures.min(axis=0) >= 0)
     seen = measures[:3].take(row, axis=1)
     depth = seen[2] + np.float32(MIN_DEPTH_M)
-    return Candidates(row, seen[:2] / depth - np.float32(0.5), depth / np.float32(focal_px(camera)))
+    return VisibleLandmarks(row, seen[:2] / depth - np.float32(0.5), depth / np.float32(focal_px(camera)))
 
 
 def best_views(
-    to_camera: Float32Array, pixel_m: Float32Array, looks: Float32Array, config: SelectionConfig
+    to_camera: Float32Array, pixel_m: Float32Array, view_geometry: Float32Array, config: SelectionConfig
 ) -> BestViews:
     """The view of each landmark that is nearest to the camera in direction and in scale.
 
     Args:
         to_camera: (3, n) from the landmark to the camera, metres.
         pixel_m: (n,) metres that a pixel of the camera covers there.
-        looks: (n, 7, V) direction, normal and log2 of the pixel size of each view; NaN where there is none.
+        view_geometry: (n, 7, V) direction, normal and log2 of the pixel size of each view; NaN where there is
+            none.
         config: What still suits.
     """
-    if not len(looks):
+    if not len(view_geometry):
         return BestViews(np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))
-    looks = np.ascontiguousarray(looks.transpose(1, 2, 0))  # long rows, as above
+    view_geometry = np.ascontiguousarray(view_geometry.transpose(1, 2, 0))  # long rows, as above
     direction = to_camera / np.sqrt(np.einsum("in,in->n", to_camera, to_camera))
-    cosine, facing = np.einsum("kivn,in->kvn", looks[:6].reshape(2, 3, -1, len(pixel_m)), direction)
-    octaves = np.log2(pixel_m) - looks[6]
+    cosine, facing = np.einsum("kivn,in->kvn", view_geometry[:6].reshape(2, 3, -1, len(pixel_m)), direction)
+    octaves = np.log2(pixel_m) - view_geometry[6]
     suits = cosine >= cos(radians(config.max_view_angle_deg))
     suits &= facing >= cos(radians(config.max_tilt_deg))
     suits &= (octaves >= -config.nearer_octaves) & (octaves <= config.further_octaves)
@@ -124,7 +125,7 @@ def best_views(
     return BestViews(np.where(np.isfinite(least), view, -1), least, sine)
 
 
-def spread(uv_px: Float32Array | FloatArray, size_px: tuple[int, int], count: int) -> IntArray:
+def spread_over_image(uv_px: Float32Array | FloatArray, size_px: tuple[int, int], count: int) -> IntArray:
     """Rows of the ``count`` to take: the first in every part of the image, then every part's second, ...
 
     Args:

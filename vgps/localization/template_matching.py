@@ -54,7 +54,7 @@ def match_templates(
     top, near = np.zeros((count, 2), np.int64), np.full((count, 3, 3), np.nan, np.float32)
     for r in np.unique(reach[alike & (reach <= _SMALL)]):
         rows = np.flatnonzero(alike & (reach == r))
-        scores = correlations(_windows(image, low[rows], side + 2 * r), templates[rows])
+        scores = cross_correlations(_windows(image, low[rows], side + 2 * r), templates[rows])
         best[rows], top[rows], near[rows] = _highest(scores)
     for i in np.flatnonzero(possible & ~(alike & (reach <= _SMALL))):
         window = image[low[i, 1] : high[i, 1], low[i, 0] : high[i, 0]]
@@ -76,7 +76,7 @@ def _windows(image: Float32Array, low: IntArray, side: int) -> Float32Array:
     return np.asarray(sliding_window_view(image, (side, side))[low[:, 1], low[:, 0]])
 
 
-def correlations(windows: Float32Array, templates: Float32Array) -> Float32Array:
+def cross_correlations(windows: Float32Array, templates: Float32Array) -> Float32Array:
     """Normalised cross-correlations of templates (N, M, M) everywhere in windows (N, S, S).
 
     Returns:

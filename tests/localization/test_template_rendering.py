@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 from textured_wall import CAMERA, picture, pose_at, views_from
 
 from vgps.geometry import project
-from vgps.localization.templates import plane_to_image, render_templates
+from vgps.localization.template_rendering import plane_to_image, render_templates
 
 POSE = pose_at(0.3)
 VIEWS = views_from(POSE, 40)

@@ -1,4 +1,4 @@
-"""Motion blur on templates: uniform motion along a line, each template along its own, (C) of Matsuda 2007."""
+"""Motion blur of templates: uniform motion along a line, one per template; (C) of Matsuda 2007."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -10,24 +10,24 @@ from vgps.model import Float32Array, FloatArray
 
 
 @dataclass(frozen=True)
-class Strips:
+class BlurGrids:
     """Where templates are sampled so that blur is a mean along rows: grids turned into their motions.
 
     Attributes:
-        image_R_strip: (N, 2, 2) steps in the image of one column, which is along the motion, and of one row.
+        image_R_grid: (N, 2, 2) steps in the image of one column, which is along the motion, and of one row.
         length_px: (N,) of the motion; 1 for one so short that it leaves a template sharp.
         height, width: Of every grid, both odd; its middle is the template's.
         side: Of the templates, odd.
     """
 
-    image_R_strip: FloatArray
+    image_R_grid: FloatArray
     length_px: FloatArray
     height: int
     width: int
     side: int
 
 
-def strips_along(blur_px: FloatArray, side: int) -> Strips:
+def blur_grids(blur_px: FloatArray, side: int) -> BlurGrids:
     """The grids that templates of a side need for motions (N, 2) while the shutter is open, pixels (u, v)."""
     length = np.linalg.norm(blur_px, axis=1)
     sharp = length <= 1.0
@@ -37,22 +37,22 @@ def strips_along(blur_px: FloatArray, side: int) -> Strips:
     length = np.maximum(length, 1.0)
     height = 2 * int(np.ceil(corner)) + 3
     width = 2 * int(np.ceil(corner + length.max(initial=1.0) / 2)) + 3
-    return Strips(np.stack([along, across], axis=2), length, height, width, side)
+    return BlurGrids(np.stack([along, across], axis=2), length, height, width, side)
 
 
 @cache
-def offsets_from_middle(height: int, width: int) -> Float32Array:
+def pixel_offsets(height: int, width: int) -> Float32Array:
     """(2, height * width) columns and rows of a grid's places, counted from its middle."""
     row, column = np.mgrid[:height, :width].reshape(2, -1).astype(np.float32)
     return np.stack([column - width // 2, row - height // 2])
 
 
-def blur_strips(sampled: Float32Array, strips: Strips) -> Float32Array:
+def blur_along_rows(sampled: Float32Array, grids: BlurGrids) -> Float32Array:
     """Mean over the motion at every pixel of the templates.
 
     Args:
         sampled: (N, height, width) grey values on the grids.
-        strips: The grids.
+        grids: The grids.
 
     Returns:
         (N, side, side), upright again.
@@ -61,15 +61,15 @@ def blur_strips(sampled: Float32Array, strips: Strips) -> Float32Array:
     level = sampled.mean(axis=(1, 2), keepdims=True)
     integral = np.zeros((count, height, width + 1), np.float32)
     np.cumsum(sampled - level, axis=2, out=integral[:, :, 1:])
-    pixels = offsets_from_middle(strips.side, strips.side)
-    along, across = (strips.image_R_strip[:, :, k].astype(np.float32) @ pixels for k in (0, 1))
+    pixels = pixel_offsets(grids.side, grids.side)
+    along, across = (grids.image_R_grid[:, :, k].astype(np.float32) @ pixels for k in (0, 1))
     # the integral at column j reaches to the left border of pixel j
     column = along + np.float32(width / 2)
     row = across + (height // 2 + height * np.arange(count, dtype=np.float32)[:, None])
-    length = strips.length_px[:, None].astype(np.float32)
+    length = grids.length_px[:, None].astype(np.float32)
     end, start = (
         cv2.remap(integral.reshape(-1, width + 1), at, row, cv2.INTER_LINEAR)
         for at in (column + length / 2, column - length / 2)
     )
     means = (end - start) / length + level[:, 0]
-    return np.asarray(means.reshape(count, strips.side, strips.side), np.float32)
+    return np.asarray(means.reshape(count, grids.side, grids.side), np.float32)

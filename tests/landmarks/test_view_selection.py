@@ -4,7 +4,7 @@ from synthetic_landmarks import CAMERA, random_poses
 
 from vgps.config import SelectionConfig
 from vgps.geometry import project
-from vgps.landmarks.selection import best_views, in_image, spread
+from vgps.landmarks.view_selection import best_views, spread_over_image, visible_landmarks
 
 
 @pytest.mark.parametrize("max_depth_m", [None, 60.0])
@@ -16,7 +16,7 @@ def test_what_is_in_the_image_is_what_double_precision_says(max_depth_m: float |
         uv, depth = project(CAMERA.K, pose, points)
         borders = (uv + 0.5) @ np.array([[1, 0, -1, 0], [0, 1, 0, -1]]) + [0, 0, CAMERA.width, CAMERA.height]
         limits = np.column_stack([borders, depth - 0.1, (max_depth_m or 1e9) - depth])
-        found = in_image(pose, CAMERA, columns, max_depth_m)
+        found = visible_landmarks(pose, CAMERA, columns, max_depth_m)
         sure = np.abs(limits).min(axis=1) > 1e-2
         inside = (limits > 0).all(axis=1)
         assert 500 < inside.sum() < 10_000
@@ -32,12 +32,12 @@ def test_the_best_view_is_the_one_that_double_precision_finds() -> None:
     direction, normal = (to_camera[:, None] + rng.normal(scale=0.7, size=(500, 5, 3)) for _ in range(2))
     direction, normal = (v / np.linalg.norm(v, axis=2, keepdims=True) for v in (direction, normal))
     octave = np.log2(pixel_m)[:, None] + rng.uniform(-2.5, 1.5, (500, 5))
-    looks = np.concatenate([direction, normal, octave[..., None]], axis=2)
-    looks[~there] = np.nan
+    view_geometry = np.concatenate([direction, normal, octave[..., None]], axis=2)
+    view_geometry[~there] = np.nan
     found = best_views(
         to_camera.T.astype(np.float32),
         pixel_m.astype(np.float32),
-        looks.transpose(0, 2, 1).astype(np.float32),
+        view_geometry.transpose(0, 2, 1).astype(np.float32),
         config,
     )
     here = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
@@ -58,7 +58,7 @@ def test_the_best_view_is_the_one_that_double_precision_finds() -> None:
 def test_of_too_many_the_first_of_every_part_of_the_image_are_taken() -> None:
     rng = np.random.default_rng(0)
     uv = rng.uniform((-0.5, -0.5), (319.5, 239.5), (3000, 2)).astype(np.float32)
-    rows = spread(uv.T, (320, 240), 48)  # squares of 40 pixels, 8 x 6 of them
+    rows = spread_over_image(uv.T, (320, 240), 48)  # squares of 40 pixels, 8 x 6 of them
     assert len(rows) == 48 and (np.diff(rows) > 0).all()
     parts = {tuple(part) for part in ((uv[rows] + 0.5) // 40).astype(int).tolist()}
     assert len(parts) == 48
@@ -69,5 +69,5 @@ def test_of_too_many_the_first_of_every_part_of_the_image_are_taken() -> None:
 
 def test_an_image_with_landmarks_in_one_part_alone_is_filled_from_there() -> None:
     uv = np.stack([np.linspace(1, 30, 50), np.full(50, 10.0)]).astype(np.float32)
-    assert spread(uv, (320, 240), 5).tolist() == [0, 1, 2, 3, 4]
-    assert spread(uv, (320, 240), 50).tolist() == list(range(50))
+    assert spread_over_image(uv, (320, 240), 5).tolist() == [0, 1, 2, 3, 4]
+    assert spread_over_image(uv, (320, 240), 50).tolist() == list(range(50))

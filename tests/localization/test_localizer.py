@@ -9,8 +9,8 @@ from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo
 
 from vgps.config import TrackConfig
 from vgps.errors import GeometryError, VideoError
-from vgps.localization.localize import localise
-from vgps.localization.localizer import Localiser, sensor_warnings
+from vgps.localization import localize
+from vgps.localization.localizer import Localizer, sensor_warnings
 from vgps.model import Recording, Rig
 from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
@@ -39,7 +39,7 @@ def errors(poses, t_s):
 
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_a_shaking_camera_is_held_from_a_start_without_a_pose(database, estimator):
-    solution = localise(recording_of(WallVideo(15)), database, TrackConfig(estimator=estimator, **SMALL))
+    solution = localize(recording_of(WallVideo(15)), database, TrackConfig(estimator=estimator, **SMALL))
     position, rotation = errors(solution.world_T_camera, solution.t_s)
     assert set(solution.state) == {FrameState.TRACKED}
     assert position.max() < 0.08
@@ -57,16 +57,16 @@ def test_a_shaking_camera_is_held_from_a_start_without_a_pose(database, estimato
 
 def test_the_graph_finds_the_gyros_bias(database):
     recording = recording_of(WallVideo(25), BIAS)
-    localiser = Localiser(recording, database, TrackConfig(**SMALL))
+    localizer = Localizer(recording, database, TrackConfig(**SMALL))
     for frame in recording.video.frames():
-        localiser.add(frame.t_s, localiser.undistort(frame.gray))
-    np.testing.assert_allclose(localiser.gyro_bias_rad_s, BIAS, atol=0.008)
+        localizer.add(frame.t_s, localizer.undistort(frame.gray))
+    np.testing.assert_allclose(localizer.gyro_bias_rad_s, BIAS, atol=0.008)
 
 
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_black_frames_are_bridged_said_and_left_within_a_second(database, estimator):
     black = tuple(range(5, 13))
-    solution = localise(
+    solution = localize(
         recording_of(WallVideo(18, black=black)), database, TrackConfig(estimator=estimator, **SMALL)
     )
     bridged = {i for i, state in enumerate(solution.state) if state == FrameState.BRIDGED}
@@ -82,8 +82,8 @@ def test_black_frames_are_bridged_said_and_left_within_a_second(database, estima
 def test_lost_for_long_it_finds_itself_by_descriptors(database):
     config = TrackConfig(coast_s=0.3, **SMALL)
     recording = recording_of(WallVideo(14, black=tuple(range(3, 10))))
-    localiser = Localiser(recording, database, config)
-    frames = [localiser.add(f.t_s, localiser.undistort(f.gray)) for f in recording.video.frames()]
+    localizer = Localizer(recording, database, config)
+    frames = [localizer.add(f.t_s, localizer.undistort(f.gray)) for f in recording.video.frames()]
     # a vain try is followed by a pause of a quarter of a second
     start, again = (i for i, frame in enumerate(frames) if frame.recovered)
     assert start == 0
@@ -95,7 +95,7 @@ def test_lost_for_long_it_finds_itself_by_descriptors(database):
 def test_a_picture_of_elsewhere_is_no_place(database):
     video = WallVideo(3, black=(0, 1, 2))
     with pytest.raises(GeometryError, match=r"wall.mp4.*landmarks.*expected 6"):
-        localise(recording_of(video), database, TrackConfig(**SMALL))
+        localize(recording_of(video), database, TrackConfig(**SMALL))
 
 
 def test_without_a_gyro_it_is_said():
@@ -126,7 +126,7 @@ def test_nothing_is_said_of_a_whole_recording_or_of_blur_that_is_not_wanted():
 
 
 def test_a_run_folder_is_written(database, tmp_path):
-    solution = localise(recording_of(WallVideo(4, black=(2,))), database, TrackConfig(**SMALL))
+    solution = localize(recording_of(WallVideo(4, black=(2,))), database, TrackConfig(**SMALL))
     write_run(solution, tmp_path / "run")
     assert (tmp_path / "run" / "poses.tum").read_text().count("\n") >= 4
     rows = (tmp_path / "run" / "poses.csv").read_text().splitlines()
@@ -141,4 +141,4 @@ def test_a_video_that_breaks_off_is_told_as_the_reader_does(database):
             raise VideoError("cannot be decoded", file=self.path)
 
     with pytest.raises(VideoError, match=r"wall\.mp4: cannot be decoded"):
-        localise(recording_of(Broken(5)), database, TrackConfig(**SMALL))
+        localize(recording_of(Broken(5)), database, TrackConfig(**SMALL))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from vgps.landmarks.cells import ranges
+from vgps.landmarks.cells import concatenated_ranges
 from vgps.landmarks.database_file import DatabaseFile
 from vgps.landmarks.schema import CELL_COLUMNS, check_sum, decode_cell
 from vgps.model import FloatArray, IntArray
@@ -15,7 +15,7 @@ Templates = npt.NDArray[np.uint8]
 _AT_ONCE = 256  # landmarks whose templates are asked for at once
 
 
-class LandmarkPool:
+class LandmarkTable:
     """Landmarks and views in the order of the file; those of cells that were asked for are filled in.
 
     Attributes:
@@ -23,11 +23,11 @@ class LandmarkPool:
         numbers: (L, 5) position, sigma_px, position_sigma_m.
         first, count: (L,) the views of each landmark.
         mean_direction: (L, 3) unit, to the places from which it was seen.
-        slack_rad: (L,) the largest angle from there to one of them.
+        spread_rad: (L,) the largest angle from there to one of them.
         octaves: (L, 2) least and greatest log2 of the pixel sizes of its views.
         view_numbers: (V, 9) world_p_camera, world_v_column, world_v_row.
-        looks: (L, 7, W) of each landmark's views, W the most that one has: direction to its camera (3),
-            normal (3), log2 of its pixel size; NaN where there is no view.
+        view_geometry: (L, 7, W) of each landmark's views, W the most that one has: direction to its camera
+            (3), normal (3), log2 of its pixel size; NaN where there is no view.
     """
 
     def __init__(self, file: DatabaseFile) -> None:
@@ -37,10 +37,10 @@ class LandmarkPool:
         self.numbers = np.empty((meta.landmarks, 5))
         self.first, self.count = np.empty(meta.landmarks, np.int64), np.empty(meta.landmarks, np.int64)
         self.mean_direction = np.empty((meta.landmarks, 3), np.float32)
-        self.slack_rad = np.empty(meta.landmarks, np.float32)
+        self.spread_rad = np.empty(meta.landmarks, np.float32)
         self.octaves = np.empty((meta.landmarks, 2), np.float32)
         self.view_numbers = np.empty((meta.views, 9))
-        self.looks = np.empty((meta.landmarks, 7, meta.max_views), np.float32)
+        self.view_geometry = np.empty((meta.landmarks, 7, meta.max_views), np.float32)
         self._rows: dict[int, tuple[int, int]] = {}
 
     def rows(self, keys: Sequence[int]) -> IntArray:
@@ -53,7 +53,7 @@ class LandmarkPool:
         if new:
             self._derive(np.concatenate([self._read(key) for key in new]))
         spans = np.array([self._rows[key] for key in keys], np.int64).reshape(-1, 2)
-        return ranges(spans[:, 0], spans[:, 1])
+        return concatenated_ranges(spans[:, 0], spans[:, 1])
 
     def _read(self, key: int) -> IntArray:
         found = self._file.rows(
@@ -78,19 +78,22 @@ class LandmarkPool:
     def _derive(self, rows: IntArray) -> None:
         """What selection asks, of landmarks that were just read."""
         count = self.count[rows]
-        views, number = ranges(self.first[rows], count), ranges(np.zeros_like(count), count)
+        views, number = (
+            concatenated_ranges(self.first[rows], count),
+            concatenated_ranges(np.zeros_like(count), count),
+        )
         begin = np.cumsum(count) - count
         point = np.repeat(self.numbers[rows, :3], count, axis=0)
         camera, column, row = np.split(self.view_numbers[views], 3, axis=1)
         direction, _ = _unit(camera - point)
         normal, area = _unit(-np.cross(column, row))
         octave = np.log2(area) / 2
-        self.looks[rows] = np.nan
-        self.looks[np.repeat(rows, count), :, number] = np.hstack([direction, normal, octave])
+        self.view_geometry[rows] = np.nan
+        self.view_geometry[np.repeat(rows, count), :, number] = np.hstack([direction, normal, octave])
         mean, _ = _unit(np.add.reduceat(direction, begin))
         cosine = np.einsum("ij,ij->i", direction, np.repeat(mean, count, axis=0))
         self.mean_direction[rows] = mean
-        self.slack_rad[rows] = np.arccos(np.clip(np.minimum.reduceat(cosine, begin), -1, 1))
+        self.spread_rad[rows] = np.arccos(np.clip(np.minimum.reduceat(cosine, begin), -1, 1))
         self.octaves[rows] = np.hstack(
             [reduce.reduceat(octave, begin) for reduce in (np.minimum, np.maximum)]
         )

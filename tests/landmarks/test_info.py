@@ -10,7 +10,7 @@ from synthetic_run import WallRun, make_wall_run
 from vgps.cli import main
 from vgps.errors import LandmarkDatabaseError, RecordingError
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.landmarks.from_runs import build_from_runs, database_info
+from vgps.landmarks.info import build_from_runs, database_info
 from vgps.model import GeodeticPoint
 from vgps.writers.run_folder import write_run
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vgps.landmarks.position_sigma import position_sigmas_m
+from vgps.landmarks.position_uncertainty import position_sigmas_m
 
 K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
 

@@ -9,9 +9,9 @@ import numpy as np
 from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.build import build_database
-from vgps.landmarks.contents import LandmarkContents, Source
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.merge import merge
+from vgps.landmarks.model import DatabaseContents, Source
 from vgps.model import FloatArray, GeodeticPoint
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
@@ -24,7 +24,7 @@ def build_from_runs(
     config: LandmarksConfig | None = None,
     recording: Path | None = None,
     progress: Progress | None = None,
-) -> LandmarkContents:
+) -> DatabaseContents:
     """Landmarks of one or several runs, in the world of the first.
 
     Args:
@@ -54,7 +54,7 @@ def _build(
     config: LandmarksConfig | None,
     recording: Path | None,
     progress: Progress | None,
-) -> LandmarkContents:
+) -> DatabaseContents:
     solution = read_run(run)
     where = recording or solution.recording
     if where is None:

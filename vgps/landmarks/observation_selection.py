@@ -6,9 +6,9 @@ import numpy as np
 
 from vgps.config import Frames, LandmarksConfig
 from vgps.geometry import project
-from vgps.landmarks.patches import has_room
-from vgps.landmarks.position_sigma import position_sigmas_m
-from vgps.landmarks.viewpoints import Differences, spread_out
+from vgps.landmarks.farthest_point_sampling import ViewMetric, farthest_point_sampling
+from vgps.landmarks.patches import patch_in_image
+from vgps.landmarks.position_uncertainty import position_sigmas_m
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import FrameState, Solution
 
@@ -37,7 +37,7 @@ class LandmarkObservations:
         return LandmarkObservations(*(values[rows] for values in vars(self).values()))
 
 
-def all_observations(solution: Solution) -> LandmarkObservations:
+def collect_observations(solution: Solution) -> LandmarkObservations:
     """Every observation of a run against where its landmark projects."""
     seen = solution.observations
     order = np.lexsort((seen.frame, seen.landmark))
@@ -56,7 +56,7 @@ def template_frames(solution: Solution, frames: Frames) -> BoolArray:
     return np.asarray(tracked & wanted[frames])
 
 
-def known_landmarks(
+def reliable_landmarks(
     solution: Solution, observations: LandmarkObservations, config: LandmarksConfig
 ) -> tuple[BoolArray, FloatArray]:
     """(L,) which landmarks are known well enough, and (L,) the standard deviation of each position [m]."""
@@ -75,7 +75,7 @@ def known_landmarks(
     return often & sure & (sigma_m <= config.max_relative_sigma * nearest_m), sigma_m
 
 
-def choose_views(
+def select_views(
     solution: Solution, observations: LandmarkObservations, frames: Frames, config: LandmarksConfig
 ) -> LandmarkObservations:
     """The observations of known landmarks that become views, spread in direction and scale.
@@ -88,12 +88,14 @@ def choose_views(
     """
     usable = template_frames(solution, frames)[observations.frame]
     usable &= (observations.depth_m > 0) & (observations.error_px <= config.max_error_px)
-    usable &= has_room(observations.uv_px, solution.camera, config.patch_px)
+    usable &= patch_in_image(observations.uv_px, solution.camera, config.patch_px)
     found = observations.take(usable)
     to_camera = found.world_T_camera[:, :3, 3] - found.world_p_landmark
     direction = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
-    units = Differences(config.angle_unit_deg, config.octave_unit)
+    units = ViewMetric(config.angle_unit_deg, config.octave_unit)
     place = units.coordinates(direction, np.log2(found.depth_m))
     return found.take(
-        spread_out(found.landmark, place, found.error_px, config.max_views, config.least_difference)
+        farthest_point_sampling(
+            found.landmark, place, found.error_px, config.max_views, config.least_difference
+        )
     )

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from synthetic_landmarks import CAMERA, random_contents, random_poses
 
 from vgps.errors import LandmarkDatabaseError, RunFolderError
-from vgps.landmarks.contents import LandmarkContents
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
+from vgps.landmarks.model import DatabaseContents
 
 
 @pytest.fixture
@@ -169,7 +169,7 @@ def test_nothing_to_write(tmp_path: Path) -> None:
     contents = random_contents()
     views = replace(contents.views, **{name: values[:0] for name, values in vars(contents.views).items()})
     with pytest.raises(LandmarkDatabaseError, match="no landmark is left"):
-        write_database(LandmarkContents(contents.world_origin, views, (), ()), tmp_path / "x")
+        write_database(DatabaseContents(contents.world_origin, views, (), ()), tmp_path / "x")
     with pytest.raises(RunFolderError, match="is a folder"):
         write_database(contents, tmp_path)
     assert not list(tmp_path.iterdir())

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vgps.localization.matching import correlations, match_templates
+from vgps.localization.template_matching import cross_correlations, match_templates
 
 RNG = np.random.default_rng(7)
 IMAGE = (128 + 40 * cv2.GaussianBlur(RNG.normal(size=(120, 160)), (0, 0), 2.0) * 5).astype(np.float32)
@@ -71,11 +71,11 @@ def test_correlations_are_opencvs(places, seed, contrast):
     expected = [
         cv2.matchTemplate(w, t, cv2.TM_CCOEFF_NORMED) for w, t in zip(windows, templates, strict=True)
     ]
-    np.testing.assert_allclose(correlations(windows, templates), expected, atol=1e-4)
+    np.testing.assert_allclose(cross_correlations(windows, templates), expected, atol=1e-4)
 
 
 def test_a_window_without_contrast_correlates_with_nothing():
-    out = correlations(np.full((1, 17, 17), 200, np.float32), cut(80, 60)[None])
+    out = cross_correlations(np.full((1, 17, 17), 200, np.float32), cut(80, 60)[None])
     np.testing.assert_allclose(out, 0, atol=1e-3)
 
 

@@ -1,17 +1,19 @@
 import numpy as np
 
-from vgps.landmarks.viewpoints import Differences, spread_out
+from vgps.landmarks.farthest_point_sampling import ViewMetric, farthest_point_sampling
 
 
 def place(degrees: list[float], octaves: list[float] | None = None) -> np.ndarray:
     angle = np.radians(degrees)
     direction = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
-    return Differences(10.0, 0.5).coordinates(direction, np.array(octaves or [0.0] * len(degrees)))
+    return ViewMetric(10.0, 0.5).coordinates(direction, np.array(octaves or [0.0] * len(degrees)))
 
 
 def chosen(landmark: list[int], places: np.ndarray, count: int, least: float = 0.0, errors=None) -> list[int]:
     error_px = np.zeros(len(landmark)) if errors is None else np.array(errors)
-    return np.flatnonzero(spread_out(np.array(landmark), places, error_px, count, least)).tolist()
+    return np.flatnonzero(
+        farthest_point_sampling(np.array(landmark), places, error_px, count, least)
+    ).tolist()
 
 
 def test_ten_degrees_count_as_half_an_octave() -> None:
@@ -37,10 +39,10 @@ def test_landmarks_are_treated_each_for_itself() -> None:
     count = rng.integers(1, 12, 50)
     landmark = np.repeat(np.sort(rng.choice(500, 50, replace=False)), count)
     places, errors = rng.normal(size=(len(landmark), 4)), rng.uniform(0, 2, len(landmark))
-    together = spread_out(landmark, places, errors, 4, 0.5)
+    together = farthest_point_sampling(landmark, places, errors, 4, 0.5)
     for one in np.unique(landmark):
         rows = landmark == one
-        alone = spread_out(landmark[rows], places[rows], errors[rows], 4, 0.5)
+        alone = farthest_point_sampling(landmark[rows], places[rows], errors[rows], 4, 0.5)
         np.testing.assert_array_equal(together[rows], alone)
         assert 1 <= alone.sum() <= 4
         kept = places[rows][alone]

@@ -1,4 +1,4 @@
-"""A recording localised against a landmark database: the pose of every frame, as a Solution."""
+"""A recording localized against a landmark database: the pose of every frame, as a Solution."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,9 +8,9 @@ import numpy as np
 from vgps.config import TrackConfig
 from vgps.errors import GeometryError
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization.bridging import bridge
-from vgps.localization.localizer import Localiser
-from vgps.localization.result import as_solution
+from vgps.localization.bridging import bridge_gaps
+from vgps.localization.localizer import Localizer
+from vgps.localization.result import to_solution
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import BoolArray, Float32Array, FloatArray, Frame, Recording
 from vgps.runtime.progress import Progress, Silent
@@ -21,7 +21,7 @@ from vgps.solution import Solution
 _NAMED_STRETCHES = 5
 
 
-def localise(
+def localize(
     recording: Recording,
     database: LandmarkDatabase,
     config: TrackConfig | None = None,
@@ -42,19 +42,19 @@ def localise(
         VgpsError: The video or the database is damaged.
     """
     config, seconds = config or TrackConfig(), StageTimer()
-    localiser = Localiser(recording, database, config)
+    localizer = Localizer(recording, database, config)
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []
     poses: dict[float, FloatArray] = {}
     decoded = _ahead(recording.video.frames())
     with one_blas_thread(), seconds.measure("track"):
         for frame in (progress or Silent()).track(decoded, len(recording.video.times_s)):
-            image = localiser.undistort(frame.gray)
-            tracked = localiser.add(frame.t_s, image)
+            image = localizer.undistort(frame.gray)
+            tracked = localizer.add(frame.t_s, image)
             frames.append(tracked)
             gray.append(_gray(image, tracked.observations.uv_px))
             poses[frame.t_s] = tracked.world_T_camera
-            poses |= localiser.revised() if config.revise else {}
+            poses |= localizer.revised() if config.revise else {}
     if not any(frame.tracked for frame in frames):
         raise GeometryError(
             "no frame shows enough landmarks of the database",
@@ -63,12 +63,17 @@ def localise(
             remedy=f"check that it was taken where {database.path} was, and camera.yaml",
         )
     t_s, found = np.array(list(poses)), np.array([frame.tracked for frame in frames])
-    path = bridge(
-        t_s, np.array(list(poses.values())), found, localiser.turns, localiser.gyro_bias_rad_s, config.coast_s
+    path = bridge_gaps(
+        t_s,
+        np.array(list(poses.values())),
+        found,
+        localizer.rotations,
+        localizer.gyro_bias_rad_s,
+        config.coast_s,
     )
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
-    warnings = (*seen_on_the_way, *localiser.warnings, *_losses(found, t_s))
-    return as_solution(
+    warnings = (*seen_on_the_way, *localizer.warnings, *_losses(found, t_s))
+    return to_solution(
         recording, database.world_origin, config, frames, path, gray, seconds.by_stage, warnings
     )
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.geometry import MIN_DEPTH
-from vgps.landmarks.views import LandmarkViews
-from vgps.localization.blur import Strips, blur_strips, offsets_from_middle, strips_along
+from vgps.landmarks.model import LandmarkViews
+from vgps.localization.motion_blur import BlurGrids, blur_along_rows, blur_grids, pixel_offsets
 from vgps.model import Float32Array, FloatArray
 
 _BLOCK = 60  # so many are sampled at once: what stays in the cache is faster, and OpenCV takes 32,000 lines
@@ -44,38 +44,38 @@ def render_templates(
     out = np.empty((len(views), side, side), np.float32)
     for begin in range(0, len(views), _BLOCK):
         rows = slice(begin, begin + _BLOCK)
-        strips = strips_along(blur_px[rows], side)
-        strip_to_plane = image_to_plane[rows] @ strips.image_R_strip
-        planes = _planes(views.templates[rows], strip_to_plane, strips)
-        out[rows] = blur_strips(_sampled(planes, strip_to_plane, strips), strips)
+        grids = blur_grids(blur_px[rows], side)
+        grid_to_plane = image_to_plane[rows] @ grids.image_R_grid
+        planes = _planes(views.templates[rows], grid_to_plane, grids)
+        out[rows] = blur_along_rows(_sampled(planes, grid_to_plane, grids), grids)
     return out
 
 
-def _sampled(planes: Float32Array, strip_to_plane: FloatArray, strips: Strips) -> Float32Array:
+def _sampled(planes: Float32Array, grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
     """(N, height, width) grey values of planes (N, C, C) on the grids; edges are repeated."""
     count, size = planes.shape[:2]
     half = np.float32(size // 2)
-    grid = offsets_from_middle(strips.height, strips.width)
-    x, y = (strip_to_plane[:, axis].astype(np.float32) @ grid for axis in (0, 1))
+    grid = pixel_offsets(grids.height, grids.width)
+    x, y = (grid_to_plane[:, axis].astype(np.float32) @ grid for axis in (0, 1))
     # the planes below each other as one picture, whose sides OpenCV repeats, and we what is between them
     np.clip(y, -half, half, out=y)
     y += half + size * np.arange(count, dtype=np.float32)[:, None]
     x += half
     tiles = planes.reshape(-1, size)
     out = cv2.remap(tiles, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(out.reshape(count, strips.height, strips.width), np.float32)
+    return np.asarray(out.reshape(count, grids.height, grids.width), np.float32)
 
 
-def _planes(stored: npt.NDArray[np.uint8], strip_to_plane: FloatArray, strips: Strips) -> Float32Array:
+def _planes(stored: npt.NDArray[np.uint8], grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
     """(N, C, C) one picture of each plane, a pixel for a pixel of level 0: coarse levels around finer ones.
 
     A level serves where it is no finer than the image; coarser ones reach farther and fill the
     surroundings, as far as the grids reach.
     """
     levels, side = stored.shape[1:3]
-    step = np.sqrt(np.abs(np.linalg.det(strip_to_plane)))
+    step = np.sqrt(np.abs(np.linalg.det(grid_to_plane)))
     finest = np.round(np.log2(np.maximum(step, 1e-6)))
-    reach = np.abs(strip_to_plane) @ np.array([strips.width / 2, strips.height / 2])
+    reach = np.abs(grid_to_plane) @ np.array([grids.width / 2, grids.height / 2])
     needed = max(np.log2(reach.max() / (side // 2)), finest.max())
     coarsest = int(np.clip(np.ceil(needed), 0, levels - 1))
     out = _enlarged(stored[:, coarsest], coarsest)

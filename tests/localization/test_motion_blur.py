@@ -4,24 +4,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vgps.localization.blur import blur_strips, offsets_from_middle, strips_along
+from vgps.localization.motion_blur import blur_along_rows, blur_grids, pixel_offsets
 
 motions = st.lists(st.tuples(st.floats(-60, 60), st.floats(-60, 60)), min_size=1, max_size=6).map(np.array)
 
 
 def blurred(image, blur_px, side):
     """Templates around the middle of an image, sampled on the grids and blurred."""
-    strips = strips_along(blur_px, side)
-    at = strips.image_R_strip @ offsets_from_middle(strips.height, strips.width)
+    grids = blur_grids(blur_px, side)
+    at = grids.image_R_grid @ pixel_offsets(grids.height, grids.width)
     u, v = (at[:, axis].astype(np.float32) + image.shape[1 - axis] // 2 for axis in (0, 1))
     sampled = cv2.remap(image, u, v, cv2.INTER_LINEAR)
-    return blur_strips(sampled.reshape(-1, strips.height, strips.width), strips)
+    return blur_along_rows(sampled.reshape(-1, grids.height, grids.width), grids)
 
 
 @given(motions, st.sampled_from([5, 15, 21]))
 def test_a_grid_is_a_turned_one_that_holds_the_template_and_its_motion(blur_px, side):
-    strips = strips_along(blur_px, side)
-    turned = strips.image_R_strip
+    grids = blur_grids(blur_px, side)
+    turned = grids.image_R_grid
     np.testing.assert_allclose(
         turned.transpose(0, 2, 1) @ turned, np.tile(np.eye(2), (len(turned), 1, 1)), atol=1e-6
     )
@@ -29,8 +29,8 @@ def test_a_grid_is_a_turned_one_that_holds_the_template_and_its_motion(blur_px, 
     # the corners of the template, half a motion on and back, in the grid's own axes
     corners = (side // 2) * np.array([[-1, -1, 1, 1], [-1, 1, -1, 1.0]])
     reach = np.abs(turned.transpose(0, 2, 1) @ corners).max(axis=2)
-    assert (reach[:, 0] + strips.length_px / 2 + 1 <= strips.width // 2 + 0.5).all()
-    assert (reach[:, 1] + 1 <= strips.height // 2).all()
+    assert (reach[:, 0] + grids.length_px / 2 + 1 <= grids.width // 2 + 0.5).all()
+    assert (reach[:, 1] + 1 <= grids.height // 2).all()
 
 
 @given(motions, st.floats(0, 255))

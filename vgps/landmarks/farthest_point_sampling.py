@@ -10,7 +10,7 @@ _ERROR_UNIT_PX = 1.0  # a reprojection error of this size makes a difference cou
 
 
 @dataclass(frozen=True)
-class Differences:
+class ViewMetric:
     """How differences in direction and in scale compare: so many degrees, or so many octaves, are one."""
 
     angle_unit_deg: float
@@ -21,7 +21,7 @@ class Differences:
         return np.column_stack([direction / np.radians(self.angle_unit_deg), octave / self.octave_unit])
 
 
-def spread_out(
+def farthest_point_sampling(
     landmark: IntArray, place: FloatArray, error_px: FloatArray, count: int, least: float
 ) -> BoolArray:
     """Choose up to ``count`` observations of each landmark, each time the one furthest from those chosen.

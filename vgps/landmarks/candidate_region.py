@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import SelectionConfig
-from vgps.landmarks.cache import LandmarkPool
 from vgps.landmarks.database_file import DatabaseFile
-from vgps.landmarks.selection import corner_cosine, focal_px
+from vgps.landmarks.landmark_table import LandmarkTable
+from vgps.landmarks.view_selection import corner_cosine, focal_px
 from vgps.model import BoolArray, Camera, Float32Array, FloatArray, IntArray
 
 _AROUND = """
@@ -19,7 +19,7 @@ _ROUNDING = 1e-3  # of the float32 numbers by which landmarks are passed over, i
 
 
 @dataclass(frozen=True)
-class Region:
+class CandidateRegion:
     """Landmarks of use within ``radius_m`` of a place to a camera of such optics.
 
     Attributes:
@@ -44,13 +44,13 @@ def optics(camera: Camera, max_depth_m: float | None) -> tuple[float, float, flo
     return focal_px(camera), corner_cosine(camera), max_depth_m
 
 
-def region_around(
+def find_candidates(
     centre: FloatArray,
     seen_by: tuple[float, float, float | None],
     file: DatabaseFile,
-    pool: LandmarkPool,
+    pool: LandmarkTable,
     config: SelectionConfig,
-) -> Region:
+) -> CandidateRegion:
     """All landmarks that have a view which may suit a camera of such optics near a place.
 
     Raises:
@@ -58,11 +58,11 @@ def region_around(
     """
     rows = pool.rows(_cells_around(centre, seen_by, file, config))
     suits, cost = _prospects(centre, rows, seen_by, pool, config)
-    rows, badness = rows[suits], (pool.numbers[rows, 3] * (1 + cost))[suits]
-    rows = rows[np.argsort(badness, kind="stable")]
+    rows, ranking_cost = rows[suits], (pool.numbers[rows, 3] * (1 + cost))[suits]
+    rows = rows[np.argsort(ranking_cost, kind="stable")]
     points = np.ones((4, len(rows)), np.float32)
     points[:3] = (pool.numbers[rows, :3] - centre).T
-    return Region(centre, config.region_m, seen_by, rows, points)
+    return CandidateRegion(centre, config.region_m, seen_by, rows, points)
 
 
 def _cells_around(
@@ -95,7 +95,7 @@ def _prospects(
     centre: FloatArray,
     rows: IntArray,
     seen_by: tuple[float, float, float | None],
-    pool: LandmarkPool,
+    pool: LandmarkTable,
     config: SelectionConfig,
 ) -> tuple[BoolArray, FloatArray]:
     """Of landmarks (n,) whether they were seen about so large and from about there, and what that costs.
@@ -112,7 +112,7 @@ def _prospects(
         nearest <= most + config.further_octaves + _ROUNDING
     )
     along = np.einsum("ij,ij->i", to_camera, pool.mean_direction[rows]) / distance
-    angle = np.arccos(np.clip(along, -1.0, 1.0)) - pool.slack_rad[rows]
+    angle = np.arccos(np.clip(along, -1.0, 1.0)) - pool.spread_rad[rows]
     turned = np.arcsin(np.minimum(config.region_m / distance, 1.0))
     limit = np.radians(config.max_view_angle_deg) + turned + _ROUNDING
     suits &= (angle <= limit) | (distance <= config.region_m)

@@ -10,9 +10,8 @@ from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo
 
 from vgps.camera import camera_fields
 from vgps.cli import main
-from vgps.landmarks.contents import LandmarkContents, Source
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.views import LandmarkViews
+from vgps.landmarks.model import DatabaseContents, LandmarkViews, Source
 from vgps.readers.trajectory import read_trajectory
 
 VIDEO = WallVideo(8)
@@ -24,7 +23,7 @@ def database(tmp_path_factory):
     views = LandmarkViews(**wall.all_views)
     path = tmp_path_factory.mktemp("wall") / "wall.db"
     write_database(
-        LandmarkContents(ORIGIN, views, wall.keyframes(), (Source("wall", "all", len(views), "{}"),)),
+        DatabaseContents(ORIGIN, views, wall.keyframes(), (Source("wall", "all", len(views), "{}"),)),
         path,
     )
     return path
