@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from vgps.config import Config
-from vgps.evaluation import Evaluation, evaluate_run
+from vgps.evaluation import Evaluation, evaluate
 from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
 from vgps.report import write_report
@@ -27,4 +27,4 @@ def demo(out: Path, seed: int, progress: Progress) -> tuple[Solution, Evaluation
     solution = smooth(open_recording(recording), Config(seed=seed), progress)
     write_run(solution, run)
     write_report(solution, out / "report.html")
-    return solution, evaluate_run(run, recording / "truth.tum")
+    return solution, evaluate(solution, recording / "truth.tum")

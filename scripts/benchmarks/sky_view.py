@@ -115,7 +115,7 @@ def row(name: str, recording: Recording, truth: Trajectory, offset: FloatArray |
     errors, refused, radii = [], [], []
     for config in (off, on):
         run = optimise_all(front.copied(), config)
-        errors.append(evaluate(run.trajectory, truth, run.camera_p_antenna).camera_position_m.mean)
+        errors.append(evaluate(run, truth).camera_position_m.mean)
         assert run.fixes is not None
         refused.append(sum(verdict == Verdict.REJECTED for verdict in run.fixes.verdict))
         radii.append(run.fixes.r_m[np.isfinite(run.fixes.residual_m[:, 0])])

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 import vgps
 from vgps.config import Config, Region, read_config
-from vgps.evaluation import match
+from vgps.evaluation import match_times
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 from vgps.readers.calibration import read_rig
@@ -59,7 +59,7 @@ def short_walk(seconds: float, fix_share: float, roll_deg: float = 0.0) -> Scene
 
 def ratios(seed: int, solution: Solution, truth: Trajectory) -> Ratios:
     """Compare poses with the truth, frame by frame, in world axes."""
-    e, t = match(solution.t_s, truth.t_s, 1e-3)
+    e, t = match_times(solution.t_s, truth.t_s, 1e-3)
     found, true = solution.world_T_camera[e], truth.world_T_camera[t]
     position = found[:, :3, 3] - true[:, :3, 3]
     turned = Rotation.from_matrix(found[:, :3, :3] @ true[:, :3, :3].transpose(0, 2, 1))

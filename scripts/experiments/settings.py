@@ -99,9 +99,9 @@ def errors(recording: Recording, seed: int, vary: Sequence[str]) -> dict[str, Er
     found = {}
     for setting, config in settings(vary, seed).items():
         run = optimise_all(front.copied(), config)
-        sigma = run.sigma_position_m
-        judged = evaluate(run.trajectory, truth, run.camera_p_antenna, sigma_position_m=sigma)
-        found[setting] = Error(judged.camera_position_m.mean, judged.nees.mean if judged.nees else np.nan)
+        evaluation = evaluate(run, truth)
+        nees = evaluation.nees.mean if evaluation.nees else np.nan
+        found[setting] = Error(evaluation.camera_position_m.mean, nees)
     return found
 
 

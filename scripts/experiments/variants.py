@@ -126,8 +126,7 @@ def row_of(case: tuple[str, str, int], folder: Path) -> str:
         run = vgps.smooth(made.recording, Config(seed=seed))
     except VgpsError as error:
         return f"{begun}{error} |"
-    sigma = run.sigma_position_m
-    found = evaluate(run.trajectory, true, run.camera_p_antenna, sigma_position_m=sigma)
+    found = evaluate(run, true)
     assert run.fixes is not None and found.nees is not None
     refused = sum(verdict in {"rejected", "down-classed"} for verdict in run.fixes.verdict)
     size, turn = found.camera_position_m, found.rotation_deg

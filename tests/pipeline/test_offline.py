@@ -22,7 +22,7 @@ def truth_of(recording: Path):
 
 
 def errors(solution, recording):
-    return evaluate(solution.trajectory, truth_of(recording), solution.camera_p_antenna)
+    return evaluate(solution, truth_of(recording))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_config
 from vgps.errors import ConfigError
-from vgps.evaluation import as_json, as_table, evaluate_run, table
+from vgps.evaluation import comparison_table, evaluation_table, to_json
+from vgps.evaluation import evaluate as evaluate_run
 from vgps.model import GeodeticPoint
 from vgps.readers.recording import open_recording
 from vgps.survey import SurveyOptions, survey_logs
@@ -31,9 +32,9 @@ def evaluate(
     """
     evaluation = evaluate_run(run, truth)
     if as_json_text:
-        print(json.dumps(as_json(evaluation), indent=2))
+        print(json.dumps(to_json(evaluation), indent=2))
     else:
-        Console().print(as_table(evaluation, str(run)))
+        Console().print(evaluation_table(evaluation, str(run)))
 
 
 @app.command
@@ -64,7 +65,7 @@ def compare(
     settings = read_config(config).with_gps(None, survey).with_seed(seed)
     found = compare_models(open_recording(recording, gps=gps), truth, settings, TerminalProgress())
     page, data = write_comparison(found, out)
-    Console().print(table(list(found.evaluations.items()), str(recording)))
+    Console().print(comparison_table(list(found.evaluations.items()), str(recording)))
     say(f"wrote {page} and {data}")
 
 

@@ -7,7 +7,7 @@ from rich.console import Console
 from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import GpsModel, read_config
-from vgps.evaluation import as_table
+from vgps.evaluation import evaluation_table
 from vgps.pipeline.offline import smooth as smooth_recording
 from vgps.readers.recording import open_recording
 from vgps.runtime.timing import one_after_another
@@ -27,7 +27,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
 
     solution, evaluation = run_demo(out, seed, TerminalProgress())
     _summary(solution, out / "run")
-    Console().print(as_table(evaluation, "against the simulation's exact truth"))
+    Console().print(evaluation_table(evaluation, "against the simulation's exact truth"))
     say(f"recording: {out / 'recording'}\nresults:   {out / 'run'}\nreport:    {out / 'report.html'}")
 
 

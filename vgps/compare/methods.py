@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, GpsModel
 from vgps.errors import TrajectoryError
-from vgps.evaluation import Evaluation, evaluate, match
+from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.pipeline.offline import FrontEnd, optimise_all, track_and_map
 from vgps.readers.calibration import rig_beside
@@ -89,9 +89,7 @@ def compare(
         check_world(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":
             solution = _placed(solution, true)
-        evaluations[method.name] = evaluate(
-            solution.trajectory, true, solution.camera_p_antenna, sigma_position_m=solution.sigma_position_m
-        )
+        evaluations[method.name] = evaluate(solution, true)
         paths[method.name] = solution.world_T_camera[:, :3, 3]
         seconds[method.name] = solution.seconds["batch"]
         if solution.fixes is not None:
@@ -121,7 +119,7 @@ def front_ends(
 
 def _placed(solution: Solution, true: Trajectory) -> Solution:
     """Moved, turned and scaled so that the first frames lie where they truly were."""
-    e, t = match(solution.t_s, true.t_s, float(np.median(np.diff(solution.t_s))) / 2)
+    e, t = match_times(solution.t_s, true.t_s, float(np.median(np.diff(solution.t_s))) / 2)
     e, t = e[:_FIRST_FRAMES], t[:_FIRST_FRAMES]
     if len(e) < 2:
         raise TrajectoryError("the truth has fewer than two of the first frames", expected=f"{_FIRST_FRAMES}")
@@ -133,7 +131,8 @@ def _placed(solution: Solution, true: Trajectory) -> Solution:
     poses[:, :3, :3] = R @ poses[:, :3, :3]
     shift = wanted[:, :3, 3].mean(axis=0) - scale * R @ found[:, :3, 3].mean(axis=0)
     poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + shift
-    return replace(solution, world_T_camera=poses, sigma_position_m=scale * solution.sigma_position_m)
+    sigma = scale * solution.sigma_position_m
+    return replace(solution, georeferenced=True, world_T_camera=poses, sigma_position_m=sigma)
 
 
 def check_world(found: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:

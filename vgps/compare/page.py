@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vgps.compare.methods import Comparison
-from vgps.evaluation import as_json as evaluation_as_json
+from vgps.evaluation import to_json
 from vgps.writers.atomic import new_file
 from vgps.writers.page import embedded, tidy, write_page
 
@@ -20,7 +20,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     """Errors of every method, and the ratios of their means to methods B and C."""
     methods: dict[str, Any] = {}
     for name, evaluation in comparison.evaluations.items():
-        methods[name] = {**evaluation_as_json(evaluation), "seconds": comparison.seconds[name]}
+        methods[name] = {**to_json(evaluation), "seconds": comparison.seconds[name]}
     return {"recording": str(comparison.recording), "methods": methods, "ratios": ratios(comparison)}
 
 

@@ -1,18 +1,20 @@
-"""How far an estimate is from a truth: errors without alignment first, tables for one run or several."""
+"""Errors of an estimate against a truth: computed without alignment first, then printed or as JSON."""
 
-from vgps.evaluation.metrics import Evaluation, Nees, Spread, align, evaluate, match
-from vgps.evaluation.run import evaluate_run
-from vgps.evaluation.tables import as_json, as_table, table
+from vgps.evaluation.alignment import align
+from vgps.evaluation.association import match_times
+from vgps.evaluation.metrics import ErrorStatistics, Evaluation, Nees, trajectory_errors
+from vgps.evaluation.run import evaluate
+from vgps.evaluation.tables import comparison_table, evaluation_table, to_json
 
 __all__ = [
+    "ErrorStatistics",
     "Evaluation",
     "Nees",
-    "Spread",
     "align",
-    "as_json",
-    "as_table",
+    "comparison_table",
     "evaluate",
-    "evaluate_run",
-    "match",
-    "table",
+    "evaluation_table",
+    "match_times",
+    "to_json",
+    "trajectory_errors",
 ]

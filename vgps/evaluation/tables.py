@@ -1,4 +1,4 @@
-"""Evaluations for people and for scripts."""
+"""Evaluations as tables for people and as JSON for scripts."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, fields
@@ -9,9 +9,9 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from vgps.evaluation.metrics import Evaluation, Spread
+from vgps.evaluation.metrics import ErrorStatistics, Evaluation
 
-_STATISTICS = tuple(item.name for item in fields(Spread))
+_STATISTICS = tuple(item.name for item in fields(ErrorStatistics))
 _ROWS = (
     ("camera position [m]", "camera_position_m"),
     ("  horizontal [m]", "camera_horizontal_m"),
@@ -20,8 +20,8 @@ _ROWS = (
     ("  horizontal [m]", "antenna_horizontal_m"),
     ("  vertical [m]", "antenna_vertical_m"),
     ("rotation [deg]", "rotation_deg"),
-    ("camera aligned by SE3 [m]", "camera_position_after_se3_m"),
-    ("camera aligned by Sim3 [m]", "camera_position_after_sim3_m"),
+    ("camera, SE(3)-aligned [m]", "camera_position_after_se3_m"),
+    ("camera, Sim(3)-aligned [m]", "camera_position_after_sim3_m"),
 )
 _COLUMNS = (
     "frames",
@@ -31,13 +31,13 @@ _COLUMNS = (
     "antenna\nstd",
     "antenna\nmax",
     "angle\nmean",
-    "SE3\nmean",
+    "SE(3)\nmean",
     "NEES",
 )
 
 
-def as_json(evaluation: Evaluation) -> dict[str, Any]:
-    """An evaluation in JSON's own types, units in the names, without the arrays over frames."""
+def to_json(evaluation: Evaluation) -> dict[str, Any]:
+    """Convert an evaluation to JSON types, with units in the keys and without the per-frame arrays."""
     return {
         item.name: _plain(getattr(evaluation, item.name))
         for item in fields(evaluation)
@@ -45,28 +45,28 @@ def as_json(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def as_table(evaluation: Evaluation, title: str | None = None) -> Table:
-    """An evaluation as a table; errors are unaligned where the row does not say otherwise."""
+def evaluation_table(evaluation: Evaluation, title: str | None = None) -> Table:
+    """Return a table of all errors; they are unaligned unless the row says otherwise."""
     rendered = Table(title=_escaped(title), caption_justify="left")
     rendered.caption = escape("\n".join(_footnotes(evaluation)))
     rendered.add_column("error")
     for statistic in _STATISTICS:
         rendered.add_column(statistic, justify="right")
     for label, name in _ROWS:
-        spread: Spread | None = getattr(evaluation, name)
-        if spread is not None:
+        statistics: ErrorStatistics | None = getattr(evaluation, name)
+        if statistics is not None:
             rendered.add_row(
-                escape(label), *(f"{getattr(spread, statistic):.3f}" for statistic in _STATISTICS)
+                escape(label), *(f"{getattr(statistics, statistic):.3f}" for statistic in _STATISTICS)
             )
     return rendered
 
 
-def table(evaluations: Sequence[tuple[str, Evaluation]], title: str | None = None) -> Table:
-    """Several named evaluations side by side, a row each; fits 80 columns with names of up to 16."""
+def comparison_table(evaluations: Sequence[tuple[str, Evaluation]], title: str | None = None) -> Table:
+    """Return a table with a row per named evaluation; it fits 80 columns with names of up to 16."""
     rendered = Table(
         title=_escaped(title), box=SIMPLE_HEAD, padding=(0, 0), pad_edge=False, caption_justify="left"
     )
-    rendered.caption = "metres, angle of rotation in degrees; unaligned but for the column SE3"
+    rendered.caption = "metres, rotation angle in degrees; unaligned except for the column SE(3)"
     rendered.add_column("name", overflow="fold")
     for column in _COLUMNS:
         rendered.add_column(column, justify="right", no_wrap=True)
@@ -88,25 +88,22 @@ def table(evaluations: Sequence[tuple[str, Evaluation]], title: str | None = Non
 
 
 def _escaped(title: str | None) -> str | None:
-    return None if title is None else escape(title)  # rich takes [m] for markup
+    return None if title is None else escape(title)  # rich would read [m] as markup
 
 
 def _footnotes(e: Evaluation) -> list[str]:
-    posed = (
-        "every frame posed"
-        if e.every_frame_posed
-        else f"{e.frames_truth - e.frames_matched} frames not posed"
-    )
+    missing = e.frames_truth - e.frames_matched
+    posed = "every frame has a pose" if e.every_frame_posed else f"{missing} frames have no pose"
     lines = [
         f"{e.frames_matched} of {e.frames_truth} frames of the truth matched, {posed}; "
-        f"{e.frames_estimate} in the estimate; at most {e.largest_gap_s:.4f} s apart "
-        f"(tolerance {e.tolerance_s:.4f} s), nothing interpolated"
+        f"{e.frames_estimate} frames in the estimate; time difference at most {e.largest_gap_s:.4f} s "
+        f"(limit {e.tolerance_s:.4f} s), nothing interpolated"
     ]
     if e.sim3_scale is not None:
-        lines.append(f"scale of the similarity alignment {e.sim3_scale:.5f}")
+        lines.append(f"scale of the Sim(3) alignment: {e.sim3_scale:.5f}")
     if e.nees is not None:
         lines.append(
-            f"position NEES {e.nees.mean:.2f} (3 if the sigmas are honest), "
+            f"position NEES {e.nees.mean:.2f} (3 if the stated standard deviations are right), "
             f"{100 * e.nees.within_95:.0f} % of frames within the 95 % bound"
         )
     return [*lines, *e.notes]

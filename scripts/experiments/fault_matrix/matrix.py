@@ -94,7 +94,7 @@ def run_fault(
             except _NO_RESULT as error:
                 row[method.name] = Cell.of_failure(error)
                 continue
-            found = evaluate(solution.trajectory, true, solution.camera_p_antenna).camera_position_m
+            found = evaluate(solution, true).camera_position_m
             counts = _counts(solution.fixes, faulty, method)
             row[method.name] = Cell(found.mean, found.max, *counts)
     except _NO_RESULT as error:

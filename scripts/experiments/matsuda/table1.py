@@ -24,7 +24,7 @@ from scripts.experiments.matsuda.tracking_errors import (
     rates_deg_s,
 )
 from vgps.config import TrackConfig
-from vgps.evaluation.run import in_world
+from vgps.evaluation.run import change_origin
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import Localizer
 from vgps.localization.tracker import TrackedFrame
@@ -143,7 +143,7 @@ def main() -> None:
     found: dict[str, Errors] = {}
     with LandmarkDatabase.open(given.landmarks, TrackConfig().selection) as database:
         if recording.rig.world_origin is not None and database.world_origin is not None:
-            truth = in_world(truth, recording.rig.world_origin, database.world_origin)
+            truth = change_origin(truth, recording.rig.world_origin, database.world_origin)
         with ProcessPoolExecutor(2) as pool:
             places = repeat(given.recording), repeat(given.landmarks)
             for name, frames in zip(METHODS, pool.map(run, *places, METHODS), strict=True):
