@@ -38,7 +38,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import vgps
-from vgps.config import LandmarksConfig, TrackConfig
+from vgps.config import LandmarksConfig, LocalizationConfig
 from vgps.geometry import project
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
@@ -107,7 +107,7 @@ plt.show()
 # motion, and the picture there, for the landmarks that match best. Correlations over all landmarks follow.
 
 # %%
-config, camera = TrackConfig(), recording.camera
+config, camera = LocalizationConfig(), recording.camera
 database = LandmarkDatabase.open(here / "street.vgps", config.selection)
 localizer = Localizer(recording, database, config)
 
@@ -157,7 +157,7 @@ VARIANTS = {
 }
 results = {}
 for name, changes in VARIANTS.items():
-    settings = TrackConfig.model_validate(changes)
+    settings = LocalizationConfig.model_validate(changes)
     with LandmarkDatabase.open(here / "street.vgps", settings.selection) as opened:
         tracker = Localizer(recording, opened, settings)
         results[name] = [tracker.add(frame.t_s, tracker.undistort(frame.gray)) for frame in frames]

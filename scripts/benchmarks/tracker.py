@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import Localizer, search, tracker
 from vgps.localization.graph_estimator import GraphEstimator
@@ -61,7 +61,7 @@ def main() -> None:
     for name, (place, function) in PARTS.items():
         setattr(place, function, timed(getattr(place, function), name, spent))
     for estimator in ("frame", "graph"):
-        config = TrackConfig.model_validate({"estimator": estimator})
+        config = LocalizationConfig.model_validate({"estimator": estimator})
         wall, processor, held, followed = [], [], 0, 0
         parts: Counter[str] = Counter()
         with LandmarkDatabase.open(given.landmarks, config.selection) as database, one_blas_thread():

@@ -81,9 +81,9 @@ def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, monk
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        ("max_landmark: 3\n", "key max_landmark: unknown key"),
-        ("blur: some\n", "key blur: found 'some'"),
-        ("selection: {octaves: 1}\n", "key selection.octaves: unknown key"),
+        ("localization: {max_landmark: 3}\n", "did you mean localization.max_landmarks?"),
+        ("localization: {blur: some}\n", "key localization.blur: found 'some'"),
+        ("localization: {selection: {octaves: 1}}\n", "key localization.selection.octaves: unknown key"),
     ],
 )
 def test_a_bad_setting_is_one_line(recording, database, tmp_path, monkeypatch, capsys, config, said):

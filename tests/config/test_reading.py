@@ -1,3 +1,5 @@
+import re
+
 import pytest
 import yaml
 from pydantic import ValidationError
@@ -37,6 +39,49 @@ def test_the_resolved_configuration_reads_back_the_same(tmp_path):
 def test_what_is_wrong_is_told_with_its_place(tmp_path, text, told):
     with pytest.raises(ConfigError, match=told):
         read_config(written(tmp_path / "c.yaml", text))
+
+
+@pytest.mark.parametrize(
+    ("text", "guess"),
+    [
+        ("gps: {omga: 1}", "key gps.omga: unknown key; did you mean gps.omega?"),
+        ("gsp: {omega: 1}", "key gsp: unknown key; did you mean gps?"),
+        ("omega: 1", "key omega: unknown key; did you mean gps.omega?"),
+        ("localization: {octave_unit: 1}", "did you mean landmarks.octave_unit or localization.selection"),
+        ("zzz: 1", "key zzz: unknown key; remove it or correct its spelling; vgps config lists"),
+    ],
+)
+def test_an_unknown_key_is_answered_by_the_setting_that_may_be_meant(tmp_path, text, guess):
+    with pytest.raises(ConfigError, match=re.escape(guess)):
+        read_config(written(tmp_path / "c.yaml", text))
+
+
+def test_the_file_that_version_0_1_had_for_the_tracker_is_read(tmp_path, caplog):
+    text = "estimator: frame\nwindow: fixed\nselection: {max_tilt_deg: 60}\n"
+    found = read_config(written(tmp_path / "track.yaml", text))
+    tracker = found.localization
+    assert (tracker.estimator, tracker.window, tracker.selection.max_tilt_deg) == ("frame", "fixed", 60.0)
+    assert found.window == Config().window
+    assert len(caplog.messages) == 3
+    assert caplog.messages[0].endswith("track.yaml: setting estimator is now called localization.estimator")
+
+
+def test_settings_of_version_0_1_are_read_under_their_old_names(tmp_path, caplog):
+    text = "judge: {tail_size: 3.0}\nsensors: {lag_s: 0.1, estimate_lag: 'no'}\nmin_sightings: 5\n"
+    found = read_config(written(tmp_path / "c.yaml", text))
+    assert found.outliers.tail_size == 3.0
+    assert (found.sensors.time_offset_s, found.sensors.estimate_time_offset) == (0.1, "no")
+    assert found.landmarks.min_observations == 5
+    assert len(caplog.messages) == 5  # one more for the place of min_sightings
+
+
+def test_a_setting_given_twice_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="outliers is also given under its old name judge; keep one"):
+        read_config(written(tmp_path / "c.yaml", "judge: {tail_size: 3}\noutliers: {tail_size: 2}\n"))
+
+
+def test_an_empty_section_changes_nothing(tmp_path):
+    assert read_config(written(tmp_path / "c.yaml", "gps:\nlocalization:\n  selection:\n")) == Config()
 
 
 def test_an_empty_file_and_none_are_the_defaults(tmp_path):

@@ -184,7 +184,8 @@ def test_a_small_cache_changes_nothing(tmp_path: Path, cache_mb: int) -> None:
 def test_no_more_landmarks_than_asked_for(tmp_path: Path) -> None:
     contents = random_contents(3, landmarks=4000)
     pose = random_poses(np.random.default_rng(3), 1, 1.0)[0]
-    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+    selection = SelectionConfig(nearer_octaves=1.0, further_octaves=2.0)
+    with LandmarkDatabase.open(written(tmp_path, contents), selection) as database:
         everything = database.views(pose, CAMERA)
         some = database.views(pose, CAMERA, max_landmarks=20)
         assert_same_views(database.views(pose, CAMERA, max_landmarks=10_000), everything)

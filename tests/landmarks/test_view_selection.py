@@ -26,7 +26,7 @@ def test_what_is_in_the_image_is_what_double_precision_says(max_depth_m: float |
 
 
 def test_the_best_view_is_the_one_that_double_precision_finds() -> None:
-    rng, config = np.random.default_rng(6), SelectionConfig()
+    rng, config = np.random.default_rng(6), SelectionConfig(nearer_octaves=1.0, further_octaves=2.0)
     to_camera, pixel_m = rng.normal(size=(500, 3)), 2 ** rng.uniform(-6, -3, 500)
     there = rng.integers(1, 6, 500)[:, None] > np.arange(5)
     direction, normal = (to_camera[:, None] + rng.normal(scale=0.7, size=(500, 5, 3)) for _ in range(2))

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo, gyro, pose_at
 
-from vgps.config import TrackConfig
+from vgps.config import Config, LocalizationConfig
 from vgps.errors import GeometryError, VideoError
 from vgps.localization import localize
 from vgps.localization.localizer import Localizer, sensor_warnings
@@ -17,6 +17,11 @@ from vgps.writers.run_folder import write_run
 
 BIAS = (0.02, -0.01, 0.015)
 SMALL = {"max_landmarks": 60, "first_landmarks": 30}
+
+
+def with_tracker(**changes):
+    """All settings, with some of the tracker's for a small database."""
+    return Config(localization=LocalizationConfig(**changes, **SMALL))
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +44,7 @@ def errors(poses, t_s):
 
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_a_shaking_camera_is_held_from_a_start_without_a_pose(database, estimator):
-    solution = localize(recording_of(WallVideo(15)), database, TrackConfig(estimator=estimator, **SMALL))
+    solution = localize(recording_of(WallVideo(15)), database, with_tracker(estimator=estimator))
     position, rotation = errors(solution.world_T_camera, solution.t_s)
     assert set(solution.state) == {FrameState.TRACKED}
     assert position.max() < 0.08
@@ -57,7 +62,7 @@ def test_a_shaking_camera_is_held_from_a_start_without_a_pose(database, estimato
 
 def test_the_graph_finds_the_gyros_bias(database):
     recording = recording_of(WallVideo(25), BIAS)
-    localizer = Localizer(recording, database, TrackConfig(**SMALL))
+    localizer = Localizer(recording, database, LocalizationConfig(**SMALL))
     for frame in recording.video.frames():
         localizer.add(frame.t_s, localizer.undistort(frame.gray))
     np.testing.assert_allclose(localizer.gyro_bias_rad_s, BIAS, atol=0.008)
@@ -66,9 +71,7 @@ def test_the_graph_finds_the_gyros_bias(database):
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_black_frames_are_bridged_said_and_left_within_a_second(database, estimator):
     black = tuple(range(5, 13))
-    solution = localize(
-        recording_of(WallVideo(18, black=black)), database, TrackConfig(estimator=estimator, **SMALL)
-    )
+    solution = localize(recording_of(WallVideo(18, black=black)), database, with_tracker(estimator=estimator))
     bridged = {i for i, state in enumerate(solution.state) if state == FrameState.BRIDGED}
     assert bridged == set(black)
     position, rotation = errors(solution.world_T_camera, solution.t_s)
@@ -80,7 +83,7 @@ def test_black_frames_are_bridged_said_and_left_within_a_second(database, estima
 
 
 def test_lost_for_long_it_finds_itself_by_descriptors(database):
-    config = TrackConfig(coast_s=0.3, **SMALL)
+    config = LocalizationConfig(coast_s=0.3, **SMALL)
     recording = recording_of(WallVideo(14, black=tuple(range(3, 10))))
     localizer = Localizer(recording, database, config)
     frames = [localizer.add(f.t_s, localizer.undistort(f.gray)) for f in recording.video.frames()]
@@ -95,11 +98,11 @@ def test_lost_for_long_it_finds_itself_by_descriptors(database):
 def test_a_picture_of_elsewhere_is_no_place(database):
     video = WallVideo(3, black=(0, 1, 2))
     with pytest.raises(GeometryError, match=r"wall.mp4.*landmarks.*expected 6"):
-        localize(recording_of(video), database, TrackConfig(**SMALL))
+        localize(recording_of(video), database, with_tracker())
 
 
 def test_without_a_gyro_it_is_said():
-    found = sensor_warnings(replace(recording_of(WallVideo(3)), gyro=None), TrackConfig())
+    found = sensor_warnings(replace(recording_of(WallVideo(3)), gyro=None), LocalizationConfig())
     assert "no gyro" in found[0]
     assert "constant angular velocity" in found[0]
 
@@ -115,18 +118,18 @@ def test_without_a_gyro_it_is_said():
 def test_what_is_missing_is_said(rig, config, said):
     recording = recording_of(WallVideo(5))
     recording = replace(recording, rig=replace(recording.rig, **rig))
-    assert any(said in warning for warning in sensor_warnings(recording, TrackConfig(**config)))
+    assert any(said in warning for warning in sensor_warnings(recording, LocalizationConfig(**config)))
 
 
 def test_nothing_is_said_of_a_whole_recording_or_of_blur_that_is_not_wanted():
     recording = recording_of(WallVideo(5))
-    assert sensor_warnings(recording, TrackConfig()) == ()
+    assert sensor_warnings(recording, LocalizationConfig()) == ()
     short = replace(recording, rig=replace(recording.rig, exposure_s=None))
-    assert sensor_warnings(short, TrackConfig(blur="none")) == ()
+    assert sensor_warnings(short, LocalizationConfig(blur="none")) == ()
 
 
 def test_a_run_folder_is_written(database, tmp_path):
-    solution = localize(recording_of(WallVideo(4, black=(2,))), database, TrackConfig(**SMALL))
+    solution = localize(recording_of(WallVideo(4, black=(2,))), database, with_tracker())
     write_run(solution, tmp_path / "run")
     assert (tmp_path / "run" / "poses.tum").read_text().count("\n") >= 4
     rows = (tmp_path / "run" / "poses.csv").read_text().splitlines()
@@ -141,4 +144,4 @@ def test_a_video_that_breaks_off_is_told_as_the_reader_does(database):
             raise VideoError("cannot be decoded", file=self.path)
 
     with pytest.raises(VideoError, match=r"wall\.mp4: cannot be decoded"):
-        localize(recording_of(Broken(5)), database, TrackConfig(**SMALL))
+        localize(recording_of(Broken(5)), database, with_tracker())

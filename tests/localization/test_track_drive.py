@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import vgps
-from vgps.config import TrackConfig
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
@@ -24,9 +23,9 @@ def database(data_dir, tmp_path_factory):
 
 @pytest.mark.slow
 def test_every_shaken_frame_is_held(data_dir, database):
-    config = TrackConfig()
+    config = vgps.Config()
     shaken = vgps.open_recording(data_dir / "kitti03_shake")
-    with LandmarkDatabase.open(database, config.selection) as opened:
+    with LandmarkDatabase.open(database, config.localization.selection) as opened:
         solution = localize(shaken, opened, config)
     truth = read_trajectory(data_dir / "kitti03_shake" / "truth.tum", video_start_s=shaken.rig.video_start_s)
     true, odd = truth.world_T_camera, slice(1, None, 2)

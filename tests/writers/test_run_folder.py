@@ -83,6 +83,15 @@ def test_an_older_run_without_the_path_before_the_last_stage_loads(
     assert_same(read_run(tmp_path / "run"), older)
 
 
+def test_settings_of_an_older_run_have_their_present_names(solution: Solution, tmp_path: Path) -> None:
+    older = {"judge": {"tail_size": 3.0}, "sensors": {"lag_s": 0.1}, "window": {"iterations": 4}}
+    write_run(dataclasses.replace(solution, config=older), tmp_path / "run")
+    config = read_run(tmp_path / "run").config
+    assert config["outliers"] == {"tail_size": 3.0}
+    assert config["sensors"] == {"time_offset_s": 0.1}
+    assert config["window"] == {"iterations": 4}
+
+
 def test_the_folder_holds_the_contract_and_nothing_else(solution: Solution, tmp_path: Path) -> None:
     write_run(solution, tmp_path / "new/run")
     assert {path.name for path in (tmp_path / "new/run").iterdir()} == set(FILES)

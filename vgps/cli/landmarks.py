@@ -11,14 +11,13 @@ from rich.text import Text
 
 from vgps.cli.app import app
 from vgps.cli.terminal import TerminalProgress
-from vgps.config import Frames, LandmarksConfig
+from vgps.config import Frames, LandmarksConfig, read_config
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.info import DatabaseInfo, build_from_runs, database_info
 from vgps.writers.atomic import check_file
 
 landmarks = App(name="landmarks", help="Landmark databases: made from runs, to localize other cameras by.")
 app.command(landmarks)
-_DEFAULTS = LandmarksConfig()
 
 
 @landmarks.command
@@ -27,7 +26,8 @@ def build(
     out: Path,
     frames: Frames = "all",
     recording: Path | None = None,
-    settings: Annotated[LandmarksConfig, Parameter(name="*")] = _DEFAULTS,
+    config: Path | None = None,
+    settings: Annotated[LandmarksConfig | None, Parameter(name="*")] = None,
 ) -> None:
     """Make a landmark database from one or several runs.
 
@@ -37,10 +37,12 @@ def build(
         frames: Which frames of the video give templates: all, even or odd. The landmarks' positions are
             those of the whole run in any case.
         recording: Folder of the recording, where it has moved since the run.
+        config: YAML that overrides the defaults.
         settings: Which landmarks are known well enough, and what is kept of them.
     """
     check_file(out)
-    contents = build_from_runs(runs, frames, settings, recording, progress=TerminalProgress())
+    limits = read_config(config).with_landmarks(settings).landmarks
+    contents = build_from_runs(runs, frames, limits, recording, progress=TerminalProgress())
     write_database(contents, out)
     Console().print(_as_table(database_info(out)))
 

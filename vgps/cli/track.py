@@ -5,7 +5,7 @@ from typing import Literal
 
 from vgps.cli.app import app, note, say
 from vgps.cli.terminal import TerminalProgress
-from vgps.config import TrackConfig, read_settings
+from vgps.config import read_config
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import localize
 from vgps.readers.recording import open_recording
@@ -32,16 +32,14 @@ def track(
         landmarks: Database, as `vgps landmarks build` writes it.
         out: Run folder to write.
         estimator: Pose each frame by itself, or the last second's frames together (graph, the default).
-        config: YAML that overrides the tracker's defaults.
+        config: YAML that overrides the defaults.
         camera: Another camera.yaml, a path or a name inside the folder.
         rig: Another rig.yaml, a path or a name inside the folder.
     """
     check_writable(out)
-    settings = read_settings(config, TrackConfig)
-    if estimator is not None:
-        settings = settings.model_copy(update={"estimator": estimator})
+    settings = read_config(config).with_estimator(estimator)
     opened = open_recording(recording, camera=camera, rig=rig, with_gps=False)
-    with LandmarkDatabase.open(landmarks, settings.selection) as database:
+    with LandmarkDatabase.open(landmarks, settings.localization.selection) as database:
         solution = localize(opened, database, settings, TerminalProgress())
     write_run(solution, out)
     for warning in solution.warnings:

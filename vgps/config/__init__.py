@@ -3,12 +3,13 @@
 The resolved configuration is saved beside every result. A field's comment says which test it feeds.
 """
 
-from vgps.config.base import SettingsModel
+from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
+from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
-from vgps.config.localization import TrackConfig
-from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
-from vgps.config.reading import read_settings, read_survey
+from vgps.config.localization import LocalizationConfig
+from vgps.config.online import OnlineConfig
+from vgps.config.reading import read_survey, setting_names
 from vgps.config.root import Config, read_config
 from vgps.config.smoothing import (
     BatchConfig,
@@ -30,6 +31,7 @@ __all__ = [
     "GyroCalibrationConfig",
     "IntrinsicsConfig",
     "LandmarksConfig",
+    "LocalizationConfig",
     "MappingConfig",
     "MotionConfig",
     "OnlineConfig",
@@ -41,10 +43,10 @@ __all__ = [
     "SettingsModel",
     "SkyConfig",
     "StartConfig",
-    "TrackConfig",
     "TrackingConfig",
     "WindowConfig",
+    "present_names",
     "read_config",
-    "read_settings",
     "read_survey",
+    "setting_names",
 ]

@@ -1,6 +1,7 @@
 """What goes into a landmark database, and which of it suits a camera."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
@@ -12,6 +13,8 @@ Frames = Literal["all", "even", "odd"]
 
 class LandmarksConfig(SettingsModel):
     """Which landmarks, views and keyframes of a run go into a database."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"min_sightings": "min_observations"}
 
     patch_px: Literal[7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31] = 15
     """Side of a template, odd, so that its middle is a pixel."""
@@ -48,10 +51,10 @@ class SelectionConfig(SettingsModel):
     """A view is of use while the landmark is seen within this angle of the direction that it shows."""
     max_tilt_deg: PositiveFloat = 75.0
     """And while the direction to the camera is within this angle of the template's normal."""
-    nearer_octaves: NonNegativeFloat = 1.0
+    nearer_octaves: NonNegativeFloat = 0.7
     """And while the camera sees the landmark at most 2**this times larger than the view does,"""
-    further_octaves: NonNegativeFloat = 2.0
-    """or 2**this times smaller, which the coarser levels of a template serve."""
+    further_octaves: NonNegativeFloat = 0.7
+    """or 2**this times smaller; what was seen from much nearer may be hidden from afar."""
     angle_unit_deg: PositiveFloat = 10.0
     """The best view is nearest in direction, in this unit,"""
     octave_unit: PositiveFloat = 0.5

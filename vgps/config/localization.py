@@ -1,4 +1,4 @@
-"""Settings of the tracker against a landmark database; a YAML file overrides, an unknown key is an error."""
+"""Settings of the tracker against a landmark database."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from vgps.config.base import SettingsModel
 from vgps.config.landmarks import SelectionConfig
 
 
-class TrackConfig(SettingsModel):
+class LocalizationConfig(SettingsModel):
     """The tracker of Matsuda 2007, (A) to (E), and its variants."""
 
     estimator: Literal["frame", "graph"] = "graph"
@@ -23,8 +23,7 @@ class TrackConfig(SettingsModel):
     window: Literal["depth", "fixed"] = "depth"
     """(D) window by depth, Eq. (6), or one size for all."""
 
-    selection: SelectionConfig = SelectionConfig(nearer_octaves=0.7, further_octaves=0.7)
-    """Views that suit, for opening the database. What was seen from much nearer may be hidden from afar."""
+    selection: SelectionConfig = SelectionConfig()
     max_landmarks: PositiveInt = Field(default=120, le=2000)
     """Landmarks looked for in a frame."""
     first_landmarks: PositiveInt = Field(default=40, le=2000)

@@ -1,36 +1,47 @@
-"""Settings and surveys read from YAML files; what is wrong in one is a single line."""
+"""Settings and surveys read from YAML files; what is wrong with one is a single line."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from vgps.config.base import SettingsModel
+from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import Region
 from vgps.errors import ConfigError
 from vgps.model import FixClass
 
 Settings = TypeVar("Settings", bound=SettingsModel)
 
+log = logging.getLogger(__name__)
 
-def read_settings(path: Path | None, kind: type[Settings]) -> Settings:
-    """The defaults of a settings model, overridden by the YAML file at ``path`` if there is one.
+
+def read_settings(path: Path, model: type[Settings]) -> Settings:
+    """Return the defaults of a settings model, overridden by a YAML file.
+
+    A warning names the present name of each setting that has an old one in the file.
 
     Raises:
         ConfigError: Not readable, an unknown key or an impossible value.
     """
-    if path is None:
-        return kind()
     try:
-        return kind.model_validate(_read_yaml(path))
+        settings, notes = present_names(_read_yaml(path), model)
+        found = model.model_validate(settings)
+    except PydanticCustomError as error:
+        raise ConfigError(str(error), file=path, remedy="keep one of the two") from error
     except ValidationError as error:
-        raise _as_config_error(error, path) from error
+        raise _as_config_error(error, path, model) from error
+    for text in notes:
+        log.warning("%s: %s", path, text)
+    return found
 
 
 def read_survey(path: Path) -> dict[FixClass, Region]:
-    """Regions r(p), h(p) per fix class from a survey file; other keys may stand beside them.
+    """Return the regions r(p), h(p) per fix class from a survey file; other keys may stand beside them.
 
     Raises:
         ConfigError: Not readable, no known class, or impossible sizes.
@@ -43,11 +54,21 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
         try:
             regions[FixClass(name)] = Region.model_validate(sizes)
         except ValidationError as error:
-            raise _as_config_error(error, path) from error
+            raise _as_config_error(error, path, Region, (name,)) from error
     if not regions:
         known = ", ".join(FixClass)
         raise ConfigError("no fix class in it", file=path, expected=f"one of {known}, each with r_m and h_m")
     return regions
+
+
+def setting_names(model: type[SettingsModel], place: str = "") -> Iterator[str]:
+    """Yield the dotted names of all settings of a model."""
+    sections = model.sections()
+    for name in model.model_fields:
+        if name in sections:
+            yield from setting_names(sections[name], f"{place}{name}.")
+        else:
+            yield f"{place}{name}"
 
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
@@ -64,10 +85,29 @@ def _read_yaml(path: Path) -> Mapping[str, Any]:
     return data
 
 
-def _as_config_error(error: ValidationError, path: Path) -> ConfigError:
+def _as_config_error(
+    error: ValidationError, path: Path, model: type[SettingsModel], place: tuple[str, ...] = ()
+) -> ConfigError:
     first = error.errors()[0]
-    place = "key " + ".".join(str(part) for part in first["loc"])
+    key = ".".join(str(part) for part in (*place, *first["loc"]))
     if first["type"] == "extra_forbidden":
-        return ConfigError("unknown key", file=path, place=place, remedy="remove it or correct its spelling")
+        return ConfigError("unknown key", file=path, place=f"key {key}", remedy=_correction(key, model))
     found = f"found {first['input']!r}"[:80]
-    return ConfigError(found, file=path, place=place, expected=first["msg"][:1].lower() + first["msg"][1:])
+    return ConfigError(found, file=path, place=f"key {key}", expected=_expected(first))
+
+
+def _expected(error: ErrorDetails) -> str:
+    return error["msg"][:1].lower() + error["msg"][1:]
+
+
+def _correction(key: str, model: type[SettingsModel]) -> str:
+    """Return what to do about an unknown key: which settings or section may be meant."""
+    names = set(setting_names(model))
+    names |= {name.rpartition(".")[0] for name in names} - {""}
+    section, _, last = key.rpartition(".")
+    beside = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == section}
+    close = [beside[name] for name in get_close_matches(last, beside, 1)]
+    elsewhere = sorted(name for name in names if name.rpartition(".")[2] == last)
+    if guesses := close or elsewhere or get_close_matches(key, names, 1):
+        return f"did you mean {' or '.join(guesses)}?"
+    return "remove it or correct its spelling; vgps config lists all settings"

@@ -1,11 +1,15 @@
-"""The configuration of everything, one part per stage, as it is saved beside every result."""
+"""The configuration of every verb, one section per part, as it is saved beside every result."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal, Self
 
 from vgps.config.base import SettingsModel
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
-from vgps.config.other_verbs import GyroCalibrationConfig, OnlineConfig
+from vgps.config.gyro_calibration import GyroCalibrationConfig
+from vgps.config.landmarks import LandmarksConfig
+from vgps.config.localization import LocalizationConfig
+from vgps.config.online import OnlineConfig
 from vgps.config.reading import read_settings, read_survey
 from vgps.config.smoothing import (
     BatchConfig,
@@ -18,8 +22,19 @@ from vgps.config.smoothing import (
 from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 
 
+def _moved(model: type[SettingsModel], section: str) -> dict[str, str]:
+    """Settings that stood at the top of a file of their own, and the section that they are in now."""
+    return {name: f"{section}.{name}" for name in (*model.model_fields, *model.renamed)}
+
+
 class Config(SettingsModel):
-    """Everything, one part per stage."""
+    """All settings, one section per part; every verb reads this one file."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "judge": "outliers",
+        **_moved(LocalizationConfig, "localization"),
+        **_moved(LandmarksConfig, "landmarks"),
+    }
 
     seed: int = 0
     """Seed of every random choice; the same seed gives the same output."""
@@ -36,29 +51,40 @@ class Config(SettingsModel):
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     gps: GpsConfig = GpsConfig()
     online: OnlineConfig = OnlineConfig()
+    landmarks: LandmarksConfig = LandmarksConfig()
+    localization: LocalizationConfig = LocalizationConfig()
 
-    def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> "Config":
-        """The same configuration with another GPS model or the regions of a survey file.
+    def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> Self:
+        """Return the configuration with another GPS model or the regions of a survey file.
 
         Raises:
             ConfigError: The survey cannot be read or names an unknown class.
         """
-        changes: dict[str, Any] = {}
-        if model is not None:
-            changes["model"] = model
-        if survey is not None:
-            changes["regions"] = read_survey(survey)
-        return self.model_copy(update={"gps": self.gps.model_copy(update=changes)})
+        regions = None if survey is None else read_survey(survey)
+        return self._with("gps", model=model, regions=regions)
 
-    def with_seed(self, seed: int | None) -> "Config":
-        """The same configuration with another seed, if one is given."""
+    def with_estimator(self, estimator: Literal["frame", "graph"] | None) -> Self:
+        """Return the configuration with another estimator of the tracker, if one is given."""
+        return self._with("localization", estimator=estimator)
+
+    def with_landmarks(self, settings: LandmarksConfig | None) -> Self:
+        """Return the configuration with those settings of a landmark database that were set explicitly."""
+        return self._with("landmarks", **(settings.model_dump(exclude_unset=True) if settings else {}))
+
+    def with_seed(self, seed: int | None) -> Self:
+        """Return the configuration with another seed, if one is given."""
         return self if seed is None else self.model_copy(update={"seed": seed})
+
+    def _with(self, section: str, **changes: Any) -> Self:
+        """Return the configuration with the settings of a section that are not None."""
+        given = {name: value for name, value in changes.items() if value is not None}
+        return self.model_copy(update={section: getattr(self, section).model_copy(update=given)})
 
 
 def read_config(path: Path | None) -> Config:
-    """The defaults, overridden by the YAML file at ``path`` if there is one.
+    """Return the defaults, overridden by the YAML file at ``path`` if there is one.
 
     Raises:
         ConfigError: Not readable, an unknown key or an impossible value.
     """
-    return read_settings(path, Config)
+    return Config() if path is None else read_settings(path, Config)

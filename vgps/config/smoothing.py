@@ -1,6 +1,7 @@
 """Settings of stages C and D: what is optimised, and what is estimated beside the poses."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
@@ -37,6 +38,13 @@ class DriftConfig(SettingsModel):
 
 class SensorsConfig(SettingsModel):
     """The GPS's clock and the lever arm, where they are not known well enough."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "lag_s": "time_offset_s",
+        "estimate_lag": "estimate_time_offset",
+        "lag_sigma_s": "time_offset_sigma_s",
+        "trusted_lag_s": "trusted_time_offset_s",
+    }
 
     time_offset_s: float = 0.0
     """Positions are this much older than their time stamps say, as far as known."""

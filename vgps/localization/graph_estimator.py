@@ -12,7 +12,7 @@ from factors import (
     preintegrate_rates,
     steady_centre_factor,
 )
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.geometry import reprojection_inliers
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.frame_estimator import motion_between
@@ -38,7 +38,11 @@ class GraphEstimator:
     """
 
     def __init__(
-        self, K: FloatArray, gyro: GyroIntegral | None, gyro_R_camera: FloatArray | None, config: TrackConfig
+        self,
+        K: FloatArray,
+        gyro: GyroIntegral | None,
+        gyro_R_camera: FloatArray | None,
+        config: LocalizationConfig,
     ) -> None:
         self._K, self._config = K, config
         self._gyro = gyro if gyro_R_camera is not None else None

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.descriptors import describe
@@ -29,7 +29,7 @@ class Localizer:
         warnings: What is missing, and what is lost by that.
     """
 
-    def __init__(self, recording: Recording, database: LandmarkDatabase, config: TrackConfig) -> None:
+    def __init__(self, recording: Recording, database: LandmarkDatabase, config: LocalizationConfig) -> None:
         camera, rig = recording.camera, recording.rig
         self.warnings = sensor_warnings(recording, config)
         gyro, mount = None, rig.gyro_R_camera
@@ -69,7 +69,7 @@ class Localizer:
         return self._estimator.revised()
 
 
-def sensor_warnings(recording: Recording, config: TrackConfig) -> tuple[str, ...]:
+def sensor_warnings(recording: Recording, config: LocalizationConfig) -> tuple[str, ...]:
     """What is missing in a recording, and what is lost by that."""
     found = []
     rig, gyro = recording.rig, recording.gyro

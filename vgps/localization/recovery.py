@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.landmarks.model import Keyframe
 from vgps.localization.pose import pose_from_matches
 from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
@@ -28,7 +28,7 @@ class DescriptorRecovery:
     """
 
     def __init__(
-        self, keyframes: Sequence[Keyframe], describe: Describe, K: FloatArray, config: TrackConfig
+        self, keyframes: Sequence[Keyframe], describe: Describe, K: FloatArray, config: LocalizationConfig
     ) -> None:
         self._describe, self._K, self._config = describe, K, config
         kept = [keyframe for keyframe in keyframes if len(keyframe.landmark)]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import Config
 from vgps.geometry import world_sigmas
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import FloatArray, GeodeticPoint, Recording
@@ -15,7 +15,7 @@ from vgps.solution import FrameState, Landmarks, Observations, SensorReport, Sol
 def to_solution(
     recording: Recording,
     world_origin: GeodeticPoint | None,
-    config: TrackConfig,
+    config: Config,
     frames: Sequence[TrackedFrame],
     world_T_camera: FloatArray,
     gray: Sequence[FloatArray],
@@ -53,10 +53,12 @@ def to_solution(
         gps=None,
         fixes=None,
         sensors=SensorReport(0.0, math.nan, (math.nan, math.nan, math.nan)),
-        report=SolverReport({}, {}, 0, f"tracked against landmarks, estimator {config.estimator}"),
+        report=SolverReport(
+            {}, {}, 0, f"tracked against landmarks, estimator {config.localization.estimator}"
+        ),
         seconds=seconds,
         warnings=tuple(warnings),
-        config=config.model_dump(),
+        config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
     )
 

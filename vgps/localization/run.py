@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization.bridging import bridge_gaps
@@ -24,7 +24,7 @@ _NAMED_STRETCHES = 5
 def localize(
     recording: Recording,
     database: LandmarkDatabase,
-    config: TrackConfig | None = None,
+    config: Config | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """The pose of every frame of a recording, from landmarks seen before and the gyro (Matsuda 2007).
@@ -33,16 +33,17 @@ def localize(
 
     Args:
         recording: Video, camera, and if there are any rig and gyro; GPS is not used.
-        database: Of the place, opened with ``config.selection``.
-        config: Defaults if none is given.
+        database: Of the place, opened with ``config.localization.selection``.
+        config: Its ``localization`` is used; the defaults if none is given.
         progress: Shows how far it is.
 
     Raises:
         GeometryError: No frame shows enough of the database's landmarks.
         VgpsError: The video or the database is damaged.
     """
-    config, seconds = config or TrackConfig(), StageTimer()
-    localizer = Localizer(recording, database, config)
+    config, seconds = config or Config(), StageTimer()
+    settings = config.localization
+    localizer = Localizer(recording, database, settings)
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []
     poses: dict[float, FloatArray] = {}
@@ -54,12 +55,12 @@ def localize(
             frames.append(tracked)
             gray.append(_gray(image, tracked.observations.uv_px))
             poses[frame.t_s] = tracked.world_T_camera
-            poses |= localizer.revised() if config.revise else {}
+            poses |= localizer.revised() if settings.revise else {}
     if not any(frame.tracked for frame in frames):
         raise GeometryError(
             "no frame shows enough landmarks of the database",
             file=recording.video.path,
-            expected=f"{config.min_inliers} that agree on a pose",
+            expected=f"{settings.min_inliers} that agree on a pose",
             remedy=f"check that it was taken where {database.path} was, and camera.yaml",
         )
     t_s, found = np.array(list(poses)), np.array([frame.tracked for frame in frames])
@@ -69,7 +70,7 @@ def localize(
         found,
         localizer.rotations,
         localizer.gyro_bias_rad_s,
-        config.coast_s,
+        settings.coast_s,
     )
     seen_on_the_way = tuple(getattr(recording.video, "warnings", ()))
     warnings = (*seen_on_the_way, *localizer.warnings, *_losses(found, t_s))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.geometry import project
 from vgps.landmarks.model import LandmarkViews
 from vgps.localization.pose import PoseEstimate, pose_from_matches
@@ -74,7 +74,7 @@ def search_frame(
     world_T_camera: FloatArray,
     expected: ExpectedLandmarks,
     radius_px: FloatArray,
-    config: TrackConfig,
+    config: LocalizationConfig,
 ) -> SearchResult:
     """Look for every landmark around its projection and pose the camera by what is found.
 
@@ -110,12 +110,14 @@ def search_frame(
     return SearchResult(pose, seen.take(pose.inlier), median)
 
 
-def required_inliers(matches: int, config: TrackConfig) -> int:
+def required_inliers(matches: int, config: LocalizationConfig) -> int:
     """How many matches must agree: six, Matsuda 2007, and a share of all."""
     return max(config.min_inliers, int(np.ceil(config.min_inlier_share * matches)))
 
 
-def match_sigma_px(K: FloatArray, views: LandmarkViews, depth: FloatArray, config: TrackConfig) -> FloatArray:
+def match_sigma_px(
+    K: FloatArray, views: LandmarkViews, depth: FloatArray, config: LocalizationConfig
+) -> FloatArray:
     """(N,) standard deviation of matches: of matching, of the landmark's picture, of its position."""
     of_position = K[0, 0] * views.position_sigma_m / np.maximum(depth, 1.0)
     variance = config.match_sigma_px**2 + views.sigma_px**2 + np.nan_to_num(of_position) ** 2

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.geometry import project
 from vgps.landmarks.model import LandmarkViews
 from vgps.landmarks.view_selection import spread_over_image
@@ -98,7 +98,7 @@ class LandmarkTracker:
         estimator: Estimator,
         recovery: Recovery,
         exposure_s: float,
-        config: TrackConfig,
+        config: LocalizationConfig,
     ) -> None:
         self._K, self._views, self._rotations = K, views, rotations
         self._estimator, self._recovery = estimator, recovery

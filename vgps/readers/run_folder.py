@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from vgps.config import Config, present_names
 from vgps.errors import RunFolderError
 from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
 from vgps.solution import (
@@ -111,7 +112,10 @@ def _read_config(file: Path) -> dict[str, Any]:
         raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=_REMEDY) from error
     if not isinstance(config, dict):
         raise RunFolderError("holds no table", file=file, expected="a YAML mapping", remedy=_REMEDY)
-    return config
+    try:
+        return present_names(config, Config)[0]
+    except ValueError as error:
+        raise RunFolderError(f"is damaged ({error})", file=file, remedy=_REMEDY) from error
 
 
 def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:

@@ -25,7 +25,7 @@ from scripts.experiments.matsuda.tracking_errors import (
     errors_of,
     rates_deg_s,
 )
-from vgps.config import LandmarksConfig, TrackConfig
+from vgps.config import LandmarksConfig, LocalizationConfig
 from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
@@ -106,7 +106,7 @@ class Series:
 
 def track(recording: Recording, database: Path, changes: dict[str, object]) -> Series:
     """Every frame as it comes."""
-    config = TrackConfig.model_validate(changes)
+    config = LocalizationConfig.model_validate(changes)
     truth = read_trajectory(recording.path / "truth.tum", video_start_s=recording.rig.video_start_s)
     with one_blas_thread(), LandmarkDatabase.open(database, config.selection) as opened:
         localizer = Localizer(recording, opened, config)
@@ -184,7 +184,7 @@ def write_frames(
 def at_truth(recording: Recording, database: Path) -> tuple[FloatArray, FloatArray]:
     """Median correlation (F,) of every frame at its true pose, without and with blur."""
     truth = read_trajectory(recording.path / "truth.tum", video_start_s=recording.rig.video_start_s)
-    config = TrackConfig()
+    config = LocalizationConfig()
     with one_blas_thread(), LandmarkDatabase.open(database, config.selection) as opened:
         return correlations(recording, opened, truth.world_T_camera, slice(None))
 

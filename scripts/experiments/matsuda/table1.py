@@ -23,7 +23,7 @@ from scripts.experiments.matsuda.tracking_errors import (
     errors_of,
     rates_deg_s,
 )
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.evaluation.run import change_origin
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import Localizer
@@ -53,7 +53,7 @@ METHODS: dict[str, dict[str, object]] = {
 def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
     """Track every frame by one of the methods: as it comes, or for the last method as it was left."""
     recording = open_recording(place, with_gps=False)
-    config = TrackConfig.model_validate(ALIKE | METHODS[name])
+    config = LocalizationConfig.model_validate(ALIKE | METHODS[name])
     frames: dict[float, TrackedFrame] = {}
     with one_blas_thread(), LandmarkDatabase.open(landmarks, config.selection) as database:
         localizer = Localizer(recording, database, config)
@@ -141,7 +141,7 @@ def main() -> None:
     )
     lines = [head, "|" + "---|" * 8]
     found: dict[str, Errors] = {}
-    with LandmarkDatabase.open(given.landmarks, TrackConfig().selection) as database:
+    with LandmarkDatabase.open(given.landmarks, LocalizationConfig().selection) as database:
         if recording.rig.world_origin is not None and database.world_origin is not None:
             truth = change_origin(truth, recording.rig.world_origin, database.world_origin)
         with ProcessPoolExecutor(2) as pool:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.config import TrackConfig
+from vgps.config import LocalizationConfig
 from vgps.geometry import project
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.landmarks.database import LandmarkDatabase
@@ -53,7 +53,7 @@ def correlations(
     recording: Recording, database: LandmarkDatabase, world_T_camera: FloatArray, every: slice
 ) -> tuple[FloatArray, FloatArray]:
     """Median correlation of each counted frame without and with blur at poses (F, 4, 4), or NaN."""
-    config, camera = TrackConfig.model_validate(ALIKE), recording.camera
+    config, camera = LocalizationConfig.model_validate(ALIKE), recording.camera
     localizer = Localizer(recording, database, config)
     out = []
     wanted = set(np.arange(len(world_T_camera))[every].tolist())

@@ -1,4 +1,4 @@
-"""Settings of what is not smoothing: calibrating a gyro, and being fed live."""
+"""Settings of the calibration of a gyro against the video."""
 
 from pydantic import PositiveFloat, PositiveInt
 
@@ -26,18 +26,3 @@ class GyroCalibrationConfig(SettingsModel):
     """The same for the bias."""
     scale_tolerance: PositiveFloat = 0.03
     """The video may turn by this share more or less than the gyro before the focal length is doubted."""
-
-
-class OnlineConfig(SettingsModel):
-    """What is special about a sequence that is fed live."""
-
-    keep_s: PositiveFloat = 120.0
-    """Path and fixes are remembered for so long: what judges late fixes and is bent when GPS returns."""
-    bridge_s: PositiveFloat = 1.0
-    """Frames without features go on at constant velocity for so long; then the camera counts as lost."""
-    blend_s: PositiveFloat = 2.0
-    """Time in which the smooth pose approaches the corrected one by all but 1/e,"""
-    blend_m_s: PositiveFloat = 1.0
-    """but never faster than this,"""
-    blend_deg_s: PositiveFloat = 5.0
-    """nor turning faster than this."""
