@@ -1,9 +1,12 @@
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from nmea_text import gga, zda
+from hypothesis import given
+from hypothesis import strategies as st
+from nmea_text import gga, gst, rmc, with_checksums, zda
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, Rig
@@ -12,6 +15,44 @@ from vgps.readers.gps import check_overlap, gps_format, read_gps_log
 NOON = datetime(2011, 9, 26, 12, tzinfo=UTC)
 AT_NOON = Rig(video_start_utc=NOON)
 CSV = "t_s,latitude_deg,longitude_deg,height_m,fix_class\n"
+POS_REST = "1 11 0.02 0.01 0.03 -0.04 0.09 -0.12 1.5 2.0\n"
+ECEF = "-1275936.1 -4717150.9 4086446.2 "
+TEXTS = {
+    "nmea": "".join(
+        gga(f"12000{k}") + gst(f"12000{k}") + zda(f"12000{k}", 26, 9, 2011) + rmc(f"12000{k}", "260911")
+        for k in range(2)
+    ),
+    "pos calendar": "% GPST latitude(deg) longitude(deg) height(m) Q ns\n"
+    f"2020/12/24 21:28:42.5 40.1 -105.1 1578.8 {POS_REST}2020/12/24 21:28:43.5 40.1 -105.1 1578.8 {POS_REST}",
+    "pos ecef": "% GPST x-ecef(m) y-ecef(m) z-ecef(m) Q ns\n"
+    f"2137 422922.5 {ECEF}{POS_REST}2137 422923.5 {ECEF}{POS_REST}",
+    "pos baseline": "% ref pos : 40 07 47.83 -105 13 58.99 1669.9\n% GPST e-baseline(m) n-baseline(m) Q ns\n"
+    f"2137 422922.5 100.0 -200.0 5.0 {POS_REST}2137 422923.5 100.0 -200.0 5.0 {POS_REST}",
+    "srt": "1\n00:00:00,000 --> 00:00:00,500\n[latitude: 48.1] [longitude: 11.5] [abs_alt: 530.2]\n\n"
+    "2\n00:00:00,500 --> 00:00:01,000\n[latitude: 48.2] [longitude: 11.5] [abs_alt: 530.2]\n",
+    "old srt": "1\n00:00:00,000 --> 00:00:00,500\nGPS(11.5,48.1,530) BAROMETER:10.1\n\n"
+    "2\n00:00:00,500 --> 00:00:01,000\nGPS(11.6,48.1,530) BAROMETER:10.1\n",
+    "csv": "utc,lat,lon,height_m,fix_class,sigma_east_m,hdop,satellites,age_s\n"
+    "2020-12-24T21:28:42Z,40.1,-105.1,1578.8,4,0.1,0.8,12,1.5\n1608845324,40.1,-105.1,1578.8,4,0.1,0.8,12,1.5\n",
+    "gpx": '<gpx version="1.1" creator="t"><trk><trkseg><trkpt lat="49.0" lon="8.4"><ele>100.5</ele>'
+    "<time>2024-12-31T23:59:59.5Z</time><sat>9</sat><hdop>1.2</hdop><ageofdgpsdata>3</ageofdgpsdata></trkpt>"
+    '<trkpt lat="49.1" lon="8.4"><ele>101</ele><time>2025-01-01T00:00:00.5Z</time></trkpt>'
+    "</trkseg></trk></gpx>",
+}
+ABSURD = [
+    "9" * 400,
+    "99999999999",
+    "20000000000000000000",
+    "-1",
+    "75",
+    "10000",
+    "0",
+    "",
+    "nan",
+    "inf",
+    "-inf",
+]
+ABSURD += ["1e308", "-1e308", "1e999", "1e15", "-1e30", "1e-400"]
 
 
 @pytest.fixture
@@ -143,6 +184,25 @@ def test_one_fix_within_the_video_is_an_overlap(log):
 def test_a_year_out_of_the_calendar_is_told_too(log):
     with pytest.raises(GpsLogError, match="no fix during the video"):
         check_overlap(log(CSV + "1e15,49,8,100,4\n"), np.arange(3.0), Rig(video_start_utc=NOON))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", TEXTS)
+@given(st.data())
+def test_an_absurd_number_is_left_out_or_told(tmp_path_factory, name, data):
+    """Instead of any number of a log, whatever the format: a fix less, or a message, and no other harm."""
+    text, path = TEXTS[name], tmp_path_factory.getbasetemp() / "absurd.txt"
+    number = data.draw(st.sampled_from(list(re.finditer(r"\d+(\.\d+)?", text))))
+    text = text[: number.start()] + data.draw(st.sampled_from(ABSURD)) + text[number.end() :]
+    path.write_text(with_checksums(text) if name == "nmea" else text)
+    try:
+        read = read_gps_log(path, data.draw(st.sampled_from([None, AT_NOON])))
+        check_overlap(read, np.arange(2.0), AT_NOON)
+    except GpsLogError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite([read.t_s, read.height_m]).all()
+        assert np.abs(read.height_m).max() <= 1e8
 
 
 def test_the_real_logs(data_dir):

@@ -30,6 +30,11 @@ def test_gpx_by_hand(tmp_path):
     assert any("geoidheight" in note for note in found.skipped)
 
 
+def test_an_absurd_number_of_satellites_is_unknown(tmp_path):
+    raw = read_gpx(GPX.replace("<sat>9<", f"<sat>{'9' * 400}<").encode(), tmp_path / "gps.gpx")
+    assert len(raw.fixes) == 2 and np.isnan(raw.fixes[0].satellites)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

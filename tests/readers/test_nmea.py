@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from nmea_text import gga, gst, rmc, sentence, zda
+from nmea_text import gga, gst, rmc, sentence, with_checksums, zda
 
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, unix_s
@@ -194,6 +194,15 @@ def test_any_fields_under_a_right_checksum_are_survived(fields):
         + sentence("GNRMC," + fields)
         + sentence("GNGSA," + fields)
     )
+
+
+def test_absurd_numbers_are_damage():
+    many = gga("120001").replace(",14,0.80", f",{'9' * 400},0.80")
+    year = zda("120002", 26, 9, 99_999_999_999)
+    log = read(gga("120000") + with_checksums(many) + gga("120002") + year)
+    assert [fix.line for fix in log.fixes] == [1, 3]
+    assert log.notes == ["1 damaged or truncated line passed over, first line 2"]
+    assert log.clock is Clock.TIME_OF_DAY  # a year without a calendar is no date
 
 
 def test_what_looks_like_nmea():

@@ -124,6 +124,37 @@ def test_damaged_and_truncated_rows_are_counted():
     assert log.notes == ["2 damaged or truncated lines passed over, first line 3"]
 
 
+@pytest.mark.parametrize(
+    ("number", "absurd"),
+    [
+        ("2020/", "99999999999/"),
+        ("2020/", f"{'9' * 400}/"),
+        ("/12/24", "/13/24"),
+        ("21:28", "25:28"),
+        ("21:28", f"{'9' * 400}:28"),
+        (":28:", ":78:"),
+        (":42.500", ":1e308"),
+        (":42.500", ":-1"),
+        ("2020/12/24 21:28:42.500", "20000000000 422922.500"),
+        ("2020/12/24 21:28:42.500", "2137 1e999"),
+        ("40.097025378", "1e308"),
+        ("0.0200", "1e200"),
+    ],
+)
+def test_absurd_numbers_are_damage(number, absurd):
+    bad = ROW.replace(number, absurd)
+    assert bad != ROW
+    log = read(HEADER.format(time="GPST") + ROW.replace("42.5", "41.5") + "\n" + bad)
+    assert [fix.line for fix in log.fixes] == [2]
+    assert log.notes == ["1 damaged or truncated line passed over, first line 3"]
+
+
+@pytest.mark.parametrize("place", ["1e308 -105 1669", "95 -105 1669", "40 -105 1e30", "nan nan nan"])
+def test_a_base_station_off_the_earth_is_told(place):
+    with pytest.raises(GpsLogError, match="base station is not known"):
+        read(f"% ref pos : {place}\n%  GPST  e-baseline(m)\n2137 422922.5 100.0 -200.0 5.0 1 11\n")
+
+
 def test_more_columns_and_fewer_columns():
     assert only(HEADER.format(time="GPST") + ROW + " 0.1 0.2 0.3\n")[1:4] == PLACE
     fix = only("% GPST latitude(deg) longitude(deg) height(m) Q\n" + " ".join(ROW.split()[:6]) + "\n")

@@ -9,6 +9,11 @@ def sentence(body: str) -> str:
     return f"${body}*{checksum:02X}\r\n"
 
 
+def with_checksums(text: str) -> str:
+    """The same sentences with the checksums that belong to them."""
+    return "".join(sentence(line[1:].split("*")[0]) for line in text.splitlines())
+
+
 def gga(
     clock: str, *, quality: object = 4, alt: str = "116.0", separation: str = "47.9", talker: str = "GN"
 ) -> str:

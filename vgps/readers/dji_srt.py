@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import srt
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
@@ -21,7 +20,8 @@ _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?i
 _GPS = re.compile(r"GPS\s*:?\s*\(([^()]*)\)")
 _ABSOLUTE = re.compile(rf"(?:abs_alt|\baltitude){_NUMBER}")
 _RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
-_TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
+_CLOCK = r"(\d{1,3}):(\d\d):(\d\d)[,.:](\d{1,3})"
+_TIMES = re.compile(rf"^[^\S\n]*{_CLOCK}\s*-->\s*{_CLOCK}", re.MULTILINE)
 _STILL_S = 1.0  # a position that stays longer than this is a new fix and not the old one shown again
 
 
@@ -40,7 +40,7 @@ class _Row:
 
 def looks_like_srt(data: bytes) -> bool:
     """Whether the file begins with a subtitle's times."""
-    return _TIMES.search(data[:400]) is not None
+    return _TIMES.search(data[:400].decode("utf-8-sig", errors="replace")) is not None
 
 
 def read_dji_srt(data: bytes, path: Path) -> RawLog:
@@ -54,8 +54,10 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     Raises:
         GpsLogError: no subtitle with a position.
     """
-    subtitles = list(srt.parse(data.decode("utf-8-sig", errors="replace"), ignore_errors=True))
-    found = [_row(number, subtitle) for number, subtitle in enumerate(subtitles, 1)]
+    text = data.decode("utf-8-sig", errors="replace")
+    subtitles = _subtitles(text)
+    untimed = text.count("-->") - len(subtitles)
+    found = [_row(number, t_s, text) for number, (t_s, text) in enumerate(subtitles, 1)]
     rows = [row for row in found if row is not None]
     if not rows:
         raise GpsLogError(
@@ -71,6 +73,8 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
         for row, h, keep in zip(rows, height.tolist(), new, strict=True)
         if keep
     ]
+    if untimed:
+        notes.append(f"{untimed} subtitles without a valid time skipped")
     if len(rows) < len(found):
         notes.append(f"{len(found) - len(rows)} subtitles without a position passed over")
     if len(fixes) < len(rows):
@@ -78,8 +82,19 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     return RawLog(Clock.VIDEO, fixes, notes)
 
 
-def _row(number: int, subtitle: srt.Subtitle) -> _Row | None:
-    text = subtitle.content
+def _subtitles(text: str) -> list[tuple[float, str]]:
+    """Return when each subtitle is first shown [s], and its text."""
+    times = list(_TIMES.finditer(text))
+    ends = [following.start() for following in times[1:]] + [len(text)]
+    return [(_seconds(time), text[time.end() : end]) for time, end in zip(times, ends, strict=True)]
+
+
+def _seconds(time: re.Match[str]) -> float:
+    hours, minutes, seconds, milliseconds = map(int, time.groups()[:4])
+    return (((hours * 60 + minutes) * 60 + seconds) * 1000 + milliseconds) / 1000
+
+
+def _row(number: int, t_s: float, text: str) -> _Row | None:
     latitude, longitude, absolute = _number(_LATITUDE, text), _number(_LONGITUDE, text), np.nan
     old = _GPS.search(text)
     if old is not None:
@@ -89,7 +104,6 @@ def _row(number: int, subtitle: srt.Subtitle) -> _Row | None:
         absolute = _number(_ABSOLUTE, text)
     if np.isnan(latitude) or np.isnan(longitude) or latitude == longitude == 0.0:
         return None
-    t_s = subtitle.start.total_seconds()
     return _Row(
         number=number,
         t_s=t_s,

@@ -11,6 +11,7 @@ from vgps.model import FixClass
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
+HIGHEST_M = 1e8  # of a position: beyond the orbits of all navigation satellites
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
 NMEA_QUALITY = {
@@ -59,13 +60,13 @@ class RawLog:
 
 
 def unix_s(instant: datetime) -> float:
-    """StageTimer from 1970-01-01 UTC; a naive instant is UTC."""
+    """Return seconds from 1970-01-01 UTC; a naive instant is UTC."""
     aware = instant if instant.tzinfo else instant.replace(tzinfo=UTC)
     return (aware - EPOCH).total_seconds()
 
 
 def unix_day_s(day: date) -> float:
-    """StageTimer from 1970-01-01 to the midnight at which a day begins."""
+    """Return seconds from 1970-01-01 to the midnight at which a day begins."""
     return (day - EPOCH.date()).days * DAY_S
 
 

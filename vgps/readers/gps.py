@@ -10,7 +10,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, GpsLog, Rig
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
-from vgps.readers.fixes import DAY_S, EPOCH, Clock, Fix, RawLog, unix_s
+from vgps.readers.fixes import DAY_S, EPOCH, HIGHEST_M, Clock, Fix, RawLog, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -142,7 +142,13 @@ def _told(what: str, notes: list[str]) -> str:
 
 def _with_position(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     place = np.array([fix[:4] for fix in fixes], float).reshape(-1, 4)
-    good = np.isfinite(place).all(axis=1) & (np.abs(place[:, 1]) <= 90) & (np.abs(place[:, 2]) <= 360)
+    t_s, latitude, longitude, height = place.T
+    good = (
+        np.isfinite(t_s)
+        & (np.abs(latitude) <= 90)
+        & (np.abs(longitude) <= 360)
+        & (np.abs(height) <= HIGHEST_M)
+    )
     if not good.all():
         line = fixes[int(np.flatnonzero(~good)[0])].line
         notes.append(f"{(~good).sum()} fixes without a possible position dropped, first line {line}")

@@ -92,7 +92,10 @@ def _fix(point: GPXTrackPoint, number: int, name: str) -> Fix:
 
 
 def _number(value: float | int | None) -> float:
-    return np.nan if value is None else float(value)
+    try:
+        return np.nan if value is None else float(value)
+    except OverflowError:
+        return np.nan
 
 
 def _notes(points: list[GPXTrackPoint], named: list[tuple[int, GPXTrackPoint, str]], fixes: int) -> list[str]:

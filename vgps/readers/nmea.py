@@ -21,6 +21,7 @@ _OTHER = re.compile(rb"\s*[$!][A-Z][A-Z0-9]{2,},[^$]*\s*")
 _LEAP_SECOND = re.compile(rb"235960(\.\d*)?")
 _ERRORS = (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, ValueError, IndexError, KeyError)
 _GGA_FIELDS = 15
+_ABSURD = re.compile(rb"\d{19}")  # more digits in a row than a whole number of 64 bits has
 
 
 @dataclass(kw_only=True)
@@ -99,7 +100,7 @@ def _parse(raw: bytes, checked: bool) -> Any | None:
         if checked or b"*" in raw or not raw.isascii():
             return None
         raw += b"*" + calc_checksum(raw[1:].decode()).encode()
-    if raw[3:6] == b"GGA" and raw.count(b",") < _GGA_FIELDS - 1:
+    if (raw[3:6] == b"GGA" and raw.count(b",") < _GGA_FIELDS - 1) or _ABSURD.search(raw):
         return None
     try:
         return NMEAReader.parse(raw + b"\r\n")
@@ -156,7 +157,7 @@ def _date(kind: bytes, message: Any) -> date | None:
         return message.date if valid else None
     try:
         return date(int(message.year), int(message.month), int(message.day))
-    except (ValueError, TypeError, AttributeError):
+    except (ValueError, OverflowError, TypeError, AttributeError):
         return None
 
 

@@ -6,7 +6,7 @@ Format: RTKLIB manual 2.4.2, appendix B.1, and ``outsol``/``outsolhead`` of its 
 import re
 from collections import Counter
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, time
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +15,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, to_geodetic
 from vgps.model import FixClass, FloatArray, GeodeticPoint
-from vgps.readers.fixes import Clock, Fix, RawLog, damaged_lines, unix_day_s
+from vgps.readers.fixes import HIGHEST_M, Clock, Fix, RawLog, damaged_lines, unix_day_s
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
 QUALITY = {
@@ -31,6 +31,8 @@ _ROW = re.compile(rb"\s*(\d{4}/\d\d?/\d\d?|\d{1,4})[\s,;]+(\d\d?:\d\d:\d\d|\d{1,
 _REF_POS = re.compile(r"%\s*ref pos\s*:(.*)")
 _SEPARATOR = re.compile(r"[\s,;]+")
 _TIME_COLUMNS = 2
+_LAST_WEEK = 9999  # GPS weeks are written with up to four digits
+_LARGEST = 1e12  # no column of a solution holds a number as large as this
 _JST_S = 9 * 3600.0
 
 Frame = Literal["geodetic", "ecef", "enu"]
@@ -81,7 +83,7 @@ def read_pos(data: bytes, path: Path) -> RawLog:
     geodetic, rest = _positions(values, header), values[:, header.position_columns :]
     sigma = _sigmas(rest, geodetic, header)
     numbers = np.column_stack([t_s, geodetic, sigma, _column(rest, 1), _column(rest, 8)]).tolist()
-    quality = np.nan_to_num(rest[:, 0]).round().astype(int).tolist()
+    quality = np.clip(np.nan_to_num(rest[:, 0]), -1, 99).round().astype(int).tolist()
     fixes = [
         _fix(row, QUALITY.get(q, FixClass.UNKNOWN), number)
         for row, q, number in zip(numbers, quality, line, strict=True)
@@ -127,6 +129,8 @@ def _origin(comments: list[str], path: Path) -> GeodeticPoint:
         numbers = [float(part) for part in _SEPARATOR.split(text.strip())]
         place = _degrees(np.array([numbers])) if len(numbers) == 7 else np.array([numbers])
         latitude, longitude, height = place[0].tolist()
+        if not (abs(latitude) <= 90 and abs(longitude) <= 360 and abs(height) <= HIGHEST_M):
+            raise ValueError("no place on the Earth")
     except ValueError:
         raise GpsLogError(
             "a baseline whose base station is not known",
@@ -157,17 +161,25 @@ def _row(line: str) -> list[float] | None:
     """Time [s from 1970, of the file's own time system] and all numbers after it."""
     tokens = _SEPARATOR.split(line.strip())
     try:
-        return [_time(tokens[0], tokens[1]), *map(float, tokens[_TIME_COLUMNS:])]
-    except (ValueError, IndexError):
+        row = [_time(tokens[0], tokens[1]), *map(float, tokens[_TIME_COLUMNS:])]
+    except (ValueError, OverflowError, IndexError):
         return None
+    return None if any(abs(number) > _LARGEST for number in row) else row
 
 
 def _time(first: str, second: str) -> float:
+    """Return seconds from 1970; raises ValueError or OverflowError where no calendar has the time."""
     if "/" not in first:
-        return GPS_EPOCH_S + int(first) * WEEK_S + float(second)
+        week, of_week_s = int(first), float(second)
+        if not (0 <= week <= _LAST_WEEK and 0 <= of_week_s <= WEEK_S):
+            raise ValueError("no GPS week or time of week")
+        return GPS_EPOCH_S + week * WEEK_S + of_week_s
     year, month, day = map(int, first.split("/"))
     hour, minute, seconds = second.split(":")
-    return unix_day_s(date(year, month, day)) + int(hour) * 3600 + int(minute) * 60 + float(seconds)
+    midnight_s, begun = unix_day_s(date(year, month, day)), time(int(hour), int(minute))
+    if not 0 <= float(seconds) <= 61:
+        raise ValueError("no second of a minute")
+    return midnight_s + begun.hour * 3600 + begun.minute * 60 + float(seconds)
 
 
 def _positions(values: FloatArray, header: _Header) -> FloatArray:
