@@ -1,0 +1,59 @@
+"""The documents are true: their code runs, their links lead somewhere, README and CI give the same commands."""
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from vgps.cli.app import app
+from vgps.readers.trajectory import read_trajectory
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCUMENTS = [
+    *ROOT.glob("*.md"),
+    *(file for room in ("vgps", "factors", "scripts") for file in (ROOT / room).rglob("README.md")),
+]
+
+
+def blocks(text: str, language: str) -> list[str]:
+    """Return the fenced blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_readme_fits_its_length() -> None:
+    assert len(README.splitlines()) <= 150
+
+
+def test_readme_example_runs(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "walk").symlink_to(recording, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    (example,) = blocks(README, "python")
+    exec(compile(example, "README.md", "exec"), {})
+    shape, reason = capsys.readouterr().out.splitlines()
+    poses = read_trajectory(tmp_path / "run/poses.tum").world_T_camera
+    assert shape == str(poses.shape) and reason.startswith("used: ")
+
+
+def test_readme_and_ci_give_the_same_test_command() -> None:
+    last = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()[-1]
+    (tested,) = (line for block in blocks(README, "sh") for line in block.splitlines() if "pytest" in line)
+    assert tested.endswith(f"&& .venv/bin/{last}")
+
+
+def test_readme_lists_every_verb() -> None:
+    listed = set(re.findall(r"`vgps ([a-z][a-z-]*)", README.split("## Verbs")[1].split("\n## ")[0]))
+    assert listed == {name for name in app if not name.startswith("-")}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_names_in_code_blocks_exist(document: Path) -> None:
+    for block in blocks(document.read_text(encoding="utf-8"), "python"):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = importlib.import_module(node.module)
+                assert all(hasattr(module, name.name) for name in node.names), ast.unparse(node)
