@@ -1,4 +1,4 @@
-"""The documents are true: their code runs, their links lead somewhere, README and CI give the same commands."""
+"""The documents are true: code runs, links lead somewhere, README and CI give the same test command."""
 
 import ast
 import importlib
