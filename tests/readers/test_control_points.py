@@ -23,6 +23,8 @@ def test_local_and_geodetic(tmp_path):
     [
         ("-1,1,2,1,2,3", "line 2: an impossible observation"),
         ("0.5,1,2,1,2,3", "line 2: an impossible observation"),
+        ("1e308,1,2,1,2,3", "line 2: an impossible observation"),
+        ("inf,1,2,1,2,3", "line 2: an impossible observation"),
         ("0,1,,1,2,3", "line 2: an impossible observation"),
         ("0,1,2,1,2,high", "line 2: 'high' in column up_m"),
         ("", "no control points"),

@@ -26,6 +26,7 @@ def test_poses_with_normalised_quaternions(tmp_path):
         ("0 1 2 3 0 0 0 x\n", "line 1"),
         ("0 1 2 nan 0 0 0 1\n", "line 1"),
         ("0 1 2 3 0 0 0 0\n", "line 1"),
+        ("0 1 2 3 0 0 0 1e308\n", "line 1"),
         ("1 1 2 3 0 0 0 1\n# x\n1 1 2 3 0 0 0 1\n", "line 3: time 1; expected one later"),
     ],
 )

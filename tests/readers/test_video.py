@@ -123,6 +123,7 @@ def test_frame_times_override(tmp_path):
     [
         ("0,0\n2,1\n", "line 3: frame 2; expected frame 1"),
         ("0,0\n1,0\n", "line 3: t_s 0; expected a time later"),
+        ("0,0\n1,1e999\n", "line 3: t_s inf; expected a time later"),
         ("0,0\n1,nan\n", "line 3: t_s nan"),
         ("0,0\n1,soon\n", "line 3: 'soon' in column t_s; expected a number"),
         ("", "no rows"),

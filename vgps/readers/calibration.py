@@ -27,7 +27,7 @@ from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_tex
 from vgps.readers.table import read_bytes
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
-PositiveInt = Annotated[int, Field(gt=0)]
+Pixels = Annotated[int, Field(gt=0, le=1_000_000)]
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
 Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
@@ -41,8 +41,8 @@ class _Fields(BaseModel):
 
 class _CameraFields(_Fields):
     model: Literal["pinhole", "opencv", "fisheye", "tsai"]
-    width: PositiveInt
-    height: PositiveInt
+    width: Pixels
+    height: Pixels
     fx: Positive
     fy: Positive
     cx: FiniteFloat
@@ -56,8 +56,8 @@ class _CameraFields(_Fields):
 
 class _TsaiFields(_Fields):
     model: Literal["tsai"]
-    width: PositiveInt
-    height: PositiveInt
+    width: Pixels
+    height: Pixels
     focal_mm: Positive
     ccd_mm: tuple[Positive, Positive]
     scale: Positive = 1.0
@@ -143,12 +143,9 @@ def read_rig(path: str | Path) -> Rig:
     """
     path = Path(path)
     fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
-    start = fields.video_start_utc
-    if start is not None:
-        start = start.astimezone(UTC) if start.tzinfo else start.replace(tzinfo=UTC)
     return Rig(
         camera_p_antenna=np.array(fields.camera_p_antenna),
-        video_start_utc=start,
+        video_start_utc=_utc(fields.video_start_utc, path),
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
         gyro_R_camera=_rotation(fields.gyro_R_camera, path) if fields.gyro_R_camera else None,
         gyro_time_offset_s=fields.gyro_time_offset_s,
@@ -206,10 +203,22 @@ def _validated(fields: type[F], content: dict[str, Any], path: Path) -> F:
         raise CalibrationError(f"{first['input']!r}", file=path, place=place, expected=expected) from None
 
 
+def _utc(instant: datetime | None, path: Path) -> datetime | None:
+    if instant is None or instant.tzinfo is None:
+        return instant and instant.replace(tzinfo=UTC)
+    try:
+        return instant.astimezone(UTC)
+    except OverflowError:
+        raise CalibrationError(
+            str(instant), file=path, place="key video_start_utc", expected="UTC in the years 1 to 9999"
+        ) from None
+
+
 def _rotation(rows: tuple[Vector3, Vector3, Vector3], path: Path) -> FloatArray:
     """The rotation nearest to a printed matrix."""
     matrix = np.array(rows)
-    off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    # entries beyond 2 are far from a rotation, and their squares may overflow
+    off = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.abs(matrix).max() <= 2 else np.inf
     if off > _ORTHOGONAL or np.linalg.det(matrix) < 0:
         found = "a reflection" if off <= _ORTHOGONAL else f"R R^T differs from the identity by {off:.2g}"
         raise CalibrationError(found, file=path, place="key gyro_R_camera", expected="a rotation matrix")

@@ -10,6 +10,7 @@ from vgps.readers.table import read_table
 
 ENU = ("east_m", "north_m", "up_m")
 GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
+_LAST_FRAME = 2**31 - 1
 
 
 def read_control_points(path: str | Path) -> ControlPoints:
@@ -27,7 +28,8 @@ def read_control_points(path: str | Path) -> ControlPoints:
     values = np.column_stack([table.numbers(name) for name in names])
     if len(values) == 0:
         raise RecordingError("no control points", file=path, expected="a row for each observation")
-    bad = ~np.isfinite(values).all(axis=1) | (values[:, 0] < 0) | (values[:, 0] % 1 != 0)
+    frame = values[:, 0]
+    bad = ~np.isfinite(values).all(axis=1) | (frame < 0) | (frame > _LAST_FRAME) | (np.floor(frame) != frame)
     if geodetic:
         bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
     if bad.any():
@@ -39,7 +41,7 @@ def read_control_points(path: str | Path) -> ControlPoints:
             expected=f"a frame index from 0 and finite {', '.join(names[1:])}",
         )
     return ControlPoints(
-        frame=values[:, 0].astype(np.int64),
+        frame=frame.astype(np.int64),
         uv_px=values[:, 1:3],
         world_p_point=values[:, 3:],
         geodetic=geodetic,

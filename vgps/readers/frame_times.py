@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.errors import VideoError
 from vgps.model import FloatArray
-from vgps.readers.table import read_table
+from vgps.readers.table import first_unordered, read_table
 
 FRAME_TIMES = "frame_times.csv"
 
@@ -25,7 +25,7 @@ def read_frame_times(path: Path) -> FrameTimes:
     """Read columns ``frame,t_s`` (frames 0, 1, 2, ...) or ``file,t_s``.
 
     Raises:
-        VideoError: missing column, frame left out, a time that is no number or does not increase.
+        VideoError: missing column, frame left out, a time that is not finite or does not increase.
     """
     table = read_table(path, VideoError)
     t_s = table.numbers(table.require("t_s"))
@@ -40,9 +40,8 @@ def read_frame_times(path: Path) -> FrameTimes:
             raise VideoError(
                 f"frame {frame[row]:g}", file=path, place=f"line {table.line[row]}", expected=f"frame {row}"
             )
-    later = np.flatnonzero(~(np.diff(t_s, prepend=-np.inf) > 0))
-    if len(later):
-        row = later[0]
+    row = first_unordered(t_s)
+    if row is not None:
         raise VideoError(
             f"t_s {t_s[row]:g}",
             file=path,

@@ -23,6 +23,13 @@ def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
     return data
 
 
+def first_unordered(t_s: FloatArray) -> int | None:
+    """Return the first row that is not finite or not later than the row before; None if there is none."""
+    good = np.isfinite(t_s)
+    good[1:] &= t_s[1:] > t_s[:-1]
+    return None if good.all() else int(np.argmin(good))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Table:
     """Rows of text under named columns.

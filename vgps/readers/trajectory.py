@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.errors import TrajectoryError
-from vgps.readers.table import read_bytes
+from vgps.readers.table import first_unordered, read_bytes
 from vgps.solution import Trajectory
 
 _COLUMNS = 8
@@ -33,9 +33,8 @@ def read_trajectory(path: str | Path, *, video_start_s: float = 0.0) -> Trajecto
     if not rows:
         raise TrajectoryError("no poses", file=path, expected="lines of t_s x y z qx qy qz qw")
     table = np.array(rows)
-    later = np.flatnonzero(~(np.diff(table[:, 0], prepend=-np.inf) > 0))
-    if len(later):
-        row = later[0]
+    row = first_unordered(table[:, 0])
+    if row is not None:
         raise TrajectoryError(
             f"time {table[row, 0]:g}",
             file=path,
@@ -53,7 +52,7 @@ def _row(content: str, path: Path, number: int) -> list[float]:
         row = [float(cell) for cell in content.replace(",", " ").split()]
     except ValueError:
         row = []
-    if len(row) != _COLUMNS or not np.isfinite(row).all() or np.linalg.norm(row[4:]) < 1e-6:
+    if len(row) != _COLUMNS or not np.isfinite(row).all() or not 1e-6 < max(map(abs, row[4:])) < 1e6:
         raise TrajectoryError(
             f"{content[:60]!r}", file=path, place=f"line {number}", expected="t_s x y z qx qy qz qw"
         )
