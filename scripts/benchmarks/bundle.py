@@ -1,26 +1,29 @@
-"""StageTimer per iteration of the Schur solver against GTSAM's own, on a synthetic drive.
+"""How long does an iteration of the Schur solver take, and one of GTSAM's optimiser, on a synthetic drive?
 
-With several laps the drive goes round a block, and most landmarks are seen again in every lap.
+Medians of the difference between a long and a short run, so that what is done once per problem is left out.
+With several laps the drive goes round a block, and most landmarks are observed again in every lap.
 """
 
-import argparse
 import statistics
-import time
+from typing import get_args
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
+from scripts.common.command import ScriptParser
+from scripts.common.stopwatch import stopwatch
 from vgps.model import FloatArray, IntArray
 from vgps.solver.elimination import structure_of
 from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import Solver, SolverSettings, pose_covariances, solve
 
 K = (500.0, 510.0, 320.0, 240.0)
+HELP = {"track": "mean length of a track, frames", "runs": "runs whose median is taken"}
 
 
 def winding_drive(frames: int) -> FloatArray:
-    """(F, 4, 4) poses, half a metre apart."""
+    """Return (F, 4, 4) poses on a winding path, half a metre apart."""
     yaw = 0.3 * np.sin(np.arange(frames) / 40.0)
     poses = np.tile(np.eye(4), (frames, 1, 1))
     poses[:, :3, :3] = [gtsam.Rot3.Ry(angle).matrix() for angle in yaw]
@@ -29,7 +32,7 @@ def winding_drive(frames: int) -> FloatArray:
 
 
 def round_the_block(frames: int, laps: int) -> FloatArray:
-    """(F, 4, 4) poses on a circle, half a metre apart, each lap a little farther out than the last."""
+    """Return (F, 4, 4) poses on a circle, half a metre apart, each lap a little farther out than the last."""
     lap = frames / laps
     angle = 2 * np.pi * np.arange(frames) / lap
     radius = 0.5 * lap / (2 * np.pi) + 0.3 * (np.arange(frames) // lap)
@@ -39,22 +42,33 @@ def round_the_block(frames: int, laps: int) -> FloatArray:
     return poses
 
 
-def seen_again(
+def observed_again(
     poses: FloatArray, points: FloatArray, frame: IntArray, landmark: IntArray, lap: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Frame, landmark and pixels of the same observations one lap later, of seven landmarks in ten."""
+    """Return frame, landmark and pixels of the same observations a lap later, of seven landmarks in ten."""
     again = (landmark % 10 < 7) & (frame + lap < len(poses))
     frame, landmark = frame[again] + lap, landmark[again]
+    return project(poses, points, frame, landmark)
+
+
+def project(
+    poses: FloatArray, points: FloatArray, frame: IntArray, landmark: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return frame, landmark and pixels (N, 2) of the points that lie more than a metre ahead."""
     p = np.einsum("nji,nj->ni", poses[frame, :3, :3], points[landmark] - poses[frame, :3, 3])
     ahead = p[:, 2] > 1.0
-    uv = np.stack([K[0] * p[:, 0] / p[:, 2] + K[2], K[1] * p[:, 1] / p[:, 2] + K[3]], axis=1)
-    return frame[ahead], landmark[ahead], uv[ahead]
+    frame, landmark, p = frame[ahead], landmark[ahead], p[ahead]
+    return (
+        frame,
+        landmark,
+        np.stack([K[0] * p[:, 0] / p[:, 2] + K[2], K[1] * p[:, 1] / p[:, 2] + K[3]], axis=1),
+    )
 
 
 def observations(
     poses: FloatArray, landmarks: int, track: int, rng: np.random.Generator
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Points, and frame, landmark and pixels of tracks whose lengths scatter about ``track``."""
+    """Return points, and frame, landmark and noisy pixels of tracks of ``track`` frames on average."""
     first = np.clip(rng.integers(-track, len(poses) - 2, landmarks), 0, None)
     length = np.minimum(2 + rng.geometric(1.0 / track, landmarks), len(poses) - first)
     depth = 0.5 * length + rng.uniform(3.0, 20.0, landmarks)
@@ -64,15 +78,12 @@ def observations(
     points = np.einsum("lij,lj->li", poses[first, :3, :3], ray * depth[:, None]) + poses[first, :3, 3]
     landmark = np.repeat(np.arange(landmarks), length)
     frame = first[landmark] + np.arange(len(landmark)) - np.repeat(np.cumsum(length) - length, length)
-    p = np.einsum("nji,nj->ni", poses[frame, :3, :3], points[landmark] - poses[frame, :3, 3])
-    ahead = p[:, 2] > 1.0
-    frame, landmark, p = frame[ahead], landmark[ahead], p[ahead]
-    uv = np.stack([K[0] * p[:, 0] / p[:, 2] + K[2], K[1] * p[:, 1] / p[:, 2] + K[3]], axis=1)
+    frame, landmark, uv = project(poses, points, frame, landmark)
     return points, frame, landmark, uv + rng.normal(0.0, 0.5, uv.shape)
 
 
 def pose_factors(poses: FloatArray, rng: np.random.Generator) -> gtsam.NonlinearFactorGraph:
-    """A fix every tenth frame, and a loose motion from each frame to the next."""
+    """Return a fix every tenth frame, and a loose motion from each frame to the next."""
     graph = gtsam.NonlinearFactorGraph()
     fix = gtsam.noiseModel.Isotropic.Sigma(3, 0.1)
     for i in range(0, len(poses), 10):
@@ -85,14 +96,14 @@ def pose_factors(poses: FloatArray, rng: np.random.Generator) -> gtsam.Nonlinear
 
 
 def make_problem(frames: int, landmarks: int, track: int, laps: int) -> BundleProblem:
-    """The drive, its start disturbed by 0.1 deg and 0.1 m, its points by 0.2 m."""
+    """Return the drive; its start is off by 0.1 deg and 0.1 m, its points by 0.2 m."""
     rng = np.random.default_rng(0)
     poses = winding_drive(frames) if laps == 1 else round_the_block(frames, laps)
     lap = -(-frames // laps)
     points, frame, landmark, uv = observations(poses[:lap], landmarks, track, rng)
     rows = [(frame, landmark, uv)]
     for number in range(1, laps):
-        rows.append(seen_again(poses, points, frame, landmark, number * lap))
+        rows.append(observed_again(poses, points, frame, landmark, number * lap))
     frame, landmark, uv = (np.concatenate(part) for part in zip(*rows, strict=True))
     shift = rng.normal(size=(frames, 6)) * [0.002, 0.002, 0.002, 0.1, 0.1, 0.1]
     start = np.stack([gtsam.Pose3(T).retract(d).matrix() for T, d in zip(poses, shift, strict=True)])
@@ -102,7 +113,7 @@ def make_problem(frames: int, landmarks: int, track: int, laps: int) -> BundlePr
 
 
 def per_iteration(problem: BundleProblem, solver: Solver, iterations: int, runs: int) -> float:
-    """Median seconds of one iteration, what is done once per problem taken off by difference."""
+    """Return the median seconds of one iteration, without what is done once per problem."""
     never = {"relative_tolerance": 0.0, "absolute_tolerance": 0.0}
     seconds = []
     for _ in range(runs):
@@ -114,24 +125,41 @@ def per_iteration(problem: BundleProblem, solver: Solver, iterations: int, runs:
 
 def main() -> None:
     """Print what each solver takes."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = ScriptParser("benchmarks.bundle", __doc__)
     defaults = {"frames": 1110, "landmarks": 12000, "track": 12, "iterations": 4, "runs": 3, "laps": 1}
     for name, value in defaults.items():
-        parser.add_argument(f"--{name}", type=int, default=value)
+        parser.add_argument(
+            f"--{name}", type=int, default=value, help="number" if name != "track" else "frames"
+        )
     given = parser.parse_args()
+    with parser.refusals():
+        results = parser.results(given)
     problem = make_problem(given.frames, given.landmarks, given.track, given.laps)
     structure = structure_of(problem)
     print(f"{given.frames} frames, {len(problem.frame)} observations, {given.landmarks} landmarks")
     stored = "in tiles" if structure.tiles else f"half bandwidth {structure.half_bandwidth}"
     print(f"{stored}, {structure.flops / 1e9:.1f} Gflop per factorisation")
-    schur = per_iteration(problem, "schur", given.iterations, given.runs)
-    theirs = per_iteration(problem, "gtsam", given.iterations, given.runs)
-    print(f"schur {schur:.3f} s, gtsam {theirs:.3f} s per iteration: ratio {theirs / schur:.1f}")
+    seconds = {name: per_iteration(problem, name, given.iterations, given.runs) for name in get_args(Solver)}
+    ratio = seconds["gtsam"] / seconds["schur"]
+    print(f"schur {seconds['schur']:.3f} s, gtsam {seconds['gtsam']:.3f} s per iteration: ratio {ratio:.1f}")
     best = solve(problem)
-    begun = time.perf_counter()
-    pose_covariances(best.problem)
-    seconds = time.perf_counter() - begun
-    print(f"solved in {best.seconds:.2f} s, {best.report.iterations} iterations; covariances {seconds:.2f} s")
+    with stopwatch() as elapsed:
+        pose_covariances(best.problem)
+    print(
+        f"solved in {best.seconds:.2f} s, {best.report.iterations} iterations; "
+        f"covariances {elapsed.wall_s:.2f} s"
+    )
+    results.add(
+        frames=given.frames,
+        observations=len(problem.frame),
+        landmarks=given.landmarks,
+        laps=given.laps,
+        schur_iteration_s=seconds["schur"],
+        gtsam_iteration_s=seconds["gtsam"],
+        solved_s=best.seconds,
+        iterations=best.report.iterations,
+        covariances_s=elapsed.wall_s,
+    )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""How time and memory of the whole program grow with the video: a recording to and fro, ever longer.
+"""How do time and memory of the whole program grow with the length of the video?
 
-Every length runs in a process of its own, whose peak memory is that of all stages; that before stage D is
-told apart. The images of the section are in memory, so decoding is not in the times; ``before`` is what the
-process held when it had them, before the run began. What is linear grows as the frames do, in the first row.
+A section of a recording is played forwards, backwards, forwards ..., ever longer. Every length runs in a
+process of its own; its peak memory is noted before the run (``before``, the decoded section is in it), before
+stage D, and at the end. Decoding is not in the times. What is linear grows by the factors of the first row.
 """
 
 import argparse
@@ -10,26 +10,29 @@ import json
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 
 import vgps
+from scripts.common.command import ScriptParser
+from scripts.common.markdown import table
 from scripts.common.ping_pong import PingPong
+from scripts.common.stopwatch import stopwatch
+from vgps.errors import RunFolderError
 from vgps.model import Frame
 from vgps.runtime.progress import Silent
 
-MEMORY = ("before", "stages A to C", "all stages")
+Figures = dict[str, float]  # by name with unit
 
 
 def peak_mb() -> float:
-    """The most memory that this process has held, MB."""
+    """Return the most memory that this process has held, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 class PeakBeforeBatch(Silent):
-    """Notes the peak memory as stage D begins, and says now and then how far the run is."""
+    """Progress that notes the peak memory as stage D begins, and reports every thousandth frame."""
 
     def __init__(self) -> None:
         self.front_mb = 0.0
@@ -42,69 +45,77 @@ class PeakBeforeBatch(Silent):
             yield frame
 
     def say(self, what: str) -> None:
-        """As in :class:`vgps.runtime.progress.Progress`; the last word before the end is stage D's."""
+        """As in :class:`vgps.runtime.progress.Progress`; the last stage announced is D."""
         self.front_mb = peak_mb()
 
 
-def one_length(given: argparse.Namespace, frames: int) -> dict[str, dict[str, float]]:
-    """StageTimer, memory and counts of one run, in this process."""
+def one_length(given: argparse.Namespace, frames: int) -> Figures:
+    """Smooth so many frames in this process; return seconds, memory and counts."""
     source = PingPong(vgps.open_recording(given.recording, gps=given.gps), given.section)
     recording, progress, before_mb = source.recording(frames), PeakBeforeBatch(), peak_mb()
-    wall, cpu = time.perf_counter(), time.process_time()
-    solution = vgps.smooth(recording, progress=progress)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    seconds = {k: s for k, s in solution.seconds.items() if k != "decode"}
-    memory = dict(zip(MEMORY, (before_mb, progress.front_mb, peak_mb()), strict=True))
-    counts = {"landmarks": len(solution.landmarks.sigma_px), "observations": len(solution.observations.frame)}
-    counts["iterations of D"] = solution.report.iterations
+    with stopwatch() as elapsed:
+        solution = vgps.smooth(recording, progress=progress)
+    seconds = {f"{stage} [s]": s for stage, s in solution.seconds.items() if stage != "decode"}
     return {
-        "s": {**seconds, "wall": wall, "CPU": cpu, "wall a frame": wall / frames},
-        "MB": memory,
-        "count": {k: float(n) for k, n in counts.items()},
+        "frames": frames,
+        **seconds,
+        "wall [s]": elapsed.wall_s,
+        "CPU [s]": elapsed.cpu_s,
+        "wall per frame [s]": elapsed.wall_s / frames,
+        "memory before [MB]": before_mb,
+        "memory, stages A to C [MB]": progress.front_mb,
+        "memory, all stages [MB]": peak_mb(),
+        "landmarks": len(solution.landmarks.sigma_px),
+        "observations": len(solution.observations.frame),
+        "iterations of D": solution.report.iterations,
     }
 
 
-def in_its_own_process(given: argparse.Namespace, frames: int) -> dict[str, dict[str, float]]:
-    """As :func:`one_length`."""
+def in_its_own_process(given: argparse.Namespace, frames: int) -> Figures:
+    """Run :func:`one_length` in a new process.
+
+    Raises:
+        RunFolderError: It failed; it has said why.
+    """
     words = [sys.executable, "-m", "scripts.benchmarks.growth", str(given.recording), "--gps", given.gps]
     words += ["--section", str(given.section), "--one", str(frames)]
-    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True)
-    found: dict[str, dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    done = subprocess.run(words, check=False, stdout=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise RunFolderError(f"the run of {frames} frames ended with exit code {done.returncode}")
+    figures: Figures = json.loads(done.stdout.splitlines()[-1])
+    return figures
 
 
-def table(frames: list[int], runs: list[dict[str, dict[str, float]]]) -> str:
-    """Markdown: a row per figure, a column per length, then how it grew from each length to the next."""
-    steps = [f"{a} to {b}" for a, b in pairwise(frames)]
-    lines = ["| | " + " | ".join([*(f"{n} frames" for n in frames), *steps]) + " |"]
-    lines.append("|---" * (1 + len(frames) + len(steps)) + "|")
-    lengths = [float(n) for n in frames]
-    rows = {"frames": lengths}
-    for unit, figures in runs[0].items():
-        for name in figures:
-            rows[f"{name} [{unit}]"] = [run[unit].get(name, float("nan")) for run in runs]
-    for name, values in rows.items():
+def as_markdown(runs: list[Figures]) -> str:
+    """Return a row per figure, a column per length, then by which factor it grew from length to length."""
+    lengths = [round(run["frames"]) for run in runs]
+    steps = [f"{a} to {b}" for a, b in pairwise(lengths)]
+    rows = []
+    for name in runs[0]:
+        values = [run.get(name, float("nan")) for run in runs]
         growth = [f"x {b / a:.2f}" if a else "-" for a, b in pairwise(values)]
-        lines.append(f"| {name} | " + " | ".join([*(f"{x:.4g}" for x in values), *growth]) + " |")
-    return "\n".join(lines)
+        rows.append([name, *(f"{x:.4g}" for x in values), *growth])
+    return table(["", *(f"{n} frames" for n in lengths), *steps], rows)
 
 
 def main() -> None:
     """Print the table, again after every length, for the last may take long."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = ScriptParser("benchmarks.growth", __doc__)
     parser.add_argument("recording", type=Path)
-    parser.add_argument("--gps", default="gps_fix.nmea")
-    parser.add_argument("--frames", type=int, nargs="+", default=[800, 3200, 12800])
-    parser.add_argument("--section", type=int, default=400)
+    parser.add_argument("--gps", default="gps_fix.nmea", help="a path, or a name inside the recording")
+    parser.add_argument("--frames", type=int, nargs="+", default=[800, 3200, 12800], help="lengths")
+    parser.add_argument("--section", type=int, default=400, help="frames that are played to and fro")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     given = parser.parse_args()
-    if given.one:
-        print(json.dumps(one_length(given, given.one)))
-        return
-    runs: list[dict[str, dict[str, float]]] = []
-    for frames in given.frames:
-        runs.append(in_its_own_process(given, frames))
-        print(table(given.frames[: len(runs)], runs) + "\n", flush=True)
+    with parser.refusals():
+        if given.one:
+            print(json.dumps(one_length(given, given.one)))
+            return
+        results, runs = parser.results(given), []
+        for frames in given.frames:
+            runs.append(in_its_own_process(given, frames))
+            results.add(**runs[-1])
+            print(as_markdown(runs) + "\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Latency, memory and error of the online mode over a long drive: a recording to and fro, with an outage.
+"""Does `vgps online` keep its latency, memory and accuracy over a long drive with an outage?
 
-The first frames of the recording are played forwards, backwards, forwards ... Fixes are its true antenna at
-1 Hz with the errors of its log; they come late, as NMEA over TCP. In the middle there is an outage; after
-three quarters the receiver's server is killed, and started again. The error is that of each pose as it came,
-against the truth, and NEES its square over the variance stated: 1 is honest, more is overconfident.
+The first frames of a recording are played forwards, backwards, forwards ... Fixes are its true antenna at 1
+Hz with the errors of its log; they arrive late, as NMEA over TCP. In the middle there is an outage; after
+three quarters the receiver's server is stopped, and started again. The error is that of each pose as it came,
+against the truth, and NEES its square over the stated variance: 1 is honest, more is overconfident.
 """
 
 import argparse
@@ -13,9 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import vgps
+from scripts.common.command import ScriptParser
 from scripts.common.fix_server import FixServer
+from scripts.common.markdown import table
 from scripts.common.ping_pong import PingPong
 from vgps.model import FloatArray
 from vgps.online import OnlineEstimate
@@ -23,9 +26,22 @@ from vgps.online.gps_source import GpsSource
 from vgps.online.live_feed import VideoClock
 from vgps.readers.fixes import unix_s
 
+COLUMNS = {
+    "pose_p50_ms": "pose p50 [ms]",
+    "pose_p99_ms": "p99",
+    "frame_p50_ms": "with stage C p50",
+    "frame_p99_ms": "p99",
+    "frames_per_s": "frames/s",
+    "mean_error_m": "error mean [m]",
+    "max_error_m": "max",
+    "max_smooth_step_m": "largest smooth step [m]",
+    "nees": "NEES",
+    "memory_mb": "memory [MB]",
+}
+
 
 def resident_mb() -> float:
-    """What the process holds now; where that is not told, the most it held."""
+    """Return the memory that the process holds now, MB; the most it held where the system has no more."""
     pages = Path("/proc/self/statm")
     if pages.exists():
         return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
@@ -33,8 +49,8 @@ def resident_mb() -> float:
 
 
 @dataclass
-class Measured:
-    """A row for every frame."""
+class FrameMeasures:
+    """Columns with a row for every frame."""
 
     pose_s: list[float] = field(default_factory=list)
     refine_s: list[float] = field(default_factory=list)
@@ -45,14 +61,12 @@ class Measured:
     nees: list[float] = field(default_factory=list)
     memory_mb: list[float] = field(default_factory=list)
     t_s: list[float] = field(default_factory=list)
-    fix_error_m: float = 0.0
-    lost: int = 0
     _smooth: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
 
     def add(
         self, t_s: float, estimate: OnlineEstimate, true: FloatArray, pose_s: float, refine_s: float
     ) -> None:
-        """A frame; ``true`` (4, 4) is its true pose."""
+        """Add a frame; ``true`` (4, 4) is its true pose."""
         self.t_s.append(t_s)
         self.pose_s.append(pose_s)
         self.refine_s.append(refine_s)
@@ -65,15 +79,14 @@ class Measured:
         self.nees.append(float(np.mean((error / estimate.sigma_position_m) ** 2)))
         self.memory_mb.append(resident_mb())
 
-    def growth(self, part: int) -> str:
-        """Last against first frames, once the first window and the first memory are full."""
+    def growth(self, part: int) -> dict[str, float]:
+        """Return how the last frames compare with the first ones, whose windows are full by their end."""
         pose, memory = np.array(self.pose_s), np.array(self.memory_mb)
         slower = np.median(pose[-part:]) / np.median(pose[:part])
-        more = memory[-1] - memory[part - 1]
-        return f"From the first to the last {part}: pose p50 x {slower:.2f}, memory {more:+.1f} MB."
+        return {"median_pose_ratio": float(slower), "memory_growth_mb": float(memory[-1] - memory[part - 1])}
 
-    def table(self, rows: slice, name: str) -> str:
-        """A line of Markdown on some frames."""
+    def row(self, rows: slice) -> dict[str, float]:
+        """Return the figures of some frames, by the names in ``COLUMNS``."""
         pose, refine = np.array(self.pose_s[rows]), np.array(self.refine_s[rows])
         busy = pose + refine
         figures = [
@@ -86,17 +99,17 @@ class Measured:
             np.nanmean(self.nees[rows]),
             self.memory_mb[rows][-1],
         ]
-        return f"| {name} | " + " | ".join(f"{x:.3g}" for x in figures) + " |"
+        return dict(zip(COLUMNS, map(float, figures), strict=True))
 
 
 class Receiver:
-    """Sends each fix when it is due, and takes what has come: through a server, but for when that is down.
+    """Sends each fix over TCP when it is due, and receives what has arrived.
 
     Args:
         source: Of the fixes.
-        late_s: By which a fix comes after its time.
-        outage: Without fixes, [s, s).
-        down: Without a server, [s, s).
+        late_s: Delay of a fix behind its time.
+        outage: Interval [s, s) without fixes.
+        down: Interval [s, s) without a server.
     """
 
     def __init__(
@@ -109,37 +122,43 @@ class Receiver:
         self.lost = 0
 
     def until(self, t_s: float) -> tuple[list[vgps.Fix], list[str]]:
-        """Fixes and notes that have come by then."""
+        """Return the fixes and notes that have arrived by then."""
         alive = not self._down[0] <= t_s < self._down[1]
         if alive != self._alive:
-            (self._server.start if alive else self._server.kill)()
+            (self._server.start if alive else self._server.stop)()
             self._alive = alive
         while self._source.fix(self._second).t_s + self._late_s <= t_s:
             fix = self._source.fix(self._second)
             valid = not self._outage[0] <= fix.t_s < self._outage[1]
-            self.lost += valid and not self._server.heard
+            self.lost += valid and not self._server.connected
             self._server.send(fix, valid)
-            time.sleep(0.06)  # on the wall: an epoch ends when nothing more comes
+            time.sleep(0.06)  # real time: an epoch ends when nothing more comes
             self._second += 1
         received, notes = self._gps.take()
         return [self._clock.fix(fix)[0] for fix in received], notes
 
     def close(self) -> None:
-        """Hang up."""
+        """Close both ends."""
         self._gps.close()
-        self._server.kill()
+        self._server.stop()
 
 
-def drive(given: argparse.Namespace) -> tuple[Measured, list[str]]:
-    """Feed the smoother, and measure."""
+@dataclass(frozen=True)
+class DriveResult:
+    """Measures by frame, what happened, the fixes' own mean error, and how many the stopped server lost."""
+
+    measures: FrameMeasures
+    events: list[str]
+    fix_error_m: float
+    lost_fixes: int
+
+
+def drive(given: argparse.Namespace) -> DriveResult:
+    """Feed the smoother frame by frame, and measure."""
     recording = vgps.open_recording(given.recording, gps=given.gps)
     source = PingPong(recording, given.section)
     smoother = vgps.OnlineSmoother(recording.camera, recording.rig)
-    found, told, end_s = (
-        Measured(fix_error_m=source.fix_error_m),
-        list[str](),
-        given.frames * source.interval_s,
-    )
+    measures, events, end_s = FrameMeasures(), list[str](), given.frames * source.interval_s
     outage, down = (0.5 * end_s, 0.5 * end_s + given.outage), (0.75 * end_s, 0.75 * end_s + given.down)
     receiver = Receiver(source, given.late, outage, down)
     clock = time.process_time if given.cpu else time.perf_counter
@@ -157,21 +176,16 @@ def drive(given: argparse.Namespace) -> tuple[Measured, list[str]]:
         estimate = smoother.add_frame(t_s, image)
         posed = clock()
         smoother.refine()
-        found.add(t_s, estimate, true, posed - begun, clock() - posed)
-        told += [f"{event.t_s:8.1f} s  {event.kind}: {event.text}" for event in estimate.events]
+        measures.add(t_s, estimate, true, posed - begun, clock() - posed)
+        events += [f"{event.t_s:8.1f} s  {event.kind}: {event.text}" for event in estimate.events]
     receiver.close()
-    found.lost = receiver.lost
-    return found, told
+    return DriveResult(measures, events, source.fix_error_m, receiver.lost)
 
 
-def plot(found: Measured, given: argparse.Namespace, path: Path) -> None:
-    """Errors, latency and memory over time."""
-    import matplotlib  # noqa: PLC0415
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot as plt  # noqa: PLC0415
-
-    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(9, 7), layout="constrained")
+def plot(found: FrameMeasures, given: argparse.Namespace, path: Path) -> None:
+    """Draw errors, latency and memory over time."""
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
     pose_ms, refine_ms = 1e3 * np.array(found.pose_s), 1e3 * np.array(found.refine_s)
     axes[0].fill_between(found.t_s, 2 * np.array(found.sigma_m), color="0.88", label="two sigma")
     axes[0].plot(found.t_s, found.error_m, label="corrected", lw=1)
@@ -192,38 +206,52 @@ def plot(found: Measured, given: argparse.Namespace, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def main() -> None:
-    """Print a row for the first and the last frames."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--gps", default="gps_float.nmea")
-    parser.add_argument("--frames", type=int, default=10000)
-    parser.add_argument("--section", type=int, default=400)
-    parser.add_argument("--outage", type=float, default=30.0, help="seconds, in the middle")
-    parser.add_argument("--late", type=float, default=0.4, help="seconds by which fixes come late")
+def arguments(parser: ScriptParser) -> argparse.Namespace:
+    """Parse the command line."""
+    parser.add_argument("recording", type=Path, help="with truth")
+    parser.add_argument("--gps", default="gps_float.nmea", help="a path, or a name inside the recording")
+    parser.add_argument("--frames", type=int, default=10000, help="length of the drive")
+    parser.add_argument("--section", type=int, default=400, help="frames that are played to and fro")
+    parser.add_argument("--outage", type=float, default=30.0, help="seconds without fixes, in the middle")
+    parser.add_argument("--late", type=float, default=0.4, help="delay of a fix, seconds")
     parser.add_argument("--down", type=float, default=10.0, help="seconds without the receiver's server")
-    parser.add_argument(
-        "--cpu",
-        action="store_true",
-        help="seconds of the processor, all threads together",
+    parser.add_argument("--cpu", action="store_true", help="measure processor time of all threads together")
+    parser.add_argument("--pace", type=float, help="frames per second; without it as fast as they go")
+    parser.add_argument("--events", action="store_true", help="print all events but the fixes that were used")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw errors, latency and memory")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Print a row for the first frames, the last ones, and all."""
+    parser = ScriptParser("benchmarks.online", __doc__)
+    given = arguments(parser)
+    with parser.refusals():
+        results = parser.results(given)
+        found = drive(given)
+    measures, part = found.measures, min(1000, given.frames // 3)
+    last = slice(len(measures.t_s) - part, None)
+    parts = {f"first {part}": slice(0, part), f"last {part}": last, "all": slice(None)}
+    rows = {name: measures.row(rows) for name, rows in parts.items()}
+    for name, figures in rows.items():
+        results.add(frames=name, **figures)
+    growth = measures.growth(part)
+    results.summarise(fix_error_m=found.fix_error_m, lost_fixes=found.lost_fixes, **growth)
+    print(
+        table(
+            ["frames", *COLUMNS.values()],
+            ([name, *(f"{x:.3g}" for x in figures.values())] for name, figures in rows.items()),
+        )
     )
-    parser.add_argument("--pace", type=float, help="frames a second; as fast as they go without it")
-    parser.add_argument("--events", action="store_true", help="print what happened, but for the fixes used")
-    parser.add_argument("--plot", type=Path)
-    given = parser.parse_args()
-    found, told = drive(given)
-    part = min(1000, given.frames // 3)
-    print("| frames | pose p50 [ms] | p99 | with stage C p50 | p99 | frames/s | error mean [m] | max | "
-          "largest smooth step [m] | NEES | memory [MB] |\n" + "|---" * 11 + "|")  # fmt: skip
-    print(found.table(slice(0, part), f"first {part}"))
-    print(found.table(slice(len(found.t_s) - part, None), f"last {part}"))
-    print(found.table(slice(None), "all"))
-    print(f"\nThe fixes' own error is {found.fix_error_m:.2f} m in the mean. {found.growth(part)}")
-    print(f"{found.lost} fixes were lost while the server was down, or not yet found again.")
+    print(
+        f"\nMean error of the fixes: {found.fix_error_m:.2f} m. From the first to the last {part} frames: "
+        f"pose p50 x {growth['median_pose_ratio']:.2f}, memory {growth['memory_growth_mb']:+.1f} MB. "
+        f"{found.lost_fixes} fixes were lost while the server was down or not yet found again."
+    )
     if given.events:
-        print("\n".join(line for line in told if not line.endswith(" used")))
+        print("\n".join(line for line in found.events if not line.endswith(" used")))
     if given.plot:
-        plot(found, given, given.plot)
+        plot(measures, given, given.plot)
 
 
 if __name__ == "__main__":

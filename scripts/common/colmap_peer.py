@@ -1,11 +1,10 @@
-"""COLMAP doing vgps's work, for comparison: bundle adjustment with position priors, and mapping from images.
+"""COLMAP on vgps's problems: bundle adjustment with position priors, and mapping from images.
 
-Needs the ``bench`` extra (pycolmap). COLMAP knows no lever arm and no weight per observation: the problems
-here are made such that neither is missed.
+Needs the ``bench`` extra (pycolmap). COLMAP has no lever arm and no weight per observation; the problems here
+need neither.
 """
 
 import re
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,17 +14,18 @@ import numpy as np
 import pycolmap
 
 from scripts.common.colmap_problem import Priors
+from scripts.common.stopwatch import stopwatch
 from vgps.model import Camera, FloatArray, Recording
 from vgps.solution import Landmarks, Observations, Solution, Trajectory
 from vgps.solver.problem import BundleProblem
 from vgps.writers.colmap import IMAGE_NAME, colmap_camera, write_colmap
 
-_FAR_M = 1e3  # COLMAP moves the whole model onto the priors first: none of them is to be left out of that
+_FAR_M = 1e3  # COLMAP first aligns the model with the priors by RANSAC: none of them is to be an outlier
 
 
 @dataclass(frozen=True)
-class Adjusted:
-    """What an optimiser made of a problem, in how many iterations, wall and processor seconds."""
+class AdjustmentResult:
+    """Result of an optimiser: the problem at its end, iterations, wall and processor seconds."""
 
     problem: BundleProblem
     iterations: int
@@ -38,29 +38,30 @@ def adjust(
     priors: Priors,
     base: Solution,
     threads: int,
-    most: int,
+    max_iterations: int,
     tolerance: float,
     *,
     robust: bool | None = None,
-) -> Adjusted:
-    """COLMAP's pose-prior bundle adjustment; the camera's calibration is held.
+) -> AdjustmentResult:
+    """Run COLMAP's pose-prior bundle adjustment with the camera's calibration held.
 
     Args:
         problem: The start; one ``sigma_px`` for all observations.
         priors: Those of its ``pose_graph``.
         base: The run that it is made from.
         threads: Of Ceres.
-        most: Iterations.
-        tolerance: Ends once a step lowers the cost by no more than this part of it.
-        robust: For wrong priors: COLMAP's own choice of those that it moves the model onto, and its Cauchy
-            loss or its default, which is none. Without it the priors are all taken to be right.
+        max_iterations: Ends after so many.
+        tolerance: Ends once a step lowers the cost by no more than this share of it.
+        robust: For wrong priors: COLMAP chooses those that it aligns the model with, and its loss is Cauchy
+            (true) or none, its default (false). None takes all priors to be right.
     """
     sigma_px = float(problem.sigma_px[0])
     model = as_reconstruction(problem, base)
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = options.refine_extra_params = options.print_summary = False
     solver = options.ceres.solver_options
-    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = threads, most, tolerance
+    solver.num_threads, solver.max_num_iterations = threads, max_iterations
+    solver.function_tolerance = tolerance
     options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
     if robust is None:
@@ -73,19 +74,18 @@ def adjust(
         config.add_image(image)
     # COLMAP's pixels have a sigma of 1: sigmas in metres are divided by what its unit stands for
     poses = [_prior(model.image(int(f) + 1).data_id, p, s / sigma_px) for f, p, s in _rows(priors)]
-    wall, cpu = time.perf_counter(), time.process_time()
-    adjuster = pycolmap.create_pose_prior_bundle_adjuster(options, prior_options, config, poses, model)
-    report = adjuster.solve().brief_report()
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    with stopwatch() as elapsed:
+        adjuster = pycolmap.create_pose_prior_bundle_adjuster(options, prior_options, config, poses, model)
+        report = adjuster.solve().brief_report()
     found = re.search(r"Iterations: (\d+)", report)
     if found is None:
-        raise RuntimeError(f"COLMAP's report is not understood: {report}")
-    steps = int(found[1]) - 1  # Ceres counts its look at the start
-    return Adjusted(_back(problem, model), steps, wall, cpu)
+        raise RuntimeError(f"no number of iterations in COLMAP's report: {report}")
+    steps = int(found[1]) - 1  # Ceres counts the evaluation of the start
+    return AdjustmentResult(_solved(problem, model), steps, elapsed.wall_s, elapsed.cpu_s)
 
 
 def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Reconstruction:
-    """A problem as COLMAP's model: image f + 1 is frame f, point j + 1 landmark j, pixels are undistorted."""
+    """Return a problem as COLMAP's model, undistorted: image f + 1 is frame f, point j + 1 landmark j."""
     frames, points = len(problem.world_T_camera), len(problem.world_p_landmark)
     c = base.camera
     landmarks = Landmarks(problem.world_p_landmark, np.ones(points), np.zeros(points, np.uint8))
@@ -115,7 +115,7 @@ def _prior(data: pycolmap.data_t, position: FloatArray, sigma_m: FloatArray) -> 
     )
 
 
-def _back(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProblem:
+def _solved(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProblem:
     poses, points = problem.world_T_camera.copy(), problem.world_p_landmark.copy()
     for f in range(len(poses)):
         poses[f, :3] = model.image(f + 1).cam_from_world().inverse().matrix()
@@ -125,16 +125,16 @@ def _back(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProbl
 
 
 def map_images(
-    recording: Recording, every: int, most: int | None, priors: Priors, seed: int
+    recording: Recording, every: int, limit: int | None, priors: Priors, seed: int
 ) -> tuple[Trajectory, dict[str, float]]:
-    """COLMAP's features, sequential matches and pose-prior mapping of every n-th frame.
+    """Run COLMAP's feature extraction, sequential matching and pose-prior mapping on every n-th frame.
 
     Args:
         recording: Its video and camera, whose calibration is held.
         every: Take every n-th frame.
-        most: Take so many at most; None for all.
+        limit: Take so many at most; None for all.
         priors: One per fix, at frames that are taken.
-        seed: Of COLMAP's random choices.
+        seed: Of COLMAP's random numbers.
 
     Returns:
         Poses of the frames of its largest model, in the priors' world, and wall seconds per step.
@@ -143,31 +143,33 @@ def map_images(
     with TemporaryDirectory() as scratch:
         images, database = Path(scratch) / "images", Path(scratch) / "database.db"
         images.mkdir()
-        _save(recording, every, most, images)
-        begun = time.perf_counter()
+        _save(recording, every, limit, images)
         name, parameters = colmap_camera(recording.camera)
         reader = pycolmap.ImageReaderOptions(
             camera_model=name, camera_params=",".join(f"{x:.17g}" for x in parameters)
         )
         single = pycolmap.CameraMode.SINGLE
         pycolmap.set_random_seed(seed)
-        pycolmap.extract_features(database, images, camera_mode=single, reader_options=reader)
-        seconds["features"] = time.perf_counter() - begun
+        with stopwatch() as elapsed:
+            pycolmap.extract_features(database, images, camera_mode=single, reader_options=reader)
+        seconds["features"] = elapsed.wall_s
         _write_priors(database, priors)
-        pycolmap.match_sequential(database)
-        seconds["matching"] = time.perf_counter() - begun - seconds["features"]
+        with stopwatch() as elapsed:
+            pycolmap.match_sequential(database)
+        seconds["matching"] = elapsed.wall_s
         options = pycolmap.IncrementalPipelineOptions()
         options.use_prior_position, options.random_seed = True, seed
         options.ba_refine_focal_length = options.ba_refine_extra_params = False
-        models = pycolmap.incremental_mapping(database, images, scratch, options)
-        seconds["mapping"] = time.perf_counter() - begun - sum(seconds.values())
+        with stopwatch() as elapsed:
+            models = pycolmap.incremental_mapping(database, images, scratch, options)
+        seconds["mapping"] = elapsed.wall_s
     best = max(models.values(), key=lambda model: model.num_reg_images(), default=None)
     return _trajectory(best, recording.video.times_s), seconds
 
 
-def _save(recording: Recording, every: int, most: int | None, folder: Path) -> None:
+def _save(recording: Recording, every: int, limit: int | None, folder: Path) -> None:
     for frame in recording.video.frames():
-        if most is not None and frame.index >= every * most:
+        if limit is not None and frame.index >= every * limit:
             return
         if frame.index % every == 0:
             # without loss: names as in the exported model, whatever they end in

@@ -1,4 +1,4 @@
-"""A run's observations and fixes as a problem that vgps and COLMAP can both be given."""
+"""A bundle adjustment problem that vgps and COLMAP can both solve, from a run's observations and fixes."""
 
 from dataclasses import dataclass
 
@@ -19,19 +19,19 @@ MIN_ANGLE_DEG = 1.5  # as COLMAP's mapper filters points (filter_min_tri_angle)
 
 @dataclass(frozen=True)
 class Priors:
-    """Positions of cameras: ``frame`` (M,), ``world_p_camera`` (M, 3), ``sigma_m`` (M, 3)."""
+    """Prior positions of cameras: ``frame`` (M,), ``world_p_camera`` (M, 3), ``sigma_m`` (M, 3)."""
 
     frame: IntArray
     world_p_camera: FloatArray
     sigma_m: FloatArray
 
     def first(self, frames: int) -> "Priors":
-        """Those in the first frames."""
+        """Return those of the first frames."""
         rows = self.frame < frames
         return Priors(self.frame[rows], self.world_p_camera[rows], self.sigma_m[rows])
 
     def graph(self) -> gtsam.NonlinearFactorGraph:
-        """The same priors as Gaussian factors."""
+        """Return the same priors as Gaussian factors."""
         graph = gtsam.NonlinearFactorGraph()
         for frame, position, sigma in zip(self.frame, self.world_p_camera, self.sigma_m, strict=True):
             graph.add(gtsam.GPSFactor(X(int(frame)), position, gtsam.noiseModel.Diagonal.Sigmas(sigma)))
@@ -39,26 +39,27 @@ class Priors:
 
 
 def sigmas_of(run: Solution) -> FloatArray:
-    """(M, 3) the receiver's own standard deviations of the fixes, or what their regions stand for."""
+    """Return (M, 3) the receiver's sigmas of the fixes, or those that their regions stand for, metres."""
     assert run.gps is not None and run.fixes is not None
     plane, line = run.fixes.r_m / INSIDE_PLANE, run.fixes.h_m / INSIDE_LINE
     return np.where(np.isfinite(run.gps.sigma_m), run.gps.sigma_m, np.stack([plane, plane, line], axis=1))
 
 
 def nearest(times_s: FloatArray, at_s: FloatArray) -> IntArray:
-    """Rows of the times nearest to each of ``at_s``."""
+    """Return the rows of the times nearest to each of ``at_s``."""
     return np.asarray(np.abs(times_s[None] - at_s[:, None]).argmin(axis=1), np.int64)
 
 
 def centre_priors(run: Solution, every: int = 1, *, all_fixes: bool = False) -> Priors:
-    """Fixes as positions of the camera at the nearest of every n-th frame, one a frame; their residuals stay.
+    """Return fixes as positions of the camera at the nearest of every n-th frame, one per frame.
 
-    The lever arm and the way from a fix's time to the frame's are the run's, for COLMAP knows neither.
+    Their residuals are those in the run; lever arm and motion between a fix's time and the frame's are the
+    run's too, since COLMAP has neither.
 
     Args:
         run: A run with a GPS log.
         every: Take every n-th frame.
-        all_fixes: The refused ones too.
+        all_fixes: Rejected ones too.
     """
     assert run.gps is not None and run.fixes is not None
     residual = run.fixes.residual_m
@@ -71,8 +72,10 @@ def centre_priors(run: Solution, every: int = 1, *, all_fixes: bool = False) -> 
 def drifted(
     poses: FloatArray, points: FloatArray, first: IntArray, seed: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Poses and points after an odometry's drift, 0.01 degrees and 0.01 m a frame; points also scatter by 1 %
-    of their distance from the frame ``first`` that saw them."""
+    """Return poses and points with an odometry's drift, 0.01 deg and 0.01 m per frame.
+
+    Points also scatter by 1 % of their distance from the frame ``first`` that observed them first.
+    """
     rng = np.random.default_rng(seed)
     slip = rng.normal(size=(len(poses), 6)) * ([np.deg2rad(0.01)] * 3 + [0.01] * 3)
     motions = np.linalg.inv(poses[:-1]) @ poses[1:]
@@ -86,7 +89,7 @@ def drifted(
 
 
 def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
-    """Moved onto the priors as a whole, as vgps does before stage D and COLMAP does in its adjuster."""
+    """Return poses and points aligned with the priors, as vgps and COLMAP do before they adjust."""
     regions = priors.sigma_m * [INSIDE_PLANE, INSIDE_PLANE, INSIDE_LINE]
     found = align(poses[priors.frame], priors.world_p_camera, regions, np.zeros(3), StartConfig())
     if found is None:
@@ -94,7 +97,8 @@ def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[Floa
         return poses, points
     if found.straight:
         print(
-            "warning: the fixes lie too straight to determine the roll, and with it the minimum: more frames"
+            "warning: the fixes lie on a straight line, so that the roll is undetermined, and with it the "
+            "minimum; take more frames"
         )
     R, out = found.scale * found.world_R_map, poses.copy()
     out[:, :3, :3] = found.world_R_map @ poses[:, :3, :3]
@@ -102,27 +106,27 @@ def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[Floa
     return out, points @ R.T + found.world_p_map
 
 
-def well_seen(run: Solution, frames: int) -> BoolArray:
-    """(L,) which landmarks three or more of the first frames see, with rays that differ by a few degrees."""
-    seen = run.observations
-    rows = np.flatnonzero(seen.frame < frames)
-    rows = rows[np.lexsort((seen.frame[rows], seen.landmark[rows]))]
-    rays = world_rays(run.camera.K, run.world_T_camera[seen.frame[rows]], seen.uv_px[rows])
-    owner, start, count = np.unique(seen.landmark[rows], return_index=True, return_counts=True)
+def well_observed(run: Solution, frames: int) -> BoolArray:
+    """Return (L,) which landmarks three or more of the first frames observe, on rays some degrees apart."""
+    observed = run.observations
+    rows = np.flatnonzero(observed.frame < frames)
+    rows = rows[np.lexsort((observed.frame[rows], observed.landmark[rows]))]
+    rays = world_rays(run.camera.K, run.world_T_camera[observed.frame[rows]], observed.uv_px[rows])
+    owner, start, count = np.unique(observed.landmark[rows], return_index=True, return_counts=True)
     well = np.zeros(len(run.landmarks.sigma_px), dtype=bool)
     well[owner] = (count > 2) & (largest_angle_rad(rays, start) >= np.radians(MIN_ANGLE_DEG))
     return well
 
 
 def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, seed: int) -> BundleProblem:
-    """The first frames of a run and what three or more see from sides that differ, at a drifted start.
+    """Return the first frames of a run and the landmarks well observed in them, at a drifted start.
 
     COLMAP's own mapper drops points of nearly parallel rays: some of them would end behind its cameras.
     """
-    seen, c = run.observations, run.camera
-    inside = well_seen(run, frames)[seen.landmark] & (seen.frame < frames)
-    frame, uv = seen.frame[inside], seen.uv_px[inside]
-    kept, landmark = np.unique(seen.landmark[inside], return_inverse=True)
+    observed, c = run.observations, run.camera
+    inside = well_observed(run, frames)[observed.landmark] & (observed.frame < frames)
+    frame, uv = observed.frame[inside], observed.uv_px[inside]
+    kept, landmark = np.unique(observed.landmark[inside], return_inverse=True)
     first = np.full(len(kept), frames)
     np.minimum.at(first, landmark, frame)
     poses, points = drifted(run.world_T_camera[:frames], run.landmarks.world_p_landmark[kept], first, seed)
@@ -131,5 +135,5 @@ def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, se
     K = (c.fx, c.fy, c.cx, c.cy)
     problem = BundleProblem(K, poses, points, frame, landmark, uv, sigma, pose_graph=priors.graph())
     if projection_errors(problem)[1].any():
-        print("warning: the start has points behind cameras, which the two cost functions see differently")
+        print("warning: the start has points behind cameras, which the two cost functions treat differently")
     return problem

@@ -1,4 +1,4 @@
-"""A receiver on a network port of this computer, which can be killed and started again."""
+"""A simulated receiver on a TCP port of this computer, which can be stopped and started again."""
 
 import contextlib
 import socket
@@ -14,9 +14,9 @@ _QUALITY = {FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5, FixClass.DGPS: 2, FixCla
 
 
 def sentences(fix: Fix, start_utc: datetime, valid: bool = True) -> bytes:
-    """GGA and ZDA of a fix, or that there is none; ``t_s`` counts from ``start_utc``."""
+    """Return GGA and ZDA of a fix, or of an epoch without one; ``t_s`` counts from ``start_utc``."""
     utc = start_utc + timedelta(seconds=fix.t_s)
-    place = {
+    position = {
         "lat": fix.latitude_deg,
         "NS": "N" if fix.latitude_deg >= 0 else "S",
         "lon": fix.longitude_deg,
@@ -31,14 +31,14 @@ def sentences(fix: Fix, start_utc: datetime, valid: bool = True) -> bytes:
         "sep": 0.0,
         "sepUnit": "M",
     }
-    gga = NMEAMessage("GN", "GGA", GET, hpnmeamode=True, time=utc.time(), **place, **height)
+    gga = NMEAMessage("GN", "GGA", GET, hpnmeamode=True, time=utc.time(), **position, **height)
     day = {"day": f"{utc.day:02d}", "month": f"{utc.month:02d}", "year": utc.year}
     zda = NMEAMessage("GN", "ZDA", GET, time=utc.time(), **day, ltzh="00", ltzn="00")
     return bytes(gga.serialize() + zda.serialize())
 
 
 class FixServer:
-    """Sends what it is given to whoever is connected, as a receiver does: nobody there, nothing heard."""
+    """Sends fixes as NMEA to whoever is connected, as a receiver does; nobody else gets them later."""
 
     start_utc = datetime(2026, 1, 1, 12, 0, 0, tzinfo=UTC)
 
@@ -49,7 +49,7 @@ class FixServer:
         self.start()
 
     @property
-    def heard(self) -> bool:
+    def connected(self) -> bool:
         """Whether anyone is connected."""
         return bool(self._clients)
 
@@ -59,8 +59,8 @@ class FixServer:
         self.port = self._listening.getsockname()[1]
         threading.Thread(target=self._accept, args=(self._listening,), daemon=True).start()
 
-    def kill(self) -> None:
-        """Hang up, and refuse who calls."""
+    def stop(self) -> None:
+        """Close all connections and refuse new ones."""
         if self._listening is not None:
             with contextlib.suppress(OSError):
                 self._listening.shutdown(socket.SHUT_RDWR)
@@ -70,7 +70,7 @@ class FixServer:
         self._listening, self._clients = None, []
 
     def send(self, fix: Fix, valid: bool = True) -> None:
-        """One fix, or that there is none at its time."""
+        """Send a fix, or an epoch without one."""
         for client in list(self._clients):
             with contextlib.suppress(OSError):
                 client.sendall(sentences(fix, self.start_utc, valid))

@@ -2,8 +2,8 @@
 
 NEES is the squared error over the stated variance, summed over three axes and divided by three: 1 is honest,
 more is overconfident. Errors of neighbouring frames are alike, so a walk is worth little more than one
-sample; the scatter over seeds tells. A walk takes 9 s of processor time to render and 7 s to smooth, so
-100 take half an hour of it, a quarter on two cores; kept in --walks they are rendered once.
+sample; the scatter over seeds tells. A walk takes 9 s of processor time to render and 7 s to smooth, so 100
+take half an hour of it, a quarter on two cores; kept in --walks they are rendered once.
 
 On ten metres of a nearly straight walk fixes hardly show the camera's roll; what is believed of it then
 stands behind the standard deviations. So every walk's camera is held as much askew as is believed: by a

@@ -27,7 +27,7 @@ import yaml
 from pydantic import ValidationError
 
 import vgps
-from scripts.common.scenes import small
+from scripts.common.scenes import half_size, shortened
 from vgps.config import Config
 from vgps.errors import ConfigError, VgpsError
 from vgps.evaluation import evaluate
@@ -84,7 +84,7 @@ def one(case: Case, given: argparse.Namespace) -> tuple[dict[str, Error], float]
     with tempfile.TemporaryDirectory() as scratch:
         if case.name in SCENES:
             folder = Path(scratch) / case.name
-            simulate(folder, small(case.name, given.seconds), case.seed)
+            simulate(folder, half_size(shortened(SCENES[case.name], given.seconds)), case.seed)
             recording = vgps.open_recording(folder)
         else:
             recording = vgps.open_recording(given.recording, gps=case.name)

@@ -3,15 +3,14 @@
 Faults are put into a good log by a seeded generator (``vgps/compare/faults.py``): outliers, a cluster,
 outages, a clock that is late, a wrong lever arm, a vertical bias, a float solution's wandering. Each fault
 has a front end run of its own: stage C looks at the fixes, so one that had seen the good log would hide much
-of a fault. The five GPS models share it, and differ in stage D and its verdicts, as in ``vgps compare``.
-That front end runs with the cylinder, so the columns say what stage D makes of a fault under each model, not
-what a whole run would make of it with a Gaussian from its first frame on. The truth is used for evaluation
-alone.
+of a fault. The five GPS models share it, and differ in stage D and its verdicts, as in ``vgps compare``. That
+front end runs with the cylinder, so the columns say what stage D makes of a fault under each model, not what
+a whole run would make of it with a Gaussian from its first frame on. The truth is used for evaluation alone.
 
-The table and the picture are written anew after every fault: a run that is stopped leaves what it has. On
-the 80 s of kitti03 a fault was measured to take three and a half minutes of processor time on a busy
-machine, so all thirteen take three quarters of an hour of it there, and half as long with --jobs 2 on two
-free cores; --only runs some.
+The table and the picture are written anew after every fault: a run that is stopped leaves what it has. On the
+80 s of kitti03 a fault was measured to take three and a half minutes of processor time on a busy machine, so
+all thirteen take three quarters of an hour of it there, and half as long with --jobs 2 on two free cores;
+--only runs some.
 """
 
 import argparse

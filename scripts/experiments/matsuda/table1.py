@@ -1,8 +1,8 @@
 """Table 1 of Matsuda 2007 on a recording with truth: the proposed tracker, its three ablations, and ours.
 
 Errors are unaligned and counted on every second frame, from ``--first 1`` the odd ones: on kitti03_shake the
-others show pictures of which a database of the drive's even frames was made. Writes table1.md, frames.csv
-and table1.png.
+others show pictures of which a database of the drive's even frames was made. Writes table1.md, frames.csv and
+table1.png.
 """
 
 import argparse
