@@ -1,4 +1,4 @@
-"""Fixtures for every test."""
+"""Fixtures that every test may use."""
 
 import os
 from pathlib import Path
@@ -9,15 +9,15 @@ from recordings import small_recording
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """The folder of real recordings; the test is skipped where it is absent."""
+    """Return the folder of real recordings, or skip the test."""
     default = Path(__file__).resolve().parents[1] / "../shared/data"
     folder = Path(os.environ.get("VGPS_DATA", default)).resolve()
     if not folder.is_dir():
-        pytest.skip(f"no real recordings at {folder}; name their folder in VGPS_DATA")
+        pytest.skip(f"{folder}: no real recordings; set VGPS_DATA to their folder")
     return folder
 
 
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small simulated recording with truth; copy it before you change it."""
+    """Return a small simulated recording with its truth; copy it before changing it."""
     return small_recording(tmp_path_factory.mktemp("recording") / "walk")

@@ -1,4 +1,4 @@
-"""The house keeps its rooms: who may import what, and that both packages are this project's own."""
+"""The rooms are kept: who may import what, and both packages are this project's own."""
 
 import ast
 import subprocess
@@ -29,7 +29,7 @@ MATCHING = {
 
 
 def imported(source: str) -> Iterator[str]:
-    """Dotted names of everything a file imports, inside functions too: ``cv2``, ``cv2.matchTemplate``."""
+    """Yield the dotted names that a file imports or uses: ``cv2``, ``cv2.matchTemplate``."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
@@ -40,7 +40,7 @@ def imported(source: str) -> Iterator[str]:
 
 
 def rooms_that_use(*names: str) -> set[str]:
-    """Rooms (``vgps.geodesy``, ``factors``) with a file that uses one of the dotted names."""
+    """Return the rooms (``vgps.geodesy``, ``factors``) that use one of the dotted names."""
     found = set()
     for package in (vgps, factors):
         home = Path(next(iter(package.__path__)))
@@ -53,7 +53,7 @@ def rooms_that_use(*names: str) -> set[str]:
 
 
 def test_both_packages_come_from_one_place() -> None:
-    # the package index has an unrelated project named factors
+    # PyPI has an unrelated project named factors
     assert vgps.__file__ is not None and factors.__file__ is not None
     assert Path(vgps.__file__).parents[1] == Path(factors.__file__).parents[1]
 
@@ -64,7 +64,7 @@ def test_version_is_that_of_the_installed_package() -> None:
 
 
 def test_imports_go_down() -> None:
-    # in a process of its own: it switches off the loggers that other tests listen to
+    # in a separate process: import-linter disables loggers that other tests capture
     code = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -74,7 +74,7 @@ def test_only_geodesy_imports_pymap3d() -> None:
     assert rooms_that_use("pymap3d") == {"vgps.geodesy"}
 
 
-def test_only_the_trackers_use_the_matching_functions_of_opencv() -> None:
+def test_only_tracking_and_localization_match_images() -> None:
     assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.localization"}
 
 
@@ -82,7 +82,7 @@ def test_only_the_viewer_imports_rerun() -> None:
     assert rooms_that_use("rerun") <= {"vgps.viewer"}
 
 
-def test_factors_need_gtsam_and_numpy_alone() -> None:
+def test_factors_import_only_gtsam_and_numpy() -> None:
     home = Path(next(iter(factors.__path__)))
     sources = [file.read_text(encoding="utf-8") for file in home.rglob("*.py")]
     trees = [node for source in sources for node in ast.walk(ast.parse(source))]
@@ -91,6 +91,6 @@ def test_factors_need_gtsam_and_numpy_alone() -> None:
     assert roots - sys.stdlib_module_names == {"factors", "gtsam", "numpy"}
 
 
-def test_imports_are_found_wherever_they_stand() -> None:
+def test_imports_inside_functions_count() -> None:
     source = "import a.b\ndef f():\n    from c import d\n    import cv2\n    return cv2.matchTemplate\n"
     assert set(imported(source)) == {"a.b", "c.d", "cv2", "cv2.matchTemplate"}
