@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vgps.cli import main
-from vgps.cli.app import note
+from vgps.cli.app import print_note
 
 
 def run(monkeypatch, capsys, *words):
@@ -71,7 +71,7 @@ def test_what_stands_in_brackets_in_a_path_is_no_markup(smoothed, tmp_path, monk
 
 
 def test_a_note_is_told_as_it_is(capsys):
-    note("[red]run[/blue] :car: 1")
+    print_note("[red]run[/blue] :car: 1")
     assert capsys.readouterr().out == "note: [red]run[/blue] :car: 1\n"
 
 

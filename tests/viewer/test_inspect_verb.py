@@ -54,7 +54,7 @@ def test_the_recording_may_be_gone(inspect: Verb, solution: Solution, tmp_path: 
     assert code == 0
     notes = [line for line in out.splitlines() if line.startswith("note:")]
     assert len(notes) == 1
-    assert notes[0].startswith(f"note: without the video: {tmp_path / 'gone'}")
+    assert notes[0].startswith(f"note: shown without the video: {tmp_path / 'gone'}")
     assert "/world/camera/image/video" not in Logged(tmp_path / "run.rrd").entities
 
 

@@ -1,4 +1,4 @@
-"""The command line: arguments only; each verb calls one function that a script can call too.
+"""The command line: arguments only; each verb calls a function that scripts can call too.
 
 Exit codes: 0 done, 2 bad input (one line on standard error), 1 a fault of the program.
 """
@@ -7,30 +7,34 @@ import sys
 
 import cyclopts
 
-from vgps.cli import (  # noqa: F401  (importing makes verbs)
+from vgps.cli import (  # noqa: F401  (importing a module registers its verb)
     calibrate,
+    compare,
+    demo,
     evaluate,
-    exchange,
+    export,
     inspect,
     landmarks,
     online,
     report,
+    simulate,
     smooth,
+    survey,
     track,
 )
 from vgps.cli.app import app
 from vgps.errors import VgpsError
 
-_BAD_INPUT = 2
+_BAD_INPUT, _INTERRUPTED = 2, 130
 
 
 def main() -> None:
-    """Run a verb; a user's mistake is one line and exit code 2."""
+    """Run a verb; a user's mistake gives one line and exit code 2."""
     try:
-        app(exit_on_error=False, print_error=False)
+        app(sys.argv[1:], exit_on_error=False, print_error=False)
     except (VgpsError, cyclopts.CycloptsError) as error:
         print("vgps: " + " ".join(str(error).split()), file=sys.stderr)
         sys.exit(_BAD_INPUT)
     except KeyboardInterrupt:
         print("vgps: interrupted, nothing written", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(_INTERRUPTED)

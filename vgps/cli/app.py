@@ -1,17 +1,17 @@
-"""The command line's root, on which verbs hang themselves, and how they speak."""
+"""The root of the command line, and how its verbs print."""
 
 from cyclopts import App
 from rich.console import Console
 from rich.text import Text
 
-app = App(name="vgps", help="The pose of every frame of a video in world coordinates, from video and GPS.")
+app = App(name="vgps", help="Estimate the pose of every frame of a video in world coordinates, with GPS.")
 
 
-def say(words: str, *, aside: bool = False) -> None:
-    """Print a line as it is, on standard error if ``aside``: a path with brackets or colons is no markup."""
-    Console(stderr=aside).print(Text(words), soft_wrap=True)
+def print_line(text: str, *, to_stderr: bool = False) -> None:
+    """Print a line verbatim: brackets or colons in a path are not markup."""
+    Console(stderr=to_stderr).print(Text(text), soft_wrap=True)
 
 
-def note(words: str) -> None:
-    """Print a line that a user should know, as it is."""
-    Console().print(Text.assemble(("note:", "yellow"), f" {words}"), soft_wrap=True)
+def print_note(text: str) -> None:
+    """Print a remark that the user should read, verbatim."""
+    Console().print(Text.assemble(("note:", "yellow"), f" {text}"), soft_wrap=True)

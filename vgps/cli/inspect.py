@@ -1,8 +1,8 @@
-"""The verb that shows a run."""
+"""The verb ``inspect``."""
 
 from pathlib import Path
 
-from vgps.cli.app import app, note, say
+from vgps.cli.app import app, print_line, print_note
 from vgps.errors import VgpsError
 from vgps.model import Recording
 from vgps.readers.recording import open_recording
@@ -13,27 +13,27 @@ from vgps.viewer import inspect_run
 
 @app.command
 def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = None) -> None:
-    """Look at a run: video with reprojections, scene with regions of fixes, factor graph, plots, map.
+    """Show a run in the rerun viewer: video with reprojections, 3-D scene, factor graph, plots and map.
 
     Args:
         run: Run folder.
         save: Write a rerun recording (.rrd) instead of opening a window; `rerun F.rrd` shows it.
-        screenshot: Write a picture (.png), drawn without a window.
+        screenshot: Write a picture (.png) instead of opening a window.
     """
     solution = read_run(run)
-    for words in inspect_run(solution, _recording(solution), save=save, screenshot=screenshot):
-        note(words)
+    for text in inspect_run(solution, _recording(solution), save=save, screenshot=screenshot):
+        print_note(text)
     for written in (save, screenshot):
         if written is not None:
-            say(f"wrote {written}")
+            print_line(f"wrote {written}")
 
 
 def _recording(solution: Solution) -> Recording | None:
-    """What the run was made from, for its video; it may be gone."""
+    """Open the recording of the run for its video; it may no longer exist."""
     if solution.recording is None:
         return None
     try:
         return open_recording(solution.recording, with_gps=False)
     except VgpsError as error:
-        note(f"without the video: {error}")
+        print_note(f"shown without the video: {error}")
         return None

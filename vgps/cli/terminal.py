@@ -1,4 +1,4 @@
-"""Progress on a terminal: a bar over frames and a word on what is being done."""
+"""Progress on a terminal: a bar over frames and the name of each stage."""
 
 from collections.abc import Iterable, Iterator
 
@@ -10,18 +10,18 @@ from vgps.model import Frame
 
 
 class TerminalProgress:
-    """Shows progress on standard error; silent where that is no terminal."""
+    """Progress on standard error; nothing if that is not a terminal."""
 
     def __init__(self) -> None:
         self._console = Console(stderr=True)
 
     def track(self, frames: Iterable[Frame], total: int) -> Iterator[Frame]:
-        """The same frames, with a bar."""
+        """Yield the frames and advance a bar."""
         columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
             yield from bar.track(frames, total=total)
 
     def say(self, what: str) -> None:
-        """A stage begins."""
+        """Print the name of the stage that begins."""
         if self._console.is_terminal:
             self._console.print(Text(what, "dim"))

@@ -1,0 +1,26 @@
+"""The verb ``demo``."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from vgps.cli.app import app, print_line
+from vgps.cli.smooth import print_summary
+from vgps.cli.terminal import TerminalProgress
+from vgps.evaluation import evaluation_table
+
+
+@app.command
+def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
+    """Simulate a short recording, smooth it, evaluate it against its truth and write a report.
+
+    Args:
+        out: Folder for the recording, the run and the report.
+        seed: int of the simulated world and its GPS errors.
+    """
+    from vgps.demo import demo as run_demo  # noqa: PLC0415  (plots and simulation are slow to import)
+
+    solution, evaluation = run_demo(out, seed, TerminalProgress())
+    print_summary(solution, out / "run")
+    Console().print(evaluation_table(evaluation, "errors against the simulation's exact truth"))
+    print_line(f"recording: {out / 'recording'}\nresults:   {out / 'run'}\nreport:    {out / 'report.html'}")

@@ -1,0 +1,92 @@
+"""Options that several verbs share."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import Parameter
+
+from vgps.config import Config, GpsModel, read_config
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFiles:
+    """Calibrations used instead of those in the recording folder.
+
+    Attributes:
+        camera: Another camera.yaml, or a camera file of OpenCV, Kalibr or COLMAP; a path, or a name inside
+            the folder.
+        rig: Another rig.yaml; a path, or a name inside the folder.
+    """
+
+    camera: str | None = None
+    rig: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class RecordingFiles(CalibrationFiles):
+    """Files used instead of those in the recording folder.
+
+    Attributes:
+        gps: GPS log; a path, or a name inside the folder.
+        control_points: Another control_points.csv; a path, or a name inside the folder.
+    """
+
+    gps: str | None = None
+    control_points: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SettingsOptions:
+    """Where the settings of a verb come from.
+
+    Attributes:
+        config: YAML file with settings that replace the defaults.
+        seed: Seed of all random choices; the same seed gives the same result.
+    """
+
+    config: Path | None = None
+    seed: int | None = None
+
+    def read(self) -> Config:
+        """Return the resolved settings.
+
+        Raises:
+            ConfigError: A file cannot be read, or has an unknown key or an impossible value.
+        """
+        return read_config(self.config).with_seed(self.seed)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SurveyedSettings(SettingsOptions):
+    """Settings with the error regions of a surveyed receiver.
+
+    Attributes:
+        survey: YAML file with the error region r_m, h_m of each fix class, as `vgps survey` writes it.
+    """
+
+    survey: Path | None = None
+
+    def read(self) -> Config:
+        """Return the resolved settings; raises as in `SettingsOptions.read`."""
+        return super().read().with_gps(survey=self.survey)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class GpsSettings(SurveyedSettings):
+    """Settings with a GPS model.
+
+    Attributes:
+        gps_model: How a fix constrains the path; by default cylinder: not at all inside its error region, and
+            the more the farther outside.
+    """
+
+    gps_model: GpsModel | None = None
+
+    def read(self) -> Config:
+        """Return the resolved settings; raises as in `SettingsOptions.read`."""
+        return super().read().with_gps(self.gps_model)

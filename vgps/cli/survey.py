@@ -1,0 +1,81 @@
+"""The verb ``survey``."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from vgps.cli.app import app, print_line, print_note
+from vgps.errors import ConfigError
+from vgps.model import GeodeticPoint
+from vgps.survey import SurveyOptions, survey_logs
+from vgps.survey.output import as_tables, check_files, plot_survey, write_survey
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Motion of later recordings whose fixes are assigned to the nearest frame; it enlarges the regions.
+
+    Attributes:
+        speed: Horizontal speed of later recordings [m/s]; half a frame interval of motion is added to r.
+        vertical_speed: Vertical speed of later recordings [m/s], added to h likewise.
+        frame_rate: Frame rate of later recordings [Hz].
+    """
+
+    speed: float = 0.0
+    vertical_speed: float = 0.0
+    frame_rate: float = 30.0
+
+
+_STILL = Motion()
+
+
+@app.command
+def survey(
+    *logs: Path,
+    out: Path,
+    truth: str | None = None,
+    drop: float = 0.05,
+    motion: Motion = _STILL,
+    plot: Path | None = None,
+) -> None:
+    """Estimate the error region of each fix class from logs of a receiver that stood still.
+
+    Args:
+        logs: GPS logs of a receiver that stood still in one place.
+        out: YAML file to write, for `vgps smooth --survey`.
+        truth: Position of the antenna, LATITUDE,LONGITUDE,HEIGHT in degrees and metres; by default the mean
+            of the RTK-fix epochs.
+        drop: Share of the worst epochs to ignore, horizontally and vertically each.
+        motion: Motion of later recordings.
+        plot: Picture of the scatter; by default beside the YAML file.
+    """
+    options = SurveyOptions(
+        drop=drop,
+        truth=None if truth is None else _position(truth),
+        speed_m_s=motion.speed,
+        vertical_speed_m_s=motion.vertical_speed,
+        frame_rate=motion.frame_rate,
+    )
+    picture = plot or out.with_suffix(".png")
+    check_files(out, picture)
+    result = survey_logs(logs, options)
+    write_survey(result, options, out)
+    plot_survey(result, picture)
+    for table in as_tables(result, options):
+        Console().print(table)
+    for warning in result.warnings:
+        print_note(warning)
+    print_line(f"wrote {out} and {picture}")
+
+
+def _position(text: str) -> GeodeticPoint:
+    try:
+        latitude, longitude, height = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(
+            f"--truth is {text!r}", expected="LATITUDE,LONGITUDE,HEIGHT in degrees and metres"
+        ) from None
+    return GeodeticPoint(latitude, longitude, height)
