@@ -92,6 +92,51 @@ def test_settings_of_an_older_run_have_their_present_names(solution: Solution, t
     assert config["window"] == {"iterations": 4}
 
 
+def test_a_run_as_version_0_1_wrote_it_loads(solution: Solution, tmp_path: Path) -> None:
+    """It has no schema versions."""
+    run = tmp_path / "run"
+    write_run(solution, run)
+    summary = json.loads((run / "solution.json").read_text("utf-8"))
+    del summary["schema_version"], summary["schema_versions"]
+    (run / "solution.json").write_text(json.dumps(summary), "utf-8")
+    with np.load(run / "measurements.npz") as archive:
+        arrays = {key: archive[key] for key in archive.files if key != "schema_version"}
+    np.savez(run / "measurements.npz", **arrays)
+    assert_same(read_run(run), solution)
+
+
+def test_every_file_has_a_schema_version(solution: Solution, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    write_run(solution, run)
+    summary = json.loads((run / "solution.json").read_text("utf-8"))
+    assert summary["schema_version"] == 1
+    assert summary["schema_versions"] == dict.fromkeys(FILES, 1)
+    with np.load(run / "measurements.npz") as archive:
+        assert archive["schema_version"] == 1
+    assert b"\ncomment vgps schema version 1\n" in (run / "points.ply").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("version", "message"),
+    [(2, "schema version 2; expected at most 1; update vgps"), ("new", "key schema_version: 'new'")],
+)
+@pytest.mark.parametrize("name", ["solution.json", "measurements.npz"])
+def test_a_run_of_a_later_schema_is_refused(
+    solution: Solution, tmp_path: Path, name: str, version: object, message: str
+) -> None:
+    file = tmp_path / "run" / name
+    write_run(solution, file.parent)
+    if name == "solution.json":
+        summary = json.loads(file.read_text("utf-8"))
+        file.write_text(json.dumps({**summary, "schema_version": version}), "utf-8")
+    else:
+        with np.load(file) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        np.savez(file, **{**arrays, "schema_version": np.array(version)})
+    with pytest.raises(RunFolderError, match=f"{name}.*{message}"):
+        read_run(file.parent)
+
+
 def test_the_folder_holds_the_contract_and_nothing_else(solution: Solution, tmp_path: Path) -> None:
     write_run(solution, tmp_path / "new/run")
     assert {path.name for path in (tmp_path / "new/run").iterdir()} == set(FILES)

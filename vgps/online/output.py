@@ -1,4 +1,7 @@
-"""Estimates as JSON lines: one object per line, ``type`` pose or event; unknown numbers are null."""
+"""Estimates as JSON lines: one object per line, ``type`` pose or event; unknown numbers are null.
+
+Every line gives its ``schema_version``, so that a reader may join at any line.
+"""
 
 import json
 import math
@@ -14,6 +17,7 @@ from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, GeodeticPoint
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 
+SCHEMA_VERSION = 1  # of the lines
 _AXES = "east", "north", "up"
 
 
@@ -60,7 +64,8 @@ class JsonLines:
         return {"t_s": round(t_s, 6), "utc": (self.start_utc + timedelta(seconds=t_s)).isoformat()}
 
     def _line(self, record: Mapping[str, Any]) -> None:
-        self._stream.write(json.dumps(_finite(record), allow_nan=False) + "\n")
+        line = {**record, "schema_version": SCHEMA_VERSION}
+        self._stream.write(json.dumps(_finite(line), allow_nan=False) + "\n")
         self._stream.flush()
 
 

@@ -27,6 +27,7 @@ from vgps.solution import (
     Verdict,
 )
 
+SCHEMA_VERSION = 1  # of the files of a run folder; files without a version are of this one
 Arrays = Mapping[str, npt.NDArray[Any]]
 _REMEDY = "run vgps smooth again"
 # what zipfile and NumPy raise on damaged bytes; RuntimeError: a member that claims to be encrypted or newer
@@ -79,7 +80,23 @@ def read_summary(path: Path) -> dict[str, Any]:
         raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=_REMEDY) from error
     if not isinstance(summary, dict):
         raise RunFolderError("holds no table", file=file, expected="a JSON object", remedy=_REMEDY)
+    _check_schema(summary.get("schema_version"), file)
     return summary
+
+
+def _check_schema(found: Any, file: Path) -> None:
+    """Refuse what a later vgps wrote differently; what version 0.1 wrote has no schema version."""
+    if found is None:
+        return
+    if not isinstance(found, int) or found < 1:
+        raise RunFolderError(f"{found!r}", file=file, place="key schema_version", expected="a whole number")
+    if found > SCHEMA_VERSION:
+        raise RunFolderError(
+            f"schema version {found}",
+            file=file,
+            expected=f"at most {SCHEMA_VERSION}",
+            remedy="update vgps: a later version wrote this run",
+        )
 
 
 def _bytes(file: Path) -> bytes:
@@ -98,11 +115,13 @@ def _read_arrays(file: Path) -> Arrays:
         raise RunFolderError("is missing", file=file, remedy=_REMEDY)
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
+            arrays = {key: archive[key] for key in archive.files}
     except _BAD_ARCHIVE as error:
         raise RunFolderError(
             f"is damaged ({error})", file=file, expected="a NumPy archive", remedy=_REMEDY
         ) from error
+    _check_schema(arrays["schema_version"].tolist() if "schema_version" in arrays else None, file)
+    return arrays
 
 
 def _read_config(file: Path) -> dict[str, Any]:

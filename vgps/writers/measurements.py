@@ -3,6 +3,7 @@
 =============================== ============ ============================================================
 key                             shape        meaning
 =============================== ============ ============================================================
+schema_version                  ()           of this file
 t_s                             (F,)         frame times, seconds since the first frame
 world_T_camera                  (F, 4, 4)    poses, world is ENU in metres
 sigma_rotation_rad              (F, 3)       about world east, north, up
@@ -32,8 +33,9 @@ fixes.verdict                   (M,)         used, down-classed, rejected, not u
 fixes.reason                    (M,)         why or why not
 =============================== ============ ============================================================
 
-The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts, ``world_p_before`` in older
-runs. Intrinsics are in ``solution.json``. No key is pickled.
+The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts; version 0.1 did not write
+``schema_version``, and at first not ``world_p_before``. The intrinsics are in ``solution.json``. Nothing is
+pickled.
 """
 
 from collections.abc import Iterator
@@ -44,6 +46,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import Solution
 
 
@@ -57,6 +60,7 @@ def write_measurements(solution: Solution, out: Path) -> None:
 
 
 def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    yield "schema_version", np.array(SCHEMA_VERSION)
     yield from _fields_of(solution, "")
     for name in ("landmarks", "observations", "gps", "fixes"):
         part = getattr(solution, name)

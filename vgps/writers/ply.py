@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from vgps.model import GeodeticPoint
+from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import Landmarks, Observations
 
 PROPERTIES = {
@@ -39,7 +40,8 @@ def write_ply(
 
 
 def _header(count: int, world_origin: GeodeticPoint | None) -> str:
-    lines = ["ply", "format binary_little_endian 1.0", "comment x east, y north, z up, metres"]
+    lines = ["ply", "format binary_little_endian 1.0", f"comment vgps schema version {SCHEMA_VERSION}"]
+    lines.append("comment x east, y north, z up, metres")
     if world_origin is not None:
         latitude, longitude, height = (repr(float(value)) for value in world_origin)
         lines.append(f"comment origin latitude {latitude} longitude {longitude} ellipsoidal height {height}")

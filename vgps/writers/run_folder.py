@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import FrameState, SensorReport, Solution
 from vgps.writers.atomic import check_writable, new_folder
 from vgps.writers.measurements import write_measurements
@@ -57,8 +58,13 @@ def write_run(solution: Solution, out: Path) -> None:
 
 
 def summarise(solution: Solution) -> dict[str, Any]:
-    """``solution.json`` as a dict: what a person or a script asks of a run first."""
+    """Return ``solution.json`` as a dict: what a person or a script asks of a run first.
+
+    ``schema_versions`` is of all files, since a comment in a CSV file would break its readers.
+    """
     return {
+        "schema_version": SCHEMA_VERSION,
+        "schema_versions": dict.fromkeys(FILES, SCHEMA_VERSION),
         "recording": None if solution.recording is None else str(solution.recording),
         "world_origin": solution.world_origin._asdict() if solution.world_origin is not None else None,
         "georeferenced": solution.georeferenced,
