@@ -1,3 +1,4 @@
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -7,18 +8,15 @@ import pytest
 from synthetic_run import BENT, FRAMES, PINHOLE, WallRun, make_wall_run, poses, render, texture
 
 from vgps.config import LandmarksConfig
-from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.build import build_database
+from vgps.errors import LandmarkDatabaseError, RecordingError
+from vgps.landmarks.build import build_database, build_from_runs
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.model import DatabaseContents
+from vgps.model import GeodeticPoint
 from vgps.readers.recording import open_recording
 from vgps.solution import FrameState
-
-
-@pytest.fixture(scope="module")
-def wall(tmp_path_factory: pytest.TempPathFactory) -> WallRun:
-    return make_wall_run(tmp_path_factory.mktemp("wall"))
+from vgps.writers.run_folder import write_run
 
 
 @pytest.fixture(scope="module")
@@ -157,10 +155,45 @@ def complaint(run: WallRun, **changes) -> str:
 
 def test_a_run_that_does_not_fit_is_refused(wall: WallRun) -> None:
     solution = wall.solution
-    assert "nothing ties the run to the world" in complaint(wall, georeferenced=False)
-    assert "which has 24 frames; expected 23 frames" in complaint(wall, t_s=solution.t_s[:-1])
-    assert "frames at other times" in complaint(wall, t_s=solution.t_s * 1.1)
+    assert "the run is not georeferenced" in complaint(wall, georeferenced=False)
+    assert "is not the video of the run: it has 24 frames; expected 23 frames" in complaint(
+        wall, t_s=solution.t_s[:-1]
+    )
+    assert "other frame times" in complaint(wall, t_s=solution.t_s * 1.1)
     wide = replace(solution.camera, width=640)
-    assert "which has 320 x 240 pixels" in complaint(wall, camera=wide)
+    assert "it has 320 x 240 pixels" in complaint(wall, camera=wide)
     vague = replace(solution.landmarks, sigma_px=np.full(150, 5.0))
-    assert "none of 150 landmarks is known well enough" in complaint(wall, landmarks=vague)
+    assert "none of 150 landmarks is reliable" in complaint(wall, landmarks=vague)
+
+
+def test_two_runs_of_different_origins_meet_in_one_world(wall: WallRun, tmp_path: Path) -> None:
+    moved = replace(wall.solution, world_origin=GeodeticPoint(49.011, 8.4166, 163.0))
+    write_run(moved, tmp_path / "other")
+    both = build_from_runs([wall.run, tmp_path / "other"])
+    half = len(both.views) // 2
+    apart = both.views.world_p_landmark[half:] - both.views.world_p_landmark[:half]
+    # a ten-thousandth of a degree of longitude at 49 degrees north, to the east
+    np.testing.assert_allclose(apart, np.tile([7.32, 0, 0], (half, 1)), atol=0.02)
+    assert len(both.sources) == 2
+
+
+def test_no_run_at_all_is_refused() -> None:
+    with pytest.raises(LandmarkDatabaseError, match="no run is given"):
+        build_from_runs([])
+
+
+def test_a_recording_that_moved_is_named(wall: WallRun, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(wall.recording, elsewhere)
+    gone = tmp_path / "gone"
+    write_run(replace(wall.solution, recording=tmp_path / "nowhere"), gone)
+    with pytest.raises(RecordingError, match="nowhere: no such recording"):
+        build_from_runs([gone])
+    found = build_from_runs([gone], recording=elsewhere)
+    assert found.sources[0].recording == str(elsewhere)
+    with pytest.raises(LandmarkDatabaseError, match="one recording for 2 runs"):
+        build_from_runs([gone, gone], recording=elsewhere)
+    unknown = tmp_path / "unknown"
+    write_run(replace(wall.solution, recording=None), unknown)
+    with pytest.raises(LandmarkDatabaseError, match="names no recording"):
+        build_from_runs([unknown])

@@ -1,3 +1,4 @@
+import sqlite3
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -6,8 +7,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from synthetic_landmarks import CAMERA, random_contents, random_poses
+from whole_database import all_views
 
 from vgps.config import SelectionConfig
+from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.model import DatabaseContents, LandmarkViews
@@ -30,7 +33,7 @@ def assert_same_views(one: LandmarkViews, other: LandmarkViews) -> None:
 def brute_force(
     views: LandmarkViews, pose: np.ndarray, camera: Camera, config: SelectionConfig, max_depth_m: float
 ) -> dict[int, np.ndarray]:
-    """For each landmark that is in view and was seen from near: its best view's camera; a row at a time."""
+    """Camera of the best view of each landmark that is in the image and has a view that suits; row by row."""
     best: dict[int, tuple[float, np.ndarray]] = {}
     for row in range(len(views)):
         x, y, z = pose[:3, :3].T @ (views.world_p_landmark[row] - pose[:3, 3])
@@ -60,13 +63,13 @@ def brute_force(
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), spread_m=st.sampled_from([1.0, 30.0, 3e5]))
-def test_a_query_finds_what_looking_at_every_view_finds(tmp_path: Path, seed: int, spread_m: float) -> None:
+def test_a_query_finds_the_views_that_brute_force_finds(tmp_path: Path, seed: int, spread_m: float) -> None:
     contents = random_contents(seed, landmarks=120, spread_m=spread_m)
     rng = np.random.default_rng(seed)
     config = SelectionConfig(max_view_angle_deg=90.0)
     with LandmarkDatabase.open(written(tmp_path, contents), config) as database:
         for pose in random_poses(rng, 3, 10.0):
-            # put the camera somewhere near where a landmark was seen from, so that there is something to find
+            # near a camera that saw a landmark, so that there is something to find
             pose[:3, 3] += contents.views.world_p_camera[rng.integers(len(contents.views))]
             found = database.views(pose, CAMERA, max_depth_m=100.0)
             expected = brute_force(contents.views, pose, CAMERA, config, 100.0)
@@ -77,7 +80,7 @@ def test_a_query_finds_what_looking_at_every_view_finds(tmp_path: Path, seed: in
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
-def test_what_was_looked_up_for_one_place_serves_those_around(tmp_path: Path, seed: int) -> None:
+def test_the_candidates_of_one_place_serve_places_around_it(tmp_path: Path, seed: int) -> None:
     contents = random_contents(seed, landmarks=300, spread_m=8.0)
     rng = np.random.default_rng(seed)
     config = SelectionConfig(region_m=3.0)
@@ -92,7 +95,7 @@ def test_what_was_looked_up_for_one_place_serves_those_around(tmp_path: Path, se
             assert sorted(found.landmark.tolist()) == sorted(expected)
 
 
-def test_of_two_equally_reliable_landmarks_the_one_seen_from_nearer_by_is_taken(tmp_path: Path) -> None:
+def test_equally_reliable_landmarks_are_chosen_by_viewing_direction(tmp_path: Path) -> None:
     contents = random_contents(8, landmarks=9000, max_views=1)
     views = replace(contents.views, sigma_px=np.full(len(contents.views), 0.5))
     pose = random_poses(np.random.default_rng(8), 1, 1.0)[0]
@@ -109,7 +112,7 @@ def test_of_two_equally_reliable_landmarks_the_one_seen_from_nearer_by_is_taken(
     assert angle[15].mean() < angle[None].mean() - 3
 
 
-def test_of_equally_reliable_landmarks_the_one_seen_most_alike_comes_first(tmp_path: Path) -> None:
+def test_equally_reliable_landmarks_are_ordered_by_the_distance_of_their_views(tmp_path: Path) -> None:
     contents = random_contents(9, landmarks=9000, max_views=1)
     equal = np.full(len(contents.views), 0.5)
     views = replace(contents.views, sigma_px=equal, position_sigma_m=0 * equal)
@@ -125,7 +128,7 @@ def test_of_equally_reliable_landmarks_the_one_seen_most_alike_comes_first(tmp_p
     assert (np.diff(cost) > -1e-3).all()
 
 
-def test_an_unknown_pose_sees_nothing(tmp_path: Path) -> None:
+def test_a_pose_of_nan_sees_no_landmarks(tmp_path: Path) -> None:
     with LandmarkDatabase.open(written(tmp_path, random_contents())) as database:
         assert len(database.views(np.full((4, 4), np.nan), CAMERA)) == 0
         assert len(database.views(np.full((4, 4), np.nan), CAMERA, max_landmarks=5)) == 0
@@ -142,25 +145,31 @@ def test_the_brute_force_finds_something() -> None:
 
 def test_everything_written_is_read_back_exactly(tmp_path: Path) -> None:
     contents = random_contents(1, landmarks=200)
-    with LandmarkDatabase.open(written(tmp_path, contents)) as database:
+    _, first = np.unique(contents.views.landmark, return_index=True)
+    path = written(tmp_path, contents)
+    with LandmarkDatabase.open(path) as database:
         assert (database.landmark_count, database.view_count) == (200, len(contents.views))
         assert (database.patch_px, database.levels) == (5, 3)
         assert database.world_origin == contents.world_origin
-        back = database.contents()
-    assert_same_views(back.views, contents.views)
-    assert back.sources == contents.sources
-    for one, other in zip(back.keyframes, contents.keyframes, strict=True):
+        assert database.schema_version == 1
+        assert database.sources() == contents.sources
+        keyframes = database.keyframes()
+        np.testing.assert_array_equal(
+            np.sort(database.positions(), axis=0), np.sort(contents.views.world_p_landmark[first], axis=0)
+        )
+    assert_same_views(all_views(path), contents.views)
+    for one, other in zip(keyframes, contents.keyframes, strict=True):
         for field in fields(one):
             np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
 
 
-def test_a_world_known_by_control_points_alone_has_no_origin(tmp_path: Path) -> None:
+def test_a_world_defined_by_control_points_has_no_origin(tmp_path: Path) -> None:
     contents = replace(random_contents(), world_origin=None)
     with LandmarkDatabase.open(written(tmp_path, contents)) as database:
         assert database.world_origin is None
 
 
-def test_where_nothing_is_in_view_there_are_no_views(tmp_path: Path) -> None:
+def test_a_camera_far_away_gets_no_views(tmp_path: Path) -> None:
     contents = random_contents()
     pose = np.eye(4)
     pose[:3, 3] = 1e6
@@ -170,18 +179,7 @@ def test_where_nothing_is_in_view_there_are_no_views(tmp_path: Path) -> None:
     assert nothing.templates.shape == (0, 3, 5, 5) and nothing.world_n.shape == (0, 3)
 
 
-@pytest.mark.parametrize("cache_mb", [1, 256])
-def test_a_small_cache_changes_nothing(tmp_path: Path, cache_mb: int) -> None:
-    contents = random_contents(2, landmarks=3000)
-    pose = random_poses(np.random.default_rng(2), 1, 1.0)[0]
-    with LandmarkDatabase.open(written(tmp_path, contents), SelectionConfig(cache_mb=cache_mb)) as database:
-        before = database.views(pose, CAMERA)
-        assert_same_views(database.all_views(), contents.views)
-        assert_same_views(database.views(pose, CAMERA), before)
-        assert len(before) > 10
-
-
-def test_no_more_landmarks_than_asked_for(tmp_path: Path) -> None:
+def test_max_landmarks_limits_the_number_of_views(tmp_path: Path) -> None:
     contents = random_contents(3, landmarks=4000)
     pose = random_poses(np.random.default_rng(3), 1, 1.0)[0]
     selection = SelectionConfig(nearer_octaves=1.0, further_octaves=2.0)
@@ -193,3 +191,63 @@ def test_no_more_landmarks_than_asked_for(tmp_path: Path) -> None:
     row = {landmark: row for row, landmark in enumerate(everything.landmark.tolist())}
     same = everything.take(np.array([row[landmark] for landmark in some.landmark.tolist()]))
     assert_same_views(some, same)
+
+
+def test_a_missing_cell_is_reported_by_the_query_that_needs_it(database_path: Path) -> None:
+    file = sqlite3.connect(database_path)
+    file.execute("DELETE FROM cell WHERE id = 2")
+    file.commit()
+    file.close()
+    with (
+        LandmarkDatabase.open(database_path) as database,
+        pytest.raises(LandmarkDatabaseError, match=r"\(cell 2\)"),
+    ):
+        database.positions()
+
+
+def test_a_changed_keyframe_is_reported_when_it_is_read(database_path: Path) -> None:
+    file = sqlite3.connect(database_path)
+    (points,) = file.execute("SELECT points FROM keyframe WHERE id = 1").fetchone()
+    file.execute("UPDATE keyframe SET points = ? WHERE id = 1", (bytes([points[0] ^ 1]) + points[1:],))
+    file.commit()
+    file.close()
+    with (
+        LandmarkDatabase.open(database_path) as database,
+        pytest.raises(LandmarkDatabaseError, match=r"\(keyframes\)"),
+    ):
+        database.keyframes()
+
+
+def test_early_files_without_check_sums_of_keyframes_are_read(database_path: Path) -> None:
+    with LandmarkDatabase.open(database_path) as database:
+        before = database.keyframes()
+    file = sqlite3.connect(database_path)
+    file.execute("ALTER TABLE keyframe DROP COLUMN check_sum")
+    file.close()
+    with LandmarkDatabase.open(database_path) as database:
+        after = database.keyframes()
+    assert len(after) == len(before) > 0
+    np.testing.assert_array_equal(after[0].descriptors, before[0].descriptors)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+def test_a_flipped_bit_changes_no_answer_unnoticed(database_path: Path, place: float, bit: int) -> None:
+    whole = database_path.read_bytes()
+    at = int(place * len(whole))
+    damaged = database_path.with_suffix(".damaged")
+    damaged.write_bytes(whole[:at] + bytes([whole[at] ^ (1 << bit)]) + whole[at + 1 :])
+    with LandmarkDatabase.open(database_path) as database:
+        keyframes_before = database.keyframes()
+    try:
+        after = all_views(damaged)
+        with LandmarkDatabase.open(damaged) as database:
+            for pose in random_poses(np.random.default_rng(at), 2):
+                database.views(pose, CAMERA)
+            keyframes = database.keyframes()
+    except LandmarkDatabaseError:
+        return
+    assert_same_views(after, all_views(database_path))
+    for one, before in zip(keyframes, keyframes_before, strict=True):
+        np.testing.assert_array_equal(one.descriptors, before.descriptors)
+        np.testing.assert_array_equal(one.world_p_landmark, before.world_p_landmark)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from vgps.landmarks.farthest_point_sampling import ViewMetric, farthest_point_sampling
+from vgps.landmarks.farthest_point_sampling import ViewMetric, sample_farthest
 
 
 def place(degrees: list[float], octaves: list[float] | None = None) -> np.ndarray:
@@ -11,9 +11,7 @@ def place(degrees: list[float], octaves: list[float] | None = None) -> np.ndarra
 
 def chosen(landmark: list[int], places: np.ndarray, count: int, least: float = 0.0, errors=None) -> list[int]:
     error_px = np.zeros(len(landmark)) if errors is None else np.array(errors)
-    return np.flatnonzero(
-        farthest_point_sampling(np.array(landmark), places, error_px, count, least)
-    ).tolist()
+    return np.flatnonzero(sample_farthest(np.array(landmark), places, error_px, count, least)).tolist()
 
 
 def test_ten_degrees_count_as_half_an_octave() -> None:
@@ -39,10 +37,10 @@ def test_landmarks_are_treated_each_for_itself() -> None:
     count = rng.integers(1, 12, 50)
     landmark = np.repeat(np.sort(rng.choice(500, 50, replace=False)), count)
     places, errors = rng.normal(size=(len(landmark), 4)), rng.uniform(0, 2, len(landmark))
-    together = farthest_point_sampling(landmark, places, errors, 4, 0.5)
+    together = sample_farthest(landmark, places, errors, 4, 0.5)
     for one in np.unique(landmark):
         rows = landmark == one
-        alone = farthest_point_sampling(landmark[rows], places[rows], errors[rows], 4, 0.5)
+        alone = sample_farthest(landmark[rows], places[rows], errors[rows], 4, 0.5)
         np.testing.assert_array_equal(together[rows], alone)
         assert 1 <= alone.sum() <= 4
         kept = places[rows][alone]

@@ -64,5 +64,7 @@ def test_what_cannot_be_joined_is_said() -> None:
     with pytest.raises(LandmarkDatabaseError, match="without a world origin"):
         merge([one, replace(one, world_origin=None)])
     small = replace(one.views, templates=one.views.templates[:, :2, :3, :3])
-    with pytest.raises(LandmarkDatabaseError, match="2 levels of 3 pixels and of 3 levels of 5 pixels"):
+    with pytest.raises(
+        LandmarkDatabaseError, match="2 levels of 3 pixels and of 3 levels of 5 pixels; expected one size"
+    ):
         merge([one, replace(one, views=small)])

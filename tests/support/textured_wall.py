@@ -138,7 +138,11 @@ class WallDatabase:
             row = near[kept]
             out.append(
                 Keyframe(
-                    pose, part.landmark[row], part.world_p_landmark[row], descriptors[kept], image[::8, ::8]
+                    world_T_camera=pose,
+                    landmark=part.landmark[row],
+                    world_p_landmark=part.world_p_landmark[row],
+                    descriptors=descriptors[kept],
+                    thumbnail=image[::8, ::8],
                 )
             )
         return tuple(out)

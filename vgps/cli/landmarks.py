@@ -10,8 +10,9 @@ from vgps.cli.app import app
 from vgps.cli.tables import database_table
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import Frames, LandmarksConfig, read_config
+from vgps.landmarks.build import build_from_runs
 from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.info import build_from_runs, database_info
+from vgps.landmarks.info import database_info
 from vgps.writers.atomic import check_file
 
 landmarks = App(name="landmarks", help="Build and check landmark databases, against which `track` localizes.")

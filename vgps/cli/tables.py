@@ -38,6 +38,7 @@ def database_table(info: DatabaseInfo) -> Table:
     for _ in range(2):
         table.add_column(overflow="fold")
     table.add_row("database", Text(str(info.path)))
+    table.add_row("schema version", f"{info.schema_version}")
     table.add_row("landmarks", f"{info.landmarks}")
     table.add_row("views", f"{info.views}, {info.levels} levels of {info.patch_px} x {info.patch_px} pixels")
     table.add_row("keyframes", f"{info.keyframes} with {info.descriptors} descriptors")

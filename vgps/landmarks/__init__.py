@@ -1,1 +1,1 @@
-"""The landmark database of Matsuda 2007, and its building from runs."""
+"""The landmark database of Matsuda 2007 and its construction from runs."""

@@ -1,6 +1,7 @@
-"""A landmark database from a run: its landmarks, and how they looked in the frames of its recording."""
+"""Building of a landmark database from runs: their landmarks, and templates from their videos."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +9,7 @@ import numpy.typing as npt
 from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
+from vgps.landmarks.merge import merge
 from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews, Source
 from vgps.landmarks.observation_selection import (
     LandmarkObservations,
@@ -19,8 +21,48 @@ from vgps.landmarks.observation_selection import (
 from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
+from vgps.readers.recording import open_recording
+from vgps.readers.run_folder import read_run
 from vgps.runtime.progress import Progress, Silent
 from vgps.solution import Solution
+
+
+def build_from_runs(
+    runs: Sequence[Path],
+    frames: Frames = "all",
+    config: LandmarksConfig | None = None,
+    recording: Path | None = None,
+    progress: Progress | None = None,
+) -> DatabaseContents:
+    """Build a database from run folders, in the world of the first.
+
+    Args:
+        runs: Run folders.
+        frames: Frames that give templates and keyframes.
+        config: Which landmarks are reliable enough, and what is kept of them.
+        recording: Folder of the recording of a single run; by default the one that the run names.
+        progress: Shows progress.
+
+    Raises:
+        LandmarkDatabaseError: As :func:`build_database` and :func:`merge`; or a run names no recording.
+        RunFolderError, RecordingError, VideoError, CalibrationError: From the readers.
+    """
+    if not runs:
+        raise LandmarkDatabaseError("no run is given", expected="run folders written by vgps smooth")
+    if recording is not None and len(runs) != 1:
+        raise LandmarkDatabaseError(
+            f"--recording names one recording for {len(runs)} runs",
+            remedy="build a database of one run, or omit --recording",
+        )
+    parts = []
+    for run in runs:
+        solution = read_run(run)
+        folder = recording or solution.recording
+        if folder is None:
+            raise LandmarkDatabaseError("names no recording", file=run, remedy="name it with --recording")
+        opened = open_recording(folder, with_gps=False)
+        parts.append(build_database(solution, opened, frames, config, progress))
+    return merge(parts)
 
 
 def build_database(
@@ -30,94 +72,70 @@ def build_database(
     config: LandmarksConfig | None = None,
     progress: Progress | None = None,
 ) -> DatabaseContents:
-    """Landmarks with views and keyframes, (A) to (D) of Matsuda 2007, from a run and its video.
+    """Build landmarks with views, and keyframes, from a run and its video; (A) to (D) of Matsuda 2007.
 
-    The positions are those of the whole run, whichever frames give the templates. The video is decoded once.
+    The positions are those of the whole run, whichever frames give templates. The video is decoded once.
 
     Args:
         solution: The run.
-        recording: What it was made from; its video alone is used, the camera is the run's.
-        frames: Which frames give templates and keyframes.
-        config: Which landmarks are known well enough, and what is kept of them.
-        progress: Shows how far it is.
+        recording: The recording of the run; only its video is used, the camera is the run's.
+        frames: Frames that give templates and keyframes.
+        config: Which landmarks are reliable enough, and what is kept of them.
+        progress: Shows progress.
 
     Returns:
-        What :func:`vgps.landmarks.database_writer.write_database` writes; ids are the run's landmark rows.
+        Input of :func:`vgps.landmarks.database_writer.write_database`; ids are the run's landmark rows.
 
     Raises:
-        LandmarkDatabaseError: The run has no place in the world, is of another recording, or no landmark is
-            known well enough.
+        LandmarkDatabaseError: The run is not georeferenced, the recording is another one, or no landmark is
+            reliable enough.
         VideoError: The video cannot be decoded.
     """
     config = config or LandmarksConfig()
     _check(solution, recording)
     observations = collect_observations(solution)
-    known, sigma_m = reliable_landmarks(solution, observations, config)
-    observations = observations.take(known[observations.landmark])
-    chosen = select_views(solution, observations, frames, config)
-    if not len(chosen.landmark):
+    reliable, sigma_m = reliable_landmarks(solution, observations, config)
+    observations = observations.take(reliable[observations.landmark])
+    selected = select_views(solution, observations, frames, config)
+    if not len(selected.landmark):
         raise LandmarkDatabaseError(
-            f"none of {len(known)} landmarks is known well enough and seen in {frames} frames",
+            f"none of {len(reliable)} landmarks is reliable and observed in {frames} frames",
             file=recording.path,
             remedy="relax the limits on landmarks, or use all frames",
         )
-    keyed = observations.take(np.isin(observations.landmark, chosen.landmark) & (observations.depth_m > 0))
-    keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
+    in_front = np.isin(observations.landmark, selected.landmark) & (observations.depth_m > 0)
+    observations = observations.take(in_front)
     video = (progress or Silent()).track(recording.video.frames(), len(recording.video.times_s))
-    templates, keyframes = _pictures(video, solution, chosen, keyed, keys, config)
-    views = _views(solution, chosen, sigma_m, templates)
+    keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
+    templates, keyframes = _read_video(video, solution, selected, observations, keys, config)
+    views = _views(solution, selected, sigma_m, templates)
     count = len(np.unique(views.landmark))
     source = Source(str(recording.path), frames, count, config.model_dump_json())
     return DatabaseContents(solution.world_origin, views, keyframes, (source,))
 
 
-def _pictures(
+def _read_video(
     video: Iterable[Frame],
     solution: Solution,
-    chosen: LandmarkObservations,
-    keyed: LandmarkObservations,
+    selected: LandmarkObservations,
+    observations: LandmarkObservations,
     keys: IntArray,
     config: LandmarksConfig,
 ) -> tuple[npt.NDArray[np.uint8], tuple[Keyframe, ...]]:
-    """Templates (N, levels, P, P) of the chosen observations, and the keyframes, of frames ``keys``."""
-    templates = np.zeros((len(chosen.landmark), config.levels, config.patch_px, config.patch_px), np.uint8)
+    """Return templates (N, levels, P, P) of the selected observations, and keyframes of frames ``keys``."""
+    shape = (len(selected.landmark), config.levels, config.patch_px, config.patch_px)
+    templates = np.zeros(shape, np.uint8)
     keyframes, rectify = [], Rectifier(solution.camera)
     for frame in video:
-        rows, key = np.flatnonzero(chosen.frame == frame.index), frame.index in keys
-        if not (len(rows) or key):
+        rows, is_key = np.flatnonzero(selected.frame == frame.index), frame.index in keys
+        if not (len(rows) or is_key):
             continue
         image = rectify(frame.gray)
         if len(rows):
-            templates[rows] = Pyramid(image, config.levels).sample(chosen.uv_px[rows], config.patch_px)
-        if key:
-            keyframes.append(_keyframe(frame.index, image, solution, keyed, config))
+            templates[rows] = Pyramid(image, config.levels).sample(selected.uv_px[rows], config.patch_px)
+        if is_key:
+            keyframes.append(_keyframe(frame.index, image, solution, observations, config))
     return templates, tuple(keyframes)
-
-
-def _check(solution: Solution, recording: Recording) -> None:
-    if not solution.georeferenced:
-        raise LandmarkDatabaseError(
-            "nothing ties the run to the world",
-            file=recording.path,
-            remedy="smooth the recording with GPS or control points",
-        )
-    video = recording.video
-    if (video.width, video.height) != (solution.camera.width, solution.camera.height):
-        raise _of_another(recording, f"{video.width} x {video.height} pixels", solution)
-    if len(video.times_s) != len(solution.t_s):
-        raise _of_another(recording, f"{len(video.times_s)} frames", solution)
-    if not np.allclose(video.times_s, solution.t_s, rtol=0, atol=1e-3):
-        raise _of_another(recording, "frames at other times", solution)
-
-
-def _of_another(recording: Recording, what: str, solution: Solution) -> LandmarkDatabaseError:
-    camera, last_s = solution.camera, solution.t_s[-1]
-    return LandmarkDatabaseError(
-        f"the run was not made from this video, which has {what}",
-        file=recording.video.path,
-        expected=f"{len(solution.t_s)} frames of {camera.width} x {camera.height} in {last_s:.3f} s",
-        remedy="name the recording that the run was made from with --recording",
-    )
 
 
 def _keyframe(
@@ -127,29 +145,49 @@ def _keyframe(
     observations: LandmarkObservations,
     config: LandmarksConfig,
 ) -> Keyframe:
-    seen = observations.take(observations.frame == frame)
-    return make_keyframe(
-        np.clip(np.round(image), 0, 255).astype(np.uint8),
-        solution.camera,
-        solution.world_T_camera[frame],
-        seen.landmark,
-        seen.world_p_landmark,
-        reach_px=config.keyframe_reach_px,
-        thumbnail_px=config.thumbnail_px,
-    )
+    observed = observations.take(observations.frame == frame)
+    gray = np.clip(np.round(image), 0, 255).astype(np.uint8)
+    pose = solution.world_T_camera[frame]
+    return make_keyframe(gray, solution.camera, pose, observed.landmark, observed.world_p_landmark, config)
 
 
 def _views(
-    solution: Solution, chosen: LandmarkObservations, sigma_m: FloatArray, templates: npt.NDArray[np.uint8]
+    solution: Solution, selected: LandmarkObservations, sigma_m: FloatArray, templates: npt.NDArray[np.uint8]
 ) -> LandmarkViews:
-    column, row = plane_axes(chosen.world_T_camera, solution.camera, chosen.depth_m)
+    column, row = plane_axes(selected.world_T_camera, solution.camera, selected.depth_m)
     return LandmarkViews(
-        landmark=chosen.landmark,
-        world_p_landmark=chosen.world_p_landmark,
-        world_p_camera=chosen.world_T_camera[:, :3, 3],
+        landmark=selected.landmark,
+        world_p_landmark=selected.world_p_landmark,
+        world_p_camera=selected.world_T_camera[:, :3, 3],
         world_v_column=column,
         world_v_row=row,
         templates=templates,
-        sigma_px=solution.landmarks.sigma_px[chosen.landmark],
-        position_sigma_m=sigma_m[chosen.landmark],
+        sigma_px=solution.landmarks.sigma_px[selected.landmark],
+        position_sigma_m=sigma_m[selected.landmark],
+    )
+
+
+def _check(solution: Solution, recording: Recording) -> None:
+    if not solution.georeferenced:
+        raise LandmarkDatabaseError(
+            "the run is not georeferenced",
+            file=recording.path,
+            remedy="smooth the recording with GPS or control points",
+        )
+    video = recording.video
+    if (video.width, video.height) != (solution.camera.width, solution.camera.height):
+        raise _mismatch(recording, f"{video.width} x {video.height} pixels", solution)
+    if len(video.times_s) != len(solution.t_s):
+        raise _mismatch(recording, f"{len(video.times_s)} frames", solution)
+    if not np.allclose(video.times_s, solution.t_s, rtol=0, atol=1e-3):
+        raise _mismatch(recording, "other frame times", solution)
+
+
+def _mismatch(recording: Recording, what: str, solution: Solution) -> LandmarkDatabaseError:
+    camera, last_s = solution.camera, solution.t_s[-1]
+    return LandmarkDatabaseError(
+        f"is not the video of the run: it has {what}",
+        file=recording.video.path,
+        expected=f"{len(solution.t_s)} frames of {camera.width} x {camera.height} in {last_s:.3f} s",
+        remedy="name the recording of the run with --recording",
     )

@@ -1,4 +1,4 @@
-"""Landmarks in cells: neighbours in space that were seen equally large, kept and read together."""
+"""Cells: landmarks close in space and of similar scale, which the database stores and reads together."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from vgps.model import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Cell:
-    """The landmarks of one cell and their views; numbers as they stand in the database.
+    """The landmarks of one cell and their views, as the database stores them.
 
     Attributes:
         landmark: (n,) ids.
@@ -26,38 +26,40 @@ class Cell:
 
 
 def pixel_sizes_m(views: LandmarkViews) -> FloatArray:
-    """(N,) metres that a template's pixel covers at level 0: the scale (D) of Matsuda 2007."""
+    """Return the metres (N,) that a template pixel covers at level 0: the scale (D) of Matsuda 2007."""
     column, row = (np.linalg.norm(v, axis=1) for v in (views.world_v_column, views.world_v_row))
     return np.asarray(np.sqrt(column * row))
 
 
 def partition(points: FloatArray, octave: IntArray, size: int) -> list[IntArray]:
-    """Rows of points in groups of at most ``size``, near each other and of one octave.
+    """Partition points into groups of one octave and at most ``size`` neighbours.
+
+    Groups are halved across their widest axis until they are small enough.
 
     Args:
         points: (N, 3) metres.
-        octave: (N,) of the scale at which each was seen.
-        size: Groups are halved across their widest axis until they hold no more.
+        octave: (N,) log2 of the scale of each point.
+        size: Most points of a group.
 
     Returns:
-        Rows of each group; together every row once.
+        Rows of each group; every row is in exactly one group.
     """
-    waiting = [np.flatnonzero(octave == value) for value in np.unique(octave)[::-1]]
-    done = []
-    while waiting:
-        rows = waiting.pop()
+    pending = [np.flatnonzero(octave == value) for value in np.unique(octave)[::-1]]
+    groups = []
+    while pending:
+        rows = pending.pop()
         if len(rows) <= size:
-            done.append(np.sort(rows))
+            groups.append(np.sort(rows))
             continue
         inside = points[rows]
         axis = int(np.argmax(np.ptp(inside, axis=0)))
         order = rows[np.argsort(inside[:, axis], kind="stable")]
         half = len(order) // 2
-        waiting += [order[half:], order[:half]]
-    return done
+        pending += [order[half:], order[:half]]
+    return groups
 
 
 def concatenated_ranges(first: IntArray, count: IntArray) -> IntArray:
-    """first[0], first[0] + 1, ..., ``count[0]`` of them; then the same for the next."""
+    """Return the ranges ``first[i], ..., first[i] + count[i] - 1``, one after the other."""
     start = np.repeat(first - (np.cumsum(count) - count), count)
     return np.asarray(start + np.arange(len(start)))

@@ -1,4 +1,4 @@
-"""A landmark database's file: opened, recognised, asked; whatever is wrong with it said in one line."""
+"""The SQLite file of a landmark database: opening, checks and queries, with every fault in one line."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -12,13 +12,22 @@ from vgps.landmarks.schema import APPLICATION_ID, META_COLUMNS, VERSION, digest
 from vgps.model import GeodeticPoint
 
 _MAGIC = b"SQLite format 3\0"
-_EXPECTED = "a landmark database, as vgps landmarks build writes it"
-_REMEDY = "build it again with vgps landmarks build"
+_EXPECTED = "a landmark database written by vgps landmarks build"
+_REMEDY = "rebuild it with vgps landmarks build"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Meta:
-    """The one row of ``meta``, and the least and greatest metres that a template's pixel covers."""
+    """The row of table ``meta``.
+
+    Attributes:
+        world_origin: Origin of the ENU frame; None where control points alone define the world.
+        patch_px, levels: Side of the templates, and number of their scales.
+        max_views: Largest number of views of a landmark.
+        landmarks, views: Their numbers.
+        pixel_m: Least and greatest metres that a template pixel covers.
+        digest: SHA-256 of the contents.
+    """
 
     world_origin: GeodeticPoint | None
     patch_px: int
@@ -31,11 +40,16 @@ class Meta:
 
 
 class DatabaseFile:
-    """A file that is known to be a landmark database, open for reading.
+    """A landmark database, recognized and open for reading.
+
+    Attributes:
+        path: The file.
+        schema_version: Of the file.
+        meta: What the file says about itself.
 
     Raises:
-        LandmarkDatabaseError: The file is absent, empty, cut short, damaged, of another program or newer; the
-            same from every query that meets damage.
+        LandmarkDatabaseError: The file is absent, empty, truncated, damaged, not a landmark database, or
+            newer than this program; also raised by every query that meets damage.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,18 +58,18 @@ class DatabaseFile:
         # immutable: the file is only ever replaced as a whole, so neither locks nor a journal are needed
         self._connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
         try:
-            self._check_kind()
+            self.schema_version = self._check_kind()
             self.meta = self._read_meta()
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         self._connection.close()
 
     def rows(self, query: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
-        """All rows that a query gives."""
+        """Return all rows of a query."""
         try:
             return self._connection.execute(query, values).fetchall()
         except sqlite3.ProgrammingError:
@@ -64,7 +78,7 @@ class DatabaseFile:
             raise self.damaged(str(error)) from error
 
     def damaged(self, what: str) -> LandmarkDatabaseError:
-        """The error to raise where something is not as it was written."""
+        """Return the error to raise where the contents differ from what was written."""
         try:
             found = str(self._connection.execute("PRAGMA quick_check(1)").fetchone()[0])
         except (sqlite3.DatabaseError, TypeError) as error:
@@ -73,10 +87,10 @@ class DatabaseFile:
         return LandmarkDatabaseError(f"is damaged ({why})", file=self.path, remedy=_REMEDY)
 
     def verify(self) -> str:
-        """Look through the whole file; the digest of its contents.
+        """Check the whole file and return the digest of its contents.
 
         Raises:
-            LandmarkDatabaseError: SQLite finds damage, or the contents are not what was written.
+            LandmarkDatabaseError: SQLite finds damage, or the contents differ from what was written.
         """
         found = str(self.rows("PRAGMA quick_check(1)")[0][0])
         if found != "ok":
@@ -86,12 +100,13 @@ class DatabaseFile:
         except sqlite3.DatabaseError as error:
             raise self.damaged(str(error)) from error
         if now != self.meta.digest:
-            raise self.damaged("its contents are not those that were written")
+            raise self.damaged("contents differ from what was written")
         return now
 
-    def _check_kind(self) -> None:
+    def _check_kind(self) -> int:
+        """Return the schema version."""
         application, version = (
-            self.rows(f"PRAGMA {name}")[0][0] for name in ("application_id", "user_version")
+            int(self.rows(f"PRAGMA {name}")[0][0]) for name in ("application_id", "user_version")
         )
         if application != APPLICATION_ID:
             raise LandmarkDatabaseError(
@@ -99,32 +114,32 @@ class DatabaseFile:
             )
         if version != VERSION:
             raise LandmarkDatabaseError(
-                f"has version {version}",
+                f"has schema version {version}",
                 file=self.path,
                 expected=f"version {VERSION}",
-                remedy="update vgps, or build the database again" if version > VERSION else _REMEDY,
+                remedy="update vgps, or rebuild the database" if version > VERSION else _REMEDY,
             )
+        return version
 
     def _read_meta(self) -> Meta:
-        rows = self.rows(f"SELECT {META_COLUMNS}, digest FROM meta")
-        if len(rows) != 1:
-            raise self.damaged("it says nothing of itself")
-        *origin, patch_px, levels, max_views, landmarks, views, finest_m, coarsest_m, written = rows[0]
-        known = None not in origin
+        records = self.rows(f"SELECT {META_COLUMNS}, digest FROM meta")
+        if len(records) != 1:
+            raise self.damaged(f"table meta has {len(records)} rows instead of 1")
+        *origin, patch_px, levels, max_views, landmarks, views, finest_m, coarsest_m, written = records[0]
         return Meta(
-            GeodeticPoint(*origin) if known else None,
-            patch_px,
-            levels,
-            max_views,
-            landmarks,
-            views,
-            (finest_m, coarsest_m),
-            written,
+            world_origin=None if None in origin else GeodeticPoint(*origin),
+            patch_px=patch_px,
+            levels=levels,
+            max_views=max_views,
+            landmarks=landmarks,
+            views=views,
+            pixel_m=(finest_m, coarsest_m),
+            digest=written,
         )
 
 
 def _check_header(path: Path) -> None:
-    """What SQLite would not say clearly: no such file, an empty one, one of another kind, one cut short."""
+    """Raise an error where SQLite's own message would be unclear: absent, empty, foreign or truncated."""
     try:
         with path.open("rb") as stream:
             head = stream.read(100)
@@ -138,10 +153,10 @@ def _check_header(path: Path) -> None:
     if not head:
         raise LandmarkDatabaseError("is empty", file=path, expected=_EXPECTED, remedy=_REMEDY)
     if not head.startswith(_MAGIC):
-        raise LandmarkDatabaseError("is no SQLite database", file=path, expected=_EXPECTED)
+        raise LandmarkDatabaseError("is not an SQLite database", file=path, expected=_EXPECTED)
     page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
-    whole = (65536 if page == 1 else page) * pages
-    if size < max(whole, 100):
+    complete = (65536 if page == 1 else page) * pages
+    if size < max(complete, 100):
         raise LandmarkDatabaseError(
-            f"is cut short: {size} bytes", file=path, expected=f"{whole} bytes", remedy=_REMEDY
+            f"is truncated to {size} bytes", file=path, expected=f"{complete} bytes", remedy=_REMEDY
         )

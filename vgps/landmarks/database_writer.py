@@ -1,4 +1,4 @@
-"""Contents of a landmark database into a file, complete or not at all."""
+"""Writing of a landmark database, complete or not at all."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -25,18 +25,22 @@ from vgps.writers.atomic import new_file
 
 Templates = npt.NDArray[np.uint8]
 
-CELL_SIZE = 64  # landmarks: small cells waste less of what is read, large ones take fewer look-ups
+CELL_SIZE = 64  # landmarks: small cells read less that is not needed, large ones take fewer queries
 
 
 def write_database(contents: DatabaseContents, out: Path) -> None:
-    """Write a landmark database; the file takes its name when it is complete. Equal contents, equal bytes.
+    """Write a landmark database; the file gets its name once complete. Equal contents give equal bytes.
+
+    Args:
+        contents: What to write.
+        out: The file.
 
     Raises:
-        LandmarkDatabaseError: There is nothing to write, or the disk refuses.
+        LandmarkDatabaseError: There are no landmarks, or the disk cannot be written.
         RunFolderError: ``out`` is a folder or cannot be written.
     """
     if not len(contents.views):
-        raise LandmarkDatabaseError("no landmark is left to write", file=out)
+        raise LandmarkDatabaseError("has no landmarks to write", file=out)
     with new_file(out) as file:
         connection = sqlite3.connect(file, isolation_level=None)
         try:
@@ -48,7 +52,7 @@ def write_database(contents: DatabaseContents, out: Path) -> None:
 
 
 def _fill(connection: sqlite3.Connection, contents: DatabaseContents) -> None:
-    # the file has no other name yet: a journal would protect nothing
+    # the file does not yet have its final name, so a journal would protect nothing
     connection.executescript("PRAGMA page_size=16384; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;")
     connection.executescript(f"PRAGMA application_id={APPLICATION_ID}; PRAGMA user_version={VERSION};")
     connection.executescript(TABLES)
@@ -86,19 +90,25 @@ def _meta(contents: DatabaseContents) -> tuple[float | int | None, ...]:
 
 
 def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, Templates, tuple[float, ...]]]:
+    """Yield each cell with the templates of its views and its box."""
     order = np.argsort(views.landmark, kind="stable")
     landmark, first, count = np.unique(views.landmark[order], return_index=True, return_counts=True)
     pixel_m = pixel_sizes_m(views)[order]
     octave = np.round(np.log2(np.maximum.reduceat(pixel_m, first))).astype(np.int64)
     for rows in partition(views.world_p_landmark[order[first]], octave, CELL_SIZE):
-        seen = concatenated_ranges(first[rows], count[rows])
-        cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[seen])
-        point, pixels = cell.numbers[:, :3], pixel_m[seen]
+        of_cell = concatenated_ranges(first[rows], count[rows])
+        cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[of_cell])
+        point, pixels = cell.numbers[:, :3], pixel_m[of_cell]
         sides = np.column_stack([point.min(axis=0), point.max(axis=0)]).ravel().tolist()
-        yield cell, views.templates[order[seen]], (*sides, float(pixels.min()), float(pixels.max()))
+        yield cell, views.templates[order[of_cell]], (*sides, float(pixels.min()), float(pixels.max()))
 
 
-def _cell(views: LandmarkViews, landmark: IntArray, one: IntArray, count: IntArray, seen: IntArray) -> Cell:
-    numbers = [views.world_p_landmark[one], views.sigma_px[one, None], views.position_sigma_m[one, None]]
-    view_numbers = [views.world_p_camera[seen], views.world_v_column[seen], views.world_v_row[seen]]
+def _cell(views: LandmarkViews, landmark: IntArray, first: IntArray, count: IntArray, rows: IntArray) -> Cell:
+    """Return a cell from the first view of each landmark, and the rows of all its views."""
+    numbers = [
+        views.world_p_landmark[first],
+        views.sigma_px[first, None],
+        views.position_sigma_m[first, None],
+    ]
+    view_numbers = [views.world_p_camera[rows], views.world_v_column[rows], views.world_v_row[rows]]
     return Cell(landmark, np.hstack(numbers), count, np.hstack(view_numbers))

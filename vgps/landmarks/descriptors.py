@@ -1,8 +1,8 @@
-"""Descriptors by which a camera without any pose finds keyframes again: ORB, in packed bits.
+"""ORB descriptors, by which a camera of unknown pose is matched to keyframes.
 
-Measured on six frames of kitti03_shake against 30 keyframes of kitti03, right matches among those that pass
-Lowe's test: ORB 95 of 272 in 0.02 s a frame, SIFT 22 of 88 in 0.1 s. A blurred frame has corners, but few of
-SIFT's blobs.
+Measured on six frames of kitti03_shake against 30 keyframes of kitti03, correct matches among those that
+pass Lowe's ratio test: ORB 95 of 272 in 0.02 s per frame, SIFT 22 of 88 in 0.1 s. A blurred frame has
+corners, but few of SIFT's blobs.
 """
 
 import cv2
@@ -18,13 +18,14 @@ Descriptors = npt.NDArray[np.uint8]
 
 
 def describe(gray: GrayImage, features: int) -> tuple[FloatArray, Descriptors]:
-    """Features of an image: pixels (N, 2) and descriptors (N, 32), 256 bits each.
-
-    Two descriptors differ by their Hamming distance: the bits that differ.
+    """Detect features and describe them by 256 bits, to be compared by Hamming distance.
 
     Args:
         gray: (H, W) undistorted.
-        features: The strongest so many.
+        features: At most this many, strongest first.
+
+    Returns:
+        Pixels (N, 2) and descriptors (N, 32) of packed bits.
     """
     orb = cv2.ORB.create(nfeatures=features, fastThreshold=_FAST_THRESHOLD)
     keypoints, descriptors = orb.detectAndCompute(gray, None)

@@ -1,4 +1,4 @@
-"""Which of the frames that saw a landmark are kept as its views: few, spread in direction and scale."""
+"""Farthest point sampling of the views of a landmark: few of them, spread in direction and scale."""
 
 from dataclasses import dataclass
 
@@ -6,42 +6,47 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 
-_ERROR_UNIT_PX = 1.0  # a reprojection error of this size makes a difference count half
+_ERROR_UNIT_PX = 1.0  # a reprojection error of this size halves the weight of a distance
 
 
 @dataclass(frozen=True)
 class ViewMetric:
-    """How differences in direction and in scale compare: so many degrees, or so many octaves, are one."""
+    """A distance between views: so many degrees of direction, or so many octaves of scale, count as one."""
 
     angle_unit_deg: float
     octave_unit: float
 
     def coordinates(self, direction: FloatArray, octave: FloatArray) -> FloatArray:
-        """(N, 4) whose distances are the differences, from unit directions (N, 3) and log2 of scales (N,)."""
+        """Return coordinates (N, 4) whose Euclidean distance is the distance between views.
+
+        Args:
+            direction: (N, 3) unit vectors.
+            octave: (N,) log2 of the scales.
+        """
         return np.column_stack([direction / np.radians(self.angle_unit_deg), octave / self.octave_unit])
 
 
-def farthest_point_sampling(
-    landmark: IntArray, place: FloatArray, error_px: FloatArray, count: int, least: float
+def sample_farthest(
+    landmark: IntArray, place: FloatArray, error_px: FloatArray, count: int, min_distance: float
 ) -> BoolArray:
-    """Choose up to ``count`` observations of each landmark, each time the one furthest from those chosen.
+    """Select up to ``count`` observations of each landmark by farthest point sampling.
 
-    The first is the one with the least error; then the furthest from all chosen before, a large error
-    counting against it.
+    The first is the one with the least error. Each further one is the farthest from those already selected,
+    its distance discounted by its reprojection error.
 
     Args:
         landmark: (N,) sorted.
-        place: (N, D) from where each was seen.
-        error_px: (N,) reprojection error.
-        count: Most for a landmark.
-        least: One that is no further than this from a chosen one is not taken.
+        place: (N, D) coordinates of each observation, see :meth:`ViewMetric.coordinates`.
+        error_px: (N,) reprojection errors.
+        count: Most observations per landmark.
+        min_distance: Observations no farther than this from a selected one are left out.
 
     Returns:
-        (N,) whether each was chosen.
+        (N,) whether each is selected.
     """
-    chosen = np.zeros(len(landmark), bool)
-    if not len(chosen):
-        return chosen
+    selected = np.zeros(len(landmark), bool)
+    if not len(selected):
+        return selected
     first = np.flatnonzero(np.diff(landmark, prepend=landmark[0] - 1))
     owner = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(landmark))))
     trust = 1 / (1 + error_px / _ERROR_UNIT_PX)
@@ -49,17 +54,17 @@ def farthest_point_sampling(
     merit = trust
     for _ in range(count):
         best = _largest(merit, first, owner)
-        best = best[distance[best] > least]
-        chosen[best] = True
+        best = best[distance[best] > min_distance]
+        selected[best] = True
         newest = np.full(len(first), -1)
         newest[owner[best]] = best
         step = np.linalg.norm(place - place[newest[owner]], axis=1)
         distance = np.where(newest[owner] < 0, distance, np.minimum(distance, step))
         merit = distance * trust
-    return chosen
+    return selected
 
 
 def _largest(values: FloatArray, first: IntArray, owner: IntArray) -> IntArray:
-    """(M,) row of the largest value of each group, the earliest of equals."""
+    """Return the row (M,) of the largest value of each group, the earliest of equals."""
     largest = np.flatnonzero(values == np.maximum.reduceat(values, first)[owner])
     return np.asarray(largest[np.unique(owner[largest], return_index=True)[1]])

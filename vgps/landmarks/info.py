@@ -1,80 +1,33 @@
-"""A landmark database from run folders; what is in one."""
+"""Summary of a landmark database, after a check of the whole file."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from vgps.config import Frames, LandmarksConfig
-from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.landmarks.merge import merge
-from vgps.landmarks.model import DatabaseContents, Source
+from vgps.landmarks.model import Source
 from vgps.model import FloatArray, GeodeticPoint
-from vgps.readers.recording import open_recording
-from vgps.readers.run_folder import read_run
-from vgps.runtime.progress import Progress
 
 
-def build_from_runs(
-    runs: Sequence[Path],
-    frames: Frames = "all",
-    config: LandmarksConfig | None = None,
-    recording: Path | None = None,
-    progress: Progress | None = None,
-) -> DatabaseContents:
-    """Landmarks of one or several runs, in the world of the first.
-
-    Args:
-        runs: Run folders.
-        frames: Which frames give templates and keyframes.
-        config: Which landmarks are known well enough, and what is kept of them.
-        recording: Where the recording is now, for a single run; by default where the run says it was.
-        progress: Shows how far it is.
-
-    Raises:
-        LandmarkDatabaseError: As :func:`build_database` and :func:`merge`; a run that names no recording.
-        RunFolderError, RecordingError, VideoError, CalibrationError: From the readers.
-    """
-    if not runs:
-        raise LandmarkDatabaseError("no run is given", expected="run folders, as vgps smooth writes them")
-    if recording is not None and len(runs) != 1:
-        raise LandmarkDatabaseError(
-            f"--recording names one recording for {len(runs)} runs",
-            remedy="build a database of one run, or leave --recording out",
-        )
-    return merge([_build(run, frames, config, recording, progress) for run in runs])
-
-
-def _build(
-    run: Path,
-    frames: Frames,
-    config: LandmarksConfig | None,
-    recording: Path | None,
-    progress: Progress | None,
-) -> DatabaseContents:
-    solution = read_run(run)
-    where = recording or solution.recording
-    if where is None:
-        raise LandmarkDatabaseError(
-            "does not say which recording it was made from", file=run, remedy="name it with --recording"
-        )
-    return build_database(solution, open_recording(where, with_gps=False), frames, config, progress)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DatabaseInfo:
-    """What a database holds, after all of it was checked.
+    """Summary of a database.
 
     Attributes:
+        path, file_bytes: The file and its size.
+        schema_version: Of the file.
+        world_origin: Origin of the ENU frame; None where control points alone define the world.
+        landmarks, views, keyframes, descriptors: Their numbers.
+        patch_px, levels: Side of the templates, and number of their scales.
         extent_m: (2, 3) least and greatest east, north, up of the landmarks.
+        sources: Runs that the database was built from.
         sha256: Of the contents.
     """
 
     path: Path
     file_bytes: int
+    schema_version: int
     world_origin: GeodeticPoint | None
     landmarks: int
     views: int
@@ -88,10 +41,10 @@ class DatabaseInfo:
 
 
 def database_info(path: Path) -> DatabaseInfo:
-    """Look through a landmark database.
+    """Check a landmark database and summarize it.
 
     Raises:
-        LandmarkDatabaseError: It cannot be opened, or something in it is not as it was written.
+        LandmarkDatabaseError: The file cannot be opened, or its contents differ from what was written.
     """
     with LandmarkDatabase.open(path) as database:
         sha256 = database.verify()
@@ -99,6 +52,7 @@ def database_info(path: Path) -> DatabaseInfo:
         return DatabaseInfo(
             path=path,
             file_bytes=path.stat().st_size,
+            schema_version=database.schema_version,
             world_origin=database.world_origin,
             landmarks=database.landmark_count,
             views=database.view_count,

@@ -1,4 +1,4 @@
-"""Several databases' contents as one, in one world."""
+"""Merging of the contents of several databases into one world."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,16 +12,15 @@ from vgps.model import FloatArray, GeodeticPoint
 
 
 def merge(contents: Sequence[DatabaseContents]) -> DatabaseContents:
-    """All landmarks and keyframes, in the ENU frame of the first.
+    """Merge all landmarks and keyframes into the ENU frame of the first.
 
-    A place that several runs saw keeps the landmarks of each. Ids are numbered on from one to the next.
+    A place observed by several runs keeps the landmarks of each; ids are renumbered.
 
     Args:
         contents: At least one.
 
     Raises:
-        LandmarkDatabaseError: The templates are of different sizes, or a world has no origin and is not the
-            only one.
+        LandmarkDatabaseError: The templates differ in size, or one of several worlds has no origin.
     """
     first = contents[0]
     moved: list[DatabaseContents] = []
@@ -29,8 +28,9 @@ def merge(contents: Sequence[DatabaseContents]) -> DatabaseContents:
     for part in contents:
         if part.views.templates.shape[1:] != first.views.templates.shape[1:]:
             raise LandmarkDatabaseError(
-                f"templates of {_size(part)} and of {_size(first)} cannot be in one database",
-                remedy="build them with the same patch size and levels",
+                f"has templates of {_size(part)} and of {_size(first)}",
+                expected="one size",
+                remedy="build all parts with the same patch_px and levels",
             )
         in_first = (
             part if part is first else _in_world(part, _transform(first.world_origin, part.world_origin))
@@ -51,10 +51,10 @@ def _size(part: DatabaseContents) -> str:
 
 
 def _transform(new: GeodeticPoint | None, old: GeodeticPoint | None) -> FloatArray:
-    """(4, 4) new_T_old between two ENU frames: rigid, as both are so against ECEF."""
+    """Return new_T_old (4, 4) between two ENU frames, by way of ECEF."""
     if new is None or old is None:
         raise LandmarkDatabaseError(
-            "a run without a world origin cannot be joined with another",
+            "a run without a world origin cannot be merged with another",
             remedy="smooth it with GPS, or give world_origin in rig.yaml",
         )
     transform = np.eye(4)

@@ -1,29 +1,29 @@
-"""What a landmark database holds, in memory: views of landmarks, keyframes, and what they were made from."""
+"""Data of a landmark database in memory: landmark views, keyframes, and the runs they come from."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import FloatArray, GeodeticPoint, GrayImage, IntArray
+from vgps.model import BoolArray, FloatArray, GeodeticPoint, GrayImage, IntArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LandmarkViews:
-    """Views of landmarks, a row each; (A)-(D) of Matsuda 2007.
+    """Views of landmarks, one per row; (A)-(D) of Matsuda 2007.
 
-    A template is a picture of a small plane through the landmark: its pixel (column, row), counted from its
-    middle, shows the world point ``world_p_landmark + column * world_v_column + row * world_v_row``. So the
-    two vectors hold the plane's normal (C) and the scale (D); at level k both count ``2**k`` times.
+    A template is a picture of a small plane through the landmark. Its pixel (column, row), counted from the
+    middle, shows the world point ``world_p_landmark + column * world_v_column + row * world_v_row``. The two
+    vectors thus hold the plane's normal (C) and the scale (D); at level k both count ``2**k`` times.
 
     Attributes:
-        landmark: (N,) id in the database; several views of one landmark share it.
+        landmark: (N,) ids in the database; views of one landmark share its id.
         world_p_landmark: (N, 3) metres.
-        world_p_camera: (N, 3) from where it was seen, metres.
+        world_p_camera: (N, 3) position of the camera that took the view, metres.
         world_v_column, world_v_row: (N, 3) metres per template pixel at level 0.
         templates: (N, levels, P, P) uint8, P odd, finest level first.
-        sigma_px: (N,) the landmark's reliability sigma_j, Eq. (13), Kume 2010.
-        position_sigma_m: (N,) how well the landmark's position is known.
+        sigma_px: (N,) reliability sigma_j of the landmark, Eq. (13), Kume 2010.
+        position_sigma_m: (N,) standard deviation of the landmark's position along its least certain axis.
     """
 
     landmark: IntArray
@@ -38,28 +38,28 @@ class LandmarkViews:
     def __len__(self) -> int:
         return len(self.landmark)
 
-    def take(self, rows: IntArray) -> "LandmarkViews":
-        """Some of them."""
-        return LandmarkViews(*(values[rows] for values in vars(self).values()))
+    def take(self, rows: IntArray | BoolArray) -> "LandmarkViews":
+        """Return the views in ``rows``."""
+        return LandmarkViews(**{name: values[rows] for name, values in vars(self).items()})
 
     @property
     def world_n(self) -> FloatArray:
-        """(N, 3) unit normals of the planes, towards the camera that saw them."""
+        """(N, 3) unit normals of the template planes, towards the camera that took the view."""
         # columns run right and rows down in the picture, so their product points away from the camera
         normal = -np.cross(self.world_v_column, self.world_v_row)
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Keyframe:
-    """A frame by which a camera without any pose finds its place again.
+    """Features of one frame by which a camera of unknown pose is relocalized.
 
     Attributes:
-        world_T_camera: (4, 4) its pose.
-        landmark: (N,) ids of landmarks seen in it, sorted; one may have several descriptors.
-        world_p_landmark: (N, 3) what the descriptor shows: at its landmark's depth, a few pixels beside it.
-        descriptors: (N, 32) uint8, bits, as :func:`vgps.landmarks.descriptors.describe` gives them.
-        thumbnail: (h, w) the whole frame, small.
+        world_T_camera: (4, 4) pose of the frame.
+        landmark: (N,) landmark ids, sorted; a landmark may have several descriptors.
+        world_p_landmark: (N, 3) position of each feature: at its landmark's depth, a few pixels beside it.
+        descriptors: (N, 32) uint8, packed bits, see :func:`vgps.landmarks.descriptors.describe`.
+        thumbnail: (h, w) the whole frame, reduced.
     """
 
     world_T_camera: FloatArray
@@ -71,12 +71,12 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class Source:
-    """A run that a database was made from.
+    """A run that contributed to a database.
 
     Attributes:
-        recording: Of the run.
-        frames: Which of its frames gave templates: all, even or odd.
-        landmarks: How many it gave.
+        recording: Folder of the run's recording.
+        frames: Frames that gave templates: all, even or odd.
+        landmarks: Number of landmarks from this run.
         settings: The :class:`vgps.config.LandmarksConfig`, as JSON.
     """
 
@@ -88,12 +88,13 @@ class Source:
 
 @dataclass(frozen=True)
 class DatabaseContents:
-    """Everything in a database; ids of landmarks are unique in it.
+    """Everything in a database; landmark ids are unique in it.
 
     Attributes:
-        world_origin: Where the ENU frame stands; absent where the world is known by control points alone.
+        world_origin: Origin of the ENU frame; None where control points alone define the world.
         views: Sorted by landmark.
         keyframes: Their landmarks are among those of ``views``.
+        sources: One per run.
     """
 
     world_origin: GeodeticPoint | None

@@ -1,6 +1,6 @@
-"""Templates cut from a frame: a patch parallel to the image around a landmark, at several scales.
+"""Templates cut from a frame: patches parallel to the image around landmarks, at several scales.
 
-(B) to (D) of Matsuda 2007. A pixel of level k is the image smoothed for a step of ``2**k`` pixels.
+(B) to (D) of Matsuda 2007. A pixel of level k samples the image smoothed for a step of ``2**k`` pixels.
 """
 
 import cv2
@@ -9,23 +9,23 @@ import numpy.typing as npt
 
 from vgps.model import BoolArray, Camera, Float32Array, FloatArray
 
-_MOST_LINES = 32_000  # OpenCV's remap takes no more at once
-_SIGMA_PER_STEP = 0.5  # a Gaussian of half a step leaves little beyond what the step can show
+_MAX_ROWS = 32_000  # limit of OpenCV's remap
+_SIGMA_PER_STEP = 0.5  # a Gaussian of half a step leaves little above the Nyquist frequency of the step
 
 
 class Pyramid:
-    """An undistorted frame, smoothed for each level; all of one size.
+    """An undistorted frame, smoothed for each level but not reduced in size.
 
     Args:
         image: (H, W) undistorted.
-        levels: How many.
+        levels: Number of levels.
     """
 
     def __init__(self, image: Float32Array, levels: int) -> None:
         self._images = [image, *(_smoothed(image, 2**k) for k in range(1, levels))]
 
     def sample(self, uv_px: FloatArray, patch_px: int) -> npt.NDArray[np.uint8]:
-        """(N, levels, P, P) patches around pixels (N, 2); what lies outside repeats the image's edge."""
+        """Return patches (N, levels, P, P) around pixels (N, 2); the image's edge is repeated outside it."""
         offset = np.arange(patch_px) - patch_px // 2
         out = np.empty((len(uv_px), len(self._images), patch_px, patch_px), np.uint8)
         for level, image in enumerate(self._images):
@@ -40,11 +40,11 @@ def _smoothed(image: Float32Array, step: int) -> Float32Array:
 
 
 def _interpolated(image: Float32Array, u: FloatArray, v: FloatArray) -> Float32Array:
-    """Bilinear samples at (N, P, P) pixels, a patch at a time side by side."""
+    """Return bilinear samples at pixels (N, P, P)."""
     flat_u, flat_v = (axis.reshape(-1, axis.shape[-1]).astype(np.float32) for axis in (u, v))
     out = np.empty_like(flat_u)
-    for i in range(0, len(out), _MOST_LINES):
-        part = slice(i, i + _MOST_LINES)
+    for i in range(0, len(out), _MAX_ROWS):
+        part = slice(i, i + _MAX_ROWS)
         out[part] = cv2.remap(
             image, flat_u[part], flat_v[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
@@ -54,7 +54,7 @@ def _interpolated(image: Float32Array, u: FloatArray, v: FloatArray) -> Float32A
 def plane_axes(
     world_T_camera: FloatArray, camera: Camera, depth_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """World vectors of one pixel to the right and one down, for patches parallel to the image.
+    """Return the world vectors of one pixel to the right and one down, for patches parallel to the image.
 
     Args:
         world_T_camera: (N, 4, 4).
@@ -69,7 +69,7 @@ def plane_axes(
 
 
 def patch_in_image(uv_px: FloatArray, camera: Camera, patch_px: int) -> BoolArray:
-    """(N,) whether the finest patch lies within the image; coarser ones may repeat its edge."""
+    """Return whether each finest patch (N,) lies within the image; coarser ones may repeat its edge."""
     half = patch_px // 2
     inside = (uv_px >= half) & (uv_px <= (camera.width - 1 - half, camera.height - 1 - half))
     return np.asarray(inside.all(axis=1))

@@ -1,4 +1,4 @@
-"""How well a landmark's position is known, from the rays by which it was seen."""
+"""Uncertainty of a landmark's position, from the rays of its observations."""
 
 import numpy as np
 
@@ -8,14 +8,15 @@ from vgps.model import FloatArray, IntArray
 def position_sigmas_m(
     K: FloatArray, world_T_camera: FloatArray, points: FloatArray, start: IntArray, sigma_px: FloatArray
 ) -> FloatArray:
-    """Standard deviation of each landmark along its least known axis, the poses held.
+    """Return the standard deviation of each landmark along its least certain axis, given the poses.
 
-    The inverse of ``sum J^T J / sigma^2`` over the observations of a landmark, J of Eq. (4), Kume 2010.
+    The covariance is the inverse of ``sum J^T J / sigma^2`` over a landmark's observations, with J of
+    Eq. (4), Kume 2010.
 
     Args:
         K: (3, 3).
-        world_T_camera: (N, 4, 4) the camera of each observation.
-        points: (N, 3) the landmark of each observation.
+        world_T_camera: (N, 4, 4) pose of each observation.
+        points: (N, 3) landmark of each observation.
         start: (M,) first observation of each landmark.
         sigma_px: (M,) standard deviation of one observation.
 

@@ -1,4 +1,4 @@
-"""Images freed of the lens's distortion: what a pinhole of the same K and size would show."""
+"""Undistortion of images to those of a pinhole camera of the same K and size."""
 
 import cv2
 import numpy as np
@@ -8,19 +8,19 @@ from vgps.model import Camera, Float32Array, GrayImage
 
 
 class Rectifier:
-    """Undistorts images of one camera; what the lens does not show is black."""
+    """Undistorts images of one camera; pixels outside the lens's image are black."""
 
     def __init__(self, camera: Camera) -> None:
         self._maps: tuple[Float32Array, Float32Array] | None = None
         if camera.model != "pinhole":
             u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
             source = distort(camera, np.column_stack([u.ravel(), v.ravel()]))
-            outside = -1e4  # OpenCV's maps know no NaN
+            outside = -1e4  # OpenCV's maps take no NaN
             maps = np.nan_to_num(source, nan=outside).astype(np.float32).T.reshape(2, *u.shape)
             self._maps = maps[0].copy(), maps[1].copy()
 
     def __call__(self, gray: GrayImage) -> Float32Array:
-        """(H, W) uint8 to (H, W) float32."""
+        """Return the undistorted image (H, W), float32."""
         image = gray.astype(np.float32)
         if self._maps is None:
             return image

@@ -1,14 +1,15 @@
-"""The landmark database as a file: SQLite with an R*Tree over cells of landmarks.
+"""Schema of the landmark database: SQLite with an R*Tree over cells of landmarks.
 
 Tables: ``meta`` (one row), ``source`` (a row per run), ``cell`` (landmarks and views as little-endian
 arrays, numbered through all cells from 0), ``cell_box`` (R*Tree over east, north, up and the metres that a
-template's pixel covers), ``template`` (a row per landmark), ``keyframe``. An R*Tree keeps float32 and rounds
-boxes outwards, so none loses what is in it; the arrays keep float64.
+template pixel covers), ``template`` (a row per landmark), ``keyframe``. The R*Tree stores float32 and rounds
+boxes outwards, so a box never loses a landmark; the arrays are float64.
 """
 
 import hashlib
 import sqlite3
 import zlib
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from vgps.landmarks.cells import Cell
 from vgps.landmarks.model import Keyframe
 
 APPLICATION_ID = 0x76677073  # "vgps"
-VERSION = 1
+VERSION = 1  # of the schema, in user_version; early files of it have no keyframe.check_sum
 
 TABLES = """
 CREATE TABLE meta (
@@ -61,7 +62,7 @@ _DIGESTED = {
 
 
 def digest(connection: sqlite3.Connection) -> str:
-    """SHA-256 over every value of every table, the digest itself aside."""
+    """Return the SHA-256 of every value of every table except the digest itself."""
     sha = hashlib.sha256()
     for table, query in _DIGESTED.items():
         sha.update(table.encode())
@@ -74,7 +75,7 @@ def digest(connection: sqlite3.Connection) -> str:
 
 
 def check_sum(*parts: bytes) -> int:
-    """CRC-32 of blobs one after the other."""
+    """Return the CRC-32 of blobs, concatenated."""
     crc = 0
     for part in parts:
         crc = zlib.crc32(part, crc)
@@ -82,7 +83,7 @@ def check_sum(*parts: bytes) -> int:
 
 
 def encode_cell(cell: Cell) -> tuple[bytes | int, ...]:
-    """The values of :data:`CELL_COLUMNS`."""
+    """Return the values of :data:`CELL_COLUMNS`."""
     blobs = (
         cell.landmark.astype("<i8").tobytes(),
         cell.numbers.astype("<f8").tobytes(),
@@ -93,10 +94,10 @@ def encode_cell(cell: Cell) -> tuple[bytes | int, ...]:
 
 
 def decode_cell(landmark: bytes, numbers: bytes, views: bytes, view_numbers: bytes, crc: int) -> Cell:
-    """The cell again.
+    """Return the cell encoded in the values of :data:`CELL_COLUMNS`.
 
     Raises:
-        ValueError: The blobs are not what was written.
+        ValueError: The blobs differ from what was written.
     """
     if check_sum(landmark, numbers, views, view_numbers) != crc:
         raise ValueError("check sum")
@@ -109,7 +110,7 @@ def decode_cell(landmark: bytes, numbers: bytes, views: bytes, view_numbers: byt
 
 
 def encode_keyframe(keyframe: Keyframe) -> tuple[bytes | int, ...]:
-    """The values of :data:`KEYFRAME_COLUMNS`, and their check sum."""
+    """Return the values of :data:`KEYFRAME_COLUMNS`, and their check sum."""
     height, width = keyframe.thumbnail.shape
     blobs = (
         keyframe.world_T_camera.astype("<f8").tobytes(),
@@ -121,25 +122,26 @@ def encode_keyframe(keyframe: Keyframe) -> tuple[bytes | int, ...]:
     return (*blobs, width, height, thumbnail, check_sum(*blobs, thumbnail))
 
 
-def decode_keyframe(
-    pose: bytes,
-    landmark: bytes,
-    points: bytes,
-    descriptors: bytes,
-    width: int,
-    height: int,
-    thumbnail: bytes,
-    crc: int | None,
-) -> Keyframe:
-    """The keyframe again; without a check sum, as early databases have it, only sizes are checked.
+def decode_keyframe(record: tuple[Any, ...]) -> Keyframe:
+    """Return the keyframe encoded in a record.
+
+    Args:
+        record: Values of :data:`KEYFRAME_COLUMNS` and the check sum; it is None in early databases, of which
+            only the sizes are checked.
 
     Raises:
-        ValueError: The blobs are not what was written, or do not fit each other.
+        ValueError: The blobs differ from what was written, or do not fit each other.
     """
+    pose, landmark, points, descriptors, width, height, thumbnail, crc = record
     if crc is not None and check_sum(pose, landmark, points, descriptors, thumbnail) != crc:
         raise ValueError("check sum")
     ids = np.frombuffer(landmark, "<i8")
     world_p = np.frombuffer(points, "<f8").reshape(len(ids), 3)
     rows = np.frombuffer(descriptors, np.uint8).reshape(len(ids), -1 if len(ids) else 0)
-    small = np.frombuffer(thumbnail, np.uint8).reshape(height, width)
-    return Keyframe(np.frombuffer(pose, "<f8").reshape(4, 4), ids, world_p, rows, small)
+    return Keyframe(
+        world_T_camera=np.frombuffer(pose, "<f8").reshape(4, 4),
+        landmark=ids,
+        world_p_landmark=world_p,
+        descriptors=rows,
+        thumbnail=np.frombuffer(thumbnail, np.uint8).reshape(height, width),
+    )

@@ -1,6 +1,6 @@
-"""Which landmarks a camera sees, which view of each suits it, and which to take where there are too many.
+"""Landmarks in a camera's image, the best view of each, and a subset spread over the image.
 
-(B) of Matsuda 2007: project (4), keep what falls in the image.
+(B) of Matsuda 2007: project, Eq. (4), and keep what falls in the image.
 """
 
 from dataclasses import dataclass
@@ -13,32 +13,37 @@ from vgps.config import SelectionConfig
 from vgps.model import Camera, Float32Array, FloatArray, IntArray
 
 MIN_DEPTH_M = 0.1
-_FAR_M = 1e30  # for no limit at all, and for float32
+_FAR_M = 1e30  # stands for no limit; within float32
 _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 @dataclass(frozen=True)
 class VisibleLandmarks:
-    """Landmarks in the image: ``row`` (n,) of the points asked, ``uv_px`` (2, n), and ``pixel_m`` (n,) metres
-    that a pixel of the camera covers there."""
+    """Landmarks in the image.
+
+    Attributes:
+        row: (n,) rows of the points given.
+        uv_px: (2, n) projections.
+        pixel_m: (n,) metres that a pixel of the camera covers at the landmark.
+    """
 
     row: IntArray
     uv_px: Float32Array
     pixel_m: Float32Array
 
     def take(self, rows: IntArray) -> "VisibleLandmarks":
-        """Some of them."""
+        """Return the landmarks in ``rows``."""
         return VisibleLandmarks(self.row[rows], self.uv_px[:, rows], self.pixel_m[rows])
 
 
 @dataclass(frozen=True)
 class BestViews:
-    """Of each candidate the view that suits best.
+    """The best view of each landmark.
 
     Attributes:
-        view: (n,) which one, -1 where none suits.
-        cost: (n,) how far from the camera in direction and scale, 0 where it is just this camera's.
-        sine: (n,) of the angle between the two directions.
+        view: (n,) number of the view within its landmark, -1 where none suits.
+        cost: (n,) squared distance to the camera in direction and scale; 0 for a view from the same place.
+        sine: (n,) sine of the angle between the directions to the view's and to this camera.
     """
 
     view: IntArray
@@ -48,33 +53,34 @@ class BestViews:
     def ranking_cost(
         self, pixel_m: Float32Array, sigma_px: FloatArray, position_sigma_m: FloatArray
     ) -> FloatArray:
-        """(n,) the less, the better a match to expect.
+        """Return a cost (n,) by which landmarks are ranked: the less, the better the expected match.
 
-        A position is uncertain along the rays that gave it, which shows as far as the camera leaves them.
+        A position is uncertain along the rays of its observations, which shows in the image in proportion to
+        the sine of the angle by which the camera departs from them.
         """
-        shown_px = position_sigma_m * self.sine / pixel_m
-        return np.asarray(np.hypot(sigma_px, shown_px) * (1 + self.cost))
+        position_sigma_px = position_sigma_m * self.sine / pixel_m
+        return np.asarray(np.hypot(sigma_px, position_sigma_px) * (1 + self.cost))
 
 
 def focal_px(camera: Camera) -> float:
-    """One focal length for both axes: the geometric mean."""
+    """Return one focal length for both axes: the geometric mean."""
     return sqrt(camera.fx * camera.fy)
 
 
 @cache
 def corner_cosine(camera: Camera) -> float:
-    """Cosine of the angle between the optical axis and the ray of the image's furthest corner."""
+    """Return the cosine of the angle between the optical axis and the ray of the farthest image corner."""
     uv = _CORNERS * (camera.width, camera.height) - 0.5
     rays = (uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     return float(1 / np.sqrt(1 + np.sum(rays**2, axis=1).max()))
 
 
 @cache
-def _sides(camera: Camera, max_depth_m: float | None) -> FloatArray:
-    """(6, 4) that take (x, y, z, 1) in the camera frame to six measures, none negative if the image shows it.
+def _frustum(camera: Camera, max_depth_m: float | None) -> FloatArray:
+    """Return half-spaces (6, 4) of the camera frustum: a point (x, y, z, 1) inside gives no negative value.
 
-    Pixels from the left and from the upper border, times the depth; depth beyond the least; pixels from the
-    right and from the lower border, times the depth; depth short of the largest.
+    The rows measure: pixels from the left and from the upper border, times the depth; depth beyond the least;
+    pixels from the right and from the lower border, times the depth; depth short of the largest.
     """
     right, low = camera.width - 0.5, camera.height - 0.5
     of_pixels = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1], [-1, 0, right], [0, -1, low], [0, 0, -1]])
@@ -85,9 +91,9 @@ def _sides(camera: Camera, max_depth_m: float | None) -> FloatArray:
 def visible_landmarks(
     world_T_camera: FloatArray, camera: Camera, points: Float32Array, max_depth_m: float | None
 ) -> VisibleLandmarks:
-    """Those of the points (4, N), a column (x, y, z, 1) each, that the camera's undistorted image shows."""
-    # a row for each axis, not for each point: numpy is several times faster along rows
-    of_camera = _sides(camera, max_depth_m)
+    """Return the homogeneous points (4, N) that project into the camera's undistorted image."""
+    # one row per axis rather than per point: numpy is several times faster along rows
+    of_camera = _frustum(camera, max_depth_m)
     of_world = of_camera[:, :3] @ world_T_camera[:3, :3].T
     shift = of_camera[:, 3:] - of_world @ world_T_camera[:3, 3:]
     measures = np.hstack([of_world, shift]).astype(np.float32) @ points
@@ -100,18 +106,18 @@ def visible_landmarks(
 def best_views(
     to_camera: Float32Array, pixel_m: Float32Array, view_geometry: Float32Array, config: SelectionConfig
 ) -> BestViews:
-    """The view of each landmark that is nearest to the camera in direction and in scale.
+    """Return the view of each landmark that is closest to the camera in direction and scale.
 
     Args:
         to_camera: (3, n) from the landmark to the camera, metres.
-        pixel_m: (n,) metres that a pixel of the camera covers there.
+        pixel_m: (n,) metres that a pixel of the camera covers at the landmark.
         view_geometry: (n, 7, V) direction, normal and log2 of the pixel size of each view; NaN where there is
             none.
-        config: What still suits.
+        config: Limits on direction, tilt and scale.
     """
     if not len(view_geometry):
         return BestViews(np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))
-    view_geometry = np.ascontiguousarray(view_geometry.transpose(1, 2, 0))  # long rows, as above
+    view_geometry = np.ascontiguousarray(view_geometry.transpose(1, 2, 0))  # long rows are faster, as above
     direction = to_camera / np.sqrt(np.einsum("in,in->n", to_camera, to_camera))
     cosine, facing = np.einsum("kivn,in->kvn", view_geometry[:6].reshape(2, 3, -1, len(pixel_m)), direction)
     octaves = np.log2(pixel_m) - view_geometry[6]
@@ -126,12 +132,12 @@ def best_views(
 
 
 def spread_over_image(uv_px: Float32Array | FloatArray, size_px: tuple[int, int], count: int) -> IntArray:
-    """Rows of the ``count`` to take: the first in every part of the image, then every part's second, ...
+    """Return rows of up to ``count`` points: the first of every image tile, then every tile's second, ...
 
     Args:
-        uv_px: (2, N), a column each, the best first.
-        size_px: Width and height of the image, which is parted into about ``count`` squares.
-        count: How many; all if there are no more.
+        uv_px: (2, N), best first.
+        size_px: Width and height of the image, which is divided into about ``count`` square tiles.
+        count: Number of rows; all if there are no more.
 
     Returns:
         Rows in ascending order.
@@ -140,13 +146,13 @@ def spread_over_image(uv_px: Float32Array | FloatArray, size_px: tuple[int, int]
     if total <= count:
         return np.arange(total)
     side = sqrt(size_px[0] * size_px[1] / max(count, 1))
-    # there are hardly more squares than count; sixteen bits are sorted in linear time
+    # there are hardly more tiles than count; 16 bits are sorted in linear time
     column, line = ((uv_px + 0.5) / side).astype(np.uint16 if count < 2**14 else np.uint32)
-    part = line * (int(size_px[0] / side) + 1) + column
-    by_part = np.argsort(part, kind="stable")
-    size = np.bincount(part)
+    tile = line * (int(size_px[0] / side) + 1) + column
+    by_tile = np.argsort(tile, kind="stable")
+    size = np.bincount(tile)
     rank = np.arange(total) - np.repeat(np.cumsum(size) - size, size)
     up_to = np.cumsum(np.bincount(rank))
     last = int(np.searchsorted(up_to, count))
-    whole, partly = by_part[rank < last], np.sort(by_part[rank == last])
-    return np.sort(np.concatenate([whole, partly[: count - len(whole)]]))
+    complete, partial = by_tile[rank < last], np.sort(by_tile[rank == last])
+    return np.sort(np.concatenate([complete, partial[: count - len(complete)]]))
