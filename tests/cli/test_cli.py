@@ -156,6 +156,7 @@ def test_bad_input_is_one_line(recording, tmp_path, monkeypatch, capsys, case):
         ("tracking: {max_feature: 3}", "key tracking.max_feature: unknown key"),
         ("tracking: {max_features: -3}", "tracking.max_features"),
         ("seed: [", "not YAML"),
+        ("seed: -1", "key seed"),
     ],
 )
 def test_a_bad_configuration_is_one_line(recording, tmp_path, monkeypatch, capsys, config, words):

@@ -31,10 +31,11 @@ def compare(
         gps: GPS log; a path, or a name inside the folder.
         settings: Settings.
     """
+    from vgps.compare import check_outputs, write_comparison  # noqa: PLC0415  (plots are slow to import)
     from vgps.compare import compare as compare_models  # noqa: PLC0415
-    from vgps.compare import write_comparison  # noqa: PLC0415  (plots are slow to import)
 
     config = settings.read()
+    check_outputs(out)
     comparison = compare_models(open_recording(recording, gps=gps), truth, config, TerminalProgress())
     page, data = write_comparison(comparison, out)
     Console().print(comparison_table(list(comparison.evaluations.items()), str(recording)))

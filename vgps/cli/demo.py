@@ -5,18 +5,19 @@ from pathlib import Path
 from rich.console import Console
 
 from vgps.cli.app import app, print_line
+from vgps.cli.options import Seed
 from vgps.cli.smooth import print_summary
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluation_table
 
 
 @app.command
-def demo(*, out: Path = Path("demo"), seed: int = 0) -> None:
+def demo(*, out: Path = Path("demo"), seed: Seed = 0) -> None:
     """Simulate a short recording, smooth it, evaluate it against its truth and write a report.
 
     Args:
         out: Folder for the recording, the run and the report.
-        seed: int of the simulated world and its GPS errors.
+        seed: Seed of the simulated world and its GPS errors.
     """
     from vgps.demo import demo as run_demo  # noqa: PLC0415  (plots and simulation are slow to import)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from vgps.cli.app import app, print_line
-from vgps.cli.options import GpsSettings
+from vgps.cli.options import GpsSettings, NotNegative
 from vgps.online.session import OnlineOptions, pose_live, pose_recording
 
 
@@ -29,7 +29,7 @@ class Sources:
     gps: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None  # - is a receiver
     camera: Path | None = None
     rig: Path | None = None
-    video_delay: float = 0.0
+    video_delay: NotNegative = 0.0
 
 
 _NONE, _SETTINGS = Sources(), GpsSettings()

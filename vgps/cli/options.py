@@ -1,11 +1,24 @@
-"""Options that several verbs share."""
+"""Options that several verbs share, and the limits of their values."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from vgps.config import Config, GpsModel, read_config
+
+
+def finite_and_not_negative(_: Any, value: float) -> None:
+    """Raise ValueError for an option that is negative, infinite or NaN."""
+    if not (math.isfinite(value) and value >= 0.0):
+        raise ValueError("Must be a finite number >= 0.")
+
+
+Seed = Annotated[int, Parameter(validator=Number(gte=0))]
+NotNegative = Annotated[float, Parameter(validator=finite_and_not_negative)]
 
 
 @Parameter(name="*")
@@ -48,7 +61,7 @@ class SettingsOptions:
     """
 
     config: Path | None = None
-    seed: int | None = None
+    seed: Seed | None = None
 
     def read(self) -> Config:
         """Return the resolved settings.

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from vgps.cli.app import app, print_line
+from vgps.cli.options import Seed
 
 
 @app.command
@@ -10,7 +11,7 @@ def simulate(
     *,
     out: Path,
     scene: str = "walk",
-    seed: int = 0,
+    seed: Seed = 0,
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
 ) -> None:
@@ -19,7 +20,7 @@ def simulate(
     Args:
         out: Recording folder to write.
         scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin.
-        seed: int of the world and of the sensors' errors.
+        seed: Seed of the world and of the sensors' errors.
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.

@@ -1,5 +1,6 @@
 """The verb ``survey``."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from vgps.cli.app import app, print_line, print_note
+from vgps.cli.options import NotNegative
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
 from vgps.survey import SurveyOptions, survey_logs
@@ -24,8 +26,8 @@ class Motion:
         frame_rate: Frame rate of later recordings [Hz].
     """
 
-    speed: float = 0.0
-    vertical_speed: float = 0.0
+    speed: NotNegative = 0.0
+    vertical_speed: NotNegative = 0.0
     frame_rate: float = 30.0
 
 
@@ -75,7 +77,7 @@ def _position(text: str) -> GeodeticPoint:
     try:
         latitude, longitude, height = (float(part) for part in text.split(","))
     except ValueError:
-        raise ConfigError(
-            f"--truth is {text!r}", expected="LATITUDE,LONGITUDE,HEIGHT in degrees and metres"
-        ) from None
+        latitude = longitude = height = math.nan
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(height)):
+        raise ConfigError(f"--truth is {text!r}", expected="LATITUDE,LONGITUDE,HEIGHT in degrees and metres")
     return GeodeticPoint(latitude, longitude, height)

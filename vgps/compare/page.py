@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from vgps.compare.methods import Comparison
 from vgps.evaluation import to_json
-from vgps.writers.atomic import new_file
+from vgps.writers.atomic import check_file, new_file
 from vgps.writers.page import embedded, tidy, write_page
 
 _COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
@@ -34,9 +34,19 @@ def ratios(comparison: Comparison) -> dict[str, dict[str, float]]:
     }
 
 
+def check_outputs(out: Path) -> None:
+    """Check before the work that the comparison can be written into the folder ``out``; change nothing.
+
+    Raises:
+        RunFolderError: It cannot.
+    """
+    for file in _outputs(out):
+        check_file(file)
+
+
 def write_comparison(comparison: Comparison, out: Path) -> tuple[Path, Path]:
-    """Write ``comparison.html`` and ``comparison.json`` into the folder ``out``; their paths."""
-    page, data = out / "comparison.html", out / "comparison.json"
+    """Write ``comparison.html`` and ``comparison.json`` into the folder ``out`` and return their paths."""
+    page, data = _outputs(out)
     values = {
         "recording": comparison.recording.name,
         "rows": [(name, e, comparison.seconds[name]) for name, e in comparison.evaluations.items()],
@@ -48,6 +58,10 @@ def write_comparison(comparison: Comparison, out: Path) -> tuple[Path, Path]:
     with new_file(data) as scratch:
         scratch.write_text(json.dumps(as_json(comparison), indent=2) + "\n", encoding="utf-8")
     return page, data
+
+
+def _outputs(out: Path) -> tuple[Path, Path]:
+    return out / "comparison.html", out / "comparison.json"
 
 
 def _coloured(comparison: Comparison) -> list[tuple[str, str]]:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
+from pydantic import NonNegativeInt
+
 from vgps.config.base import SettingsModel
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig
@@ -36,7 +38,7 @@ class Config(SettingsModel):
         **_moved(LandmarksConfig, "landmarks"),
     }
 
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of every random choice; the same seed gives the same output."""
     tracking: TrackingConfig = TrackingConfig()
     mapping: MappingConfig = MappingConfig()
