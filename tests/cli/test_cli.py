@@ -7,20 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from vgps.cli import main
 from vgps.cli.app import print_note
-
-
-def run(monkeypatch, capsys, *words):
-    """Exit code, standard output and standard error of a verb, in this process."""
-    monkeypatch.setattr(sys, "argv", ["vgps", *map(str, words)])
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 @pytest.fixture(scope="module")
@@ -47,26 +34,26 @@ def test_smooth_writes_a_whole_run(smoothed):
     assert len((smoothed / "poses.tum").read_text().splitlines()) >= 90
 
 
-def test_evaluate(smoothed, recording, monkeypatch, capsys):
+def test_evaluate(smoothed, recording, vgps_verb):
     truth = recording / "truth.tum"
-    code, out, _ = run(monkeypatch, capsys, "evaluate", smoothed, "--truth", truth, "--json")
+    code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth, "--json")
     assert code == 0
     assert json.loads(out)["camera_position_m"]["mean"] < 0.1
-    code, out, _ = run(monkeypatch, capsys, "evaluate", smoothed, "--truth", truth)
+    code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth)
     assert code == 0 and "camera position [m]" in out
 
 
 @pytest.mark.parametrize("to", ["tum", "ply", "kitti", "nerfstudio", "geojson", "kml", "gpx"])
-def test_export(smoothed, tmp_path, monkeypatch, capsys, to):
-    code, _, _ = run(monkeypatch, capsys, "export", smoothed, "--to", to, "--out", tmp_path / f"x.{to}")
+def test_export(smoothed, tmp_path, vgps_verb, to):
+    code, _, _ = vgps_verb("export", smoothed, "--to", to, "--out", tmp_path / f"x.{to}")
     assert code == 0 and (tmp_path / f"x.{to}").stat().st_size > 1000
 
 
 @pytest.mark.slow
-def test_what_stands_in_brackets_in_a_path_is_no_markup(smoothed, tmp_path, monkeypatch, capsys):
+def test_what_stands_in_brackets_in_a_path_is_no_markup(smoothed, tmp_path, vgps_verb):
     """Nor are names between colons emoji."""
     out = tmp_path / "[bold]a[/bold] :car:" / "x[/red].tum"
-    code, told, _ = run(monkeypatch, capsys, "export", smoothed, "--to", "tum", "--out", out)
+    code, told, _ = vgps_verb("export", smoothed, "--to", "tum", "--out", out)
     assert code == 0 and told == f"wrote {out}\n"
 
 
@@ -83,10 +70,12 @@ def test_a_note_is_told_as_it_is(capsys):
         (["--plot", "folder.png"], r"folder\.png: is a folder"),
     ],
 )
-def test_a_picture_that_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch, capsys, words, told):
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path, monkeypatch, vgps_verb, words, told
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.png").mkdir()
-    code, _, err = run(monkeypatch, capsys, "survey", "no.log", "--out", "s.yaml", *words)
+    code, _, err = vgps_verb("survey", "no.log", "--out", "s.yaml", *words)
     assert code == 2 and err.count("\n") == 1 and re.search(told, err)
     assert not (tmp_path / "s.yaml").exists()
 
@@ -139,12 +128,12 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line(recording, tmp_path, monkeypatch, capsys, case):
+def test_bad_input_is_one_line(recording, tmp_path, vgps_verb, case):
     damage, words = BAD[case]
     folder = tmp_path / "bad"
     shutil.copytree(recording, folder)
     damage(folder)
-    code, _, err = run(monkeypatch, capsys, "smooth", folder, "--out", tmp_path / "run")
+    code, _, err = vgps_verb("smooth", folder, "--out", tmp_path / "run")
     assert code == 2
     assert words in err and err.startswith("vgps: ") and len(err.strip().splitlines()) == 1
     assert sorted(file.name for file in tmp_path.iterdir()) == ["bad"]
@@ -159,33 +148,33 @@ def test_bad_input_is_one_line(recording, tmp_path, monkeypatch, capsys, case):
         ("seed: -1", "key seed"),
     ],
 )
-def test_a_bad_configuration_is_one_line(recording, tmp_path, monkeypatch, capsys, config, words):
+def test_a_bad_configuration_is_one_line(recording, tmp_path, vgps_verb, config, words):
     file = tmp_path / "c.yaml"
     file.write_text(config)
-    code, _, err = run(monkeypatch, capsys, "smooth", recording, "--config", file, "--out", tmp_path / "run")
+    code, _, err = vgps_verb("smooth", recording, "--config", file, "--out", tmp_path / "run")
     assert code == 2 and words in err and len(err.strip().splitlines()) == 1
 
 
-def test_a_wrong_verb_and_a_missing_recording(tmp_path, monkeypatch, capsys):
-    code, _, err = run(monkeypatch, capsys, "smoth")
+def test_a_wrong_verb_and_a_missing_recording(tmp_path, vgps_verb):
+    code, _, err = vgps_verb("smoth")
     assert code == 2 and "smooth" in err and len(err.strip().splitlines()) == 1
-    code, _, err = run(monkeypatch, capsys, "smooth", tmp_path / "nowhere", "--out", tmp_path / "run")
+    code, _, err = vgps_verb("smooth", tmp_path / "nowhere", "--out", tmp_path / "run")
     assert code == 2 and "no such recording" in err
 
 
-def test_nothing_else_is_overwritten(recording, tmp_path, monkeypatch, capsys):
+def test_nothing_else_is_overwritten(recording, tmp_path, vgps_verb):
     precious = tmp_path / "thesis"
     precious.mkdir()
     (precious / "chapter1.txt").write_text("words")
-    code, _, err = run(monkeypatch, capsys, "smooth", recording, "--out", precious)
+    code, _, err = vgps_verb("smooth", recording, "--out", precious)
     assert code == 2 and "thesis" in err
     assert (precious / "chapter1.txt").read_text() == "words"
 
 
-def test_survey(data_dir, tmp_path, monkeypatch, capsys):
+def test_survey(data_dir, tmp_path, vgps_verb):
     log, out = data_dir / "survey/stationary.nmea", tmp_path / "receiver.yaml"
-    code, text, _ = run(monkeypatch, capsys, "survey", log, "--out", out)
+    code, text, _ = vgps_verb("survey", log, "--out", out)
     assert code == 0 and "rtk_float" in text and "survey longer" in text
     assert out.is_file() and out.with_suffix(".png").is_file()
-    code, _, err = run(monkeypatch, capsys, "survey", log, "--out", out, "--truth", "1,2")
+    code, _, err = vgps_verb("survey", log, "--out", out, "--truth", "1,2")
     assert code == 2 and "LATITUDE,LONGITUDE,HEIGHT" in err and err.count("\n") == 1

@@ -1,7 +1,5 @@
 """`vgps track` as a user calls it: a folder of images, a gyro, and a database on disk."""
 
-import sys
-
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +7,6 @@ import yaml
 from textured_wall import CAMERA, GYRO_R_CAMERA, ORIGIN, WallDatabase, WallVideo, gyro, pose_at
 
 from vgps.camera import camera_fields
-from vgps.cli import main
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.model import DatabaseContents, LandmarkViews, Source
 from vgps.readers.trajectory import read_trajectory
@@ -47,21 +44,9 @@ def recording(tmp_path):
     return folder
 
 
-def run(monkeypatch, capsys, *words):
-    """Exit code, standard output and standard error."""
-    monkeypatch.setattr(sys, "argv", ["vgps", *map(str, words)])
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    out = capsys.readouterr()
-    return code, out.out, out.err
-
-
-def test_track_writes_a_run(recording, database, tmp_path, monkeypatch, capsys):
+def test_track_writes_a_run(recording, database, tmp_path, vgps_verb):
     out = tmp_path / "run"
-    code, said, error = run(monkeypatch, capsys, "track", recording, "--landmarks", database, "--out", out)
+    code, said, error = vgps_verb("track", recording, "--landmarks", database, "--out", out)
     assert (code, error) == (0, "")
     assert "8 of 8 frames tracked" in said
     poses = read_trajectory(out / "poses.tum")
@@ -69,10 +54,10 @@ def test_track_writes_a_run(recording, database, tmp_path, monkeypatch, capsys):
     assert np.linalg.norm(poses.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1).max() < 0.1
 
 
-def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, monkeypatch, capsys):
+def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, vgps_verb):
     (recording / "gyro.csv").unlink()
     words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--estimator", "frame")
-    code, said, _ = run(monkeypatch, capsys, *words)
+    code, said, _ = vgps_verb(*words)
     assert code == 0
     assert "note: there is no gyro: rotation is predicted at constant angular velocity" in said
     assert "estimator: frame" in (tmp_path / "run" / "config.yaml").read_text()
@@ -86,20 +71,20 @@ def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, monk
         ("localization: {selection: {octaves: 1}}\n", "key localization.selection.octaves: unknown key"),
     ],
 )
-def test_a_bad_setting_is_one_line(recording, database, tmp_path, monkeypatch, capsys, config, said):
+def test_a_bad_setting_is_one_line(recording, database, tmp_path, vgps_verb, config, said):
     file = tmp_path / "track.yaml"
     file.write_text(config)
     words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--config", file)
-    code, _, error = run(monkeypatch, capsys, *words)
+    code, _, error = vgps_verb(*words)
     assert code == 2
     assert error.count("\n") == 1
     assert said in error
     assert not (tmp_path / "run").exists()
 
 
-def test_no_database_is_one_line(recording, tmp_path, monkeypatch, capsys):
+def test_no_database_is_one_line(recording, tmp_path, vgps_verb):
     words = ("track", recording, "--landmarks", tmp_path / "none.db", "--out", tmp_path / "run")
-    code, _, error = run(monkeypatch, capsys, *words)
+    code, _, error = vgps_verb(*words)
     assert code == 2
     assert error.count("\n") == 1
     assert "none.db" in error
