@@ -14,9 +14,10 @@ from gtsam.symbol_shorthand import X
 from scripts.common.command import ScriptParser
 from scripts.common.stopwatch import stopwatch
 from vgps.model import FloatArray, IntArray
-from vgps.solver.elimination import structure_of
+from vgps.solver.bundle_adjustment import Solver, SolverSettings, solve
+from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import Solver, SolverSettings, pose_covariances, solve
 
 K = (500.0, 510.0, 320.0, 240.0)
 HELP = {"track": "mean length of a track, frames", "runs": "runs whose median is taken"}
@@ -109,7 +110,16 @@ def make_problem(frames: int, landmarks: int, track: int, laps: int) -> BundlePr
     start = np.stack([gtsam.Pose3(T).retract(d).matrix() for T, d in zip(poses, shift, strict=True)])
     sigma = rng.choice([1.5, 3.0, 6.0], landmarks)[landmark]
     near = points + rng.normal(0.0, 0.2, points.shape)
-    return BundleProblem(K, start, near, frame, landmark, uv, sigma, pose_graph=pose_factors(poses, rng))
+    return BundleProblem(
+        K=K,
+        world_T_camera=start,
+        world_p_landmark=near,
+        frame=frame,
+        landmark=landmark,
+        uv_px=uv,
+        sigma_px=sigma,
+        pose_graph=pose_factors(poses, rng),
+    )
 
 
 def per_iteration(problem: BundleProblem, solver: Solver, iterations: int, runs: int) -> float:
@@ -135,16 +145,16 @@ def main() -> None:
     with parser.refusals():
         results = parser.results(given)
     problem = make_problem(given.frames, given.landmarks, given.track, given.laps)
-    structure = structure_of(problem)
+    structure = analyze_sparsity(problem)
     print(f"{given.frames} frames, {len(problem.frame)} observations, {given.landmarks} landmarks")
-    stored = "in tiles" if structure.tiles else f"half bandwidth {structure.half_bandwidth}"
+    stored = "in blocks" if structure.blocks else f"half bandwidth {structure.half_bandwidth}"
     print(f"{stored}, {structure.flops / 1e9:.1f} Gflop per factorisation")
     seconds = {name: per_iteration(problem, name, given.iterations, given.runs) for name in get_args(Solver)}
     ratio = seconds["gtsam"] / seconds["schur"]
     print(f"schur {seconds['schur']:.3f} s, gtsam {seconds['gtsam']:.3f} s per iteration: ratio {ratio:.1f}")
     best = solve(problem)
     with stopwatch() as elapsed:
-        pose_covariances(best.problem)
+        marginal_covariances(best.problem)
     print(
         f"solved in {best.seconds:.2f} s, {best.report.iterations} iterations; "
         f"covariances {elapsed.wall_s:.2f} s"

@@ -34,8 +34,9 @@ from vgps.geometry import interpolate_poses
 from vgps.readers.run_folder import read_run
 from vgps.runtime.timing import one_after_another
 from vgps.solution import Solution, Trajectory
-from vgps.solver.problem import BundleProblem, cost_terms
-from vgps.solver.schur_complement import SolverSettings, solve
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
+from vgps.solver.problem import BundleProblem
 
 ITERATIONS, TIGHT = 100, 1e-8  # and the share of the cost, that end the search for the minimum
 Engine = Callable[[int, float], AdjustmentResult]  # of the most iterations and the tolerance

@@ -21,8 +21,8 @@ from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.readers.run_folder import read_run
 from vgps.solution import Solution
+from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import SolverSettings, solve
 
 SIGMA_PX, ROBUST_K, MIN_VIEWS = 4.0, 0.25, 3
 
@@ -110,17 +110,17 @@ class Held:
         graph = gps_graph(world.fixes.until(times[-1]), times, Sensors.known(world.antenna), GpsConfig())
         n = len(rows)
         problem = BundleProblem(
-            (lens.fx, lens.fy, lens.cx, lens.cy),
-            self.poses[begin:],
-            self.points[used],
-            world.frame[rows] - begin,
-            landmark,
-            world.uv[rows],
-            np.full(n, SIGMA_PX),
-            "huber",
-            np.full(n, ROBUST_K),
-            graph,
-            fixed,
+            K=(lens.fx, lens.fy, lens.cx, lens.cy),
+            world_T_camera=self.poses[begin:],
+            world_p_landmark=self.points[used],
+            frame=world.frame[rows] - begin,
+            landmark=landmark,
+            uv_px=world.uv[rows],
+            sigma_px=np.full(n, SIGMA_PX),
+            robust="huber",
+            robust_k=np.full(n, ROBUST_K),
+            pose_graph=graph,
+            fixed=fixed,
         )
         result = solve(problem, SolverSettings(max_iterations=4, relative_tolerance=1e-5)).problem
         self.poses[begin:], self.points[used] = result.world_T_camera, result.world_p_landmark

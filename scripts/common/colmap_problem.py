@@ -12,7 +12,8 @@ from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.alignment import align
 from vgps.solution import Solution
-from vgps.solver.problem import BundleProblem, projection_errors
+from vgps.solver.cost import reprojection_errors
+from vgps.solver.problem import BundleProblem
 
 MIN_ANGLE_DEG = 1.5  # as COLMAP's mapper filters points (filter_min_tri_angle)
 
@@ -133,7 +134,16 @@ def make_problem(run: Solution, priors: Priors, frames: int, sigma_px: float, se
     poses, points = aligned(poses, points, priors)
     sigma = np.full(len(frame), sigma_px)
     K = (c.fx, c.fy, c.cx, c.cy)
-    problem = BundleProblem(K, poses, points, frame, landmark, uv, sigma, pose_graph=priors.graph())
-    if projection_errors(problem)[1].any():
+    problem = BundleProblem(
+        K=K,
+        world_T_camera=poses,
+        world_p_landmark=points,
+        frame=frame,
+        landmark=landmark,
+        uv_px=uv,
+        sigma_px=sigma,
+        pose_graph=priors.graph(),
+    )
+    if reprojection_errors(problem)[1].any():
         print("warning: the start has points behind cameras, which the two cost functions treat differently")
     return problem

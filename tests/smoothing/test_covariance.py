@@ -13,8 +13,9 @@ from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_errors
-from vgps.solver.problem import projection_errors
-from vgps.solver.schur_complement import SolverSettings, pose_covariances, solve
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import reprojection_errors
+from vgps.solver.marginals import marginal_covariances
 
 INTERVAL_S = 0.1
 SIGMA_M = 0.05
@@ -37,7 +38,7 @@ def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
     """A solved drive, its true poses and the sources of its errors; tracks slip by ``slip_px`` as a whole."""
     rng = np.random.default_rng(seed)
     problem, poses = drive(frames, 500, seed=seed, disturbed=0.0)
-    exact = problem.uv_px + projection_errors(problem)[0]
+    exact = problem.uv_px + reprojection_errors(problem)[0]
     slip = rng.normal(0.0, slip_px, (len(problem.world_p_landmark), 2))
     # a slip that a shift of the landmark explains would be no error of the pose
     ramp = (problem.frame - problem.frame.mean()) / frames
@@ -60,7 +61,7 @@ def nees(problem, poses, covariance):
 def test_independent_errors_give_the_marginals():
     problem, _, sources = optimum()
     drawn = drawn_covariances(problem, sources, draws=2000, seed=1).poses
-    marginal = pose_covariances(problem)
+    marginal = marginal_covariances(problem).poses
     ratio = np.diagonal(drawn, axis1=1, axis2=2) / np.diagonal(marginal, axis1=1, axis2=2)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
     assert ratio.min() > 0.7 and ratio.max() < 1.4
@@ -71,7 +72,7 @@ def test_tracks_that_slip_as_a_whole_are_seen_where_the_marginals_see_nothing():
     for seed in range(6):
         problem, poses, sources = optimum(slip_px=25.0, seed=seed)
         honest.append(nees(problem, poses, drawn_covariances(problem, sources, 300, 1).poses))
-        curvature.append(nees(problem, poses, pose_covariances(problem)))
+        curvature.append(nees(problem, poses, marginal_covariances(problem).poses))
     assert 0.4 < np.mean(honest) < 2.0
     assert np.mean(curvature) > 3.0 * np.mean(honest)
 

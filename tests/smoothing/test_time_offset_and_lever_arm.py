@@ -12,9 +12,10 @@ from synthetic_bundle import drive
 from factors import Gaussian, gps_factor_calibrating
 from vgps.config import SensorsConfig
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.problem import cost_terms
-from vgps.solver.schur_complement import SolverSettings, covariances, solve
+from vgps.solver.marginals import marginal_covariances
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 INTERVAL_S = 0.1
@@ -48,7 +49,7 @@ def test_covariances_are_gtsams():
     end = solve(problem, TIGHT).problem
     graph, values = to_graph(end)
     marginals = gtsam.Marginals(graph, values)
-    ours = covariances(end)
+    ours = marginal_covariances(end)
     for key in (TIME_OFFSET, ANTENNA):
         np.testing.assert_allclose(ours.shared[key], marginals.marginalCovariance(key), rtol=1e-5)
     np.testing.assert_allclose(ours.poses[20], marginals.marginalCovariance(X(20)), rtol=1e-4, atol=1e-12)
@@ -57,7 +58,7 @@ def test_covariances_are_gtsams():
 def test_lag_and_lever_arm_are_recovered_within_their_sigmas():
     problem, sensors = scene()
     end = solve(problem, TIGHT).problem
-    found, sigma = sensors.moved(end.shared), covariances(end).shared
+    found, sigma = sensors.moved(end.shared), marginal_covariances(end).shared
     lag_sigma, antenna_sigma = np.sqrt(sigma[TIME_OFFSET][0, 0]), np.sqrt(np.diagonal(sigma[ANTENNA]))
     assert lag_sigma < 0.05 and abs(found.time_offset_s - TRUE_LAG_S) < 4 * lag_sigma
     assert np.all(np.abs(found.camera_p_antenna - TRUE_ANTENNA) < 4 * antenna_sigma)

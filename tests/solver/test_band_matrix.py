@@ -3,23 +3,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vgps.solver.band_matrix import POSE, Band, NotPositiveDefiniteError
-from vgps.solver.landmark_groups import Group
+from vgps.solver.band_matrix import POSE_DIM, BandMatrix, NotPositiveDefiniteError
+from vgps.solver.landmark_groups import LandmarkGroup
 
 
 def random_matrix(poses: int, reach: int, seed: int) -> np.ndarray:
     """(6 poses, 6 poses) positive definite, poses coupled up to ``reach`` apart."""
     rng = np.random.default_rng(seed)
-    n = POSE * poses
+    n = POSE_DIM * poses
     A = rng.normal(size=(n, n))
-    apart = np.abs(np.subtract.outer(np.arange(poses), np.arange(poses))).repeat(POSE, 0).repeat(POSE, 1)
+    apart = (
+        np.abs(np.subtract.outer(np.arange(poses), np.arange(poses))).repeat(POSE_DIM, 0).repeat(POSE_DIM, 1)
+    )
     A[apart > reach] = 0.0
     A = A + A.T
     return A + np.diag(np.abs(A).sum(axis=1) + 0.1)
 
 
-def as_band(A: np.ndarray, rows: int) -> Band:
-    band = Band.zeros(len(A), rows)
+def as_band(A: np.ndarray, rows: int) -> BandMatrix:
+    band = BandMatrix.zeros(len(A), rows)
     i, j = np.nonzero(np.tril(A))
     band.add_entries(i, j, A[i, j])
     return band
@@ -29,19 +31,19 @@ def as_band(A: np.ndarray, rows: int) -> Band:
 @given(st.integers(1, 60), st.integers(0, 20), st.integers(0, 1000), st.integers(0, 7))
 def test_factor_solves_and_inverts(poses: int, reach: int, seed: int, spare: int) -> None:
     A = random_matrix(poses, reach, seed)
-    half = min(POSE * (reach + 1), POSE * poses) - 1
+    half = min(POSE_DIM * (reach + 1), POSE_DIM * poses) - 1
     factor = as_band(A, half + 1 + spare).cholesky(half)
     right = np.random.default_rng(seed).normal(size=len(A))
     np.testing.assert_allclose(factor.solve(right), np.linalg.solve(A, right), atol=1e-10)
     inverse = np.linalg.inv(A)
-    expected = np.stack([inverse[i : i + POSE, i : i + POSE] for i in range(0, len(A), POSE)])
+    expected = np.stack([inverse[i : i + POSE_DIM, i : i + POSE_DIM] for i in range(0, len(A), POSE_DIM)])
     np.testing.assert_allclose(factor.inverse_diagonal_blocks(), expected, atol=1e-12)
 
 
 def test_blocks_on_the_diagonal_add_up_and_touch_nothing_else() -> None:
     rng = np.random.default_rng(0)
     expected = np.zeros((30, 30))
-    band = Band.zeros(30, 19)
+    band = BandMatrix.zeros(30, 19)
     for start, size in ((0, 18), (6, 12), (12, 18), (24, 6)):
         block = np.tril(rng.normal(size=(size, size)))
         band.add_lower(start, block)
@@ -56,8 +58,8 @@ def test_blocks_on_the_diagonal_add_up_and_touch_nothing_else() -> None:
 @pytest.mark.parametrize("frames", [[2, 3, 4], [0, 3, 9]])
 def test_square_of_a_group_lands_on_its_frames(frames: list[int]) -> None:
     Z = np.random.default_rng(0).normal(size=(6, 18))
-    band = Band.zeros(60, 61)
-    Group(np.array(frames), 2, 5).subtract_square(np.append(np.full(5, np.nan), Z.ravel()), band)
+    band = BandMatrix.zeros(60, 61)
+    LandmarkGroup(np.array(frames), 2, 5).subtract_square(np.append(np.full(5, np.nan), Z.ravel()), band)
     columns = (6 * np.array(frames)[:, None] + np.arange(6)).ravel()
     expected = np.zeros((60, 60))
     expected[np.ix_(columns, columns)] = -Z.T @ Z

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vgps.solver.band_matrix import POSE, NotPositiveDefiniteError
-from vgps.solver.block_layout import TILE, tile_layout
-from vgps.solver.block_matrix import Tiles
+from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
+from vgps.solver.block_layout import BLOCK_FRAMES, layout_blocks
+from vgps.solver.block_matrix import BlockSparseMatrix
 
 
 def random_cliques(frames: int, number: int, rng: np.random.Generator) -> list[np.ndarray]:
@@ -15,13 +15,15 @@ def random_cliques(frames: int, number: int, rng: np.random.Generator) -> list[n
     return chain + far
 
 
-def matrix_over(frames: int, cliques: list[np.ndarray], rng: np.random.Generator) -> tuple[np.ndarray, Tiles]:
+def matrix_over(
+    frames: int, cliques: list[np.ndarray], rng: np.random.Generator
+) -> tuple[np.ndarray, BlockSparseMatrix]:
     """A positive definite matrix, whole and in tiles, as a sum of squares over the sets of frames."""
-    n = POSE * frames
-    whole, tiles = np.zeros((n, n)), Tiles.zeros(tile_layout(frames, cliques))
+    n = POSE_DIM * frames
+    whole, tiles = np.zeros((n, n)), BlockSparseMatrix.zeros(layout_blocks(frames, cliques))
     for clique in cliques:
-        J = rng.normal(size=(4, POSE * len(clique)))
-        index = (POSE * clique[:, None] + np.arange(POSE)).ravel()
+        J = rng.normal(size=(4, POSE_DIM * len(clique)))
+        index = (POSE_DIM * clique[:, None] + np.arange(POSE_DIM)).ravel()
         whole[np.ix_(index, index)] += J.T @ J
         tiles.add_square(clique, np.tril(J.T @ J))
     whole += np.diag(np.full(n, 0.5))
@@ -39,7 +41,7 @@ def test_factor_solves_and_inverts(frames: int, far: int, seed: int) -> None:
     np.testing.assert_allclose(factor.solve(right), np.linalg.solve(whole, right), atol=1e-9)
     np.testing.assert_allclose(factor.solve(right[:, 0]), np.linalg.solve(whole, right[:, 0]), atol=1e-9)
     inverse = np.linalg.inv(whole)
-    expected = np.stack([inverse[i : i + POSE, i : i + POSE] for i in range(0, len(whole), POSE)])
+    expected = np.stack([inverse[i : i + POSE_DIM, i : i + POSE_DIM] for i in range(0, len(whole), POSE_DIM)])
     np.testing.assert_allclose(factor.inverse_diagonal_blocks(), expected, atol=1e-10)
 
 
@@ -47,7 +49,7 @@ def test_entries_land_where_squares_do() -> None:
     rng = np.random.default_rng(3)
     frames, cliques = 30, random_cliques(30, 5, rng)
     whole, tiles = matrix_over(frames, cliques, rng)
-    again = Tiles.zeros(tiles.layout)
+    again = BlockSparseMatrix.zeros(tiles.layout)
     i, j = np.nonzero(np.tril(whole))
     again.add_entries(i, j, whole[i, j])
     right = rng.normal(size=len(whole))
@@ -57,21 +59,21 @@ def test_entries_land_where_squares_do() -> None:
 def test_a_loop_costs_little_and_a_band_would_be_full() -> None:
     """A chain that ends where it began: fill of a column of two tiles, not of all."""
     tiles = 40
-    frames = np.arange(tiles * TILE)
+    frames = np.arange(tiles * BLOCK_FRAMES)
     chain = [np.array([i, i + 1]) for i in frames[:-1]]
-    layout = tile_layout(len(frames), [*chain, frames[[0, -1]]])
+    layout = layout_blocks(len(frames), [*chain, frames[[0, -1]]])
     assert max(len(below) for below in layout.below) == 2
-    width = POSE * TILE
+    width = POSE_DIM * BLOCK_FRAMES
     assert layout.flops < tiles * width**3 * (1 / 3 + 2 + 4)
     assert sorted(layout.order.tolist()) == list(range(tiles))
 
 
 def test_the_order_is_of_least_degree() -> None:
     """A star: the middle tile, which all others touch, is eliminated last or last but one; nothing fills."""
-    middle = 3 * TILE
-    rays = [np.array(sorted((middle, TILE * i))) for i in range(8) if i != 3]
-    layout = tile_layout(8 * TILE, rays)
-    assert layout.place[3] >= 6
+    middle = 3 * BLOCK_FRAMES
+    rays = [np.array(sorted((middle, BLOCK_FRAMES * i))) for i in range(8) if i != 3]
+    layout = layout_blocks(8 * BLOCK_FRAMES, rays)
+    assert layout.rank[3] >= 6
     assert max(len(below) for below in layout.below) == 1
 
 
@@ -79,21 +81,21 @@ def test_what_nothing_ties_is_told_by_its_column() -> None:
     rng = np.random.default_rng(0)
     cliques = random_cliques(20, 3, rng)
     whole, _ = matrix_over(20, cliques, rng)
-    whole[POSE * 13 + 2] = whole[:, POSE * 13 + 2] = 0.0
-    tiles = Tiles.zeros(tile_layout(20, cliques))
+    whole[POSE_DIM * 13 + 2] = whole[:, POSE_DIM * 13 + 2] = 0.0
+    tiles = BlockSparseMatrix.zeros(layout_blocks(20, cliques))
     i, j = np.nonzero(np.tril(whole))
     tiles.add_entries(i, j, whole[i, j])
     with pytest.raises(NotPositiveDefiniteError) as refusal:
         tiles.cholesky()
-    assert refusal.value.column == POSE * 13 + 2
+    assert refusal.value.column == POSE_DIM * 13 + 2
 
 
 def test_a_pivot_below_the_least_is_refused() -> None:
-    tiles = Tiles.zeros(tile_layout(3, [np.array([0, 1, 2])]))
+    tiles = BlockSparseMatrix.zeros(layout_blocks(3, [np.array([0, 1, 2])]))
     diagonal = np.ones(18)
     diagonal[7] = 1e-15
     tiles.add_diagonal(diagonal)
-    assert np.diagonal(tiles.cholesky().tile(0, 0))[7] == pytest.approx(1e-15**0.5)
+    assert np.diagonal(tiles.cholesky().block(0, 0))[7] == pytest.approx(1e-15**0.5)
     with pytest.raises(NotPositiveDefiniteError) as refusal:
         tiles.cholesky(1e-14 * np.ones(18))
     assert refusal.value.column == 7

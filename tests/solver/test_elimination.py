@@ -9,12 +9,14 @@ from gtsam.symbol_shorthand import X
 from synthetic_bundle import K, visible
 
 from vgps.solver import elimination
-from vgps.solver.block_matrix import Tiles
-from vgps.solver.elimination import structure_of
+from vgps.solver.block_matrix import BlockSparseMatrix
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
+from vgps.solver.elimination import analyze_sparsity
 from vgps.solver.graph_optimizer import optimise_graph
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.problem import BundleProblem, cost_terms
-from vgps.solver.schur_complement import SolverSettings, pose_covariances, solve
+from vgps.solver.marginals import marginal_covariances
+from vgps.solver.problem import BundleProblem
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 LAP = 72  # frames
@@ -59,14 +61,23 @@ def two_laps(landmarks: int = 260, seed: int = 0) -> BundleProblem:
     noisy = uv[keep] + rng.normal(0, 0.5, uv[keep].shape)
     sigma = np.full(int(keep.sum()), 2.0)
     near = points + rng.normal(0, 0.2, points.shape)
-    return BundleProblem(K, start, near, frame[keep], landmark[keep], noisy, sigma, pose_graph=graph)
+    return BundleProblem(
+        K=K,
+        world_T_camera=start,
+        world_p_landmark=near,
+        frame=frame[keep],
+        landmark=landmark[keep],
+        uv_px=noisy,
+        sigma_px=sigma,
+        pose_graph=graph,
+    )
 
 
 @pytest.fixture
 def tiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tiles are looked into however small the problem is."""
-    monkeypatch.setattr(elimination, "_QUICK", 0.0)
-    monkeypatch.setattr(elimination, "_DEARER", 0.0)
+    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
+    monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
 
 
 def total(problem: BundleProblem) -> float:
@@ -75,10 +86,10 @@ def total(problem: BundleProblem) -> float:
 
 def test_the_second_lap_makes_tiles_of_the_band(tiled: None) -> None:
     problem = two_laps()
-    structure = structure_of(problem)
-    assert structure.tiles is not None and isinstance(structure.empty(), Tiles)
+    structure = analyze_sparsity(problem)
+    assert structure.blocks is not None and isinstance(structure.empty(), BlockSparseMatrix)
     assert structure.half_bandwidth > 6 * LAP
-    band = elimination._as_band(problem, structure.free, [])
+    band = elimination._band_structure(problem, structure.free, [])
     assert structure.flops < 0.5 * band.flops and structure.bytes < band.bytes
 
 
@@ -93,12 +104,12 @@ def test_two_laps_end_where_gtsam_ends(tiled: None) -> None:
 
 def test_tiles_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
-    monkeypatch.setattr(elimination, "_QUICK", 1e30)
-    assert structure_of(problem).tiles is None
+    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 1e30)
+    assert analyze_sparsity(problem).blocks is None
     band = solve(problem, replace(TIGHT, max_iterations=3))
-    monkeypatch.setattr(elimination, "_QUICK", 0.0)
-    monkeypatch.setattr(elimination, "_DEARER", 0.0)
-    assert structure_of(problem).tiles is not None
+    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
+    monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
+    assert analyze_sparsity(problem).blocks is not None
     tiles = solve(problem, replace(TIGHT, max_iterations=3))
     np.testing.assert_allclose(tiles.problem.world_T_camera, band.problem.world_T_camera, atol=1e-9)
     np.testing.assert_allclose(tiles.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
@@ -112,7 +123,7 @@ def test_held_frames_and_robust_losses_in_tiles(tiled: None) -> None:
     start[held] = ring(2)[held]
     problem = replace(problem, world_T_camera=start, fixed=held)
     problem = replace(problem, robust="huber", robust_k=np.full(len(problem.frame), 1.5))
-    assert structure_of(problem).tiles is not None
+    assert analyze_sparsity(problem).blocks is not None
     ours, theirs = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
     assert total(ours.problem) == pytest.approx(total(theirs.problem), rel=1e-8)
     np.testing.assert_array_equal(ours.problem.world_T_camera[held], problem.world_T_camera[held])
@@ -120,10 +131,10 @@ def test_held_frames_and_robust_losses_in_tiles(tiled: None) -> None:
 
 def test_covariances_in_tiles_are_gtsams_marginals(tiled: None) -> None:
     problem = solve(two_laps(), TIGHT).problem
-    assert structure_of(problem).tiles is not None
+    assert analyze_sparsity(problem).blocks is not None
     marginals = gtsam.Marginals(*to_graph(problem))
     expected = np.stack([marginals.marginalCovariance(X(i)) for i in range(2 * LAP)])
-    found = pose_covariances(problem)
+    found = marginal_covariances(problem).poses
     size = np.sqrt(np.einsum("fii->fi", expected))
     np.testing.assert_allclose((found - expected) / size[:, :, None] / size[:, None, :], 0.0, atol=1e-6)
 

@@ -5,21 +5,27 @@ import pytest
 from synthetic_bundle import drive
 
 from vgps.geometry import triangulate
-from vgps.solver.elimination import structure_of
-from vgps.solver.landmark_refinement import anchors, best_points, carried, landmark_costs, settled
-from vgps.solver.problem import camera_points, residuals, video_cost
-from vgps.solver.schur_complement import solve
+from vgps.solver.bundle_adjustment import solve
+from vgps.solver.cost import camera_points, pixel_errors, video_cost
+from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.landmark_refinement import (
+    anchor_frames,
+    landmark_costs,
+    move_with_frames,
+    refine_landmarks,
+    step_landmarks,
+)
 
 MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
 
 
 def test_costs_of_landmarks_add_up_to_the_whole():
     problem, _ = drive(20, 200, seed=1, disturbed=0.3)
-    costs = landmark_costs(problem, structure_of(problem))
+    costs = landmark_costs(problem, analyze_sparsity(problem))
     assert costs.sum() == pytest.approx(video_cost(problem), rel=1e-12)
     one = int(problem.landmark[0])
     rows = problem.landmark == one
-    error, _ = residuals(problem, camera_points(problem))
+    error, _ = pixel_errors(problem, camera_points(problem))
     own = 0.5 * np.sum(error[:, rows] ** 2, axis=0) / problem.sigma_px[rows] ** 2
     if problem.robust == "none":
         assert costs[one] == pytest.approx(own.sum(), rel=1e-12)
@@ -27,13 +33,13 @@ def test_costs_of_landmarks_add_up_to_the_whole():
 
 def test_carried_points_look_the_same_to_their_frames():
     problem, poses = drive(20, 200, seed=1)
-    anchor = anchors(problem)
+    anchor = anchor_frames(problem)
     assert all(anchor[i] == problem.frame[problem.landmark == i].max() for i in np.unique(problem.landmark))
     after = poses.copy()
     after[:, :3, 3] += np.random.default_rng(0).normal(0.0, 1.0, (20, 3))
     after[:, :3, :3] = after[:, :3, :3] @ poses[7, :3, :3]
     points = problem.world_p_landmark
-    moved = carried(points, poses, after, anchor, 2.0)
+    moved = move_with_frames(points, poses, after, anchor, 2.0)
     for i in (0, 5, 17):
         before_camera = poses[anchor[i], :3, :3].T @ (points[i] - poses[anchor[i], :3, 3])
         after_camera = after[anchor[i], :3, :3].T @ (moved[i] - after[anchor[i], :3, 3])
@@ -49,8 +55,8 @@ def test_a_point_settles_where_it_is_triangulated_and_the_others_stay():
     away += np.random.default_rng(0).normal(0.0, 0.5, away.shape)
     which = np.arange(len(away)) == one
     start = replace(problem, world_p_landmark=away)
-    nearer, gain = settled(start, which)
-    found, _ = settled(replace(start, world_p_landmark=nearer), which)
+    nearer, gain = refine_landmarks(start, which)
+    found, _ = refine_landmarks(replace(start, world_p_landmark=nearer), which)
     rows = problem.landmark == one
     views = problem.world_T_camera[problem.frame[rows]]
     best, _ = triangulate(MATRIX, views, problem.uv_px[rows], np.array([0]), iterations=10)
@@ -65,8 +71,8 @@ def test_a_settled_point_is_never_worse():
         0.0, 30.0, problem.world_p_landmark.shape
     )
     start = replace(problem, world_p_landmark=away)
-    structure = structure_of(problem)
-    found, gain = settled(start, np.ones(len(away), dtype=bool))
+    structure = analyze_sparsity(problem)
+    found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool))
     before = landmark_costs(start, structure)
     after = landmark_costs(replace(start, world_p_landmark=found), structure)
     assert (after <= before + 1e-9).all() and after.sum() < 0.8 * before.sum()
@@ -78,7 +84,7 @@ def test_a_few_hopeless_points_do_not_hold_back_the_poses():
     problem, _ = drive(40, 400, seed=3, disturbed=0.5)
     bad = np.arange(0, 400, 20)
     away = problem.world_p_landmark.copy()
-    eye = problem.world_T_camera[anchors(problem)[bad], :3, 3]
+    eye = problem.world_T_camera[anchor_frames(problem)[bad], :3, 3]
     away[bad] = eye + 100.0 * (away[bad] - eye)
     clean, spoilt = solve(problem), solve(replace(problem, world_p_landmark=away))
     moved = spoilt.problem.world_T_camera[:, :3, 3] - clean.problem.world_T_camera[:, :3, 3]
@@ -91,11 +97,11 @@ def test_a_step_that_suits_no_point_carries_all_of_them():
     after = poses.copy()
     after[:, :3, 3] += [3.0, 0.0, 0.0]
     before = replace(problem, world_T_camera=poses)
-    moved, structure = replace(problem, world_T_camera=after), structure_of(problem)
+    moved, structure = replace(problem, world_T_camera=after), analyze_sparsity(problem)
     wild = np.random.default_rng(0).normal(0.0, 50.0, problem.world_p_landmark.shape)
-    points, cost = best_points(moved, before, anchors(problem), wild, structure)
+    points, cost = step_landmarks(moved, before, anchor_frames(problem), wild, structure)
     assert cost == pytest.approx(video_cost(replace(moved, world_p_landmark=points)), rel=1e-9)
     assert cost < landmark_costs(before, structure).sum() + 1e-9
     right = np.tile([3.0, 0.0, 0.0], (200, 1))
-    points, cost = best_points(moved, before, anchors(problem), right, structure)
+    points, cost = step_landmarks(moved, before, anchor_frames(problem), right, structure)
     assert cost <= landmark_costs(before, structure).sum() + 1e-9

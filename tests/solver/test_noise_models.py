@@ -6,7 +6,7 @@ from gtsam.noiseModel import mEstimator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vgps.solver.noise_models import Noise, read_noise
+from vgps.solver.noise_models import PixelNoise, read_noise_model
 
 PIXEL = noiseModel.Isotropic.Sigma(2, 1.7)
 positive = st.floats(1e-3, 1e3)
@@ -16,15 +16,17 @@ positive = st.floats(1e-3, 1e3)
 def test_constants_of_losses_are_found_again(sigma: float, k: float) -> None:
     inner = noiseModel.Isotropic.Sigma(2, sigma)
     for name, loss in (("huber", mEstimator.Huber), ("cauchy", mEstimator.Cauchy)):
-        found = read_noise(noiseModel.Robust.Create(loss.Create(k), inner))
+        found = read_noise_model(noiseModel.Robust.Create(loss.Create(k), inner))
         assert found is not None and found.loss == name
         assert (found.sigma_px, found.k) == pytest.approx((sigma, k), rel=1e-9)
 
 
 def test_models_without_a_loss() -> None:
-    assert read_noise(PIXEL) == Noise(1.7, "none", np.inf)
-    assert read_noise(noiseModel.Unit.Create(2)) == Noise(1.0, "none", np.inf)
-    assert read_noise(noiseModel.Diagonal.Sigmas(np.array([3.0, 3.0]))) == Noise(3.0, "none", np.inf)
+    assert read_noise_model(PIXEL) == PixelNoise(1.7, "none", np.inf)
+    assert read_noise_model(noiseModel.Unit.Create(2)) == PixelNoise(1.0, "none", np.inf)
+    assert read_noise_model(noiseModel.Diagonal.Sigmas(np.array([3.0, 3.0]))) == PixelNoise(
+        3.0, "none", np.inf
+    )
 
 
 OTHERS = {
@@ -44,4 +46,4 @@ OTHERS = {
 
 @pytest.mark.parametrize("model", OTHERS.values(), ids=OTHERS)
 def test_what_the_engine_has_no_numbers_for(model: gtsam.noiseModel.Base) -> None:
-    assert read_noise(model) is None
+    assert read_noise_model(model) is None

@@ -6,15 +6,9 @@ import pytest
 from gtsam.symbol_shorthand import L, X
 from synthetic_bundle import K, drive
 
+from vgps.solver.cost import cost_terms, reprojection_errors, robust_loss, robust_weight, whitened_robust_k
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.problem import (
-    BundleProblem,
-    cost_terms,
-    projection_errors,
-    robust_loss,
-    robust_weight,
-    whitened_robust_k,
-)
+from vgps.solver.problem import BundleProblem
 
 
 def one_point(world_p: list[float], uv: list[float], **more: object) -> BundleProblem:
@@ -26,12 +20,12 @@ def one_point(world_p: list[float], uv: list[float], **more: object) -> BundlePr
         "uv_px": np.array([uv]),
         "sigma_px": np.array([2.0]),
     }
-    return BundleProblem(K, **(arrays | more))
+    return BundleProblem(K=K, **(arrays | more))
 
 
 def test_projection_by_hand() -> None:
     # (1, 2, 4): u = 500 / 4 + 320 = 445, v = 510 * 2 / 4 + 240 = 495
-    errors, behind = projection_errors(one_point([1.0, 2.0, 4.0], [440.0, 498.0]))
+    errors, behind = reprojection_errors(one_point([1.0, 2.0, 4.0], [440.0, 498.0]))
     np.testing.assert_allclose(errors, [[5.0, -3.0]])
     assert not behind[0]
 
@@ -39,7 +33,7 @@ def test_projection_by_hand() -> None:
 def test_camera_turned_and_moved() -> None:
     world_T_camera = gtsam.Pose3(gtsam.Rot3.Ry(np.pi / 2), np.array([1.0, 0.0, 0.0])).matrix()
     # the camera looks along world x; 3 m ahead, 1 m towards world -z, which is its right
-    errors, _ = projection_errors(
+    errors, _ = reprojection_errors(
         one_point([4.0, 0.0, -1.0], [320.0, 240.0], world_T_camera=world_T_camera[None])
     )
     np.testing.assert_allclose(errors, [[500.0 / 3.0, 0.0]], atol=1e-9)
@@ -48,7 +42,7 @@ def test_camera_turned_and_moved() -> None:
 @pytest.mark.parametrize("z", [-3.0, 0.0])
 def test_behind_the_camera_costs_what_gtsam_says(z: float) -> None:
     problem = one_point([1.0, 2.0, z], [440.0, 498.0])
-    errors, behind = projection_errors(problem)
+    errors, behind = reprojection_errors(problem)
     np.testing.assert_array_equal(errors, [[1000.0, 1000.0]])
     assert behind[0]
     assert cost_terms(problem)["video"] == pytest.approx(0.5 * 2 * 500.0**2)
@@ -97,7 +91,7 @@ def test_graph_has_the_same_cost(robust: str) -> None:
     problem = replace(problem, robust=robust, robust_k=k, world_p_landmark=points)
     graph, values = to_graph(problem)
     terms = cost_terms(problem)
-    assert projection_errors(problem)[1].any()
+    assert reprojection_errors(problem)[1].any()
     assert sum(terms.values()) == pytest.approx(graph.error(values), rel=1e-13)
     assert terms["poses"] == pytest.approx(problem.pose_graph.error(values), rel=1e-13)
 

@@ -120,13 +120,13 @@ def drive(
     start = np.stack([gtsam.Pose3(T).retract(d).matrix() for T, d in zip(poses, shift, strict=True)])
     shuffled = rng.permutation(len(frame))
     problem = BundleProblem(
-        K,
-        start,
-        points + disturbed * rng.normal(0.0, 0.3, points.shape),
-        frame[shuffled],
-        landmark[shuffled],
-        uv[shuffled],
-        rng.choice([2.0, 3.0, 5.0], landmarks)[landmark[shuffled]],
+        K=K,
+        world_T_camera=start,
+        world_p_landmark=points + disturbed * rng.normal(0.0, 0.3, points.shape),
+        frame=frame[shuffled],
+        landmark=landmark[shuffled],
+        uv_px=uv[shuffled],
+        sigma_px=rng.choice([2.0, 3.0, 5.0], landmarks)[landmark[shuffled]],
         pose_graph=pose_factors(poses, rng),
     )
     return problem, poses

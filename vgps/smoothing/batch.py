@@ -21,7 +21,7 @@ from vgps.smoothing.factor_graph import (
     select_observations,
 )
 from vgps.smoothing.variance_components import balanced
-from vgps.solver.schur_complement import BundleResult, SolverSettings, solve
+from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
 _FIRST_TOLERANCE = 5.0
 

@@ -14,8 +14,10 @@ from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene, other_pose_factors
 from vgps.smoothing.variance_components import variance_factor
 from vgps.solution import Observations, SolverReport
-from vgps.solver.problem import BundleProblem, cost_terms
-from vgps.solver.schur_complement import BundleResult, Covariances
+from vgps.solver.bundle_adjustment import BundleResult
+from vgps.solver.cost import cost_terms
+from vgps.solver.marginals import Covariances
+from vgps.solver.problem import BundleProblem
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,13 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.solver.band_matrix import POSE
-from vgps.solver.elimination import Structure, structure_of
-from vgps.solver.normal_equations import Linearization, linearize, pose_scores
+from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.elimination import SparsityStructure, analyze_sparsity
+from vgps.solver.marginals import Covariances, factorize_pose_system, shared_blocks
+from vgps.solver.normal_equations import Linearization, linearize
 from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import Covariances, factorised, shared_blocks
+from vgps.solver.schur_complement import pose_scores
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,12 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         GeometryError: Observations and factors do not determine the poses.
     """
     rng = np.random.default_rng(seed)
-    structure = structure_of(problem)
+    structure = analyze_sparsity(problem)
     with one_blas_thread():
         values = all_pose_values(problem)
         linear = linearize(problem, values, structure)
-        factor, gradient = factorised(linear, structure)
-        size = POSE * structure.n_free
+        factor, gradient = factorize_pose_system(linear, structure)
+        size = POSE_DIM * structure.n_free
         right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
         right[:size] += _track_draws(linear, structure, draws, rng)
         shared: FloatArray = np.zeros((0, draws))
@@ -78,24 +79,24 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
             rest = right[size:] - linear.border.coupling.T @ steps
             shared = np.linalg.solve(complement, rest).astype(np.float64)
             steps = steps - by_shared @ shared
-    poses = np.zeros((len(structure.free), POSE, POSE))
-    moved = steps.reshape(structure.n_free, POSE, draws)
+    poses = np.zeros((len(structure.free), POSE_DIM, POSE_DIM))
+    moved = steps.reshape(structure.n_free, POSE_DIM, draws)
     poses[structure.free >= 0] = moved @ moved.transpose(0, 2, 1) / draws
     return Covariances(poses, shared_blocks(problem, shared @ shared.T / draws))
 
 
 def _track_draws(
-    linear: Linearization, structure: Structure, draws: int, rng: np.random.Generator
+    linear: Linearization, structure: SparsityStructure, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """(6 n_free, K) gradients when every track's misfit keeps or changes its sign."""
     signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))
-    total = np.zeros((POSE * structure.n_free, draws))
+    total = np.zeros((POSE_DIM * structure.n_free, draws))
     for part in linear.chunks:
         chunk, score = part.chunk, pose_scores(part)
         row = structure.free[chunk.first_frame + chunk.frame]
         free = row >= 0
-        index = (POSE * row[free] + np.arange(POSE)[:, None]).ravel()
-        entries = (score[:, free].ravel(), (index, np.tile(chunk.landmark[free], POSE)))
+        index = (POSE_DIM * row[free] + np.arange(POSE_DIM)[:, None]).ravel()
+        entries = (score[:, free].ravel(), (index, np.tile(chunk.landmark[free], POSE_DIM)))
         by_track = sparse.csr_array(entries, shape=(len(total), len(chunk.landmarks)))
         total += by_track @ signs[chunk.landmarks]
     return total
@@ -105,7 +106,7 @@ def _pose_factor_draws(
     problem: BundleProblem,
     values: gtsam.Values,
     sources: ErrorSources,
-    structure: Structure,
+    structure: SparsityStructure,
     draws: int,
     rng: np.random.Generator,
 ) -> FloatArray:
@@ -121,7 +122,7 @@ def _pose_factor_draws(
 
 
 def _residual_by_fix(
-    problem: BundleProblem, by_pose: sparse.csr_array, sources: ErrorSources, structure: Structure
+    problem: BundleProblem, by_pose: sparse.csr_array, sources: ErrorSources, structure: SparsityStructure
 ) -> FloatArray:
     """(M, 3, 3) whitened residuals by the fixes' own place, up to the sign.
 
@@ -131,7 +132,7 @@ def _residual_by_fix(
     for row in range(len(result)):
         keys = sources.gps.at(row).keys()
         for frame in (int(key) - X(0) for key in keys if key not in problem.shared):
-            start = POSE * int(structure.free[frame]) + 3
+            start = POSE_DIM * int(structure.free[frame]) + 3
             if structure.free[frame] >= 0:
                 translation = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
                 result[row] += translation @ problem.world_T_camera[frame, :3, :3].T

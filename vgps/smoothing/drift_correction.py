@@ -12,7 +12,7 @@ from vgps.gps.drift_model import DriftModel
 from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
-from vgps.solver.landmark_refinement import carried
+from vgps.solver.landmark_refinement import move_with_frames
 
 _FINEST_M = 0.3
 
@@ -67,7 +67,7 @@ def _move_frames(local_map: LocalMap, first: int, moved: FloatArray, scale: Floa
     anchor = np.full(local_map.feature_count, -1)
     anchor[log.landmark] = log.frame - first  # the log is in order of time: the last observation stays
     ids = np.flatnonzero((anchor >= 0) & np.isfinite(local_map.points[:, 0]))
-    points = carried(local_map.points[ids], poses, moved, anchor[ids], scale[anchor[ids]])
+    points = move_with_frames(local_map.points[ids], poses, moved, anchor[ids], scale[anchor[ids]])
     local_map.set_points(ids, points, local_map.sigma_px[ids])
     poses[:] = moved
 

@@ -23,7 +23,8 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
-from vgps.solver.problem import BundleProblem, projection_errors, whitened_robust_k
+from vgps.solver.cost import reprojection_errors, whitened_robust_k
+from vgps.solver.problem import BundleProblem
 
 _LEVEL_FRAMES = 20
 _POSITION_LIMIT = 1e5  # in map units: points further away are rounding
@@ -90,7 +91,7 @@ def select_observations(
         NaN for features that have no observation left.
     """
     problem = _bare_problem(scene, K)
-    error, behind = projection_errors(problem)
+    error, behind = reprojection_errors(problem)
     good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
     views = np.bincount(scene.observations.landmark[good], minlength=len(scene.points))
@@ -111,13 +112,13 @@ def _only(scene: Scene, mask: BoolArray) -> Scene:
 def _bare_problem(scene: Scene, K: FloatArray) -> BundleProblem:
     observations = scene.observations
     return BundleProblem(
-        (K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
-        scene.poses,
-        scene.points,
-        observations.frame,
-        observations.landmark,
-        observations.uv_px,
-        np.ones(len(observations.frame)),
+        K=(K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
+        world_T_camera=scene.poses,
+        world_p_landmark=scene.points,
+        frame=observations.frame,
+        landmark=observations.landmark,
+        uv_px=observations.uv_px,
+        sigma_px=np.ones(len(observations.frame)),
     )
 
 
@@ -150,18 +151,18 @@ def build_problem(
     sigma = sigma * config.batch.video_sigma_scale
     robust_k = whitened_robust_k(config.batch.robust_px, np.ones_like(sigma), sigma)
     return BundleProblem(
-        (K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
-        scene.poses,
-        scene.points,
-        observations.frame,
-        observations.landmark,
-        observations.uv_px,
-        sigma,
-        "huber",
-        robust_k,
-        pose_graph,
-        fixed,
-        shared or {},
+        K=(K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
+        world_T_camera=scene.poses,
+        world_p_landmark=scene.points,
+        frame=observations.frame,
+        landmark=observations.landmark,
+        uv_px=observations.uv_px,
+        sigma_px=sigma,
+        robust="huber",
+        robust_k=robust_k,
+        pose_graph=pose_graph,
+        fixed=fixed,
+        shared=shared or {},
     )
 
 

@@ -17,10 +17,12 @@ from vgps.model import Camera, FloatArray
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
-from vgps.solver.elimination import structure_of
-from vgps.solver.normal_equations import LinearChunk, factor_points, linearize, point_steps, whitening
-from vgps.solver.problem import BundleProblem, all_pose_values, camera_points, residuals
-from vgps.solver.schur_complement import factorised
+from vgps.solver.cost import camera_points, pixel_errors
+from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.marginals import factorize_pose_system
+from vgps.solver.normal_equations import LinearizedChunk, linearize, whitening
+from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.schur_complement import factorize_landmarks, landmark_steps
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that give the Jacobian
@@ -133,7 +135,7 @@ def _step(
 
     What all frames share beside it, a lag or a lever arm, is held meanwhile.
     """
-    structure, size = structure_of(problem), _parameters(camera)
+    structure, size = analyze_sparsity(problem), _parameters(camera)
     linear = linearize(problem, all_pose_values(problem), structure)
     coupling = np.zeros((6, len(structure.free), size))
     own, gradient = np.zeros((size, size)), np.zeros(size)
@@ -146,7 +148,7 @@ def _step(
         gradient += np.einsum("in,kin->k", part.r, reduced)
     moves = structure.free >= 0
     V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
-    factor, pose_gradient = factorised(linear, structure)
+    factor, pose_gradient = factorize_pose_system(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     belief = 1.0 / _sigmas(config)[:size] ** 2
     information = own - V.T @ follow[:, :-1] + np.diag(belief)
@@ -156,18 +158,18 @@ def _step(
     poses = np.zeros((len(moves), 6))
     poses[moves] = -(follow[:, :-1] @ delta + follow[:, -1]).reshape(-1, 6)
     moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, by_camera, strict=True))
-    points = problem.world_p_landmark + point_steps(replace(linear, chunks=moved), poses, 0.0).T
+    points = problem.world_p_landmark + landmark_steps(replace(linear, chunks=moved), poses, 0.0).T
     retracted = [
         gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
     ]
     return delta, sigma, (np.stack(retracted), points)
 
 
-def _by_camera(problem: BundleProblem, part: LinearChunk, camera: Camera, size: int) -> FloatArray:
+def _by_camera(problem: BundleProblem, part: LinearizedChunk, camera: Camera, size: int) -> FloatArray:
     """(p, 2, n) whitened Jacobians of a chunk's residuals by the calibration, through prediction and lens."""
     here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
-    error, behind = residuals(here, camera_p)
+    error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
     rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
     raw = distort(camera, here.uv_px)
@@ -182,14 +184,14 @@ def _by_camera(problem: BundleProblem, part: LinearChunk, camera: Camera, size: 
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
 
 
-def _beyond_points(part: LinearChunk, r: FloatArray) -> FloatArray:
+def _beyond_points(part: LinearizedChunk, r: FloatArray) -> FloatArray:
     """(2, n) what is left of residuals r once the points have moved to meet them."""
-    points = factor_points(part, 0.0)
+    points = factorize_landmarks(part, 0.0)
     step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
 
 
-def _moved(part: LinearChunk, J: FloatArray, delta: FloatArray) -> LinearChunk:
+def _moved(part: LinearizedChunk, J: FloatArray, delta: FloatArray) -> LinearizedChunk:
     """The chunk's linearisation after a step of the calibration."""
     shift = np.einsum("kin,k->in", J, delta)
     return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

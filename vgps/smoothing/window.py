@@ -17,7 +17,7 @@ from vgps.smoothing.factor_graph import (
     scene_of_map,
     select_observations,
 )
-from vgps.solver.schur_complement import SolverSettings, solve
+from vgps.solver.bundle_adjustment import SolverSettings, solve
 
 _SHARED_BY = 3  # fixes at least
 _ROUGH = 3  # times as many iterations, where the start is rough

@@ -1,7 +1,7 @@
-"""A symmetric matrix over frames in order of time: assembled in blocks, factored and inverted as a band.
+"""A symmetric band matrix over poses, assembled in dense blocks and factored by LAPACK.
 
 Storage is LAPACK's lower band, ``ab[i - j, j] = A[i, j]``, in Fortran order: entry (i, j) lies at
-``i + j * (rows - 1)``, so a dense block of the matrix is a strided view of the band.
+``i + j * (rows - 1)``, so that a dense block of the matrix is a strided view of the band.
 """
 
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
 
-POSE = 6  # columns of a pose
+POSE_DIM = 6  # tangent of a pose
 
 
 class NotPositiveDefiniteError(ArithmeticError):
     """The matrix has no Cholesky factor.
 
     Args:
-        column: The first whose pivot is not positive.
+        column: The first column whose pivot is not positive.
     """
 
     def __init__(self, column: int) -> None:
@@ -27,14 +27,18 @@ class NotPositiveDefiniteError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Band:
-    """The lower triangle of a symmetric (n, n) matrix; ``ab`` (rows, n), in Fortran order."""
+class BandMatrix:
+    """The lower triangle of a symmetric (n, n) matrix, or its Cholesky factor.
+
+    Attributes:
+        ab: (rows, n) in Fortran order.
+    """
 
     ab: FloatArray
 
     @classmethod
-    def zeros(cls, n: int, rows: int) -> "Band":
-        """An empty matrix whose blocks of up to ``rows - 1`` columns can be added to."""
+    def zeros(cls, n: int, rows: int) -> "BandMatrix":
+        """Return a zero matrix to which blocks of up to ``rows - 1`` columns can be added."""
         return cls(np.zeros((rows, n), order="F"))
 
     @property
@@ -44,78 +48,80 @@ class Band:
 
     @property
     def stride(self) -> int:
-        """See :attr:`flat`."""
+        """Step in :attr:`flat` from one column to the next."""
         return len(self.ab) - 1
 
     def block(self, rows: slice, columns: slice) -> FloatArray:
-        """View of a dense block; above the diagonal and below the band it shows other entries of the band."""
+        """Return a view of a dense block; outside the stored band it shows unrelated entries."""
         step = self.ab.itemsize
         shape = rows.stop - rows.start, columns.stop - columns.start
         offset = step * (rows.start + columns.start * self.stride)
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
     def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block over ascending frames (s,), (6 s, 6 s), zero above its diagonal.
+        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal.
 
-        No single track is longer than the band: entries beyond it are zero, and have no place of their own.
+        Entries beyond the band are zero, since no track is longer than the band, and are skipped.
         """
         if frames[-1] - frames[0] + 1 == len(frames):
-            self.add_lower(POSE * int(frames[0]), square)
+            self.add_lower(POSE_DIM * int(frames[0]), square)
             return
         rows, columns = np.tril_indices(len(square))
-        index = (POSE * frames[:, None] + np.arange(POSE)).ravel()
+        index = (POSE_DIM * frames[:, None] + np.arange(POSE_DIM)).ravel()
         i, j = index[rows], index[columns]
-        near = i - j < len(self.ab)
-        self.add_entries(i[near], j[near], square[rows[near], columns[near]])
+        stored = i - j < len(self.ab)
+        self.add_entries(i[stored], j[stored], square[rows[stored], columns[stored]])
 
     def add_lower(self, start: int, block: FloatArray) -> None:
-        """Add a square block on the diagonal at ``start``; it must be zero above its diagonal.
+        """Add a square block on the diagonal at ``start``, zero above its own diagonal.
 
-        With fewer columns than rows in storage no entry of the view is stored twice, and the zeros above the
-        diagonal fall on other columns' entries, which they leave alone.
+        With fewer columns than stored rows no entry occurs twice in the view, and the zeros above the
+        diagonal leave the unrelated entries that they fall on unchanged.
         """
         stop = start + len(block)
         view = self.block(slice(start, stop), slice(start, stop))
         np.add(view, block, out=view)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
-        """Add to entries of the lower triangle, each given once."""
+        """Add to entries of the lower triangle, each of which is given once."""
         self.flat[rows + columns * self.stride] += values
 
     def add_diagonal(self, values: FloatArray) -> None:
         """Add (n,) values to the diagonal."""
         self.ab[0] += values
 
-    def cholesky(self, half_bandwidth: int, least_pivot: FloatArray | float = 0.0) -> "Band":
-        """The factor L of L L^T, of ``half_bandwidth + 1`` stored rows.
+    def cholesky(self, half_bandwidth: int, min_pivot: FloatArray | float = 0.0) -> "BandMatrix":
+        """Return the factor L of A = L L^T, with ``half_bandwidth + 1`` stored rows.
 
         Raises:
-            NotPositiveDefiniteError: There is none, or a squared pivot is below (n,) ``least_pivot``.
+            NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
+                or (n,).
         """
         compact = self.ab[: half_bandwidth + 1].copy(order="F")
         factor, info = lapack.dpbtrf(compact, lower=1, overwrite_ab=1)
         if info > 0:
             raise NotPositiveDefiniteError(info - 1)
-        small = ~(factor[0] ** 2 > least_pivot)  # true of NaN as well
+        small = ~(factor[0] ** 2 > min_pivot)  # true of NaN as well
         if np.any(small):
             raise NotPositiveDefiniteError(int(np.argmax(small)))
-        return Band(factor)
+        return BandMatrix(factor)
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """x of L L^T x = right, self being L; right (n,) or (n, k)."""
+        """Solve ``L L^T x = right``, where L is this factor; ``right`` is (n,) or (n, k)."""
         if right.size == 0:
             return right
         x, _ = lapack.dpbtrs(self.ab, right, lower=1)
         return np.asarray(x).reshape(right.shape)
 
     def inverse_diagonal_blocks(self) -> FloatArray:
-        """(n / 6, 6, 6) diagonal blocks of (L L^T)^-1, self being L.
+        """Return the diagonal blocks (n / 6, 6, 6) of (L L^T)^-1, where L is this factor.
 
-        In blocks no smaller than the bandwidth, L is block bidiagonal with diagonal D_i and C_i below it, and
-        the inverse's diagonal blocks follow backwards: S_i = D_i^-T (1 + C_i^T S_i+1 C_i) D_i^-1.
+        In blocks no smaller than the bandwidth, L is block bidiagonal with D_i on and C_i below the diagonal,
+        and the diagonal blocks of the inverse follow from the last to the first:
+        ``S_i = D_i^-T (1 + C_i^T S_i+1 C_i) D_i^-1``.
         """
         n = self.ab.shape[1]
-        size = POSE * max(-(-self.stride // POSE), 16)
+        size = POSE_DIM * max(-(-self.stride // POSE_DIM), 16)
         blocks: list[FloatArray] = []
         following: FloatArray | None = None
         for start in reversed(range(0, n, size)):
@@ -125,14 +131,14 @@ class Band:
                 below = self._below(own, len(following))
                 middle += below.T @ following @ below
             lower = self.block(own, own)
-            # beyond the band the view shows other entries
+            # outside the band the view shows unrelated entries
             inverse, _ = lapack.dtrtri(np.tril(lower) - np.tril(lower, -self.stride - 1), lower=1)
             following = inverse.T @ middle @ inverse
-            poses = following.reshape(len(following) // POSE, POSE, -1, POSE)
+            poses = following.reshape(len(following) // POSE_DIM, POSE_DIM, -1, POSE_DIM)
             blocks.append(np.einsum("iaib->iab", poses)[::-1])
-        return np.concatenate(blocks)[::-1] if blocks else np.zeros((0, POSE, POSE))
+        return np.concatenate(blocks)[::-1] if blocks else np.zeros((0, POSE_DIM, POSE_DIM))
 
     def _below(self, columns: slice, count: int) -> FloatArray:
-        """Block under the diagonal block: an upper triangle, the band's lower corner."""
+        """Return the block below a diagonal block: an upper triangle, the lower corner of the band."""
         block = self.block(slice(columns.stop, columns.stop + count), columns)
         return np.triu(block, columns.stop - columns.start - self.stride)

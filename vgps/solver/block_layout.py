@@ -1,4 +1,4 @@
-"""Which tiles of a symmetric matrix over frames have entries, and in which order they are eliminated."""
+"""Fill-reducing order and storage of a block-sparse symmetric matrix over frames."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,91 +6,97 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.model import IntArray
-from vgps.solver.band_matrix import POSE
+from vgps.solver.band_matrix import POSE_DIM
 
-TILE = 16  # frames; of 8, 12, 16 and 24 the quickest on two and four laps of a block
+BLOCK_FRAMES = 16  # fastest of 8, 12, 16 and 24 on two and four laps around a city block
+_BLOCK_COLUMNS = POSE_DIM * BLOCK_FRAMES
 
 
-@dataclass(frozen=True)
-class TileLayout:
-    """Which tiles have entries, those of the factor included, and where they are stored.
+@dataclass(frozen=True, kw_only=True)
+class BlockLayout:
+    """Elimination order of the blocks, which of them have entries in the factor, and where they are stored.
 
-    A tile (i, j) is stored where j is eliminated before i or is i: column by column, the diagonal tile
-    first, the others in order of elimination, so that a column is one C-ordered panel.
+    Block (i, j) is stored if j is eliminated before i or equals i. Storage goes column by column in order of
+    elimination, the diagonal block first, then the others in order of elimination, so that the blocks below
+    the diagonal of a column form one C-ordered panel.
 
     Attributes:
-        columns: n, of the matrix.
-        order: (T,) tiles in order of elimination; ``place`` (T,) when each is eliminated.
-        below: For each tile those of its column below the diagonal, in order of elimination.
-        start: (T, T) where each tile is stored; -1 where it is empty or stored as its transpose.
-        size: Entries stored.
+        columns: Number n of columns of the matrix.
+        order: (T,) blocks in order of elimination.
+        rank: (T,) position of each block in ``order``.
+        below: For each block the nonzero blocks below the diagonal of its column, in order of elimination.
+        start: (T, T) index at which each block is stored; -1 if it is zero or stored as its transpose.
+        size: Number of stored entries.
     """
 
     columns: int
     order: IntArray
-    place: IntArray
+    rank: IntArray
     below: tuple[IntArray, ...]
     start: IntArray
     size: int
 
-    def span(self, tile: int) -> slice:
-        """Columns of the matrix in a tile."""
-        return slice(POSE * TILE * tile, min(POSE * TILE * (tile + 1), self.columns))
+    def span(self, block: int) -> slice:
+        """Return the columns of the matrix that a block covers."""
+        first = _BLOCK_COLUMNS * block
+        return slice(first, min(first + _BLOCK_COLUMNS, self.columns))
 
-    def width(self, tile: int) -> int:
-        """Their number."""
-        return min(POSE * TILE, self.columns - POSE * TILE * tile)
+    def width(self, block: int) -> int:
+        """Return the number of columns that a block covers."""
+        return _width(block, self.columns)
 
-    def rows_below(self, tile: int) -> IntArray:
-        """Rows of the matrix in a column's panel, without the diagonal tile."""
-        spans = [np.arange(self.span(i).start, self.span(i).stop) for i in self.below[tile].tolist()]
+    def rows_below(self, block: int) -> IntArray:
+        """Return the rows of the matrix in the panel below a diagonal block."""
+        spans = [np.arange(self.span(i).start, self.span(i).stop) for i in self.below[block].tolist()]
         return np.concatenate(spans) if spans else np.zeros(0, dtype=np.int64)
 
     @property
     def flops(self) -> float:
-        """Multiplications and additions that a factorisation takes."""
+        """Multiplications and additions of one factorisation."""
         total = 0.0
-        for tile in range(len(self.order)):
-            w, m = self.width(tile), sum(self.width(i) for i in self.below[tile].tolist())
+        for block in range(len(self.order)):
+            w, m = self.width(block), sum(self.width(i) for i in self.below[block].tolist())
             total += w**3 / 3 + w * w * m + w * m * m
         return total
 
 
-def tile_layout(frames: int, together: Iterable[IntArray]) -> TileLayout:
-    """Order and storage for a matrix over frames of which some sets hang together, each with all of its own.
-
-    The order is of least degree (Tinney and Walker 1967), on tiles.
+def layout_blocks(frames: int, cliques: Iterable[IntArray]) -> BlockLayout:
+    """Order the blocks by minimum degree (Tinney and Walker 1967) and lay out the factor.
 
     Args:
-        frames: Of the matrix.
-        together: Sets of frames.
+        frames: Number of frames of the matrix.
+        cliques: Sets of frames; all frames of a set are coupled with each other.
     """
-    tiles = -(-frames // TILE)
-    neighbours: list[set[int]] = [set() for _ in range(tiles)]
-    for clique in {frozenset(np.unique(members // TILE).tolist()) for members in together}:
-        for tile in clique:
-            neighbours[tile] |= clique - {tile}
-    place, found = np.zeros(tiles, dtype=np.int64), []
-    left = set(range(tiles))
-    for when in range(tiles):
-        tile = min(left, key=lambda i: (len(neighbours[i]), i))
-        left.remove(tile)
-        place[tile] = when
-        found.append((tile, neighbours[tile]))
-        for other in neighbours[tile]:
-            neighbours[other] |= neighbours[tile]
-            neighbours[other] -= {other, tile}
-    below = {tile: np.array(sorted(later, key=lambda i: place[i]), np.int64) for tile, later in found}
-    order = np.argsort(place)
-    return _stored(TileLayout(POSE * frames, order, place, tuple(below[i] for i in range(tiles)), place, 0))
+    order, below = _minimum_degree(-(-frames // BLOCK_FRAMES), cliques)
+    columns, at = POSE_DIM * frames, 0
+    start = np.full((len(order), len(order)), -1, dtype=np.int64)
+    for block in order.tolist():
+        for row in (block, *below[block].tolist()):
+            start[row, block] = at
+            at += _width(row, columns) * _width(block, columns)
+    rank = np.argsort(order)
+    return BlockLayout(columns=columns, order=order, rank=rank, below=below, start=start, size=at)
 
 
-def _stored(layout: TileLayout) -> TileLayout:
-    """With the places of the tiles in storage."""
-    tiles, at = len(layout.order), 0
-    start = np.full((tiles, tiles), -1, dtype=np.int64)
-    for tile in layout.order.tolist():
-        for row in (tile, *layout.below[tile].tolist()):
-            start[row, tile] = at
-            at += layout.width(row) * layout.width(tile)
-    return TileLayout(layout.columns, layout.order, layout.place, layout.below, start, at)
+def _minimum_degree(blocks: int, cliques: Iterable[IntArray]) -> tuple[IntArray, tuple[IntArray, ...]]:
+    """Return the order of elimination, and for each block the later blocks that its column couples with."""
+    neighbours: list[set[int]] = [set() for _ in range(blocks)]
+    for clique in {frozenset(np.unique(frames // BLOCK_FRAMES).tolist()) for frames in cliques}:
+        for block in clique:
+            neighbours[block] |= clique - {block}
+    order: list[int] = []
+    left = set(range(blocks))
+    while left:
+        block = min(left, key=lambda i: (len(neighbours[i]), i))
+        left.remove(block)
+        order.append(block)
+        for other in neighbours[block]:
+            neighbours[other] |= neighbours[block]
+            neighbours[other] -= {other, block}
+    rank = np.argsort(np.array(order, np.int64))
+    below = [np.array(sorted(later, key=lambda i: rank[i]), np.int64) for later in neighbours]
+    return np.array(order, np.int64), tuple(below)
+
+
+def _width(block: int, columns: int) -> int:
+    return min(_BLOCK_COLUMNS, columns - _BLOCK_COLUMNS * block)

@@ -1,86 +1,95 @@
-"""A symmetric matrix over frames in tiles, most of them empty: where places are seen again.
+"""A block-sparse symmetric matrix over poses, for videos that revisit places.
 
-A band is full between the first and the last visit; here only what hangs together is stored. The tiles are
-eliminated in an order of least degree, and every tile's column is one dense panel, so that the work is that
-of dense products.
+A band would be full between the first visit of a place and the last; here only blocks with entries are
+stored. Blocks are eliminated in order of minimum degree, and each column of blocks is one dense panel, so
+that nearly all work is dense products.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE, NotPositiveDefiniteError
-from vgps.solver.block_layout import TILE, TileLayout
+from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
+from vgps.solver.block_layout import BLOCK_FRAMES, BlockLayout
 
 
 @dataclass(frozen=True)
-class Tiles:
-    """A matrix, a factor or an inverse in tiles; ``flat`` holds them as ``layout`` says."""
+class BlockSparseMatrix:
+    """A symmetric matrix, its Cholesky factor or its inverse.
 
-    layout: TileLayout
+    Attributes:
+        layout: Which blocks are stored, and where.
+        flat: (layout.size,) the entries.
+    """
+
+    layout: BlockLayout
     flat: FloatArray
 
     @classmethod
-    def zeros(cls, layout: TileLayout) -> "Tiles":
-        """An empty matrix."""
+    def zeros(cls, layout: BlockLayout) -> "BlockSparseMatrix":
+        """Return a zero matrix."""
         return cls(layout, np.zeros(layout.size))
 
-    def tile(self, row: int, column: int) -> FloatArray:
-        """View of a stored tile."""
+    def block(self, row: int, column: int) -> FloatArray:
+        """Return a view of a stored block."""
         shape = self.layout.width(row), self.layout.width(column)
         at = int(self.layout.start[row, column])
         return self.flat[at : at + shape[0] * shape[1]].reshape(shape)
 
-    def panel(self, tile: int) -> FloatArray:
-        """View of a column below its diagonal tile."""
-        width = self.layout.width(tile)
-        at = int(self.layout.start[tile, tile]) + width * width
-        rows = sum(self.layout.width(i) for i in self.layout.below[tile].tolist())
+    def panel(self, column: int) -> FloatArray:
+        """Return a view of a column of blocks below its diagonal block."""
+        width = self.layout.width(column)
+        at = int(self.layout.start[column, column]) + width * width
+        rows = sum(self.layout.width(i) for i in self.layout.below[column].tolist())
         return self.flat[at : at + rows * width].reshape(rows, width)
 
     def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block over ascending frames (s,), (6 s, 6 s), zero above its diagonal."""
-        tiles, begins = np.unique(frames // TILE, return_index=True)
+        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
+        blocks, begins = np.unique(frames // BLOCK_FRAMES, return_index=True)
         ends = np.append(begins[1:], len(frames))
-        own = [
-            POSE * (frames[a:b, None] - TILE * t) + np.arange(POSE)
-            for t, a, b in zip(tiles, begins, ends, strict=True)
+        columns = [
+            POSE_DIM * (frames[a:b, None] - BLOCK_FRAMES * t) + np.arange(POSE_DIM)
+            for t, a, b in zip(blocks, begins, ends, strict=True)
         ]
-        index = [_as_slice(rows.ravel()) for rows in own]
-        for i, row in enumerate(tiles.tolist()):
-            for j, column in enumerate(tiles[: i + 1].tolist()):
-                part = square[POSE * begins[i] : POSE * ends[i], POSE * begins[j] : POSE * ends[j]]
-                if self.layout.place[row] >= self.layout.place[column]:
-                    _add(self.tile(row, column), index[i], index[j], part)
+        index = [_as_slice(part.ravel()) for part in columns]
+        for i, row in enumerate(blocks.tolist()):
+            for j, column in enumerate(blocks[: i + 1].tolist()):
+                part = square[
+                    POSE_DIM * begins[i] : POSE_DIM * ends[i], POSE_DIM * begins[j] : POSE_DIM * ends[j]
+                ]
+                if self.layout.rank[row] >= self.layout.rank[column]:
+                    _add(self.block(row, column), index[i], index[j], part)
                 else:
-                    _add(self.tile(column, row), index[j], index[i], part.T)
+                    _add(self.block(column, row), index[j], index[i], part.T)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
-        """Add to entries of the lower triangle, each given once."""
-        layout, size = self.layout, POSE * TILE
-        turned = layout.place[rows // size] < layout.place[columns // size]
-        i, j = np.where(turned, columns, rows), np.where(turned, rows, columns)
-        tile = j // size
-        widths = np.minimum(layout.columns - size * tile, size)
-        self.flat[layout.start[i // size, tile] + (i % size) * widths + j % size] += values
+        """Add to entries of the lower triangle, each of which is given once."""
+        layout, size = self.layout, POSE_DIM * BLOCK_FRAMES
+        transposed = layout.rank[rows // size] < layout.rank[columns // size]
+        i, j = np.where(transposed, columns, rows), np.where(transposed, rows, columns)
+        block = j // size
+        widths = np.minimum(layout.columns - size * block, size)
+        self.flat[layout.start[i // size, block] + (i % size) * widths + j % size] += values
 
     def add_diagonal(self, values: FloatArray) -> None:
         """Add (n,) values to the diagonal."""
         every = np.arange(self.layout.columns)
         self.add_entries(every, every, values)
 
-    def cholesky(self, least_pivot: FloatArray | float = 0.0) -> "Tiles":
-        """The factor L of L L^T, in the order of elimination.
+    def cholesky(self, min_pivot: FloatArray | float = 0.0) -> "BlockSparseMatrix":
+        """Return the factor L of A = L L^T, in order of elimination.
 
         Raises:
-            NotPositiveDefiniteError: There is none, or a squared pivot is below (n,) ``least_pivot``.
+            NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
+                or (n,).
         """
-        layout, factor = self.layout, Tiles(self.layout, self.flat.copy())
-        least = np.broadcast_to(least_pivot, layout.columns)
+        layout, factor = self.layout, BlockSparseMatrix(self.layout, self.flat.copy())
+        least = np.broadcast_to(min_pivot, layout.columns)
         for k in layout.order.tolist():
-            diagonal, span = factor.tile(k, k), layout.span(k)
+            diagonal, span = factor.block(k, k), layout.span(k)
             lower, info = lapack.dpotrf(diagonal, lower=1)
             if info > 0:
                 raise NotPositiveDefiniteError(span.start + info - 1)
@@ -91,21 +100,13 @@ class Tiles:
             if len(layout.below[k]):
                 panel = factor.panel(k)
                 panel[:] = blas.dtrsm(1.0, lower, panel.T, lower=1).T
-                factor._subtract_square(layout.below[k], blas.dsyrk(1.0, panel.T, trans=1, lower=1))
+                square = blas.dsyrk(1.0, panel.T, trans=1, lower=1)
+                for block, rows, columns in factor._blocks_over(layout.below[k]):
+                    np.subtract(block, square[rows, columns], out=block)
         return factor
 
-    def _subtract_square(self, tiles: IntArray, square: FloatArray) -> None:
-        """Over tiles in order of elimination; zero above the diagonal."""
-        numbers = tiles.tolist()
-        ends = np.cumsum([self.layout.width(i) for i in numbers]).tolist()
-        begins = [0, *ends[:-1]]
-        for j, column in enumerate(numbers):
-            for i in range(j, len(numbers)):
-                view = self.tile(numbers[i], column)
-                view -= square[begins[i] : ends[i], begins[j] : ends[j]]
-
     def solve(self, right: FloatArray) -> FloatArray:
-        """x of L L^T x = right, self being L; right (n,) or (n, k)."""
+        """Solve ``L L^T x = right``, where L is this factor; ``right`` is (n,) or (n, k)."""
         x = np.array(right, dtype=np.float64).reshape(self.layout.columns, -1)
         if x.size == 0:
             return right
@@ -113,51 +114,56 @@ class Tiles:
         rows = {k: self.layout.rows_below(k) for k in order}
         for k in order:
             span = self.layout.span(k)
-            x[span] = blas.dtrsm(1.0, self.tile(k, k), x[span], lower=1)
+            x[span] = blas.dtrsm(1.0, self.block(k, k), x[span], lower=1)
             x[rows[k]] -= self.panel(k) @ x[span]
         for k in reversed(order):
             span = self.layout.span(k)
             rest = x[span] - self.panel(k).T @ x[rows[k]]
-            x[span] = blas.dtrsm(1.0, self.tile(k, k), rest, lower=1, trans_a=1)
+            x[span] = blas.dtrsm(1.0, self.block(k, k), rest, lower=1, trans_a=1)
         return x.reshape(right.shape)
 
     def inverse_diagonal_blocks(self) -> FloatArray:
-        """(n / 6, 6, 6) diagonal blocks of (L L^T)^-1, self being L.
+        """Return the diagonal blocks (n / 6, 6, 6) of (L L^T)^-1, where L is this factor.
 
-        The inverse is found where the factor has entries, last column first (Takahashi, Fagan and Chen 1973).
-        With W = P D^-1 of a column's diagonal tile D and panel P, and S the inverse over its rows, the panel
-        is -S W and the diagonal tile D^-T D^-1 + W^T S W.
+        The inverse is computed where the factor has entries, last column first (Takahashi, Fagan and Chen
+        1973). With W = P D^-1 for a column's diagonal block D and panel P, and S the inverse over the rows of
+        the panel, the inverse's panel is -S W and its diagonal block D^-T D^-1 + W^T S W.
         """
-        layout, inverse = self.layout, Tiles.zeros(self.layout)
-        blocks = np.empty((layout.columns // POSE, POSE, POSE))
+        layout, inverse = self.layout, BlockSparseMatrix.zeros(self.layout)
+        blocks = np.empty((layout.columns // POSE_DIM, POSE_DIM, POSE_DIM))
         for k in reversed(layout.order.tolist()):
-            D, panel = self.tile(k, k), self.panel(k)
-            by_diagonal, _ = lapack.dtrtri(np.asfortranarray(D), lower=1)
-            by_diagonal = np.tril(by_diagonal)
-            own = by_diagonal.T @ by_diagonal
+            D, panel = self.block(k, k), self.panel(k)
+            D_inverse, _ = lapack.dtrtri(np.asfortranarray(D), lower=1)
+            D_inverse = np.tril(D_inverse)
+            diagonal = D_inverse.T @ D_inverse
             if len(panel):
-                W = panel @ by_diagonal
-                inverse.panel(k)[:] = -inverse._gathered(layout.below[k]) @ W
-                own -= W.T @ inverse.panel(k)
-            inverse.tile(k, k)[:] = own
-            frames = len(own) // POSE
-            first = layout.span(k).start // POSE
-            pairs = own.reshape(frames, POSE, frames, POSE)
+                W = panel @ D_inverse
+                inverse.panel(k)[:] = -inverse._symmetric_over(layout.below[k]) @ W
+                diagonal -= W.T @ inverse.panel(k)
+            inverse.block(k, k)[:] = diagonal
+            frames = len(diagonal) // POSE_DIM
+            first = layout.span(k).start // POSE_DIM
+            pairs = diagonal.reshape(frames, POSE_DIM, frames, POSE_DIM)
             blocks[first : first + frames] = np.einsum("iaib->iab", pairs)
         return blocks
 
-    def _gathered(self, tiles: IntArray) -> FloatArray:
-        """The symmetric matrix over tiles in order of elimination, all of which are stored."""
-        numbers = tiles.tolist()
+    def _symmetric_over(self, blocks: IntArray) -> FloatArray:
+        """Return the dense symmetric matrix over blocks in order of elimination, all of which are stored."""
+        size = sum(self.layout.width(i) for i in blocks.tolist())
+        dense = np.empty((size, size))
+        for block, rows, columns in self._blocks_over(blocks):
+            dense[rows, columns] = block
+            dense[columns, rows] = block.T
+        return dense
+
+    def _blocks_over(self, blocks: IntArray) -> Iterator[tuple[FloatArray, slice, slice]]:
+        """Yield views of the stored blocks over some blocks, with their rows and columns in the submatrix."""
+        numbers = blocks.tolist()
         ends = np.cumsum([self.layout.width(i) for i in numbers]).tolist()
-        begins = [0, *ends[:-1]]
-        whole = np.empty((ends[-1], ends[-1]))
+        spans = [slice(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
         for j, column in enumerate(numbers):
             for i in range(j, len(numbers)):
-                part = self.tile(numbers[i], column)
-                whole[begins[i] : ends[i], begins[j] : ends[j]] = part
-                whole[begins[j] : ends[j], begins[i] : ends[i]] = part.T
-        return whole
+                yield self.block(numbers[i], column), spans[i], spans[j]
 
 
 def _as_slice(index: IntArray) -> slice | IntArray:
@@ -165,9 +171,9 @@ def _as_slice(index: IntArray) -> slice | IntArray:
     return slice(first, last + 1) if last - first + 1 == len(index) else index
 
 
-def _add(tile: FloatArray, rows: slice | IntArray, columns: slice | IntArray, part: FloatArray) -> None:
+def _add(block: FloatArray, rows: slice | IntArray, columns: slice | IntArray, part: FloatArray) -> None:
     if isinstance(rows, slice) and isinstance(columns, slice):
-        tile[rows, columns] += part
+        block[rows, columns] += part
     else:
-        every = np.arange(max(tile.shape))
-        tile[np.ix_(every[rows], every[columns])] += part
+        every = np.arange(max(block.shape))
+        block[np.ix_(every[rows], every[columns])] += part

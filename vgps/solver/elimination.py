@@ -1,7 +1,7 @@
-"""How the poses' matrix is stored and filled: as a band, or in tiles where places are seen again.
+"""Symbolic analysis: which frames are free, how landmarks are grouped, how the poses' matrix is stored.
 
-Landmarks that begin near each other and are tracked about equally long are eliminated together; in tiles,
-those that are seen in the same ones.
+The reduced matrix of the poses is stored as a band or, where places are revisited, in sparse blocks. The
+structure of a problem stays the same while its poses and landmarks move, so it is analysed once.
 """
 
 from dataclasses import dataclass
@@ -11,153 +11,129 @@ from itertools import chain
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE, Band
-from vgps.solver.block_layout import TILE, TileLayout, tile_layout
-from vgps.solver.block_matrix import Tiles
-from vgps.solver.landmark_groups import Chunk, chunks_of
+from vgps.solver.band_matrix import POSE_DIM, BandMatrix
+from vgps.solver.block_layout import BlockLayout, layout_blocks
+from vgps.solver.block_matrix import BlockSparseMatrix
+from vgps.solver.landmark_groups import Chunk, group_by_blocks, group_by_track, split_into_chunks
 from vgps.solver.problem import BundleProblem
 
-__all__ = ["Chunk", "Matrix", "Structure", "structure_of"]
+__all__ = ["Chunk", "PoseMatrix", "SparsityStructure", "analyze_sparsity"]
 
-Matrix = Band | Tiles
+PoseMatrix = BandMatrix | BlockSparseMatrix
 
-_QUICK = 5e9  # operations of a band below which tiles are not looked into
-_DEARER = 4.0  # times as long as in a band an operation in tiles takes
+_CHEAP_BAND_FLOPS = 5e9  # a band that takes fewer operations is used without comparing it with blocks
+_BLOCK_SLOWDOWN = 4.0  # time of an operation in blocks, relative to one in a band
 
 
-@dataclass(frozen=True)
-class Structure:
-    """What stays the same while the poses and points move.
+@dataclass(frozen=True, kw_only=True)
+class SparsityStructure:
+    """What stays the same while the poses and landmarks of a problem move.
 
     Attributes:
-        free: (F,) number among the frames that may move, -1 if held.
-        n_free: Frames that may move.
-        chunks: Every observation, once.
-        half_bandwidth: Of the reduced matrix.
-        tiles: How it is stored in tiles; absent: as a band.
+        free: (F,) number of each frame among the free ones, -1 if its pose is held.
+        n_free: Number of free frames.
+        chunks: The observations, each in one chunk.
+        half_bandwidth: Number of subdiagonals of the reduced matrix.
+        blocks: Layout of the reduced matrix in blocks; None if it is stored as a band.
     """
 
     free: IntArray
     n_free: int
     chunks: tuple[Chunk, ...]
     half_bandwidth: int
-    tiles: TileLayout | None = None
+    blocks: BlockLayout | None = None
 
     @cached_property
     def rows(self) -> int:
-        """Rows of band storage, enough for every block."""
+        """Rows of band storage, enough to view every group's square as a block of the band."""
         widths = [g.width for chunk in self.chunks for g in chunk.groups if g.contiguous]
         return max([self.half_bandwidth, *widths]) + 1
 
     @cached_property
     def flops(self) -> float:
-        """Multiplications and additions that one factorisation takes."""
+        """Multiplications and additions of one elimination and factorisation."""
         squares = float(sum(g.size * g.width for chunk in self.chunks for g in chunk.groups))
-        if self.tiles is not None:
-            return squares + self.tiles.flops
-        return squares + POSE * self.n_free * float(self.half_bandwidth) ** 2
+        if self.blocks is not None:
+            return squares + self.blocks.flops
+        return squares + POSE_DIM * self.n_free * float(self.half_bandwidth) ** 2
 
     @property
     def bytes(self) -> float:
-        """Memory of the matrix, its factor, and the largest chunk's blocks."""
-        band = POSE * self.n_free * (self.rows + self.half_bandwidth)
-        matrix = band if self.tiles is None else 2 * self.tiles.size
+        """Memory of the matrix, its factor, and the largest chunk's buffer."""
+        band = POSE_DIM * self.n_free * (self.rows + self.half_bandwidth)
+        matrix = band if self.blocks is None else 2 * self.blocks.size
         return 8.0 * (matrix + max((chunk.size for chunk in self.chunks), default=0))
 
     def fits(self, max_flops: float, max_bytes: float) -> bool:
-        """Whether it stays within limits per factorisation."""
+        """Return whether one iteration stays within these limits."""
         return self.flops <= max_flops and self.bytes <= max_bytes
 
-    def empty(self) -> Matrix:
-        """The matrix of the free poses without entries."""
-        if self.tiles is not None:
-            return Tiles.zeros(self.tiles)
-        return Band.zeros(POSE * self.n_free, self.rows)
+    def empty(self) -> PoseMatrix:
+        """Return a zero matrix over the free poses."""
+        if self.blocks is not None:
+            return BlockSparseMatrix.zeros(self.blocks)
+        return BandMatrix.zeros(POSE_DIM * self.n_free, self.rows)
 
-    def cholesky(self, matrix: Matrix, least_pivot: FloatArray | float = 0.0) -> Matrix:
-        """Its factor.
+    def cholesky(self, matrix: PoseMatrix, min_pivot: FloatArray | float = 0.0) -> PoseMatrix:
+        """Return the Cholesky factor of a matrix.
 
         Raises:
-            NotPositiveDefiniteError: There is none, or a squared pivot is below (n,) ``least_pivot``.
+            NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
+                or (n,).
         """
-        if isinstance(matrix, Tiles):
-            return matrix.cholesky(least_pivot)
-        return matrix.cholesky(self.half_bandwidth, least_pivot)
+        if isinstance(matrix, BlockSparseMatrix):
+            return matrix.cholesky(min_pivot)
+        return matrix.cholesky(self.half_bandwidth, min_pivot)
 
 
-def structure_of(problem: BundleProblem) -> Structure:
-    """Order of the unknowns and blocks: a band, or tiles where those take fewer operations.
+def analyze_sparsity(problem: BundleProblem) -> SparsityStructure:
+    """Choose between a band and blocks, whichever is faster, and group the landmarks accordingly.
 
     Raises:
-        ValueError: A landmark is seen twice in one frame.
+        ValueError: A landmark is observed twice in one frame.
     """
     pairs = problem.frame * len(problem.world_p_landmark) + problem.landmark
     if len(np.unique(pairs)) != len(pairs):
-        raise ValueError("a landmark is seen twice in one frame")
+        raise ValueError("a landmark is observed twice in one frame")
     moves = ~problem.fixed_frames
     free = np.where(moves, np.cumsum(moves) - 1, -1)
-    together = _frames_of_factors(problem, free)
-    band = _as_band(problem, free, together)
-    if band.flops <= _QUICK:
+    cliques = _frames_of_factors(problem, free)
+    band = _band_structure(problem, free, cliques)
+    if band.flops <= _CHEAP_BAND_FLOPS:
         return band
-    tiles = _in_tiles(problem, free, together)
-    return tiles if _DEARER * tiles.flops < band.flops else band
+    blocks = _block_structure(problem, free, cliques)
+    return blocks if _BLOCK_SLOWDOWN * blocks.flops < band.flops else band
 
 
-def _as_band(problem: BundleProblem, free: IntArray, together: list[IntArray]) -> Structure:
-    span, group = _group(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
-    spans = [int(np.ptp(frames)) + 1 for frames in together]
-    half_bandwidth = max(POSE * max(span, *spans, 0), POSE) - 1
-    return Structure(free, int(np.sum(free >= 0)), chunks_of(problem, free, group), half_bandwidth)
+def _band_structure(problem: BundleProblem, free: IntArray, cliques: list[IntArray]) -> SparsityStructure:
+    span, group = group_by_track(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
+    spans = [int(np.ptp(frames)) + 1 for frames in cliques]
+    return SparsityStructure(
+        free=free,
+        n_free=int(np.sum(free >= 0)),
+        chunks=split_into_chunks(problem, free, group),
+        half_bandwidth=max(POSE_DIM * max(span, *spans, 0), POSE_DIM) - 1,
+    )
 
 
-def _in_tiles(problem: BundleProblem, free: IntArray, together: list[IntArray]) -> Structure:
-    group = _group_by_tiles(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
-    chunks = chunks_of(problem, free, group)
+def _block_structure(problem: BundleProblem, free: IntArray, cliques: list[IntArray]) -> SparsityStructure:
+    group = group_by_blocks(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
+    chunks = split_into_chunks(problem, free, group)
     n_free = int(np.sum(free >= 0))
-    seen = [g.frames for part in chunks for g in part.groups]
-    return Structure(free, n_free, chunks, POSE * n_free - 1, tile_layout(n_free, [*seen, *together]))
+    tracks = [g.frames for chunk in chunks for g in chunk.groups]
+    return SparsityStructure(
+        free=free,
+        n_free=n_free,
+        chunks=chunks,
+        half_bandwidth=POSE_DIM * n_free - 1,
+        blocks=layout_blocks(n_free, [*tracks, *cliques]),
+    )
 
 
 def _frames_of_factors(problem: BundleProblem, free: IntArray) -> list[IntArray]:
-    """Free frames of each pose factor that has any."""
+    """Return the free frames of each pose factor that has any."""
     factors = (problem.pose_graph.at(i) for i in range(problem.pose_graph.size()))
     keys = [[key for key in list(f.keys()) if key not in problem.shared] for f in factors if f is not None]
     frames = free[problem.frames_of(chain.from_iterable(keys))]
     parts = np.split(frames, np.cumsum([len(part) for part in keys])[:-1])
     return [part[part >= 0] for part in parts if np.any(part >= 0)]
-
-
-def _group(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
-    """Longest span of a track, and (L,) the group of every landmark; 0 for those in no free frame.
-
-    Lengths are binned by powers of two from 8, first frames by a quarter of a length: of the
-    gradings tried, the one that balances empty entries against the number of blocks.
-    """
-    seen = free >= 0
-    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
-    np.minimum.at(first, landmark[seen], free[seen])
-    np.maximum.at(last, landmark[seen], free[seen])
-    tracked = last >= 0
-    length = (last - first + 1)[tracked]
-    exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
-    code = np.full(landmarks, -1)
-    code[tracked] = exponent * (free.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
-    _, group = np.unique(np.append(code, -1), return_inverse=True)
-    return int(length.max(initial=0)), group[:-1]
-
-
-def _group_by_tiles(free: IntArray, landmark: IntArray, landmarks: int) -> IntArray:
-    """(L,) the group of every landmark, one for each set of tiles; 0 for those in no free frame.
-
-    A set is told by the sum of a random number for each of its tiles. Two that agreed by chance would share a
-    block, which costs time and nothing else.
-    """
-    seen = free >= 0
-    tiles = int(free.max(initial=0)) // TILE + 1
-    pairs = np.unique(landmark[seen] * tiles + free[seen] // TILE)
-    number = np.random.default_rng(0).integers(1, 2**62, tiles, dtype=np.uint64)
-    code = np.zeros(landmarks, dtype=np.uint64)
-    np.add.at(code, pairs // tiles, number[pairs % tiles])
-    _, group = np.unique(np.append(code, np.uint64(0)), return_inverse=True)
-    return group[:-1]

@@ -1,4 +1,4 @@
-"""The fast engine behind GTSAM's interface: a factor graph and values in, values out."""
+"""The sparse engine behind GTSAM's interface: a factor graph and values in, values out."""
 
 import time
 from collections.abc import Mapping
@@ -10,28 +10,29 @@ import numpy as np
 from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.solver.elimination import Structure, structure_of
+from vgps.solver.bundle_adjustment import Solver
+from vgps.solver.elimination import SparsityStructure, analyze_sparsity
 from vgps.solver.graph_reading import NotABundleError, is_pose, read_graph
 from vgps.solver.gtsam_backend import optimise_with_gtsam
-from vgps.solver.levenberg_marquardt import SolverSettings, levenberg
-from vgps.solver.schur_complement import Solver, covariances
+from vgps.solver.levenberg_marquardt import SolverSettings, minimize
+from vgps.solver.marginals import marginal_covariances
 
 __all__ = ["GraphResult", "SolverSettings", "optimise_graph", "pose_marginals"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GraphResult:
-    """Where the optimiser ended.
+    """Result of an optimisation.
 
     Attributes:
-        values: Never of a higher error than the start's.
-        error_before, error_after: ``graph.error`` there.
-        iterations: Linearisations.
-        reason: Why it stopped.
+        values: Their error is never above that of the start.
+        error_before, error_after: ``graph.error`` at the start and at ``values``.
+        iterations: Number of linearisations.
+        reason: Why the optimiser stopped.
         converged: Whether a tolerance was reached.
-        solver: ``schur``, this package's engine, or ``gtsam``.
-        why_gtsam: What the engine does not do; empty where it did.
-        seconds: Wall time, reading the graph included.
+        solver: ``schur`` for this package's engine, or ``gtsam``.
+        why_gtsam: Why the engine could not be used; empty if it was.
+        seconds: Wall time, including the reading of the graph.
     """
 
     values: gtsam.Values
@@ -48,52 +49,60 @@ class GraphResult:
 def optimise_graph(
     graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, settings: SolverSettings | None = None
 ) -> GraphResult:
-    """Levenberg-Marquardt with the landmarks eliminated, to the minimum that GTSAM's own finds.
+    """Minimise the error of a factor graph by Levenberg-Marquardt with the landmarks eliminated.
 
-    Projections, ``GenericProjectionFactorCal3_S2`` of one calibration, are taken out of the graph once, as
-    arrays; a point behind a camera has GTSAM's constant residual and no Jacobian. Noise: isotropic, alone or
-    within Huber's or Cauchy's loss. GTSAM linearises every other factor: priors, motion, fixes, factors in
-    Python. A graph that is no such bundle, or whose poses hang together too much, goes to GTSAM's optimiser,
-    with the landmarks first; ``why_gtsam`` says why.
+    Projections, ``GenericProjectionFactorCal3_S2`` of one calibration, are read once into arrays; a landmark
+    behind a camera has GTSAM's constant residual and no Jacobian. Their noise is isotropic, without a loss or
+    with Huber's or Cauchy's. GTSAM linearises every other factor: priors, motion, fixes, factors in Python.
+    A graph that is no such bundle problem, or whose poses are coupled too densely, goes to GTSAM's optimiser
+    with landmarks first in the ordering; ``why_gtsam`` gives the reason.
 
     Args:
         graph: Poses are ``Pose3``, world_T_camera; any keys.
-        values: Start, for every variable of the graph; what the graph does not have stays as it is.
-        settings: When to stop, how to damp, and how much the engine may take on.
+        values: Start, for every variable of the graph; other variables keep their values.
+        settings: Stopping criteria, damping and limits of the engine.
 
     Raises:
         ValueError: A variable of the graph has no value.
         GeometryError: The error at the start is not finite.
     """
-    settings, begun = settings or SolverSettings(), time.perf_counter()
-    before = _error(graph, values)
+    settings, begin = settings or SolverSettings(), time.perf_counter()
+    before = _finite_error(graph, values)
     try:
         bundle = read_graph(graph, values)
-        structure = structure_of(bundle.problem)
+        structure = analyze_sparsity(bundle.problem)
         if not structure.fits(settings.max_flops, settings.max_bytes):
             raise NotABundleError(_too_dense(structure, settings))
-    except NotABundleError as no:
-        found = optimise_with_gtsam(graph, values, _landmarks_first(graph), settings)
-        moved, why = found.values, str(no)
-        told = found.iterations, found.reason, found.converged
+    except NotABundleError as error:
+        why = str(error)
+        result, end = optimise_with_gtsam(graph, values, _landmarks_first(graph), settings)
     else:
+        why = ""
         with one_blas_thread():
-            outcome = levenberg(bundle.problem, structure, settings)
-        moved, why = bundle.values_of(outcome.problem), ""
-        told = outcome.iterations, outcome.reason, outcome.converged
-    after, seconds = graph.error(moved), time.perf_counter() - begun
-    return GraphResult(moved, before, after, *told, "gtsam" if why else "schur", why, seconds)
+            solved, end = minimize(bundle.problem, structure, settings)
+        result = bundle.values_of(solved)
+    return GraphResult(
+        values=result,
+        error_before=before,
+        error_after=graph.error(result),
+        iterations=end.iterations,
+        reason=end.reason,
+        converged=end.converged,
+        solver="gtsam" if why else "schur",
+        why_gtsam=why,
+        seconds=time.perf_counter() - begin,
+    )
 
 
-def _too_dense(structure: Structure, settings: SolverSettings) -> str:
+def _too_dense(structure: SparsityStructure, settings: SolverSettings) -> str:
     return (
-        f"the poses hang together too much: {structure.flops:.1e} operations and {structure.bytes:.1e} bytes "
-        f"an iteration, at most {settings.max_flops:.1e} and {settings.max_bytes:.1e}"
+        f"the poses are coupled too densely: {structure.flops:.1e} operations and {structure.bytes:.1e} "
+        f"bytes per iteration, at most {settings.max_flops:.1e} and {settings.max_bytes:.1e}"
     )
 
 
 def pose_marginals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Mapping[int, FloatArray]:
-    """Marginal covariances (6, 6) of the poses at a minimum, by key; as ``gtsam.Marginals`` has them.
+    """Return the marginal covariances (6, 6) of the poses at a minimum by key, as ``gtsam.Marginals`` does.
 
     Tangent [rotation; translation] in the camera's own axes, rad and m; zero where a constraint holds a pose.
 
@@ -101,45 +110,45 @@ def pose_marginals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> M
         ValueError: A variable of the graph has no value.
         GeometryError: The graph does not determine the poses.
     """
-    _error(graph, values)
+    _finite_error(graph, values)
+    limits = SolverSettings()
     try:
-        bundle = read_graph(graph, values)
+        problem = read_graph(graph, values).problem
     except NotABundleError:
         return _marginals_of_gtsam(graph, values)
-    limits = SolverSettings()
-    if not structure_of(bundle.problem).fits(limits.max_flops, limits.max_bytes):
+    if not analyze_sparsity(problem).fits(limits.max_flops, limits.max_bytes):
         return _marginals_of_gtsam(graph, values)
-    blocks = covariances(bundle.problem).poses
-    return dict(zip(bundle.problem.keys.tolist(), blocks, strict=True))
+    return dict(zip(problem.keys.tolist(), marginal_covariances(problem).poses, strict=True))
 
 
-def _error(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
+def _finite_error(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
     missing = [key for key in graph.keyVector() if not values.exists(key)]
     if missing:
-        raise ValueError(f"no value for {gtsam.DefaultKeyFormatter(missing[0])}, which the graph has")
+        raise ValueError(f"no value for {gtsam.DefaultKeyFormatter(missing[0])}, a variable of the graph")
     error = float(graph.error(values))
     if not np.isfinite(error):
         raise GeometryError(
-            f"the error at the start is {error}", remedy="start from better poses", expected="a finite one"
+            f"the error at the start is {error}",
+            expected="a finite error",
+            remedy="start from better poses",
         )
     return error
 
 
 def _landmarks_first(graph: gtsam.NonlinearFactorGraph) -> list[int]:
-    """Keys of the points that are seen and that no factor ties to another, then all others as COLAMD orders.
+    """Return keys in order of elimination: landmarks not tied to each other, then all others by COLAMD.
 
-    Other vectors, lever arms and biases, hang on many poses: first, they would tie these to each other.
+    Other vectors, such as lever arms and biases, occur in factors of many poses. Eliminated first they would
+    couple all of these poses.
     """
     factors = [factor for factor in map(graph.at, range(graph.size())) if factor is not None]
-    keys = [set(factor.keys()) for factor in factors]
-    observations = (one for one in factors if isinstance(one, gtsam.GenericProjectionFactorCal3_S2))
-    points = {one.keys()[1] for one in observations}
-    for own in keys:
-        tied = points & own
+    projections = (one for one in factors if isinstance(one, gtsam.GenericProjectionFactorCal3_S2))
+    points = {one.keys()[1] for one in projections}
+    for factor in factors:
+        tied = points & set(factor.keys())
         if len(tied) > 1:
             points -= tied
-    first = sorted(points)
-    ordering = gtsam.Ordering.ColamdConstrainedFirstNonlinearFactorGraph(graph, first, False)
+    ordering = gtsam.Ordering.ColamdConstrainedFirstNonlinearFactorGraph(graph, sorted(points), False)
     return [ordering.at(i) for i in range(ordering.size())]
 
 

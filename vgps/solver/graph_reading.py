@@ -1,4 +1,4 @@
-"""A GTSAM factor graph read as a bundle problem: the projections as arrays, every other factor as it is."""
+"""A GTSAM factor graph read as a bundle problem: projections as arrays, every other factor as it is."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,27 +9,28 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.noise_models import Noise
-from vgps.solver.problem import BundleProblem, all_pose_values, cost_terms
-from vgps.solver.projection_factors import Calibration, ProjectionFactors, sorted_out, usual, with_more
+from vgps.solver.cost import cost_terms
+from vgps.solver.noise_models import PixelNoise
+from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.projection_factors import ProjectionFactors, readable_projections, split_projections
 
-_MOST_SHARED = 300  # coordinates solved for beside the poses; they are a dense border of the matrix
-_MOST_KEY = np.iinfo(np.int64).max
-_SAME_COST = 1e-9  # relative: what was read costs what the graph does
+_MAX_SHARED_SIZE = 300  # coordinates of shared vectors, which are a dense border of the reduced matrix
+_MAX_KEY = np.iinfo(np.int64).max
+_COST_TOLERANCE = 1e-9  # relative, between the error of the graph and the cost of the problem read from it
 
 
 class NotABundleError(Exception):
-    """The graph is none that the engine solves; the message says why."""
+    """The engine cannot solve the graph; the message says why."""
 
 
 @dataclass(frozen=True)
 class GraphBundle:
-    """A bundle problem and where it came from.
+    """A bundle problem and the graph's values from which it was read.
 
     Attributes:
         problem: Its frames are the graph's poses.
-        landmark_keys: (L,).
-        values: The graph's.
+        landmark_keys: (L,) keys of its landmarks.
+        values: The graph's values.
     """
 
     problem: BundleProblem
@@ -37,7 +38,7 @@ class GraphBundle:
     values: gtsam.Values
 
     def values_of(self, problem: BundleProblem) -> gtsam.Values:
-        """The values moved to where ``problem`` is now."""
+        """Return the graph's values, moved to the state of ``problem``."""
         delta = gtsam.VectorValues()
         steps = problem.world_p_landmark - self.problem.world_p_landmark
         for key, step in zip(self.landmark_keys.tolist(), steps, strict=True):
@@ -45,126 +46,122 @@ class GraphBundle:
         for key, vector in problem.shared.items():
             delta.insert(key, vector - self.problem.shared[key])
         values = self.values.retract(delta)
-        moves = ~problem.fixed_frames
-        for key, pose in zip(problem.keys[moves].tolist(), problem.world_T_camera[moves], strict=True):
+        free = ~problem.fixed_frames
+        for key, pose in zip(problem.keys[free].tolist(), problem.world_T_camera[free], strict=True):
             values.update(key, gtsam.Pose3(pose))
         return values
 
 
 def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> GraphBundle:
-    """Read ``GenericProjectionFactorCal3_S2`` into arrays; keep all else as factors on poses and vectors.
+    """Read ``GenericProjectionFactorCal3_S2`` into arrays, and keep all other factors on poses and vectors.
 
-    A landmark that has any other factor, or a projection that cannot be read (another calibration, another
-    loss than most), becomes one of the problem's shared vectors, with all its factors as they are.
+    A landmark that has any other factor, or a projection that cannot be read (another calibration or loss
+    than most), becomes a shared vector of the problem and keeps its factors.
 
     Args:
-        graph: With a value for every key.
-        values: Where it is to be solved from.
+        graph: Every key has a value.
+        values: The start.
 
     Raises:
-        NotABundleError: It is no bundle problem: few projections, variables that are neither poses nor
-            vectors, keys beyond 63 bits, hard constraints other than held poses, factors that are not least
-            squares.
+        NotABundleError: The graph is no bundle problem: few projections, variables that are neither poses nor
+            vectors, keys beyond 63 bits, hard constraints other than held poses, or factors that are not
+            least squares.
     """
-    if any(key > _MOST_KEY for key in graph.keyVector()):
-        raise NotABundleError(f"keys beyond {_MOST_KEY}")
-    observations, noises, cameras, others = sorted_out(graph)
-    if len(observations.place) <= len(others):
-        raise NotABundleError(
-            f"{len(observations.place)} projections among {len(observations.place) + len(others)} factors"
-        )
-    read = usual(observations, noises, cameras)
-    read &= ~with_more(graph, observations, read, others)
-    if not np.any(read):
+    if any(key > _MAX_KEY for key in graph.keyVector()):
+        raise NotABundleError(f"keys beyond {_MAX_KEY}")
+    projections, others = split_projections(graph)
+    if len(projections) <= len(others):
+        factors = len(projections) + len(others)
+        raise NotABundleError(f"{len(projections)} projections among {factors} factors")
+    readable = readable_projections(graph, projections, others)
+    if not np.any(readable):
         raise NotABundleError("no projection that can be read")
-    others = sorted([*others, *observations.place[~read].tolist()])
-    pose_graph, held = _pose_graph(graph, others, values)
-    bundle = _bundle(observations.only(read), noises, cameras, pose_graph, held, values)
-    _check(bundle.problem, graph, values)
+    others = sorted([*others, *projections.factor[~readable].tolist()])
+    pose_graph, held = _split_constraints(graph, others, values)
+    bundle = _bundle(projections.select(readable), pose_graph, held, values)
+    _verify(bundle.problem, graph, values)
     return bundle
 
 
-def _pose_graph(
-    graph: gtsam.NonlinearFactorGraph, places: Iterable[int], values: gtsam.Values
+def _split_constraints(
+    graph: gtsam.NonlinearFactorGraph, indices: Iterable[int], values: gtsam.Values
 ) -> tuple[gtsam.NonlinearFactorGraph, set[int]]:
-    """The other factors, and the poses that a hard constraint holds where they are."""
+    """Return the factors at these indices, and instead of hard constraints the poses that they hold."""
     pose_graph, held = gtsam.NonlinearFactorGraph(), set()
-    for place in places:
-        factor = graph.at(place)
+    for index in indices:
+        factor = graph.at(index)
         if not isinstance(factor, gtsam.NoiseModelFactor) or not factor.noiseModel().isConstrained():
             pose_graph.push_back(factor)
             continue
-        model = factor.noiseModel()
         rigid = isinstance(factor, gtsam.NonlinearEqualityPose3 | gtsam.PriorFactorPose3)
-        if not rigid or np.any(model.sigmas()) or np.abs(factor.unwhitenedError(values)).max() > 1e-9:
-            raise NotABundleError("a hard constraint that does not just hold a pose where it is")
+        sigmas = factor.noiseModel().sigmas()
+        if not rigid or np.any(sigmas) or np.abs(factor.unwhitenedError(values)).max() > 1e-9:
+            raise NotABundleError("a hard constraint other than one that holds a pose at its value")
         held.add(int(factor.keys()[0]))
     return pose_graph, held
 
 
 def _bundle(
-    observations: ProjectionFactors,
-    noises: list[Noise | None],
-    cameras: list[Calibration],
+    projections: ProjectionFactors,
     pose_graph: gtsam.NonlinearFactorGraph,
     held: set[int],
     values: gtsam.Values,
 ) -> GraphBundle:
-    seen_from = set(np.unique(observations.pose).tolist())
-    more = {int(key) for key in pose_graph.keyVector()} - seen_from
-    poses = seen_from | held | {key for key in more if is_pose(values, key)}
-    in_order = np.array(sorted(poses), dtype=np.int64)
-    landmark_keys, landmark = np.unique(observations.point, return_inverse=True)
-    frame = np.searchsorted(in_order, observations.pose)
-    pose_keys, frame = _near_each_other(in_order, frame, landmark)
-    known = [noise or Noise(1.0, "none", np.inf) for noise in noises]  # of those read none is unknown
-    losses = {known[i].loss for i in np.unique(observations.noise).tolist()} - {"none"}
-    fx, fy, _, cx, cy = cameras[int(observations.camera[0])]
+    observing = set(np.unique(projections.pose_key).tolist())
+    other_keys = {int(key) for key in pose_graph.keyVector()} - observing
+    poses = observing | held | {key for key in other_keys if is_pose(values, key)}
+    sorted_keys = np.array(sorted(poses), dtype=np.int64)
+    landmark_keys, landmark = np.unique(projections.point_key, return_inverse=True)
+    frame = np.searchsorted(sorted_keys, projections.pose_key)
+    pose_keys, frame = _narrow_order(sorted_keys, frame, landmark)
+    # projections whose noise cannot be read are not among these: the placeholder is never used
+    noises = [noise or PixelNoise(1.0, "none", np.inf) for noise in projections.noise_models]
+    losses = {noises[i].loss for i in np.unique(projections.noise).tolist()} - {"none"}
+    fx, fy, _, cx, cy = projections.calibrations[int(projections.camera[0])]
     problem = BundleProblem(
         K=(fx, fy, cx, cy),
         world_T_camera=np.stack([values.atPose3(key).matrix() for key in pose_keys.tolist()]),
         world_p_landmark=np.stack([values.atPoint3(key) for key in landmark_keys.tolist()]),
         frame=frame,
         landmark=landmark,
-        uv_px=observations.uv_px,
-        sigma_px=np.array([noise.sigma_px for noise in known])[observations.noise],
+        uv_px=projections.uv_px,
+        sigma_px=np.array([noise.sigma_px for noise in noises])[projections.noise],
         robust=losses.pop() if losses else "none",
-        robust_k=np.array([noise.k for noise in known])[observations.noise],
+        robust_k=np.array([noise.k for noise in noises])[projections.noise],
         pose_graph=pose_graph,
         fixed=np.isin(pose_keys, np.array(sorted(held), dtype=np.int64)),
-        shared=_vectors(values, more - poses),
+        shared=_shared_vectors(values, other_keys - poses),
         pose_keys=pose_keys,
     )
     return GraphBundle(problem, landmark_keys, values)
 
 
-def _near_each_other(pose_keys: IntArray, frame: IntArray, landmark: IntArray) -> tuple[IntArray, IntArray]:
-    """Keys and frames in an order that has the observations of a landmark near each other.
+def _narrow_order(pose_keys: IntArray, frame: IntArray, landmark: IntArray) -> tuple[IntArray, IntArray]:
+    """Return pose keys and frames in an order that gives the reduced matrix a narrow band.
 
-    That of the keys, unless reverse Cuthill and McKee's halves the frames between first and last observation.
+    Reverse Cuthill-McKee replaces the order of the keys if it at least halves the spans of the tracks.
     """
     shape = int(landmark.max()) + 1, len(pose_keys)
-    seen = sparse.csr_array((np.ones(len(frame)), (landmark, frame)), shape=shape)
-    order = reverse_cuthill_mckee(sparse.csr_matrix(seen.T @ seen), symmetric_mode=True)
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    if 2 * _spans(place[frame], landmark) > _spans(frame, landmark):
+    observed = sparse.csr_array((np.ones(len(frame)), (landmark, frame)), shape=shape)
+    order = reverse_cuthill_mckee(sparse.csr_matrix(observed.T @ observed), symmetric_mode=True)
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    if 2 * _total_span(rank[frame], landmark) > _total_span(frame, landmark):
         return pose_keys, frame
-    return pose_keys[order], place[frame]
+    return pose_keys[order], rank[frame]
 
 
-def _spans(frame: IntArray, landmark: IntArray) -> int:
-    first, last = (
-        np.full(int(landmark.max()) + 1, np.iinfo(np.int64).max),
-        np.zeros(int(landmark.max()) + 1, int),
-    )
+def _total_span(frame: IntArray, landmark: IntArray) -> int:
+    """Return the sum over landmarks of the number of frames from the first observation to the last."""
+    landmarks = int(landmark.max()) + 1
+    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.zeros(landmarks, int)
     np.minimum.at(first, landmark, frame)
     np.maximum.at(last, landmark, frame)
     return int(np.sum(last - first))
 
 
 def is_pose(values: gtsam.Values, key: int) -> bool:
-    """Whether a variable is a ``Pose3``."""
+    """Return whether a variable is a ``Pose3``."""
     try:
         values.atPose3(key)
     except RuntimeError:
@@ -172,7 +169,7 @@ def is_pose(values: gtsam.Values, key: int) -> bool:
     return True
 
 
-def _vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
+def _shared_vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
     vectors = {}
     for key in sorted(keys):
         try:
@@ -181,19 +178,20 @@ def _vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
             name = gtsam.DefaultKeyFormatter(key)
             raise NotABundleError(f"the variable {name} is neither a pose nor a vector") from None
     size = sum(len(vector) for vector in vectors.values())
-    if size > _MOST_SHARED:
+    if size > _MAX_SHARED_SIZE:
         raise NotABundleError(
-            f"{size} coordinates beside poses and landmarks seen by projections alone, at most {_MOST_SHARED}"
+            f"{size} coordinates besides poses and landmarks with projections only, "
+            f"at most {_MAX_SHARED_SIZE}"
         )
     return vectors
 
 
-def _check(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-    """What cannot be read of a factor, such as where its camera sits on its body, shows in the cost."""
-    cost, read = graph.error(values), sum(cost_terms(problem).values())
-    if not np.isclose(read, cost, rtol=_SAME_COST, atol=1e-12):
-        raise NotABundleError(f"its error is {cost:.9g}, that of what could be read of it {read:.9g}")
+def _verify(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    """Compare the cost with the graph's error; a body_P_sensor, which GTSAM does not expose, shows there."""
+    error, cost = graph.error(values), sum(cost_terms(problem).values())
+    if not np.isclose(cost, error, rtol=_COST_TOLERANCE, atol=1e-12):
+        raise NotABundleError(f"its error is {error:.9g}, that of the factors as read {cost:.9g}")
     try:
         problem.pose_graph.linearize(all_pose_values(problem)).sparseJacobian_()
     except (RuntimeError, ValueError):
-        raise NotABundleError("a factor that is not a sum of squares once it is linear") from None
+        raise NotABundleError("a factor that does not linearise to a sum of squares") from None

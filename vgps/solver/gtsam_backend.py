@@ -1,72 +1,60 @@
-"""GTSAM's own optimiser: the reference, and the way out where the engine does not fit."""
+"""GTSAM's own Levenberg-Marquardt: the reference, and the fallback where the sparse engine does not apply."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L
 
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.levenberg_marquardt import LIGHT_DAMPING, Outcome, SolverSettings
+from vgps.solver.levenberg_marquardt import LIGHT_DAMPING, SolverSettings, Termination
 from vgps.solver.problem import BundleProblem
-
-
-@dataclass(frozen=True)
-class GtsamOutcome:
-    """Where GTSAM ended: values never of a higher error than the start's; flags as of :class:`Outcome`."""
-
-    values: gtsam.Values
-    iterations: int
-    reason: str
-    converged: bool
-    stuck: bool
 
 
 def optimise_with_gtsam(
     graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, order: Sequence[int], settings: SolverSettings
-) -> GtsamOutcome:
-    """GTSAM's Levenberg-Marquardt from the same settings.
+) -> tuple[gtsam.Values, Termination]:
+    """Run GTSAM's Levenberg-Marquardt with these settings.
 
     Args:
-        graph: What to minimise.
+        graph: The cost.
         values: Start, for every variable of the graph.
-        order: Keys in order of their elimination.
-        settings: When to stop, and how to damp.
+        order: Keys in order of elimination.
+        settings: Stopping criteria and damping.
+
+    Returns:
+        Values whose error is never above that of the start, and how the optimiser ended.
     """
     if not graph.size():
-        return GtsamOutcome(values, 0, "converged: there is nothing to move", True, False)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, _gtsam_parameters(order, settings))
+        return values, Termination(0, "converged: there are no factors", converged=True)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, _parameters(order, settings))
     start = optimizer.error()
     try:
         result = optimizer.optimize()
     except RuntimeError as error:
-        said = str(error).strip().splitlines() or ["no reason given"]
-        return GtsamOutcome(values, 0, f"GTSAM gave up: {said[0]}", False, True)
-    end, iterations = graph.error(result), optimizer.iterations()
-    if not end < start:
-        minimum = optimizer.lambda_() <= LIGHT_DAMPING  # else the damping rose in vain
-        reason = "converged: the start is a minimum" if minimum else "no step lowers the cost"
-        return GtsamOutcome(values, 0, reason, minimum, not minimum)
-    full = iterations >= settings.max_iterations
-    reason = (
-        f"stopped after {iterations} iterations" if full else "converged: GTSAM's tolerances were reached"
-    )
-    return GtsamOutcome(result, iterations, reason, not full, False)
+        lines = str(error).strip().splitlines() or ["no reason given"]
+        return values, Termination(0, f"GTSAM failed: {lines[0]}", stuck=True)
+    iterations = optimizer.iterations()
+    if not graph.error(result) < start:
+        if optimizer.lambda_() <= LIGHT_DAMPING:
+            return values, Termination(0, "converged: the start is a minimum", converged=True)
+        return values, Termination(0, "no step lowers the cost", stuck=True)
+    if iterations >= settings.max_iterations:
+        return result, Termination(iterations, f"stopped after {iterations} iterations")
+    return result, Termination(iterations, "converged: GTSAM's tolerances were reached", converged=True)
 
 
-def levenberg_of_gtsam(problem: BundleProblem, settings: SolverSettings) -> Outcome:
-    """The same for a bundle problem, landmarks eliminated first."""
+def solve_with_gtsam(problem: BundleProblem, settings: SolverSettings) -> tuple[BundleProblem, Termination]:
+    """Run GTSAM's Levenberg-Marquardt on a bundle problem, landmarks eliminated first."""
     graph, values = to_graph(problem)
     order = [L(landmark) for landmark in np.unique(problem.landmark).tolist()]
     order += [key for key in problem.keys.tolist() if values.exists(key)]
     order += sorted(problem.shared)
-    found = optimise_with_gtsam(graph, values, order, settings)
-    moved = problem if found.values is values else _with_values(problem, found.values)
-    return Outcome(moved, found.iterations, found.reason, found.converged, found.stuck)
+    result, end = optimise_with_gtsam(graph, values, order, settings)
+    return problem if result is values else _with_values(problem, result), end
 
 
-def _gtsam_parameters(order: Sequence[int], settings: SolverSettings) -> gtsam.LevenbergMarquardtParams:
+def _parameters(order: Sequence[int], settings: SolverSettings) -> gtsam.LevenbergMarquardtParams:
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setLinearSolverType("MULTIFRONTAL_CHOLESKY")
     parameters.setMaxIterations(settings.max_iterations)
@@ -74,7 +62,7 @@ def _gtsam_parameters(order: Sequence[int], settings: SolverSettings) -> gtsam.L
     parameters.setAbsoluteErrorTol(settings.absolute_tolerance)
     parameters.setlambdaInitial(settings.lambda_start)
     parameters.setlambdaFactor(settings.lambda_factor)
-    parameters.setlambdaUpperBound(settings.lambda_most)
+    parameters.setlambdaUpperBound(settings.lambda_max)
     parameters.setDiagonalDamping(True)
     ordering = gtsam.Ordering()
     for key in order:
@@ -84,6 +72,7 @@ def _gtsam_parameters(order: Sequence[int], settings: SolverSettings) -> gtsam.L
 
 
 def _with_values(problem: BundleProblem, values: gtsam.Values) -> BundleProblem:
+    """Return the problem at the values; held poses stay unchanged to the last bit."""
     world_T_camera, world_p_landmark = problem.world_T_camera.copy(), problem.world_p_landmark.copy()
     for frame in np.flatnonzero(~problem.fixed_frames).tolist():
         key = int(problem.keys[frame])

@@ -1,4 +1,4 @@
-"""A bundle problem written as a GTSAM factor graph, for GTSAM's own optimiser and as a reference."""
+"""A bundle problem as a GTSAM factor graph, for GTSAM's own optimiser and as a reference."""
 
 import gtsam
 import numpy as np
@@ -8,23 +8,10 @@ from gtsam.symbol_shorthand import L
 from vgps.solver.problem import BundleProblem, pose_values
 
 
-def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
-    k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
-    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
-    models: list[gtsam.noiseModel.Base] = []
-    for sigma, constant in pairs.tolist():
-        model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
-        if problem.robust != "none" and np.isfinite(constant):
-            estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
-            model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)
-        models.append(model)
-    return [models[i] for i in row.ravel().tolist()]
-
-
 def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """The whole problem as a factor graph, and the values of the variables that occur in it.
+    """Return the problem as a factor graph, and the values of the variables that occur in it.
 
-    Held frames are tied by a constrained factor, which costs nothing where they are.
+    Landmarks have the keys ``l<row>``. Held poses get a constrained prior, which costs nothing there.
     """
     K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
@@ -42,3 +29,17 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
         if values.exists(key):
             graph.addPriorPose3(key, values.atPose3(key), held)
     return graph, values
+
+
+def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
+    """Return the noise model of each observation; observations with equal numbers share one."""
+    k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
+    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
+    models: list[gtsam.noiseModel.Base] = []
+    for sigma, constant in pairs.tolist():
+        model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+        if problem.robust != "none" and np.isfinite(constant):
+            estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
+            model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)
+        models.append(model)
+    return [models[i] for i in row.ravel().tolist()]

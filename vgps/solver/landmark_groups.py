@@ -1,7 +1,8 @@
-"""Landmarks eliminated together: groups of like tracks, each one dense block, chunk by chunk.
+"""Grouping of landmarks for elimination: landmarks with similar tracks share one dense matrix product.
 
-The Schur complement subtracts, for every landmark, a square over the frames that see it. Landmarks seen in
-nearly the same frames share one dense matrix product; its empty entries cost less than any bookkeeping would.
+For every landmark the Schur complement subtracts a square over the frames that observe it. Landmarks observed
+in nearly the same frames are eliminated together; the empty entries of their common matrix cost less than
+separate bookkeeping. Groups are processed in chunks whose arrays stay in the processor's cache.
 """
 
 from dataclasses import dataclass
@@ -11,21 +12,22 @@ import numpy as np
 from scipy.linalg import blas
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE, Band
-from vgps.solver.block_matrix import Tiles
+from vgps.solver.band_matrix import POSE_DIM, BandMatrix
+from vgps.solver.block_layout import BLOCK_FRAMES
+from vgps.solver.block_matrix import BlockSparseMatrix
 from vgps.solver.problem import BundleProblem
 
-CHUNK = 12000  # observations worked on at a time: their arrays stay in the processor's cache
+CHUNK_OBSERVATIONS = 12000  # observations processed at a time: their arrays stay in the processor's cache
 
 
 @dataclass(frozen=True)
-class Group:
-    """Landmarks seen in nearly the same frames, eliminated together as one dense block.
+class LandmarkGroup:
+    """Landmarks observed in nearly the same frames, whose observations form one dense matrix Z.
 
     Attributes:
-        frames: (s,) free frames in which any of them is seen, ascending.
-        landmarks: Their number.
-        start: Where its block, (3 landmarks, 6 s) in C order, begins in its chunk's buffer.
+        frames: (s,) free frames that observe any of them, ascending.
+        landmarks: Number of landmarks.
+        start: Index in the chunk's buffer at which Z, (3 landmarks, 6 s) in C order, begins.
     """
 
     frames: IntArray
@@ -34,36 +36,39 @@ class Group:
 
     @property
     def width(self) -> int:
-        """Columns of the block."""
-        return POSE * len(self.frames)
+        """Number of columns of Z."""
+        return POSE_DIM * len(self.frames)
 
     @property
     def size(self) -> int:
-        """Entries of the block."""
+        """Number of entries of Z."""
         return 3 * self.landmarks * self.width
 
     @property
     def contiguous(self) -> bool:
-        """Whether no frame between its first and its last is missing."""
+        """Whether the frames follow each other without a gap."""
         return int(self.frames[-1] - self.frames[0]) + 1 == len(self.frames)
 
-    def subtract_square(self, buffer: FloatArray, matrix: Band | Tiles) -> None:
-        """Subtract Z^T Z of its block Z from the matrix."""
+    def subtract_square(self, buffer: FloatArray, matrix: BandMatrix | BlockSparseMatrix) -> None:
+        """Subtract Z^T Z from the matrix."""
         Z = buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
         matrix.add_square(self.frames, blas.dsyrk(-1.0, Z.T, lower=1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Chunk:
-    """Landmarks with all their observations.
+    """Some landmarks with all their observations.
 
     Attributes:
-        problem: The problem cut down to these observations.
-        landmarks: (m,) rows of the landmarks, and ``landmark`` (n,) each observation's place among them.
-        first_frame: The earliest frame; ``frame`` (n,) counts from it, up to ``frames``.
-        seen: (k,) observations in free frames, and ``entry`` (k, 3) where in the buffer of all blocks their
-            three runs of six entries begin.
-        groups: The blocks.
+        problem: The problem reduced to these observations.
+        landmarks: (m,) rows of the landmarks in the problem.
+        landmark: (n,) index into ``landmarks`` of each observation.
+        first_frame: Earliest frame that observes any of them.
+        frame: (n,) frame of each observation, counted from ``first_frame``.
+        free_rows: (k,) observations in free frames.
+        entry: (k, 3) indices in the chunk's buffer at which the three runs of six entries of such an
+            observation begin.
+        groups: Groups of the landmarks.
     """
 
     problem: BundleProblem
@@ -71,77 +76,138 @@ class Chunk:
     landmark: IntArray
     first_frame: int
     frame: IntArray
-    seen: IntArray
+    free_rows: IntArray
     entry: IntArray
-    groups: tuple[Group, ...]
+    groups: tuple[LandmarkGroup, ...]
 
     @cached_property
     def frames(self) -> int:
-        """Frames from the first to the last."""
+        """Number of frames from the first to the last."""
         return int(self.frame.max()) + 1
 
     @cached_property
     def size(self) -> int:
-        """Entries of all blocks."""
+        """Number of entries of the buffer that holds the matrices of all groups."""
         return sum(group.size for group in self.groups)
 
 
-def chunks_of(problem: BundleProblem, free: IntArray, group: IntArray) -> tuple[Chunk, ...]:
-    """All observations, by the groups of their landmarks.
+def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
+    """Group landmarks by length and first frame of their tracks.
+
+    Lengths are binned by powers of two from 8, first frames by a quarter of a length; of the binnings tried
+    this one balances empty entries against the number of groups best.
+
+    Args:
+        free: (N,) number of each observation's frame among the free ones, -1 if it is held.
+        landmark: (N,) landmark of each observation.
+        landmarks: L.
+
+    Returns:
+        Longest span of a track in frames, and (L,) the group of each landmark, 0 for those in no free frame.
+    """
+    seen = free >= 0
+    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
+    np.minimum.at(first, landmark[seen], free[seen])
+    np.maximum.at(last, landmark[seen], free[seen])
+    tracked = last >= 0
+    length = (last - first + 1)[tracked]
+    exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
+    code = np.full(landmarks, -1)
+    code[tracked] = exponent * (free.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
+    _, group = np.unique(np.append(code, -1), return_inverse=True)
+    return int(length.max(initial=0)), group[:-1]
+
+
+def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntArray:
+    """Group landmarks by the set of blocks of frames that observe them.
+
+    A set is identified by the sum of a random number for each of its blocks. Two sets with the same sum would
+    share a group, which costs time but stays correct.
+
+    Args:
+        free: (N,) number of each observation's frame among the free ones, -1 if it is held.
+        landmark: (N,) landmark of each observation.
+        landmarks: L.
+
+    Returns:
+        (L,) the group of each landmark, 0 for those in no free frame.
+    """
+    seen = free >= 0
+    blocks = int(free.max(initial=0)) // BLOCK_FRAMES + 1
+    pairs = np.unique(landmark[seen] * blocks + free[seen] // BLOCK_FRAMES)
+    number = np.random.default_rng(0).integers(1, 2**62, blocks, dtype=np.uint64)
+    code = np.zeros(landmarks, dtype=np.uint64)
+    np.add.at(code, pairs // blocks, number[pairs % blocks])
+    _, group = np.unique(np.append(code, np.uint64(0)), return_inverse=True)
+    return group[:-1]
+
+
+def split_into_chunks(problem: BundleProblem, free: IntArray, group: IntArray) -> tuple[Chunk, ...]:
+    """Split all observations into chunks of whole groups.
 
     Args:
         problem: The observations.
-        free: (F,) number of each frame among those that may move, -1 if held.
-        group: (L,) of each landmark.
+        free: (F,) number of each frame among the free ones, -1 if it is held.
+        group: (L,) group of each landmark.
     """
     order = np.lexsort((problem.frame, problem.landmark, group[problem.landmark]))
-    parts = _parts(group[problem.landmark[order]], order)
+    parts = _split_between_groups(group[problem.landmark[order]], order)
     return tuple(_chunk(problem, free, group, part) for part in parts)
 
 
-def _parts(group: IntArray, order: IntArray) -> list[IntArray]:
-    """Cut the ordered observations between groups, into chunks of about the same number."""
+def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:
+    """Cut the ordered observations between groups, into parts of about ``CHUNK_OBSERVATIONS``."""
     if not len(order):
         return []
     begins = np.flatnonzero(np.diff(group, prepend=-1))
-    cuts = begins[np.flatnonzero(np.diff(begins // CHUNK, prepend=0))]
+    cuts = begins[np.flatnonzero(np.diff(begins // CHUNK_OBSERVATIONS, prepend=0))]
     return np.split(order, cuts)
 
 
-def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, part: IntArray) -> Chunk:
-    here = problem.only(part)
-    frame, landmarks = here.frame, here.landmark
-    rows, landmark = np.unique(landmarks, return_inverse=True)
-    seen = np.flatnonzero(free[frame] >= 0)
-    groups, entry = _lay_out(free[frame[seen]], landmark[seen], group[rows])
-    first = int(frame.min())
-    return Chunk(here, rows, landmark, first, frame - first, seen, entry, groups)
+def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:
+    part = problem.select_observations(rows)
+    landmarks, landmark = np.unique(part.landmark, return_inverse=True)
+    free_rows = np.flatnonzero(free[part.frame] >= 0)
+    groups, entry = _lay_out_groups(free[part.frame[free_rows]], landmark[free_rows], group[landmarks])
+    first = int(part.frame.min())
+    return Chunk(
+        problem=part,
+        landmarks=landmarks,
+        landmark=landmark,
+        first_frame=first,
+        frame=part.frame - first,
+        free_rows=free_rows,
+        entry=entry,
+        groups=groups,
+    )
 
 
-def _lay_out(frame: IntArray, landmark: IntArray, group: IntArray) -> tuple[tuple[Group, ...], IntArray]:
-    """Blocks of the groups, and (k, 3) where each observation's entries begin.
+def _lay_out_groups(
+    frame: IntArray, landmark: IntArray, group: IntArray
+) -> tuple[tuple[LandmarkGroup, ...], IntArray]:
+    """Return the groups, and (k, 3) the buffer indices at which each observation's entries begin.
 
     Args:
         frame: (k,) free frame of each observation.
-        landmark: (k,) its landmark.
+        landmark: (k,) landmark of each observation.
         group: (m,) group of each landmark.
     """
     if not len(frame):
         return (), np.zeros((0, 3), dtype=np.int64)
     _, group = np.unique(group[np.unique(landmark)], return_inverse=True)
     _, landmark = np.unique(landmark, return_inverse=True)
-    number = np.bincount(group)  # of landmarks in each group
-    place = np.empty_like(group)  # of each landmark in its group
-    before = np.repeat(np.cumsum(number) - number, number)
-    place[np.argsort(group, kind="stable")] = np.arange(len(group)) - before
+    members = np.bincount(group)  # landmarks of each group
+    rank = np.empty_like(group)  # of each landmark in its group
+    before = np.repeat(np.cumsum(members) - members, members)
+    rank[np.argsort(group, kind="stable")] = np.arange(len(group)) - before
     base = int(frame.max()) + 1
     pairs, pair = np.unique(group[landmark] * base + frame, return_inverse=True)
-    first = np.searchsorted(pairs, np.arange(len(number) + 1) * base)
-    groups: list[Group] = []
-    for g, count in enumerate(number.tolist()):
+    first = np.searchsorted(pairs, np.arange(len(members) + 1) * base)
+    groups: list[LandmarkGroup] = []
+    for g, count in enumerate(members.tolist()):
         start = groups[-1].start + groups[-1].size if groups else 0
-        groups.append(Group(pairs[first[g] : first[g + 1]] - g * base, count, start))
+        groups.append(LandmarkGroup(pairs[first[g] : first[g + 1]] - g * base, count, start))
     of = group[landmark]
     width, start_of = np.array([g.width for g in groups])[of], np.array([g.start for g in groups])[of]
-    begin = start_of + POSE * (pair - first[of])
-    return tuple(groups), begin[:, None] + (3 * place[landmark, None] + np.arange(3)) * width[:, None]
+    begin = start_of + POSE_DIM * (pair - first[of])
+    return tuple(groups), begin[:, None] + (3 * rank[landmark, None] + np.arange(3)) * width[:, None]

@@ -1,37 +1,41 @@
 """Levenberg-Marquardt over the reduced normal equations."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import gtsam
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE, NotPositiveDefiniteError
-from vgps.solver.elimination import Structure
-from vgps.solver.landmark_refinement import anchors, best_points, landmark_costs
-from vgps.solver.normal_equations import Linearization, linearize, point_steps, reduce_to_poses
+from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
+from vgps.solver.elimination import SparsityStructure
+from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
+from vgps.solver.normal_equations import Linearization, linearize
 from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
-LIGHT_DAMPING = 1e-2  # leaves a step nearly a Gauss-Newton step: a short one then means a minimum
-_PARTS = (1.0, 0.5, 0.25)
-_POOR = 0.25  # of what was promised
-_SMALL_STEPS = 3  # in succession that end the search even under heavy damping
+LIGHT_DAMPING = (
+    1e-2  # up to this a step is nearly a Gauss-Newton step: if it gains nothing, it is at a minimum
+)
+_STEP_FRACTIONS = (1.0, 0.5, 0.25)
+_POOR_GAIN_RATIO = 0.25  # below this ratio of actual to predicted decrease, shorter steps are tried
+_MAX_SMALL_STEPS = 3  # steps below the tolerance in succession that end the search even under heavy damping
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SolverSettings:
-    """When to stop, and how to damp.
+    """Stopping criteria, damping and limits.
 
     Attributes:
-        max_iterations: Linearisations.
-        relative_tolerance: Stop once a step lowers the cost by no more than this part of it.
+        max_iterations: Maximum number of linearisations.
+        relative_tolerance: Stop once a step lowers the cost by no more than this fraction of it.
         absolute_tolerance: Stop once a step lowers the cost by no more than this.
-        lambda_start: Damping of the first step, as a part of the Hessian's diagonal.
-        lambda_factor: The damping is divided by it after a step, multiplied by it after a refusal.
-        lambda_least, lambda_most: Its bounds; beyond the upper one there is no step.
-        least_gain: A step must lower the cost by this part of what the linear model promised.
-        max_flops: Operations per iteration above which GTSAM's optimiser takes over.
-        max_bytes: Memory of band and blocks above which it does.
+        lambda_start: Damping of the first step, relative to the Hessian's diagonal.
+        lambda_factor: Factor by which the damping falls after a step and rises after a rejected one.
+        lambda_min, lambda_max: Bounds of the damping; no step is tried above the upper one.
+        min_gain_ratio: A step is accepted if the cost falls by more than this fraction of the prediction.
+        max_flops: Operations per iteration above which GTSAM's optimiser is used instead.
+        max_bytes: Memory of matrix, factor and buffers above which it is used.
     """
 
     max_iterations: int = 100
@@ -39,27 +43,37 @@ class SolverSettings:
     absolute_tolerance: float = 1e-9
     lambda_start: float = 1e-5
     lambda_factor: float = 10.0
-    lambda_least: float = 1e-12
-    lambda_most: float = 1e10
-    least_gain: float = 1e-3
+    lambda_min: float = 1e-12
+    lambda_max: float = 1e10
+    min_gain_ratio: float = 1e-3
     max_flops: float = 3e11
     max_bytes: float = 2e9
 
+    def tolerance(self, cost: float) -> float:
+        """Return the decrease of this cost that counts as none."""
+        return max(self.absolute_tolerance, self.relative_tolerance * cost)
+
 
 @dataclass(frozen=True)
-class Outcome:
-    """Where an optimiser ended: after how many iterations, why, and :class:`BundleResult`'s two flags."""
+class Termination:
+    """How an optimiser ended.
 
-    problem: BundleProblem
+    Attributes:
+        iterations: Number of linearisations.
+        reason: Why it stopped.
+        converged: Whether a tolerance was reached.
+        stuck: Whether no step lowered the cost although the start is no minimum.
+    """
+
     iterations: int
     reason: str
-    converged: bool
-    stuck: bool
+    converged: bool = False
+    stuck: bool = False
 
 
 @dataclass(frozen=True)
-class _State:
-    """A place: the problem there, its poses as GTSAM wants them, its cost; each point's :func:`anchors`."""
+class _Iterate:
+    """A problem at its current state, its poses as GTSAM values, its cost, and :func:`anchor_frames`."""
 
     problem: BundleProblem
     values: gtsam.Values
@@ -69,137 +83,143 @@ class _State:
 
 @dataclass(frozen=True)
 class _Step:
-    """Steps of all poses (F, 6), points (L, 3) and what is shared (s,); the decrease that the linear model
-    promises."""
+    """Steps of poses (F, 6), landmarks (L, 3) and shared vectors (s,), and the predicted decrease."""
 
     poses: FloatArray
-    points: FloatArray
+    landmarks: FloatArray
     shared: FloatArray
-    promised: float
+    predicted: float
 
 
-def levenberg(problem: BundleProblem, structure: Structure, settings: SolverSettings) -> Outcome:
-    """Lower the cost until the settings say stop.
+class _SearchResult(NamedTuple):
+    """An iterate of lower cost, or the same one if none was found, and the damping that led there.
+
+    ``at_minimum`` says that a lightly damped step predicted a decrease below the tolerance.
+    """
+
+    iterate: _Iterate
+    damping: float
+    at_minimum: bool
+
+
+def minimize(
+    problem: BundleProblem, structure: SparsityStructure, settings: SolverSettings
+) -> tuple[BundleProblem, Termination]:
+    """Minimise the cost by Levenberg-Marquardt.
 
     Args:
         problem: The start, of finite cost.
-        structure: ``structure_of`` it.
-        settings: When to stop, and how to damp.
+        structure: Structure of the problem.
+        settings: Stopping criteria and damping.
     """
     values = all_pose_values(problem)
     cost = float(landmark_costs(problem, structure).sum()) + float(problem.pose_graph.error(values))
-    state = _State(problem, values, cost, anchors(problem))
+    iterate = _Iterate(problem, values, cost, anchor_frames(problem))
     damping, small_steps = settings.lambda_start, 0
     for iteration in range(settings.max_iterations):
-        better, used, vain = _search(state, structure, damping, settings)
-        decrease = state.cost - better.cost
-        if vain or better is state:
-            return _ended(better.problem, iteration, decrease, vain, used)
-        small_steps = small_steps + 1 if decrease <= _tolerance(state.cost, settings) else 0
-        state, damping = better, max(used / settings.lambda_factor, settings.lambda_least)
-        if small_steps == _SMALL_STEPS or (small_steps and used <= LIGHT_DAMPING):
-            return _ended(state.problem, iteration + 1, decrease, True, used)
+        better, used, at_minimum = _search(iterate, structure, damping, settings)
+        decrease = iterate.cost - better.cost
+        if at_minimum:
+            return better.problem, _converged(iteration, decrease)
+        if better is iterate:
+            reason = f"no step lowers the cost, with a damping of up to {used:.0e}"
+            return iterate.problem, Termination(iteration, reason, stuck=iteration == 0)
+        small_steps = small_steps + 1 if decrease <= settings.tolerance(iterate.cost) else 0
+        iterate, damping = better, max(used / settings.lambda_factor, settings.lambda_min)
+        if small_steps == _MAX_SMALL_STEPS or (small_steps and used <= LIGHT_DAMPING):
+            return iterate.problem, _converged(iteration + 1, decrease)
     reason = f"stopped after {settings.max_iterations} iterations"
-    return Outcome(state.problem, settings.max_iterations, reason, False, False)
+    return iterate.problem, Termination(settings.max_iterations, reason)
 
 
-def _ended(
-    problem: BundleProblem, iterations: int, decrease: float, converged: bool, damping: float
-) -> Outcome:
-    if converged:
-        reason = f"converged: the last step lowered the cost by {decrease:.3g}"
-        return Outcome(problem, iterations, reason, True, False)
-    reason = f"no step lowers the cost, with a damping of up to {damping:.0e}"
-    return Outcome(problem, iterations, reason, False, iterations == 0)
+def _converged(iterations: int, decrease: float) -> Termination:
+    reason = f"converged: the last step lowered the cost by {decrease:.3g}"
+    return Termination(iterations, reason, converged=True)
 
 
 def _search(
-    state: _State, structure: Structure, damping: float, settings: SolverSettings
-) -> tuple[_State, float, bool]:
-    """Raise the damping until a step lowers the cost.
-
-    Returns the place it leads to, or the same place if there is none; the damping; and whether a lightly
-    damped step promised no decrease worth having, which is what a minimum looks like.
-    """
-    linear = linearize(state.problem, state.values, structure)
+    iterate: _Iterate, structure: SparsityStructure, damping: float, settings: SolverSettings
+) -> _SearchResult:
+    """Raise the damping until a step lowers the cost."""
+    linear = linearize(iterate.problem, iterate.values, structure)
     used = damping
-    while damping <= settings.lambda_most:
+    while damping <= settings.lambda_max:
         used = damping
-        step = _step(linear, structure, damping)
-        vain = step is not None and step.promised <= _tolerance(state.cost, settings)
-        better = None if step is None else _try(state, structure, step, settings)
-        if better is not None or vain:
-            return better or state, damping, vain and damping <= LIGHT_DAMPING
+        step = _solve_step(linear, structure, damping)
+        negligible = step is not None and step.predicted <= settings.tolerance(iterate.cost)
+        better = None if step is None else _line_search(iterate, structure, step, settings)
+        if better is not None or negligible:
+            return _SearchResult(better or iterate, damping, negligible and damping <= LIGHT_DAMPING)
         damping *= settings.lambda_factor
-    return state, used, False
+    return _SearchResult(iterate, used, False)
 
 
-def _tolerance(cost: float, settings: SolverSettings) -> float:
-    return max(settings.absolute_tolerance, settings.relative_tolerance * cost)
-
-
-def _step(linear: Linearization, structure: Structure, damping: float) -> _Step | None:
-    band, gradient = reduce_to_poses(linear, structure, damping)
+def _solve_step(linear: Linearization, structure: SparsityStructure, damping: float) -> _Step | None:
+    """Return the step of the damped normal equations; None if they are not positive definite."""
+    matrix, gradient = reduce_to_poses(linear, structure, damping)
     try:
-        factor = structure.cholesky(band)
+        factor = structure.cholesky(matrix)
     except NotPositiveDefiniteError:
         return None
-    free_step, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
-    poses = np.zeros((len(structure.free), POSE))
-    poses[structure.free >= 0] = free_step.reshape(-1, POSE)
-    points = point_steps(linear, poses, damping)
-    slope = float(linear.gradient @ free_step + linear.border.gradient @ shared)
-    damped = float(linear.diagonal @ free_step**2 + linear.border.diagonal @ shared**2)
+    pose_step, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
+    poses = np.zeros((len(structure.free), POSE_DIM))
+    poses[structure.free >= 0] = pose_step.reshape(-1, POSE_DIM)
+    landmarks = landmark_steps(linear, poses, damping)
+    slope = float(linear.gradient @ pose_step + linear.border.gradient @ shared)
+    damped = float(linear.diagonal @ pose_step**2 + linear.border.diagonal @ shared**2)
     for part in linear.chunks:
-        step = points[:, part.chunk.landmarks]
+        step = landmarks[:, part.chunk.landmarks]
         slope += float(np.sum(part.gradient * step))
         damped += float(np.sum(part.diagonal * step**2))
-    return _Step(poses, points.T, shared, 0.5 * (damping * damped - slope))
+    return _Step(poses, landmarks.T, shared, 0.5 * (damping * damped - slope))
 
 
-def _try(state: _State, structure: Structure, step: _Step, settings: SolverSettings) -> _State | None:
-    """The place after the step, or after a part of it that leads lower; nothing if none leads low enough.
+def _line_search(
+    iterate: _Iterate, structure: SparsityStructure, step: _Step, settings: SolverSettings
+) -> _Iterate | None:
+    """Return the best iterate along the step; None if the cost does not fall enough.
 
-    Walls and robust losses are no parabolas: where the model promised far too much, the step overshot.
+    Penalty walls and robust losses are far from quadratic: where the actual decrease is far below the
+    prediction, the step went too far.
     """
-    if not np.isfinite(step.promised):
+    if not np.isfinite(step.predicted):
         return None
-    best = state
-    for part in _PARTS:
-        trial = _moved(state, structure, step, part)
+    best = iterate
+    for fraction in _STEP_FRACTIONS:
+        trial = _retract(iterate, structure, step, fraction)
         if trial.cost < best.cost:  # false of NaN
             best = trial
-        if state.cost - best.cost >= _POOR * step.promised:
+        if iterate.cost - best.cost >= _POOR_GAIN_RATIO * step.predicted:
             break
-    good = state.cost - best.cost > max(settings.least_gain * step.promised, 0.0)
-    return best if good else None
+    accepted = iterate.cost - best.cost > max(settings.min_gain_ratio * step.predicted, 0.0)
+    return best if accepted else None
 
 
-def _moved(state: _State, structure: Structure, step: _Step, part: float) -> _State:
-    """The place after ``part`` of a step."""
-    delta = gtsam.VectorValues()
-    moves = structure.free >= 0
-    for key, pose_step in zip(state.problem.keys[moves].tolist(), part * step.poses[moves], strict=True):
+def _retract(iterate: _Iterate, structure: SparsityStructure, step: _Step, fraction: float) -> _Iterate:
+    """Return the iterate after a fraction of a step."""
+    before, delta = iterate.problem, gtsam.VectorValues()
+    free = structure.free >= 0
+    for key, pose_step in zip(before.keys[free].tolist(), fraction * step.poses[free], strict=True):
         delta.insert(key, pose_step)
     at = 0
-    for key in sorted(state.problem.shared):
-        size = len(state.problem.shared[key])
-        delta.insert(key, part * step.shared[at : at + size])
+    for key in sorted(before.shared):
+        size = len(before.shared[key])
+        delta.insert(key, fraction * step.shared[at : at + size])
         at += size
-    values = state.values.retract(delta)
-    shared = {key: values.atVector(key) for key in state.problem.shared}
-    problem = state.problem.moved(_poses(values, state.problem), state.problem.world_p_landmark, shared)
-    points, video = best_points(problem, state.problem, state.anchor, part * step.points, structure)
-    problem = problem.moved(problem.world_T_camera, points)
-    return _State(problem, values, video + float(problem.pose_graph.error(values)), state.anchor)
+    values = iterate.values.retract(delta)
+    shared = {key: values.atVector(key) for key in before.shared}
+    problem = before.moved(_poses(values, before), before.world_p_landmark, shared)
+    landmarks, video = step_landmarks(problem, before, iterate.anchor, fraction * step.landmarks, structure)
+    problem = problem.moved(problem.world_T_camera, landmarks)
+    return _Iterate(problem, values, video + float(problem.pose_graph.error(values)), iterate.anchor)
 
 
 def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
-    """(F, 4, 4) poses of the values; held ones to the last bit as they were."""
+    """Return the poses (F, 4, 4) of the values; held poses stay unchanged to the last bit."""
     rows = np.empty((len(before.world_T_camera), 12))
     rows[np.argsort(before.keys)] = gtsam.utilities.extractPose3(values)  # in ascending order of keys
     world_T_camera = before.world_T_camera.copy()
-    moves = ~before.fixed_frames
-    world_T_camera[moves, :3, :3] = rows[moves, :9].reshape(-1, 3, 3)
-    world_T_camera[moves, :3, 3] = rows[moves, 9:]
+    free = ~before.fixed_frames
+    world_T_camera[free, :3, :3] = rows[free, :9].reshape(-1, 3, 3)
+    world_T_camera[free, :3, 3] = rows[free, 9:]
     return world_T_camera

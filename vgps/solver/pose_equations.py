@@ -1,22 +1,39 @@
-"""Normal equations of the factors on poses, which GTSAM linearises, and of what all frames share."""
+"""Normal equations of the factors on poses, which GTSAM linearises, and of the shared vectors."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import gtsam
 import numpy as np
 from scipy import sparse
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE
-from vgps.solver.elimination import Matrix, Structure
+from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.problem import BundleProblem
 
-MIN_DIAGONAL = 1e-6  # damped at least as if the diagonal were this, GTSAM's default
+MIN_DIAGONAL = 1e-6  # diagonals below are damped as if they were this, as GTSAM does by default
+
+
+class BorderedSolution(NamedTuple):
+    """Solution of the reduced normal equations with their border.
+
+    Attributes:
+        pose_step: (6 n_free,).
+        shared_step: (s,).
+        pose_by_shared: (6 n_free, s) ``H^-1 coupling``.
+        complement: (s, s) Schur complement on the shared coordinates.
+    """
+
+    pose_step: FloatArray
+    shared_step: FloatArray
+    pose_by_shared: FloatArray
+    complement: FloatArray
 
 
 @dataclass(frozen=True)
 class Border:
-    """Normal equations of what all frames share, s coordinates in ascending order of their keys.
+    """Normal equations of the shared vectors: s coordinates, vectors in ascending order of their keys.
 
     Attributes:
         coupling: (6 n_free, s) with the poses.
@@ -30,36 +47,30 @@ class Border:
 
     @property
     def diagonal(self) -> FloatArray:
-        """(s,) diagonal that damping scales with."""
+        """(s,) diagonal by which damping is scaled."""
         return np.maximum(np.diagonal(self.hessian), MIN_DIAGONAL)
 
-    def eliminate(
-        self, factor: Matrix, gradient: FloatArray, damping: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Solve for poses and shared coordinates together.
+    def eliminate(self, factor: PoseMatrix, gradient: FloatArray, damping: float) -> BorderedSolution:
+        """Solve for poses and shared vectors together.
 
         Args:
-            factor: Of the reduced matrix H of the poses.
+            factor: Cholesky factor of the reduced matrix H of the poses.
             gradient: (6 n_free,) reduced gradient of the poses.
-            damping: As of the poses.
-
-        Returns:
-            Steps of the poses (6 n_free,) and of what is shared (s,), ``H^-1 coupling`` (6 n_free, s), and
-            the Schur complement on what is shared (s, s).
+            damping: Added to the border, relative to its diagonal.
         """
         Y = factor.solve(np.column_stack([self.coupling, gradient]))
         by_shared, by_gradient = Y[:, :-1], Y[:, -1]
         complement = self.hessian + np.diag(damping * self.diagonal) - self.coupling.T @ by_shared
         right = self.gradient - self.coupling.T @ by_gradient
         shared: FloatArray = -np.linalg.solve(complement, right).astype(np.float64)
-        return -by_gradient - by_shared @ shared, shared, by_shared, complement
+        return BorderedSolution(-by_gradient - by_shared @ shared, shared, by_shared, complement)
 
 
-def pose_graph_normal(
-    problem: BundleProblem, values: gtsam.Values, structure: Structure
+def linearize_pose_graph(
+    problem: BundleProblem, values: gtsam.Values, structure: SparsityStructure
 ) -> tuple[sparse.csr_array, FloatArray, Border]:
-    """Lower triangle of J^T J, and J^T r, of the pose factors, linearised by GTSAM; and the border."""
-    n = POSE * structure.n_free
+    """Return the lower triangle of J^T J and J^T r of the pose factors, and the border."""
+    n = POSE_DIM * structure.n_free
     A, b = whitened_jacobian(problem, problem.pose_graph, values, structure)
     gradient = -(A.T @ b)
     poses, shared = A[:, :n], A[:, n:].toarray()
@@ -68,15 +79,25 @@ def pose_graph_normal(
 
 
 def whitened_jacobian(
-    problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, structure: Structure
+    problem: BundleProblem,
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    structure: SparsityStructure,
 ) -> tuple[sparse.csr_array, FloatArray]:
-    """Whitened Jacobian (rows, 6 n_free + shared) of factors on poses, and minus their residuals (rows,)."""
-    size = POSE * structure.n_free + sum(len(vector) for vector in problem.shared.values())
-    target = _columns(problem, graph, structure)
+    """Return the whitened Jacobian (rows, 6 n_free + s) of factors, and minus their residuals (rows,).
+
+    Args:
+        problem: Gives the keys of poses and shared vectors.
+        graph: Factors on poses and shared vectors.
+        values: The linearisation point.
+        structure: Structure of the problem.
+    """
+    size = POSE_DIM * structure.n_free + sum(len(vector) for vector in problem.shared.values())
+    target = _target_columns(problem, graph, structure)
     if not len(target):
         return sparse.csr_array((0, size)), np.zeros(0)
     row, column, value = graph.linearize(values).sparseJacobian_()
-    # one-based; the columns follow the keys in ascending order, the right-hand side is the last
+    # indices count from one; columns follow the keys in ascending order, the right-hand side comes last
     row, column = row.astype(np.int64) - 1, column.astype(np.int64) - 1
     right = column == len(target)
     b = np.zeros(int(row.max(initial=-1)) + 1)
@@ -86,18 +107,20 @@ def whitened_jacobian(
     return sparse.csr_array((value[keep], (row[keep], to[keep])), shape=(len(b), size)), b
 
 
-def _columns(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, structure: Structure) -> IntArray:
-    """Where each column of the factors' Jacobian goes: free poses, then what is shared; -1 if held."""
-    at, start = {}, POSE * structure.n_free
+def _target_columns(
+    problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, structure: SparsityStructure
+) -> IntArray:
+    """Return the target of each column of GTSAM's Jacobian: free poses, then shared vectors; -1 if held."""
+    at, start = {}, POSE_DIM * structure.n_free
     for key in sorted(problem.shared):
         at[key], start = start, start + len(problem.shared[key])
     columns, keys = [], sorted(graph.keyVector())
-    own = [key for key in keys if key not in at]
-    numbers = dict(zip(own, structure.free[problem.frames_of(own)].tolist(), strict=True))
+    pose_keys = [key for key in keys if key not in at]
+    numbers = dict(zip(pose_keys, structure.free[problem.frames_of(pose_keys)].tolist(), strict=True))
     for key in keys:
         if key in at:
             columns.append(at[key] + np.arange(len(problem.shared[key])))
         else:
             number = numbers[key]
-            columns.append(POSE * number + np.arange(POSE) if number >= 0 else np.full(POSE, -1))
+            columns.append(POSE_DIM * number + np.arange(POSE_DIM) if number >= 0 else np.full(POSE_DIM, -1))
     return np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)

@@ -1,90 +1,131 @@
-"""The projection factors of a GTSAM graph as arrays, and which of them the engine can take."""
+"""The projection factors of a GTSAM graph as arrays, and which of them the engine can read."""
 
 from collections import Counter
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import gtsam
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.solver.noise_models import Noise, read_noise
+from vgps.solver.noise_models import PixelNoise, read_noise_model
 
 Calibration = tuple[float, float, float, float, float]  # fx, fy, skew, cx, cy
 
 
-class ProjectionFactors(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class ProjectionFactors:
     """Projection factors of a graph.
 
     Attributes:
-        place: (N,) of the factors in the graph.
-        pose, point: (N,) keys.
-        noise, camera: (N,) numbers among the graph's noise models and calibrations.
-        uv_px: (N, 2).
+        factor: (N,) index of each factor in the graph.
+        pose_key, point_key: (N,) keys of its pose and its landmark.
+        noise: (N,) index into ``noise_models``.
+        camera: (N,) index into ``calibrations``.
+        uv_px: (N, 2) measured position.
+        noise_models: Distinct noise models of the graph; None for those that cannot be read.
+        calibrations: Distinct calibrations of the graph.
     """
 
-    place: IntArray
-    pose: IntArray
-    point: IntArray
+    factor: IntArray
+    pose_key: IntArray
+    point_key: IntArray
     noise: IntArray
     camera: IntArray
     uv_px: FloatArray
+    noise_models: Sequence[PixelNoise | None]
+    calibrations: Sequence[Calibration]
 
-    def only(self, kept: BoolArray) -> "ProjectionFactors":
-        """Those of (N,) that are kept."""
-        numbers = self.place, self.pose, self.point, self.noise, self.camera
-        place, pose, point, noise, camera = (column[kept] for column in numbers)
-        return ProjectionFactors(place, pose, point, noise, camera, self.uv_px[kept])
+    def __len__(self) -> int:
+        return len(self.factor)
+
+    def select(self, mask: BoolArray) -> "ProjectionFactors":
+        """Return the factors for which ``mask`` (N,) is true."""
+        return replace(
+            self,
+            factor=self.factor[mask],
+            pose_key=self.pose_key[mask],
+            point_key=self.point_key[mask],
+            noise=self.noise[mask],
+            camera=self.camera[mask],
+            uv_px=self.uv_px[mask],
+        )
 
 
-def sorted_out(
-    graph: gtsam.NonlinearFactorGraph,
-) -> tuple[ProjectionFactors, list[Noise | None], list[Calibration], list[int]]:
-    """The projections, the graph's noise models and calibrations, and the places of all other factors."""
+def split_projections(graph: gtsam.NonlinearFactorGraph) -> tuple[ProjectionFactors, list[int]]:
+    """Return the projection factors of a graph, and the indices of all its other factors."""
     rows, uv_px, others = [], [], []
-    # GTSAM hands out one object for one model as long as it lives: each is read once
+    # GTSAM's wrapper returns the same object for a model as long as it lives, so each is read only once
     models: dict[int, tuple[int, gtsam.noiseModel.Base]] = {}
     cameras: dict[int, tuple[int, gtsam.Cal3_S2]] = {}
-    for at in range(graph.size()):
-        factor = graph.at(at)
+    for index in range(graph.size()):
+        factor = graph.at(index)
         if factor is None:
             continue
         if type(factor) is not gtsam.GenericProjectionFactorCal3_S2 or factor.throwCheirality():
-            others.append(at)
+            others.append(index)
             continue
         model, K = factor.noiseModel(), factor.calibration()
         number = models.setdefault(id(model), (len(models), model))[0]
-        rows.append((at, *factor.keys(), number, cameras.setdefault(id(K), (len(cameras), K))[0]))
+        rows.append((index, *factor.keys(), number, cameras.setdefault(id(K), (len(cameras), K))[0]))
         uv_px.append(factor.measured())
-    place, pose, point, noise, camera = np.array(rows, dtype=np.int64).reshape(-1, 5).T
-    observations = ProjectionFactors(place, pose, point, noise, camera, np.array(uv_px).reshape(-1, 2))
-    noises = [read_noise(model) for _, model in models.values()]
-    read = [(K.fx(), K.fy(), K.skew(), K.px(), K.py()) for _, K in cameras.values()]
-    return observations, noises, read, others
+    index_, pose_key, point_key, noise, camera = np.array(rows, dtype=np.int64).reshape(-1, 5).T
+    projections = ProjectionFactors(
+        factor=index_,
+        pose_key=pose_key,
+        point_key=point_key,
+        noise=noise,
+        camera=camera,
+        uv_px=np.array(uv_px).reshape(-1, 2),
+        noise_models=[read_noise_model(model) for _, model in models.values()],
+        calibrations=[(K.fx(), K.fy(), K.skew(), K.px(), K.py()) for _, K in cameras.values()],
+    )
+    return projections, others
 
 
-def usual(
-    observations: ProjectionFactors, noises: list[Noise | None], cameras: list[Calibration]
+def readable_projections(
+    graph: gtsam.NonlinearFactorGraph, projections: ProjectionFactors, others: Sequence[int]
 ) -> BoolArray:
-    """(N,) those of one calibration without skew, and of no loss or the most frequent one."""
-    loss = np.array(["unknown" if noise is None else noise.loss for noise in noises])[observations.noise]
-    known = [name for name in loss.tolist() if name not in ("none", "unknown")]
-    good = (loss == "none") | (loss == _most_frequent(known))
-    square = np.array([K[2] == 0.0 for K in cameras])[observations.camera]
-    one = _most_frequent([cameras[i] for i in observations.camera[good & square].tolist()])
-    return np.asarray(good & np.array([one == K for K in cameras])[observations.camera])
+    """Return which projections (N,) the engine can take as arrays.
+
+    They share one calibration without skew and, apart from those without a loss, one loss. Their landmarks
+    have no other factors, and are observed at most once from each pose.
+
+    Args:
+        graph: The graph.
+        projections: Its projection factors.
+        others: Indices of its other factors.
+    """
+    common = _with_common_models(projections)
+    return common & ~_has_other_factors(graph, projections, common, others)
 
 
-def _most_frequent(things: list[Any]) -> Any:
-    return Counter(things).most_common(1)[0][0] if things else None
+def _with_common_models(projections: ProjectionFactors) -> BoolArray:
+    """Return which projections have the most frequent calibration, and no loss or the most frequent one."""
+    names = ["unknown" if noise is None else noise.loss for noise in projections.noise_models]
+    loss = np.array(names)[projections.noise]
+    robust = [name for name in loss.tolist() if name not in ("none", "unknown")]
+    good = (loss == "none") | (loss == _most_frequent(robust))
+    no_skew = np.array([K[2] == 0.0 for K in projections.calibrations])[projections.camera]
+    usual = _most_frequent([projections.calibrations[i] for i in projections.camera[good & no_skew].tolist()])
+    return np.asarray(good & np.array([usual == K for K in projections.calibrations])[projections.camera])
 
 
-def with_more(
-    graph: gtsam.NonlinearFactorGraph, observations: ProjectionFactors, usual: BoolArray, others: list[int]
+def _most_frequent(items: list[Any]) -> Any:
+    return Counter(items).most_common(1)[0][0] if items else None
+
+
+def _has_other_factors(
+    graph: gtsam.NonlinearFactorGraph,
+    projections: ProjectionFactors,
+    common: BoolArray,
+    others: Sequence[int],
 ) -> BoolArray:
-    """(N,) whether the landmark has other factors than readable projections, or two in one pose."""
-    touched = {key for place in others for key in list(graph.at(place).keys())}
-    pairs = np.stack([observations.pose, observations.point])
-    _, pair, times = np.unique(pairs[:, usual], axis=1, return_inverse=True, return_counts=True)
-    twice = observations.point[usual][times[pair.ravel()] > 1]
-    more = np.concatenate([observations.point[~usual], twice, np.array(sorted(touched), dtype=np.int64)])
-    return np.isin(observations.point, more)
+    """Return whose landmarks have factors beyond the common projections, or two of these in one pose."""
+    keys = {key for index in others for key in list(graph.at(index).keys())}
+    pairs = np.stack([projections.pose_key, projections.point_key])
+    _, pair, count = np.unique(pairs[:, common], axis=1, return_inverse=True, return_counts=True)
+    twice = projections.point_key[common][count[pair.ravel()] > 1]
+    tied = np.concatenate([projections.point_key[~common], twice, np.array(sorted(keys), dtype=np.int64)])
+    return np.isin(projections.point_key, tied)

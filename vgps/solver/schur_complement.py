@@ -1,168 +1,135 @@
-"""Levenberg-Marquardt on a bundle problem, with the landmarks eliminated and the poses as a band or in tiles.
+"""Elimination of the landmarks: the Schur complement on the poses, and the landmarks' steps from the poses'.
 
-The result is the minimum that GTSAM's own optimiser finds, several times faster; where the poses hang
-together so much that neither is sparse, GTSAM's optimiser is used.
+With poses p and landmarks l, ``[H_pp H_pl; H_lp H_ll]`` reduces to ``H_pp - H_pl H_ll^-1 H_lp``, where H_ll
+consists of (3, 3) blocks. Each is factored as ``H_ll^-1 = M^T M``, so that every observation contributes
+``Z = M J_l^T J_p`` and every group of landmarks subtracts one product ``Z^T Z``.
 """
 
-import time
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from vgps.errors import GeometryError
 from vgps.model import FloatArray
-from vgps.runtime.threads import one_blas_thread
-from vgps.solution import SolverReport
-from vgps.solver.band_matrix import POSE, NotPositiveDefiniteError
-from vgps.solver.elimination import Matrix, Structure, structure_of
-from vgps.solver.gtsam_backend import levenberg_of_gtsam
-from vgps.solver.levenberg_marquardt import SolverSettings, levenberg
-from vgps.solver.normal_equations import Linearization, linearize, reduce_to_poses
-from vgps.solver.problem import BundleProblem, all_pose_values, cost_terms
+from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.elimination import PoseMatrix, SparsityStructure
+from vgps.solver.normal_equations import Linearization, LinearizedChunk
 
-__all__ = [
-    "BundleResult",
-    "Covariances",
-    "Solver",
-    "SolverSettings",
-    "covariances",
-    "pose_covariances",
-    "solve",
-]
-
-Solver = Literal["schur", "gtsam"]
-
-_LEAST_PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a direction that nothing determines
+_MIN_PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a landmark seen along a single ray
 
 
 @dataclass(frozen=True)
-class BundleResult:
-    """Where the optimiser ended.
+class LandmarkFactors:
+    """Inverse Cholesky factors M of the landmarks' (3, 3) blocks V, ``M^T M = V^-1``.
 
     Attributes:
-        problem: The problem with its new poses and points; never of a higher cost than the one given.
-        report: Cost per term before and after, iterations, and why it stopped.
-        solver: Which optimiser did it.
-        converged: Whether a tolerance was reached.
-        stuck: Whether no step lowered the cost though the start is no minimum: the result is the start, and a
-            caller must not take it for an optimum.
-        seconds: Wall time.
+        m: (6, m) lower triangles of M, row by row.
     """
 
-    problem: BundleProblem
-    report: SolverReport
-    solver: Solver
-    converged: bool
-    stuck: bool
-    seconds: float
+    m: FloatArray
+
+    def times(self, v: FloatArray) -> FloatArray:
+        """Return M v for (3, m) v."""
+        m = self.m
+        return np.stack([m[0] * v[0], m[1] * v[0] + m[2] * v[1], m[3] * v[0] + m[4] * v[1] + m[5] * v[2]])
+
+    def transposed_times(self, v: FloatArray) -> FloatArray:
+        """Return M^T v for (3, m) v."""
+        m = self.m
+        return np.stack([m[0] * v[0] + m[1] * v[1] + m[3] * v[2], m[2] * v[1] + m[4] * v[2], m[5] * v[2]])
 
 
-def solve(
-    problem: BundleProblem, settings: SolverSettings | None = None, solver: Solver = "schur"
-) -> BundleResult:
-    """Minimise the cost over the free poses and all points.
+def factorize_landmarks(linear: LinearizedChunk, damping: FloatArray | float) -> LandmarkFactors:
+    """Factor the landmarks' blocks with ``damping``, a number or (m,), times their diagonal added.
+
+    A landmark seen once, or along nearly one ray, has a singular block. The damping, or without it a pivot
+    kept above rounding, makes it keep its depth.
+    """
+    a, b, c, d, e, f = linear.hessian
+    more = damping * linear.diagonal
+    a, c, f = a + more[0], c + more[1], f + more[2]
+    l11 = np.sqrt(np.maximum(a, 1e-300))
+    l21, l31 = b / l11, d / l11
+    l22 = np.sqrt(np.maximum(c - l21 * l21, _MIN_PIVOT * c + 1e-300))
+    l32 = (e - l21 * l31) / l22
+    l33 = np.sqrt(np.maximum(f - l31 * l31 - l32 * l32, _MIN_PIVOT * f + 1e-300))
+    m11, m22, m33 = 1.0 / l11, 1.0 / l22, 1.0 / l33
+    m21, m32 = -m22 * l21 * m11, -m33 * l32 * m22
+    m31 = -m33 * (l31 * m11 + l32 * m21)
+    return LandmarkFactors(np.stack([m11, m21, m22, m31, m32, m33]))
+
+
+def reduce_to_poses(
+    linear: Linearization, structure: SparsityStructure, damping: float
+) -> tuple[PoseMatrix, FloatArray]:
+    """Return the Schur complement on the free poses and its gradient.
 
     Args:
-        problem: The start.
-        settings: Tolerances and limits.
-        solver: ``schur``, or ``gtsam`` for GTSAM's Levenberg-Marquardt.
+        linear: Linearisation of the problem.
+        structure: Structure of the problem.
+        damping: Added to poses and landmarks, relative to their diagonals.
 
-    Raises:
-        GeometryError: The cost at the start is not finite.
-        ValueError: A landmark is seen twice in one frame, or a pose factor has a key that is no frame's.
+    Returns:
+        The matrix over the free poses, and the gradient (6 n_free,).
     """
-    settings = settings or SolverSettings()
-    begun = time.perf_counter()
-    before = cost_terms(problem)
-    if not np.isfinite(sum(before.values())):
-        raise GeometryError(
-            f"the cost at the start is not finite ({_in_words(before)})",
-            expected="poses near enough for every factor",
-            remedy="start from better poses, or raise the wall's exponent in stages",
+    matrix = structure.empty()
+    hessian = linear.hessian
+    matrix.add_entries(hessian.row.astype(np.int64), hessian.col.astype(np.int64), hessian.data)
+    matrix.add_diagonal(damping * linear.diagonal)
+    explained = np.zeros((POSE_DIM, len(structure.free)))
+    scratch = np.empty(max((chunk.size for chunk in structure.chunks), default=0))
+    for part in linear.chunks:
+        chunk = part.chunk
+        coupling, r = _coupling(part, factorize_landmarks(part, damping))
+        explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += part.pose_gradient(r)
+        buffer = scratch[: chunk.size]
+        _fill_groups(part, coupling, buffer)
+        for group in chunk.groups:
+            group.subtract_square(buffer, matrix)
+    return matrix, linear.gradient - explained[:, structure.free >= 0].T.ravel()
+
+
+def _coupling(linear: LinearizedChunk, factors: LandmarkFactors) -> tuple[FloatArray, FloatArray]:
+    """Return B = J_l M^T of each observation (2, 3, n), and the residuals (2, n) that landmarks absorb."""
+    at, jl = linear.chunk.landmark, linear.jl
+    m = factors.m[:, at]
+    y = factors.times(linear.gradient)[:, at]
+    B = np.empty_like(jl)
+    for i in range(2):
+        B[i, 0] = jl[i, 0] * m[0]
+        B[i, 1] = jl[i, 0] * m[1] + jl[i, 1] * m[2]
+        B[i, 2] = jl[i, 0] * m[3] + jl[i, 1] * m[4] + jl[i, 2] * m[5]
+    return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
+
+
+def pose_scores(linear: LinearizedChunk) -> FloatArray:
+    """Return the contribution of each observation to the reduced gradient, (6, n)."""
+    _, explained = _coupling(linear, factorize_landmarks(linear, 0.0))
+    r = linear.r - explained
+    return np.array([linear.pose_products(r, a) for a in range(POSE_DIM)])
+
+
+def _fill_groups(linear: LinearizedChunk, coupling: FloatArray, buffer: FloatArray) -> None:
+    """Write Z = B^T J_p of every observation in a free frame into the matrices of the groups."""
+    buffer[:] = 0.0
+    chunk = linear.chunk
+    all_free = len(chunk.free_rows) == len(chunk.frame)
+    for c in range(3):
+        entry = chunk.entry[:, c]
+        for a in range(POSE_DIM):
+            value = linear.pose_products(coupling[:, c], a)
+            buffer[a:][entry] = value if all_free else value[chunk.free_rows]
+
+
+def landmark_steps(linear: Linearization, pose_step: FloatArray, damping: float) -> FloatArray:
+    """Return the landmarks' steps (3, L) that follow from the poses' steps (F, 6)."""
+    steps = np.zeros((3, linear.landmarks))
+    for part in linear.chunks:
+        chunk, jp = part.chunk, part.jp
+        step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
+        r = np.stack(
+            [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
         )
-    structure = structure_of(problem) if solver == "schur" else None
-    if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
-        with one_blas_thread():
-            outcome = levenberg(problem, structure, settings)
-    else:
-        solver, outcome = "gtsam", levenberg_of_gtsam(problem, settings)
-    report = SolverReport(before, cost_terms(outcome.problem), outcome.iterations, outcome.reason)
-    seconds = time.perf_counter() - begun
-    return BundleResult(outcome.problem, report, solver, outcome.converged, outcome.stuck, seconds)
-
-
-def _in_words(cost: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())
-
-
-@dataclass(frozen=True)
-class Covariances:
-    """Covariances of poses and of what they share.
-
-    Attributes:
-        poses: (F, 6, 6) in the body tangent [rotation; translation], rad and m; held frames have zero.
-        shared: (d, d) by key.
-    """
-
-    poses: FloatArray
-    shared: Mapping[int, FloatArray]
-
-    def scaled(self, factor: float) -> "Covariances":
-        """All of them times a factor."""
-        return Covariances(factor * self.poses, {key: factor * block for key, block in self.shared.items()})
-
-
-def covariances(problem: BundleProblem) -> Covariances:
-    """Marginals of the poses and of what they share: blocks of the inverse of the reduced matrix.
-
-    Raises:
-        GeometryError: Observations and factors do not determine the poses.
-    """
-    structure = structure_of(problem)
-    moves = structure.free >= 0
-    poses = np.zeros((len(moves), POSE, POSE))
-    with one_blas_thread():
-        linear = linearize(problem, all_pose_values(problem), structure)
-        factor, gradient = factorised(linear, structure)
-        poses[moves] = factor.inverse_diagonal_blocks()
-        if not problem.shared:
-            return Covariances(poses, {})
-        _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
-    of_shared: FloatArray = np.linalg.inv(complement).astype(np.float64)
-    rows = by_shared.reshape(structure.n_free, POSE, -1)
-    poses[moves] += rows @ of_shared @ rows.transpose(0, 2, 1)
-    return Covariances(poses, shared_blocks(problem, of_shared))
-
-
-def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, FloatArray]:
-    """Diagonal blocks of a covariance of all shared coordinates, by key."""
-    blocks, at = {}, 0
-    for key in sorted(problem.shared):
-        own = slice(at, at + len(problem.shared[key]))
-        blocks[key], at = covariance[own, own], own.stop
-    return blocks
-
-
-def factorised(linear: Linearization, structure: Structure) -> tuple[Matrix, FloatArray]:
-    """Cholesky factor of the reduced matrix of the poses, not damped, and their reduced gradient.
-
-    Raises:
-        GeometryError: Observations and factors do not determine the poses.
-    """
-    band, gradient = reduce_to_poses(linear, structure, 0.0)
-    try:
-        return structure.cholesky(band, _LEAST_PIVOT * linear.diagonal), gradient
-    except NotPositiveDefiniteError as error:
-        frame = int(np.flatnonzero(structure.free >= 0)[error.column // POSE])
-        raise GeometryError(
-            "its pose is not determined by observations and fixes",
-            place=f"frame {frame}",
-            remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
-        ) from None
-
-
-def pose_covariances(problem: BundleProblem) -> FloatArray:
-    """(F, 6, 6) of :func:`covariances`."""
-    return covariances(problem).poses
+        factors = factorize_landmarks(part, damping)
+        gradient = part.gradient + part.landmark_gradient(r)
+        steps[:, chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
+    return steps

@@ -7,18 +7,21 @@ from gtsam.symbol_shorthand import L, X
 from synthetic_bundle import drive, pose_factors, true_poses
 
 from vgps.errors import GeometryError
-from vgps.solver.elimination import structure_of
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
+from vgps.solver.elimination import analyze_sparsity
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.normal_equations import linearize, reduce_to_poses
-from vgps.solver.problem import BundleProblem, all_pose_values, cost_terms
-from vgps.solver.schur_complement import SolverSettings, pose_covariances, solve
+from vgps.solver.marginals import marginal_covariances
+from vgps.solver.normal_equations import linearize
+from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.schur_complement import reduce_to_poses
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 
 
 def only(problem: BundleProblem, keep: np.ndarray) -> BundleProblem:
     """The problem with some of its observations, and its pose factors."""
-    return replace(problem.only(keep), pose_graph=problem.pose_graph, shared=problem.shared)
+    return replace(problem.select_observations(keep), pose_graph=problem.pose_graph, shared=problem.shared)
 
 
 def robust(problem: BundleProblem, loss: str) -> BundleProblem:
@@ -146,7 +149,7 @@ def test_reduced_matrix_is_the_schur_complement_of_gtsam() -> None:
     coupling = np.linalg.solve(H[:n, :n], H[:n, n:])
     expected, expected_gradient = H[n:, n:] - H[n:, :n] @ coupling, -(g[n:] - coupling.T @ g[:n])
 
-    structure = structure_of(problem)
+    structure = analyze_sparsity(problem)
     band, gradient = reduce_to_poses(linearize(problem, values, structure), structure, 0.0)
     rows, columns = np.tril_indices(48)
     inside = rows - columns <= structure.half_bandwidth
@@ -159,7 +162,7 @@ def test_reduced_matrix_is_the_schur_complement_of_gtsam() -> None:
 
 def test_gradient_is_that_of_the_cost_along_gtsams_chart() -> None:
     problem = robust(drive(frames=8, landmarks=60, outliers=0.1)[0], "cauchy")
-    structure = structure_of(problem)
+    structure = analyze_sparsity(problem)
     linear = linearize(problem, all_pose_values(problem), structure)
     rng = np.random.default_rng(1)
     for _ in range(5):
@@ -183,14 +186,14 @@ def test_covariances_are_gtsams_marginals(case: str) -> None:
     problem = solve(CASES[case](), TIGHT).problem
     marginals = gtsam.Marginals(*to_graph(problem))
     expected = np.stack([marginals.marginalCovariance(X(i)) for i in range(40)])
-    found = pose_covariances(problem)
+    found = marginal_covariances(problem).poses
     size = np.sqrt(np.einsum("fii->fi", expected))
     np.testing.assert_allclose((found - expected) / size[:, :, None] / size[:, None, :], 0.0, atol=1e-6)
 
 
 def test_held_frames_have_no_covariance_and_the_others_that_of_the_rest() -> None:
     problem = held()
-    covariance = pose_covariances(problem)
+    covariance = marginal_covariances(problem).poses
     assert not np.any(covariance[problem.fixed])
     graph, values = to_graph(replace(problem, fixed=None))
     tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-6)
@@ -203,7 +206,7 @@ def test_held_frames_have_no_covariance_and_the_others_that_of_the_rest() -> Non
 def test_covariance_of_a_free_floating_run_is_refused() -> None:
     problem, _ = drive(frames=10, landmarks=80)
     with pytest.raises(GeometryError, match=r"frame \d+: its pose is not determined"):
-        pose_covariances(replace(problem, pose_graph=gtsam.NonlinearFactorGraph()))
+        marginal_covariances(replace(problem, pose_graph=gtsam.NonlinearFactorGraph()))
 
 
 def test_free_floating_run_is_still_solved() -> None:
@@ -274,7 +277,7 @@ def test_start_without_a_finite_cost_is_refused() -> None:
 def test_two_observations_in_one_frame_are_refused() -> None:
     problem, _ = drive(frames=10, landmarks=20)
     twice = only(problem, np.append(np.arange(len(problem.frame)), 3))
-    with pytest.raises(ValueError, match="twice in one frame"):
+    with pytest.raises(ValueError, match="observed twice in one frame"):
         solve(twice)
 
 

@@ -1,0 +1,91 @@
+"""Bundle adjustment: Levenberg-Marquardt on a bundle problem, by the sparse engine or by GTSAM.
+
+The engine finds the minimum that GTSAM's own optimiser finds, several times faster. Where the poses are
+coupled too densely for it, GTSAM's optimiser is used.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vgps.errors import GeometryError
+from vgps.runtime.threads import one_blas_thread
+from vgps.solution import SolverReport
+from vgps.solver.cost import cost_terms
+from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.gtsam_backend import solve_with_gtsam
+from vgps.solver.levenberg_marquardt import SolverSettings, minimize
+from vgps.solver.problem import BundleProblem
+
+__all__ = ["BundleResult", "Solver", "SolverSettings", "solve"]
+
+Solver = Literal["schur", "gtsam"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BundleResult:
+    """Result of a bundle adjustment.
+
+    Attributes:
+        problem: The problem with its new poses and landmarks; its cost is never above that of the start.
+        report: Cost per term before and after, iterations, and why the optimiser stopped.
+        solver: The optimiser that was used.
+        converged: Whether a tolerance was reached.
+        stuck: Whether no step lowered the cost although the start is no minimum. The result is then the
+            start, and must not be taken for an optimum.
+        seconds: Wall time.
+    """
+
+    problem: BundleProblem
+    report: SolverReport
+    solver: Solver
+    converged: bool
+    stuck: bool
+    seconds: float
+
+
+def solve(
+    problem: BundleProblem, settings: SolverSettings | None = None, solver: Solver = "schur"
+) -> BundleResult:
+    """Minimise the cost over the free poses, all landmarks and the shared vectors.
+
+    Args:
+        problem: The start.
+        settings: Tolerances and limits.
+        solver: ``schur`` for the sparse engine, ``gtsam`` for GTSAM's Levenberg-Marquardt.
+
+    Raises:
+        GeometryError: The cost at the start is not finite.
+        ValueError: A landmark is observed twice in one frame, or a pose factor has an unknown key.
+    """
+    settings = settings or SolverSettings()
+    begin = time.perf_counter()
+    before = cost_terms(problem)
+    if not np.isfinite(sum(before.values())):
+        raise GeometryError(
+            f"the cost at the start is not finite ({_list_terms(before)})",
+            expected="poses near enough for every factor",
+            remedy="start from better poses, or raise the wall's exponent in stages",
+        )
+    structure = analyze_sparsity(problem) if solver == "schur" else None
+    if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
+        with one_blas_thread():
+            solved, end = minimize(problem, structure, settings)
+    else:
+        solver = "gtsam"
+        solved, end = solve_with_gtsam(problem, settings)
+    return BundleResult(
+        problem=solved,
+        report=SolverReport(before, cost_terms(solved), end.iterations, end.reason),
+        solver=solver,
+        converged=end.converged,
+        stuck=end.stuck,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _list_terms(cost: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())

@@ -1,0 +1,112 @@
+"""The cost of a bundle problem: reprojection errors, robust losses, and the error of the pose factors."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from vgps.model import BoolArray, FloatArray
+from vgps.solver.problem import BundleProblem, pose_values
+
+
+def whitened_robust_k(k: float, pixel_sigma_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
+    """Return the loss constants that make a loss act on the pixel error, before the 1/|P_i| weighting.
+
+    The loss is to compare ``|e| / pixel_sigma_px`` with ``k``, but the solver compares ``|e| / sigma_px``
+    with the constant; so the constant is ``k * pixel_sigma_px / sigma_px``.
+
+    Args:
+        k: Constant for errors in units of ``pixel_sigma_px``.
+        pixel_sigma_px: (N,) sigma of the measurement itself, pixels.
+        sigma_px: (N,) sigma in the cost.
+    """
+    return k * pixel_sigma_px / sigma_px
+
+
+def robust_loss(problem: BundleProblem, squared: FloatArray) -> FloatArray:
+    """Return the loss rho of each observation, as GTSAM's ``mEstimator.Huber`` and ``Cauchy`` define it.
+
+    Args:
+        problem: Gives the loss and its constants.
+        squared: (N,) squared whitened errors.
+    """
+    loss = 0.5 * squared
+    if problem.robust == "none" or problem.robust_k is None:
+        return loss
+    k = problem.robust_k
+    if problem.robust == "huber":
+        beyond = squared > k * k
+        loss[beyond] = k[beyond] * (np.sqrt(squared[beyond]) - 0.5 * k[beyond])
+    else:
+        finite = np.isfinite(k)
+        k2 = k[finite] ** 2
+        loss[finite] = 0.5 * k2 * np.log1p(squared[finite] / k2)
+    return loss
+
+
+def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
+    """Return the weight rho'(e) / e of each observation in iteratively reweighted least squares.
+
+    Args:
+        problem: Gives the loss and its constants.
+        squared: (N,) squared whitened errors.
+    """
+    weight = np.ones_like(squared)
+    if problem.robust == "none" or problem.robust_k is None:
+        return weight
+    k = problem.robust_k
+    if problem.robust == "huber":
+        beyond = squared > k * k
+        weight[beyond] = k[beyond] / np.sqrt(squared[beyond])
+    else:
+        finite = np.isfinite(k)
+        weight[finite] = 1.0 / (1.0 + squared[finite] / k[finite] ** 2)
+    return weight
+
+
+def camera_points(problem: BundleProblem) -> FloatArray:
+    """Return the landmark of each observation in the camera frame of its view, (3, N) metres."""
+    T, frame = problem.world_T_camera, problem.frame
+    x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[:, i, 3][frame] for i in range(3))
+    return np.stack([T[:, 0, j][frame] * x + T[:, 1, j][frame] * y + T[:, 2, j][frame] * z for j in range(3)])
+
+
+def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return projected minus observed pixels (2, N), and (N,) which landmarks lie behind the camera.
+
+    As in GTSAM, a landmark behind the camera has a constant error: twice fx in both coordinates.
+
+    Args:
+        problem: The observations.
+        camera_p: (3, N) from :func:`camera_points`.
+    """
+    fx, fy, cx, cy = problem.K
+    x, y, z = camera_p
+    behind = z <= 0.0
+    depth = np.where(behind, 1.0, z)
+    errors = np.stack(
+        [fx * x / depth + (cx - problem.uv_px[:, 0]), fy * y / depth + (cy - problem.uv_px[:, 1])]
+    )
+    errors[:, behind] = 2.0 * fx
+    return errors, behind
+
+
+def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
+    """Return projected minus observed pixels (N, 2), and (N,) which landmarks lie behind the camera."""
+    errors, behind = pixel_errors(problem, camera_points(problem))
+    return errors.T, behind
+
+
+def observation_costs(problem: BundleProblem) -> FloatArray:
+    """Return the cost of each observation (N,)."""
+    errors, _ = pixel_errors(problem, camera_points(problem))
+    return robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)
+
+
+def video_cost(problem: BundleProblem) -> float:
+    """Return the cost of all observations, the sum of Phi_i of Eq. (12), Kume 2010."""
+    return float(np.sum(observation_costs(problem)))
+
+
+def cost_terms(problem: BundleProblem) -> Mapping[str, float]:
+    """Return the terms of Eq. (11), Kume 2010: ``video`` (observations) and ``poses`` (pose factors)."""
+    return {"video": video_cost(problem), "poses": float(problem.pose_graph.error(pose_values(problem)))}
