@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from colmap_model import colmap_pixels
 
 from vgps.camera import project
 from vgps.errors import CalibrationError
@@ -30,6 +31,18 @@ CAMERAS = [
     replace(FLAT, model="opencv", distortion=(0.1, -0.2, 0.003, -0.004)),
     replace(FLAT, model="opencv", distortion=(0.1, -0.2, 0.003, -0.004, 0.05, 0.01, 0.02, 0.03)),
     replace(FLAT, model="fisheye", distortion=(0.1, -0.02, 0.003, -0.0004)),
+]
+
+COLMAP_CAMERAS = [
+    ("SIMPLE_PINHOLE", [500, 320, 240]),
+    ("PINHOLE", [500, 510, 320, 240]),
+    ("SIMPLE_RADIAL", [500, 320, 240, -0.1]),
+    ("RADIAL", [500, 320, 240, -0.1, 0.02]),
+    ("OPENCV", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004]),
+    ("FULL_OPENCV", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004, 0.01, 0.02, 0.03, 0.04]),
+    ("SIMPLE_RADIAL_FISHEYE", [500, 320, 240, -0.1]),
+    ("RADIAL_FISHEYE", [500, 320, 240, -0.1, 0.02]),
+    ("OPENCV_FISHEYE", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004]),
 ]
 
 
@@ -171,28 +184,17 @@ def test_what_is_exported_to_colmap_reads_back(read, camera):
     np.testing.assert_allclose(back.distortion, camera.distortion, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("SIMPLE_PINHOLE", [500, 320, 240]),
-        ("PINHOLE", [500, 510, 320, 240]),
-        ("SIMPLE_RADIAL", [500, 320, 240, -0.1]),
-        ("RADIAL", [500, 320, 240, -0.1, 0.02]),
-        ("OPENCV", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004]),
-        ("FULL_OPENCV", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004, 0.01, 0.02, 0.03, 0.04]),
-        ("SIMPLE_RADIAL_FISHEYE", [500, 320, 240, -0.1]),
-        ("RADIAL_FISHEYE", [500, 320, 240, -0.1, 0.02]),
-        ("OPENCV_FISHEYE", [500, 510, 320, 240, -0.1, 0.02, 0.003, -0.004]),
-    ],
-)
-def test_colmaps_lens_models_project_as_colmap_does(read, name, parameters):
-    pycolmap = pytest.importorskip(
-        "pycolmap", reason="COLMAP's own models are the oracle; install vgps[bench]"
-    )
+@pytest.mark.parametrize(("name", "parameters"), COLMAP_CAMERAS)
+@pytest.mark.parametrize("oracle", ["documented equations", "pycolmap"])
+def test_colmaps_lens_models_project_as_colmap_does(read, name, parameters, oracle):
     camera = read(f"7 {name} 640 480 " + " ".join(map(str, parameters)), "cameras.txt")
     points = np.array([[0.1, 0.2, 2.0], [-0.5, 0.3, 1.5], [0.4, -0.4, 1.0], [0.0, 0.0, 3.0]])
-    theirs = pycolmap.Camera(model=name, width=640, height=480, params=parameters)
-    pixels = np.array([theirs.img_from_cam(point) for point in points]).reshape(-1, 2)
+    if oracle == "pycolmap":
+        pycolmap = pytest.importorskip("pycolmap", reason="COLMAP's own lenses: install vgps[bench]")
+        theirs = pycolmap.Camera(model=name, width=640, height=480, params=parameters)
+        pixels = np.array([theirs.img_from_cam(point) for point in points]).reshape(-1, 2)
+    else:
+        pixels = colmap_pixels(name, parameters, points)
     np.testing.assert_allclose(project(camera, points), pixels - 0.5, atol=1e-6)
 
 
