@@ -4,7 +4,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from vgps.config import Config, OutlierConfig, read_config, read_survey
+from vgps.config import Config, OutlierConfig, WindowConfig, read_config, read_survey
 from vgps.errors import ConfigError
 from vgps.model import FixClass
 
@@ -112,3 +112,8 @@ def test_values_cannot_be_changed_or_invented():
         Config().seed = 4
     with pytest.raises(ValidationError):
         OutlierConfig(outlier_share=-0.1)
+
+
+def test_a_section_of_the_same_name_as_an_old_setting_is_taken_as_it_is():
+    window = WindowConfig(length_frames=20)
+    assert Config(window=window).window == window

@@ -21,6 +21,9 @@ class SettingsModel(BaseModel):
     renamed: ClassVar[Mapping[str, str]] = {}
     """Old name of a setting -> its present name, dotted where it moved into a section of this model."""
 
+    basic: ClassVar[tuple[str, ...]] = ()
+    """Settings that a user is likely to change; the reference shows them first."""
+
     @classmethod
     def sections(cls) -> dict[str, "type[SettingsModel]"]:
         """Return the fields that are settings models themselves."""
@@ -74,7 +77,8 @@ def _is_settings_model(kind: Any) -> TypeGuard[type[SettingsModel]]:
 
 def _is_old(key: str, value: Any, model: type[SettingsModel]) -> bool:
     """Whether a key is an old name; a section's name may be the old one of a plain value."""
-    return key in model.renamed and not (key in model.model_fields and isinstance(value, Mapping | None))
+    is_section = isinstance(value, Mapping | SettingsModel | None)
+    return key in model.renamed and not (key in model.model_fields and is_section)
 
 
 def _put(settings: dict[str, Any], name: str, value: Any) -> bool:
