@@ -28,7 +28,7 @@ def density(offset, r_m, h_m):
 def by_enumeration(offset, has_lower):
     """Every sequence of states in turn, by the words of the module."""
     bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
-    lasts = JUDGE.lasting_share
+    lasts = JUDGE.persistence
     total = np.zeros((len(offset), 5))
     for states in product(range(5), repeat=len(offset)):
         weight = 1.0

@@ -13,7 +13,9 @@ from vgps.gps.sensors import Sensors
 from vgps.gps.sky_view import hidden_factor, hidden_share, horizon_sin, under_sky
 from vgps.solution import Trajectory
 
-SKY = SkyConfig(enlarge=True, mask_deg=15.0, sectors=24, least_landmarks=3, near_m=1.0, reach_m=60.0)
+SKY = SkyConfig(
+    enlarge=True, mask_deg=15.0, sectors=24, min_landmarks=3, min_distance_m=1.0, max_distance_m=60.0
+)
 QUALITY = QualityConfig(good_satellites=8)
 HERE = np.array([[10.0, -5.0, 2.0]])
 
@@ -76,7 +78,7 @@ def test_fixes_inside_the_video_grow_by_their_own_sky_and_the_others_stay():
     walls = ring(30.0) - HERE + path(np.array([5.0]))
     trajectory, sensors = Trajectory(T_S, poses(path(T_S))), Sensors.known(np.zeros(3))
     satellites = np.full(3, 8.0)
-    config = GpsConfig(sky=SKY.model_copy(update={"reach_m": 25.0}), quality=QUALITY)
+    config = GpsConfig(sky=SKY.model_copy(update={"max_distance_m": 25.0}), quality=QUALITY)
     found = under_sky(fixes, trajectory, walls, sensors, satellites, config)
     share = hidden_share(path(np.array([5.0])), walls, SKY)
     factor = hidden_factor(share, satellites[:1], QUALITY)[0]

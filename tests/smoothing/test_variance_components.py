@@ -26,7 +26,7 @@ def fixes(misfit, correlation_s=1.0, n=50):
 
 def scale(misfit, correlation_s=1.0, **batch):
     config = Config()
-    settings = {"balance": "estimated", "balance_worth": 4.0, "balance_range": 8.0, **batch}
+    settings = {"balance": "estimated", "balance_prior_fixes": 4.0, "balance_range": 8.0, **batch}
     config = config.model_copy(update={"batch": config.batch.model_copy(update=settings)})
     return balanced(config, 8.0, POSES, T_S, fixes(misfit, correlation_s), np.zeros(3))
 

@@ -133,7 +133,7 @@ def test_turns_from_pictures(panned):
 
 def test_frames_too_near_each_other_are_passed_over(panned):
     turns, frames = panned
-    found = frame_rotations(frames, CAMERA, TrackingConfig(), np.random.default_rng(0), least_interval_s=0.09)
+    found = frame_rotations(frames, CAMERA, TrackingConfig(), np.random.default_rng(0), min_interval_s=0.09)
     np.testing.assert_allclose(found.start_s, [0.0, 0.1])
     np.testing.assert_allclose(found.end_s, [0.1, 0.2])
     both = (Rotation.from_rotvec(turns[0]) * Rotation.from_rotvec(turns[1])).as_rotvec()

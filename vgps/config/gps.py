@@ -1,6 +1,7 @@
-"""Settings of the GPS: its model, the regions of its fix classes, and what is believed of its fixes."""
+"""Settings of GPS: its model, the regions of the fix classes, and the detection of outliers."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
@@ -11,35 +12,39 @@ GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylind
 
 
 class OutlierConfig(SettingsModel):
-    """What is believed of fixes before the video has spoken."""
+    """Priors of the hidden Markov model that judges fixes against the path of the video."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"lasting_share": "persistence"}
+    basic: ClassVar[tuple[str, ...]] = ("enabled",)
 
     enabled: bool = True
-    """Whether fixes are judged at all; `cauchy` is robust by itself and never is."""
+    """Judge fixes and reject outliers; the model cauchy is robust by itself and never does."""
     outlier_share: PositiveFloat = 0.05
-    """Prior probability that a fix is wrong altogether."""
+    """Prior probability that a fix is an outlier."""
     lower_share: PositiveFloat = 0.02
-    """Prior probability that an RTK-fix has the error of an RTK-float."""
+    """Prior probability that an RTK-fix has the error of an RTK-float (a wrong integer ambiguity)."""
     tail_share: PositiveFloat = 0.05
-    """Share of a class that lies outside its region by nature: what a survey drops."""
+    """Share of a class's fixes outside its region by nature: what a survey drops."""
     tail_size: PositiveFloat = 2.0
-    """These lie in a cylinder so many times the size."""
+    """Size of the cylinder that holds this tail, as a multiple of the region."""
     outlier_radius_m: PositiveFloat = 50.0
-    """A wrong fix lies anywhere within this distance."""
-    lasting_share: PositiveFloat = 0.02
-    """Probability that what is wrong with a fix is wrong with the next one too. It is kept low, for a camera
-    that loses its scale all at once looks the same."""
+    """An outlier lies anywhere within this distance of the antenna."""
+    persistence: PositiveFloat = 0.02
+    """Probability that an error lasts to the next fix; kept low, since a sudden loss of scale looks the
+    same."""
     path_tolerance: PositiveFloat = 0.02
-    """The path may be wrong by this share of the way between two knots of its drift."""
+    """Error of the video's path between two knots of its drift, as a share of the distance between them."""
 
 
 class Region(SettingsModel):
-    """The cylinder of a fix class: radius and half height, metres; 95 % of its fixes lie within each."""
+    """The cylinder of a fix class, which holds 95 % of its fixes horizontally and 95 % vertically."""
 
     r_m: PositiveFloat
+    """Radius r(p)."""
     h_m: PositiveFloat
+    """Half height h(p)."""
     correlation_s: PositiveFloat = 60.0
-    """After this time the error of a fix counts as a new one; standard deviations depend on it, and the
-    balance where it is estimated."""
+    """Time after which the error of a fix counts as a new one; feeds the sigmas and an estimated balance."""
 
 
 def _default_regions() -> dict[FixClass, Region]:
@@ -54,50 +59,60 @@ def _default_regions() -> dict[FixClass, Region]:
 
 
 class QualityConfig(SettingsModel):
-    """When a fix is worse than its class: its region then grows, it never shrinks."""
+    """When a fix is worse than its class; its region then grows and never shrinks."""
 
     enlarge: bool = True
-    """Whether regions depend on more than the class."""
+    """Enlarge regions by dilution of precision, satellites, age of corrections and the receiver's sigmas."""
     good_hdop: PositiveFloat = 2.0
-    """A region grows in proportion to a horizontal dilution of precision beyond this."""
+    """A region grows in proportion to the horizontal dilution of precision beyond this."""
     good_satellites: PositiveInt = 8
-    """Where the log has no dilution: it grows with the root of what is left over of so many satellites."""
+    """Without a dilution in the log, a region grows if fewer satellites than this were used."""
     fresh_s: PositiveFloat = 10.0
-    """Corrections are good for this long."""
+    """Age up to which corrections lose nothing."""
     age_rate_m_s: PositiveFloat = 0.002
-    """So much is added for every second more: how fast a satellite's clock and the air wander."""
+    """Growth of a region per second of age beyond that: the drift of satellite clocks and atmosphere."""
 
 
 class SkyConfig(SettingsModel):
-    """When the reconstructed scene hides the sky from the antenna: regions then grow."""
+    """When the reconstructed scene hides the sky from the antenna; regions then grow."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "least_landmarks": "min_landmarks",
+        "near_m": "min_distance_m",
+        "reach_m": "max_distance_m",
+    }
 
     enlarge: bool = False
-    """Whether they do."""
+    """Enlarge regions by the share of the sky that the scene hides."""
     mask_deg: float = Field(default=15.0, ge=0.0, lt=90.0)
-    """The receiver uses no satellite below this elevation: what hides only these does no harm."""
+    """Elevation mask of the receiver: what hides only the sky below it does no harm."""
     sectors: PositiveInt = 24
-    """Directions in which the horizon is told apart."""
-    least_landmarks: PositiveInt = 3
-    """The horizon is where so many landmarks of a sector still reach; single ones may be wrong."""
-    near_m: PositiveFloat = 1.0
-    """Landmarks nearer than this may be of the vehicle."""
-    reach_m: PositiveFloat = 60.0
-    """Landmarks further away are too uncertain, and of a skyline that is low anyway."""
+    """Sectors of azimuth, each with a horizon of its own."""
+    min_landmarks: PositiveInt = 3
+    """The horizon of a sector is the elevation that this many of its landmarks reach; fewer may be wrong."""
+    min_distance_m: PositiveFloat = 1.0
+    """Nearer landmarks are ignored: they may belong to the vehicle."""
+    max_distance_m: PositiveFloat = 60.0
+    """Landmarks further away are ignored: they are uncertain, and low above the horizon."""
 
 
 class GpsConfig(SettingsModel):
     """The GPS term of the energy (11)."""
 
+    basic: ClassVar[tuple[str, ...]] = ("model", "n", "omega", "regions")
+
     model: GpsModel = "cylinder"
+    """Penalty of a fix: none, gaussian (14), gaussian-receiver (15), ellipsoid (22), cylinder (16) or
+    cauchy."""
     n: PositiveInt = 2
-    """Exponent of (16) and (22): the larger, the flatter inside and the steeper outside."""
+    """Exponent of (16) and (22): the larger, the flatter inside the region and the steeper outside."""
     omega: PositiveFloat = 0.5
-    """Weight of the GPS term: with 0.5 the penalty at the wall equals that of a one-sigma residual."""
+    """Weight of the GPS term; with 0.5 a fix at its region's wall costs as much as a one-sigma residual."""
     min_sigma_m: PositiveFloat = 0.01
-    """No receiver's own sigma is believed below this."""
+    """Lower bound of the receiver's own sigmas."""
     gaussian_sigma_m: PositiveFloat = 1.0
-    """Sigma of every fix under `gaussian`, which ignores accuracy (14)."""
+    """Sigma of every fix under the model gaussian, which ignores accuracy (14)."""
     quality: QualityConfig = QualityConfig()
     sky: SkyConfig = SkyConfig()
     regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
-    """r(p) and h(p) per fix class, from a survey of the receiver. Classes not named are not used."""
+    """Region of each fix class, r(p) and h(p), from a survey of the receiver; other classes are not used."""

@@ -1,5 +1,8 @@
 """Settings of the calibration of a gyro against the video."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from pydantic import PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
@@ -8,21 +11,28 @@ from vgps.config.base import SettingsModel
 class GyroCalibrationConfig(SettingsModel):
     """When a gyro counts as calibrated against the video."""
 
-    least_interval_s: PositiveFloat = 0.03
-    """Frames nearer to the last one than this are passed over: a turn must rise above its error."""
+    renamed: ClassVar[Mapping[str, str]] = {
+        "least_interval_s": "min_interval_s",
+        "least_rate_deg_s": "min_rate_deg_s",
+        "least_agreement": "min_correlation",
+    }
+
+    min_interval_s: PositiveFloat = 0.03
+    """Frames closer to the last one are skipped: a rotation must exceed its own error."""
     search_s: PositiveFloat = 2.0
-    """The clocks are taken to agree to this."""
+    """Largest time offset between gyro and video that is searched, either way."""
     min_intervals: PositiveInt = 30
-    """Intervals between frames with a rotation from the video and gyro rates throughout."""
-    least_rate_deg_s: PositiveFloat = 0.5
-    """The gyro's rate must vary by this (standard deviation), else the camera hardly turned, or steadily."""
-    least_agreement: PositiveFloat = 0.85
-    """Correlation of the rates of gyro and video; less, and they do not tell of the same motion."""
+    """Intervals needed that have a rotation from the video and gyro rates throughout."""
+    min_rate_deg_s: PositiveFloat = 0.5
+    """Standard deviation needed of the gyro's rates; below it the camera hardly turned, or turned
+    steadily."""
+    min_correlation: PositiveFloat = 0.85
+    """Correlation needed between the rates of gyro and video; below it they show different motions."""
     max_rotation_sigma_deg: PositiveFloat = 2.0
-    """Above this standard deviation, about its worst axis, the sensor's rotation is not given."""
+    """The sensor's rotation is not given if its sigma about the worst axis exceeds this."""
     max_offset_sigma_s: PositiveFloat = 0.005
-    """The same for the offset between the clocks."""
+    """The time offset is not given if its sigma exceeds this."""
     max_bias_sigma_deg_s: PositiveFloat = 0.5
-    """The same for the bias."""
+    """The bias is not given if its sigma exceeds this."""
     scale_tolerance: PositiveFloat = 0.03
-    """The video may turn by this share more or less than the gyro before the focal length is doubted."""
+    """The focal length is doubted if the video turns by more than this share more or less than the gyro."""

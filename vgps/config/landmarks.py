@@ -14,32 +14,36 @@ Frames = Literal["all", "even", "odd"]
 class LandmarksConfig(SettingsModel):
     """Which landmarks, views and keyframes of a run go into a database."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"min_sightings": "min_observations"}
+    renamed: ClassVar[Mapping[str, str]] = {
+        "min_sightings": "min_observations",
+        "least_difference": "min_view_difference",
+    }
+    basic: ClassVar[tuple[str, ...]] = ("max_views", "min_observations", "max_sigma_px")
 
     patch_px: Literal[7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31] = 15
-    """Side of a template, odd, so that its middle is a pixel."""
+    """Side of a template, odd so that its centre is a pixel."""
     levels: PositiveInt = Field(default=3, le=6)
     """Scales of a template; each covers twice the width of the one before."""
     max_views: PositiveInt = 8
-    """Places from which a landmark is kept, spread in direction and distance."""
+    """Views kept of a landmark at most, spread in direction and scale."""
     min_observations: PositiveInt = 4
-    """Landmarks seen in fewer frames are left out."""
+    """Landmarks observed in fewer frames are left out."""
     max_sigma_px: PositiveFloat = 1.0
     """Landmarks with a larger reliability sigma_j, Eq. (13) Kume 2010, are left out."""
     max_relative_sigma: PositiveFloat = 0.1
-    """Landmarks whose position is uncertain by more than this share of their depth are left out."""
+    """Landmarks whose position has a sigma above this share of their smallest depth are left out."""
     max_error_px: PositiveFloat = 3.0
-    """Observations that miss their landmark's projection by more give no view."""
+    """Observations with a larger reprojection error give no view."""
     angle_unit_deg: PositiveFloat = 10.0
-    """Views of a landmark are spread: so far apart in direction counts as one,"""
+    """Difference in direction between two views that counts as one unit when views are spread."""
     octave_unit: PositiveFloat = 0.5
-    """and so many doublings of its size in the image as much."""
-    least_difference: NonNegativeFloat = 0.1
-    """A view that differs from another by no more than this count is not kept."""
+    """Difference in scale between two views, in doublings, that counts as one unit."""
+    min_view_difference: NonNegativeFloat = 0.1
+    """A view that differs from a chosen one by no more than this, in these units, is not kept."""
     keyframe_every: PositiveInt = 10
-    """A keyframe for re-initialisation every so many frames of the video."""
+    """Frames from one keyframe, by which a lost camera is found again, to the next."""
     keyframe_reach_px: PositiveFloat = 4.0
-    """A keyframe's feature this near to a landmark stands for it."""
+    """A keyframe's feature belongs to a landmark if it is this close to the landmark's observation."""
     thumbnail_px: PositiveInt = 64
     """Width of a keyframe's thumbnail."""
 
@@ -48,18 +52,18 @@ class SelectionConfig(SettingsModel):
     """Which views of a landmark suit a camera."""
 
     max_view_angle_deg: PositiveFloat = 45.0
-    """A view is of use while the landmark is seen within this angle of the direction that it shows."""
+    """A view suits if the camera looks at the landmark within this angle of the view's own direction."""
     max_tilt_deg: PositiveFloat = 75.0
-    """And while the direction to the camera is within this angle of the template's normal."""
+    """A view suits if the direction to the camera lies within this angle of the template's normal."""
     nearer_octaves: NonNegativeFloat = 0.7
-    """And while the camera sees the landmark at most 2**this times larger than the view does,"""
+    """A view suits if the camera sees the landmark at most 2**this times larger than the view does."""
     further_octaves: NonNegativeFloat = 0.7
-    """or 2**this times smaller; what was seen from much nearer may be hidden from afar."""
+    """A view suits if the camera sees it at most 2**this times smaller; from afar it may be hidden."""
     angle_unit_deg: PositiveFloat = 10.0
-    """The best view is nearest in direction, in this unit,"""
+    """Difference in direction that counts as one unit when the best view is chosen."""
     octave_unit: PositiveFloat = 0.5
-    """and in scale, in this one."""
+    """Difference in scale, in doublings, that counts as one unit."""
     region_m: PositiveFloat = 4.0
-    """What may be of use is looked up anew when the camera has gone so far."""
+    """Landmarks that may be visible are looked up anew once the camera has moved this far."""
     cache_mb: PositiveInt = 256
-    """Memory for the templates that were read last."""
+    """Memory for the templates read last."""

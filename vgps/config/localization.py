@@ -1,6 +1,7 @@
 """Settings of the tracker against a landmark database."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
@@ -11,86 +12,95 @@ from vgps.config.landmarks import SelectionConfig
 class LocalizationConfig(SettingsModel):
     """The tracker of Matsuda 2007, (A) to (E), and its variants."""
 
+    renamed: ClassVar[Mapping[str, str]] = {
+        "max_turn_error_deg": "max_rotation_error_deg",
+        "widen": "retry_widening",
+    }
+    basic: ClassVar[tuple[str, ...]] = ("estimator", "use_gyro", "blur", "max_landmarks", "max_speed_m_s")
+
     estimator: Literal["frame", "graph"] = "graph"
-    """(E) from the matches of one frame, or a factor graph over the last ones with gyro and motion."""
+    """(E) Pose from the matches of one frame, or from a factor graph over the last frames with gyro and
+    motion."""
     use_gyro: bool = True
-    """(A) rotation from the gyro; otherwise constant angular velocity."""
+    """(A) Predict the rotation by the gyro; otherwise at constant angular velocity."""
     select: Literal["prediction", "last_pose"] = "prediction"
-    """(B) landmarks chosen, warped and searched by the predicted pose, or by the last one."""
+    """(B) Pose by which landmarks are chosen, warped and searched: the predicted one or the last one."""
     blur: Literal["exposure", "interval", "none"] = "exposure"
-    """(C) image motion over the exposure itself, or over the interval since the last frame scaled to the
-    exposure as in the paper, or templates left sharp."""
+    """(C) Blur templates by the motion over the exposure, over the last interval as in the paper, or not."""
     window: Literal["depth", "fixed"] = "depth"
-    """(D) window by depth, Eq. (6), or one size for all."""
+    """(D) Search window by depth, Eq. (6), or one size for all."""
 
     selection: SelectionConfig = SelectionConfig()
     max_landmarks: PositiveInt = Field(default=120, le=2000)
-    """Landmarks looked for in a frame."""
+    """Landmarks searched in a frame at most."""
     first_landmarks: PositiveInt = Field(default=40, le=2000)
-    """Landmarks looked for around the prediction; all are, in small windows, around the pose these give."""
+    """Landmarks searched around the prediction; all others then around the pose that these give."""
     template_px: PositiveInt = Field(default=15, le=101)
     """Side of a template in the image, odd."""
     max_blur_px: PositiveFloat = Field(default=150.0, le=300.0)
-    """Longer image motions are cut to this."""
+    """Upper bound of the image motion by which templates are blurred."""
     min_correlation: PositiveFloat = 0.6
-    """A match below this normalised cross-correlation is none."""
+    """A match is rejected if its normalised cross-correlation is lower."""
     min_contrast: PositiveFloat = 3.0
-    """Templates whose grey values, once blurred, have less standard deviation than this are not matched."""
+    """Blurred templates with a smaller standard deviation of grey values (0 to 255) are not searched."""
     max_speed_m_s: PositiveFloat = 15.0
-    """V_max of Eq. (6) while the velocity is not known, which is in the frame after a start."""
+    """V_max of Eq. (6) where the velocity is unknown; poses that would need a higher speed are rejected."""
     speed_error_m_s: PositiveFloat = 1.5
-    """V_max of Eq. (6) beyond the constant velocity."""
+    """V_max of Eq. (6) where the velocity is known: the error of its prediction."""
     rotation_error_px: PositiveFloat = 4.0
-    """delta' of Eq. (6) with a gyro."""
+    """delta' of Eq. (6) with a gyro: image motion by errors of the predicted rotation."""
     no_gyro_error_px: PositiveFloat = 24.0
-    """delta' of Eq. (6) without one: the turn rate may change by so much within a frame."""
+    """delta' of Eq. (6) without a gyro: image motion by the change of angular velocity within a frame."""
     fixed_window_px: PositiveInt = 12
-    """Half side of the window where it is one for all."""
+    """Half the side of the search window if window is fixed."""
     max_window_px: PositiveInt = 48
-    widen: PositiveFloat = 2.5
-    """After a failure the same frame is searched again with windows so much larger."""
+    """Upper bound of half the side of any search window."""
+    retry_widening: PositiveFloat = 2.5
+    """Factor on the windows and on the limits of a pose when a frame that failed is searched again."""
     refine_window_px: PositiveInt = 3
-    """Half side of the second search, around the first pose; it finds what the first missed."""
+    """Half the side of the windows of the second search, around the pose that the first one gave."""
 
     recovery_pause_s: NonNegativeFloat = 0.25
-    """So long after a vain try by descriptors the next one waits: it costs as much as several frames."""
+    """Pause between two failed recoveries by descriptors, each of which costs as much as several frames."""
     recovery_features: PositiveInt = 1500
-    """Features of a frame that are compared with those of the keyframes."""
+    """Features of a frame that are compared with the keyframes' at most."""
+    recovery_ratio: PositiveFloat = 0.85
+    """Lowe's ratio: a match is kept if its distance is below this times that of the second best landmark."""
+    recovery_keyframes: PositiveInt = 12
+    """Keyframes tried at most, those with most matches first."""
     recovery_candidates: PositiveInt = 3
-    """Poses from descriptors that are searched around."""
+    """Poses from descriptors around which landmarks are searched at most."""
     recovery_window_px: PositiveInt = 16
-    """Half side of the windows around a pose from descriptors."""
+    """Half the side of the search windows around a pose from descriptors."""
 
     ransac_px: PositiveFloat = 3.0
-    """A match agrees with a pose if it is this near."""
+    """A match is an inlier of a pose if its reprojection error is smaller; twice this for descriptors."""
     ransac_samples: PositiveInt = 200
+    """Minimal samples drawn for a pose at most."""
     min_inliers: PositiveInt = 6
-    """Fewer than this and the frame is a failure, Matsuda 2007."""
+    """A frame with fewer inliers has failed (Matsuda 2007)."""
     min_inlier_share: PositiveFloat = 0.25
-    """A smaller share of the matches and the frame is a failure: chance gives as much."""
+    """A frame with a smaller share of inliers among its matches has failed: chance gives as many."""
     match_sigma_px: PositiveFloat = 0.5
-    """Standard deviation of a match, added to the landmark's own reliability."""
+    """Standard deviation of a match, to which that of the landmark's own position is added."""
     huber_px: PositiveFloat = 1.5
-    """Errors beyond this grow linearly."""
-    max_turn_error_deg: PositiveFloat = 6.0
-    """A pose that differs from the prediction by more is a failure."""
+    """Huber's constant: reprojection errors beyond it count linearly."""
+    max_rotation_error_deg: PositiveFloat = 6.0
+    """A pose that is rotated by more than this against the prediction is rejected."""
     coast_s: PositiveFloat = 3.0
-    """So long after the last good frame a prediction is still searched around."""
-
-    recovery_ratio: PositiveFloat = 0.85
-    """Lowe's test between the best and the second best descriptor."""
-    recovery_keyframes: PositiveInt = 12
-    """Keyframes with most matches that are tried when the pose is not known at all."""
+    """Predictions are searched around for this long after the last tracked frame; then recovery begins."""
 
     revise: bool = True
-    """A pose in the result is the one with what was seen in the lag after it; otherwise as it came."""
+    """Write each pose as revised by the frames of the next lag_s; otherwise as it came."""
     lag_s: PositiveFloat = 1.0
-    """Frames of so long a time are in the graph."""
-    gyro_density_rad_s0p5: PositiveFloat = 0.0005
-    """White noise of the gyro, rad/s/sqrt(Hz)."""
+    """Time span of the frames in the graph."""
+    gyro_density_rad_s0p5: PositiveFloat = Field(default=0.0005, json_schema_extra={"unit": "rad/s/sqrt(Hz)"})
+    """White noise of the gyro's rates."""
     bias_sigma_rad_s: PositiveFloat = 0.02
-    """Standard deviation of the gyro's bias before anything was seen."""
-    bias_walk_rad_s1p5: PositiveFloat = 1e-4
-    """Random walk of the gyro's bias, rad/s^2/sqrt(Hz)."""
-    acceleration_density_m_s1p5: PositiveFloat = 1.5
-    """White noise on the acceleration of the camera's centre, m/s^2/sqrt(Hz)."""
+    """Prior standard deviation of the gyro's bias, on each axis."""
+    bias_walk_rad_s1p5: PositiveFloat = Field(default=1e-4, json_schema_extra={"unit": "rad/s^2/sqrt(Hz)"})
+    """Random walk of the gyro's bias."""
+    acceleration_density_m_s1p5: PositiveFloat = Field(
+        default=1.5, json_schema_extra={"unit": "m/s^2/sqrt(Hz)"}
+    )
+    """White noise of the acceleration of the camera's centre."""

@@ -1,20 +1,24 @@
 """Settings of the smoother that is fed live."""
 
+from typing import ClassVar
+
 from pydantic import PositiveFloat
 
 from vgps.config.base import SettingsModel
 
 
 class OnlineConfig(SettingsModel):
-    """What is special about a sequence that is fed live."""
+    """Memory, gaps and smooth poses of a sequence that is fed live."""
+
+    basic: ClassVar[tuple[str, ...]] = ("keep_s",)
 
     keep_s: PositiveFloat = 120.0
-    """Path and fixes are remembered for so long: what judges late fixes and is bent when GPS returns."""
+    """Path and fixes are kept for this long, to judge late fixes and to correct drift when GPS returns."""
     bridge_s: PositiveFloat = 1.0
-    """Frames without features go on at constant velocity for so long; then the camera counts as lost."""
+    """Frames without features go on at constant velocity for this long; then the camera is lost."""
     blend_s: PositiveFloat = 2.0
-    """Time in which the smooth pose approaches the corrected one by all but 1/e,"""
+    """Time constant with which the smooth pose approaches the corrected one."""
     blend_m_s: PositiveFloat = 1.0
-    """but never faster than this,"""
+    """Largest speed at which it does."""
     blend_deg_s: PositiveFloat = 5.0
-    """nor turning faster than this."""
+    """Largest rate of rotation at which it does."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
-from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 
@@ -11,113 +11,125 @@ from vgps.config.base import SettingsModel
 class WindowConfig(SettingsModel):
     """Stage C, Kume 2010: optimise the last frames every few frames."""
 
+    basic: ClassVar[tuple[str, ...]] = ("every_frames", "length_frames")
+
     every_frames: PositiveInt = 15
+    """Frames from one optimisation of the window to the next."""
     length_frames: PositiveInt = 60
+    """Frames in the window."""
     iterations: PositiveInt = 4
+    """Steps of an optimisation at most; a window with a rough start takes three times as many."""
     delay_frames: NonNegativeInt = 11
-    """Stage C works beside the frames that follow, and what it found is used after so many of them, be it
-    quick or slow, so that results repeat; 0: it is waited for."""
+    """Frames after which a window's result is used, however quickly it was found, so that results repeat."""
     tolerated_drift: PositiveFloat = 0.02
-    """Antennas further outside their fix's region than this share of the way through the window show that
-    what is held has drifted: then the drift is taken out first."""
+    """Drift is corrected first if antennas leave their fixes' regions by more than this share of the path."""
 
 
 class DriftConfig(SettingsModel):
-    """How a camera's scale and heading may drift; from knot to knot both walk at random."""
+    """How the camera's scale and heading may drift: both walk at random from knot to knot."""
 
     knot_frames: PositiveInt = 15
+    """Frames from one knot of the drift model to the next."""
     scale_sigma: PositiveFloat = 0.05
-    """Standard deviation of the change of the log scale from one knot to the next."""
+    """Standard deviation of the change in log scale from one knot to the next."""
     rotation_sigma_deg: PositiveFloat = 0.3
-    """The same for the rotation."""
+    """Standard deviation of the rotation, about each axis, from one knot to the next."""
     iterations: PositiveInt = 30
+    """Steps of a fit of the drift at most."""
     horizon_s: PositiveFloat = 120.0
-    """Stage C takes drift out of the path, and judges fixes and clock on it, no further back than this: the
-    time that it takes would else grow with the path. Stage D looks at everything."""
+    """Stage C corrects drift and judges fixes this far back; stage D uses the whole recording."""
 
 
 class SensorsConfig(SettingsModel):
-    """The GPS's clock and the lever arm, where they are not known well enough."""
+    """The GPS clock and the lever arm, where they are not known well enough."""
 
     renamed: ClassVar[Mapping[str, str]] = {
         "lag_s": "time_offset_s",
         "estimate_lag": "estimate_time_offset",
         "lag_sigma_s": "time_offset_sigma_s",
         "trusted_lag_s": "trusted_time_offset_s",
+        "significant": "significance_sigmas",
     }
+    basic: ClassVar[tuple[str, ...]] = ("time_offset_s", "estimate_time_offset", "estimate_antenna")
 
     time_offset_s: float = 0.0
-    """Positions are this much older than their time stamps say, as far as known."""
+    """Known time offset of GPS: fixes are older than their time stamps by this."""
     estimate_time_offset: Literal["auto", "yes", "no"] = "auto"
-    """Estimate the lag with the poses; auto keeps what it finds only if it cannot be chance."""
+    """Estimate the rest of the time offset with the poses; auto keeps it only if it cannot be chance."""
     time_offset_sigma_s: PositiveFloat = 0.5
-    """Standard deviation of the lag before anything was seen."""
+    """Prior standard deviation of the time offset that is estimated."""
     trusted_time_offset_s: PositiveFloat = 0.02
-    """Auto: clocks agree to this standard deviation where nothing is wrong; exposure and rounding of time
-    stamps leave as much."""
-    significant: PositiveFloat = 3.0
-    """Auto: a lag is kept if it exceeds so many standard deviations."""
+    """auto: standard deviation to which clocks agree where nothing is wrong (exposure, rounded time
+    stamps)."""
+    significance_sigmas: PositiveFloat = 3.0
+    """auto: a time offset is kept if it exceeds this many standard deviations."""
     estimate_antenna: bool = False
-    """Estimate the antenna's place on the camera with the poses."""
+    """Estimate the lever arm (camera_p_antenna) with the poses."""
     antenna_sigma_m: PositiveFloat = 0.5
-    """Standard deviation of the lever arm before anything was seen."""
+    """Prior standard deviation of the lever arm, on each axis."""
 
     @property
     def time_offset_prior_s(self) -> float:
-        """Prior standard deviation of what is still unknown of the lag; 0 if it is held."""
+        """Prior standard deviation of the rest of the time offset; 0 if it is not estimated."""
         return 0.0 if self.estimate_time_offset == "no" else self.time_offset_sigma_s
 
 
 class MotionConfig(SettingsModel):
-    """What is assumed of the camera's motion, used only where frames have no features of their own."""
+    """Random accelerations of the camera, assumed only where frames have no features of their own."""
 
-    rotation_density: PositiveFloat = 1.0
-    """White noise on the angular acceleration, rad/s^2/sqrt(Hz)."""
-    translation_density: PositiveFloat = 2.0
-    """White noise on the acceleration, m/s^2/sqrt(Hz)."""
+    rotation_density: PositiveFloat = Field(default=1.0, json_schema_extra={"unit": "rad/s^2/sqrt(Hz)"})
+    """White noise of the angular acceleration."""
+    translation_density: PositiveFloat = Field(default=2.0, json_schema_extra={"unit": "m/s^2/sqrt(Hz)"})
+    """White noise of the acceleration."""
 
 
 class BatchConfig(SettingsModel):
     """Stage D, Kume 2010: optimise everything once."""
 
+    renamed: ClassVar[Mapping[str, str]] = {"balance_worth": "balance_prior_fixes"}
+    basic: ClassVar[tuple[str, ...]] = ("video_sigma_scale", "robust_px")
+
     solver: Literal["schur", "gtsam"] = "schur"
+    """Solver of stage D: the Schur complement of this package, or GTSAM's own (slower, same minimum)."""
     rounds: PositiveInt = 3
-    """Outliers are dropped and reliabilities (13) recomputed between rounds."""
+    """Rounds of optimisation; outliers are dropped and reliabilities (13) recomputed between them."""
     iterations: PositiveInt = 25
-    """Of a round; the last may take twice as many."""
+    """Steps of a round at most; the last round may take twice as many."""
     relative_tolerance: PositiveFloat = 1e-5
-    """The last round ends once a step lowers the cost by no more than this share of it."""
+    """The last round, and each window of stage C, ends once a step lowers the cost by a smaller share."""
     early_tolerance: PositiveFloat = 3e-4
-    """The same for the rounds before, after which everything is judged anew."""
+    """The rounds before the last end once a step lowers the cost by a smaller share."""
     robust_px: PositiveFloat = 1.0
-    """Huber's constant on a reprojection error, in pixels, before the weights of (12)."""
+    """Huber's constant: reprojection errors beyond it count linearly, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"
-    """Eq. (12) divides by the number of features in the frame; per_observation does not."""
+    """Weight of an observation: per_frame divides by the number of features in the frame, Eq. (12)."""
     video_sigma_scale: PositiveFloat = 8.0
-    """Pixel sigmas are multiplied by this: tracks drift together, so their errors are not independent."""
+    """Factor on all pixel sigmas: tracks drift together, so their errors are not independent."""
     balance: Literal["fixed", "estimated"] = "fixed"
-    """Whether the scale stays, or follows the misfit of the fixes from round to round."""
-    balance_worth: PositiveFloat = 4.0
-    """What is believed of the fit before anything was seen counts as so many independent fixes; standard
-    deviations follow the misfit as well."""
+    """Keep video_sigma_scale, or let it follow the misfit of the fixes from round to round."""
+    balance_prior_fixes: PositiveFloat = 4.0
+    """Weight of the prior belief that fixes fit as their regions say, as a number of independent fixes."""
     balance_range: PositiveFloat = 8.0
-    """The estimated scale stays within this factor of it."""
+    """The estimated scale stays within this factor of video_sigma_scale, up or down."""
     draws: PositiveInt = 200
-    """Draws of all errors behind the standard deviations, known to 1 / sqrt(2 draws) of themselves."""
+    """Draws of all errors behind the poses' sigmas, which are known to 1 / sqrt(2 draws) of themselves."""
 
 
 class IntrinsicsConfig(SettingsModel):
     """The camera's calibration, refined with the poses in stage D."""
 
+    renamed: ClassVar[Mapping[str, str]] = {"steps": "iterations", "settled_sigmas": "tolerance_sigmas"}
+    basic: ClassVar[tuple[str, ...]] = ("refine",)
+
     refine: bool = False
-    """Whether it is: for calibrations that are only roughly known."""
+    """Refine the calibration; for cameras whose calibration is only roughly known."""
     focal_sigma: PositiveFloat = 0.05
-    """Standard deviation of the focal length as it is given, as a share of it."""
+    """Prior standard deviation of the focal length, as a share of it."""
     centre_sigma_px: PositiveFloat = 5.0
-    """The same for the principal point."""
+    """Prior standard deviation of the principal point, on each axis."""
     distortion_sigma: PositiveFloat = 0.02
-    """The same for the first two coefficients of the lens model, where it has any."""
-    steps: PositiveInt = 8
-    """At most so many turns between poses and calibration."""
-    settled_sigmas: PositiveFloat = 0.5
-    """It ends once a turn changes every number by less than this share of its standard deviation."""
+    """Prior standard deviation of the first two distortion coefficients, where the lens model has any."""
+    iterations: PositiveInt = 8
+    """Alternations between poses and calibration at most."""
+    tolerance_sigmas: PositiveFloat = 0.5
+    """The alternation ends once every parameter changes by less than this share of its standard deviation."""

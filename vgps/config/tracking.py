@@ -1,6 +1,7 @@
 """Settings of stages A and B, and of the start of a map."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import PositiveFloat, PositiveInt
 
@@ -10,77 +11,86 @@ from vgps.config.base import SettingsModel
 class TrackingConfig(SettingsModel):
     """Stage A, Kume 2010: follow features from frame to frame and pose the camera by them."""
 
+    basic: ClassVar[tuple[str, ...]] = ("method", "max_features")
+
     method: Literal["lk", "ssd"] = "lk"
-    """Matcher: pyramidal Lucas-Kanade, or the thesis's SSD templates on Harris corners."""
+    """Feature matcher: pyramidal Lucas-Kanade, or SSD templates on Harris corners as in the thesis."""
     max_features: PositiveInt = 350
-    """Corners are added while fewer features than this are being followed."""
+    """New corners are added while fewer features than this are followed."""
     min_distance_px: PositiveFloat = 12.0
-    """No new corner nearer than this to a followed one."""
+    """Smallest distance of a new corner from the features already followed."""
     harris_k: float = 0.04
+    """Harris's constant k in det(M) - k trace(M)^2, the response of a corner (A-1)."""
     harris_quality: PositiveFloat = 1e-4
-    """A corner's Harris response must exceed this share of the strongest in the frame (A-1)."""
+    """A corner is accepted if its Harris response exceeds this fraction of the frame's strongest (A-1)."""
     window_px: PositiveInt = 15
-    """Side of the patch that is matched."""
+    """Side of the patch that is matched, for both matchers."""
     pyramid_levels: PositiveInt = 4
+    """Levels of the image pyramid of Lucas-Kanade; each halves the resolution of the one before."""
     search_px: PositiveInt = 48
-    """SSD: half side of the search window around the previous position (A-2)."""
+    """SSD: half the side of the search window around a feature's previous position (A-2)."""
     rematch_px: PositiveInt = 6
-    """SSD: half side of the search window around the predicted position (A-4)."""
+    """SSD: half the side of the search window around a feature's predicted position (A-4)."""
     max_match_error: PositiveFloat = 25.0
-    """A match is refused when its mean absolute grey difference exceeds this."""
+    """A match is rejected if its mean absolute difference in grey values (0 to 255) exceeds this."""
     forward_backward_px: PositiveFloat = 1.0
-    """LK: a match is refused when tracking it back misses its start by more."""
+    """LK: a match is rejected if tracking it back to the previous frame misses its start by more."""
     lmeds_samples: PositiveInt = 60
     """Minimal samples drawn for the least-median-of-squares pose (A-3)."""
     inlier_px: PositiveFloat = 2.5
-    """Reprojection error above which a match does not vote in (A-5)."""
+    """A match with a larger reprojection error is an outlier of the frame's pose (A-5)."""
     min_inliers: PositiveInt = 12
-    """Fewer inliers than this and the frame counts as lost."""
+    """A frame with fewer inliers is lost."""
     min_inlier_share: PositiveFloat = 0.3
-    """A smaller share of inliers and the frame counts as lost."""
+    """A frame with a smaller share of inliers among its matches is lost."""
     static_px: PositiveFloat = 0.4
-    """A frame whose features moved by less (median) since the last view adds no view: the camera stands."""
+    """A frame adds no view if the median feature moved by less since the last view: the camera stands
+    still."""
 
 
 class MappingConfig(SettingsModel):
-    """Stage B, Kume 2010: triangulate (19), add and delete features by their quality."""
+    """Stage B, Kume 2010: triangulate features (19), add and delete them by their quality."""
 
     min_parallax_deg: PositiveFloat = 0.2
-    """A feature gets a position once the largest angle between its rays exceeds this."""
+    """A feature is triangulated once the largest angle between its rays exceeds this."""
     max_reprojection_px: PositiveFloat = 2.0
-    """A position is accepted when every view of the feature agrees to this; a match beyond it is dropped."""
+    """A triangulated position is accepted if every view agrees to this; a later match beyond it is
+    dropped."""
     max_sigma_px: PositiveFloat = 1.5
-    """A feature whose reliability sigma_j (13) is larger is deleted."""
+    """A feature is deleted if its reliability sigma_j (13) is larger."""
     sigma_floor_px: PositiveFloat = 0.3
-    """Two or three views drive sigma_j to zero; it is never taken smaller than this."""
+    """Lower bound of sigma_j, which two or three views would drive to zero."""
     max_track_frames: PositiveInt = 60
-    """A feature followed for longer goes on as a new one (the solver's cost grows with the square)."""
+    """A feature followed for longer goes on as a new one; the solver's cost grows with the square of this."""
     min_views: PositiveInt = 3
-    """Features seen in fewer frames are left out of the graph."""
+    """A feature observed in fewer frames is left out of stages C and D."""
 
 
 class StartConfig(SettingsModel):
-    """How a map begins and how it finds its place in the world."""
+    """How a map begins, and what gives it scale, heading and position."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"least_travel_ratio": "final_travel_ratio"}
+    basic: ClassVar[tuple[str, ...]] = ("min_travel_m", "level_sigma_deg", "pitch_sigma_deg")
 
     min_flow_px: PositiveFloat = 15.0
-    """Median image motion between the two views that begin a map."""
+    """Median image motion needed between the two views that begin a map."""
     min_inliers: PositiveInt = 30
-    """Features that agree with the two views' essential matrix and lie in front of both cameras."""
+    """Features needed that agree with the essential matrix of the two views and lie in front of both."""
     min_parallax_deg: PositiveFloat = 0.7
-    """Median angle between the rays of the two views."""
+    """Median angle needed between the rays of the two views."""
     min_fixes: PositiveInt = 3
-    """Usable fixes before scale, heading and position are taken from GPS."""
-    min_travel_ratio: PositiveFloat = 4.0
-    """The fixes must span this many times the median region radius before they give scale and heading."""
+    """Usable fixes needed before GPS gives scale, heading and position."""
     min_travel_m: PositiveFloat = 3.0
-    least_travel_ratio: PositiveFloat = 1.0
-    """At the end of a video that never spans enough this many must do, and the result is said to be poor."""
+    """The fixes must span at least this distance before they give scale and heading."""
+    min_travel_ratio: PositiveFloat = 4.0
+    """The fixes must also span this many times the median radius of their regions."""
+    final_travel_ratio: PositiveFloat = 1.0
+    """Replaces min_travel_ratio at the end of a video that never spans enough; a warning is then given."""
     level_sigma_deg: PositiveFloat = 5.0
-    """The camera is believed to be carried upright to this standard deviation of its mean roll. It matters
-    only where the fixes do not show the roll, on a straight track above all."""
+    """Standard deviation of the camera's mean roll about level; decides where fixes do not show the roll."""
+    pitch_sigma_deg: PositiveFloat = 30.0
+    """Standard deviation of the camera's mean pitch about level."""
     min_control_travel_m: PositiveFloat = 0.5
     """Frames posed by control points must lie this far apart before they give the scale."""
     control_sigma_px: PositiveFloat = 1.0
-    """Standard deviation of a control point's observation."""
-    pitch_sigma_deg: PositiveFloat = 30.0
-    """The same for its mean pitch."""
+    """Standard deviation of an observation of a control point."""

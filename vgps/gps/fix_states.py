@@ -47,7 +47,7 @@ def state_probabilities(
     highest = log_density.max(axis=1)
     density = np.exp(log_density - highest[:, None])
     prior = _prior(fixes, config)
-    change = _transitions(prior, config.outliers.lasting_share)
+    change = _transitions(prior, config.outliers.persistence)
     forward, size = np.empty_like(density), np.empty(len(density))
     reached = prior[0]
     for k, seen in enumerate(density):
@@ -68,13 +68,13 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
     return np.stack([1.0 - lower - bad, lower, bad, none, none], axis=1)
 
 
-def _transitions(prior: FloatArray, lasting_share: float) -> FloatArray:
+def _transitions(prior: FloatArray, persistence: float) -> FloatArray:
     """(M - 1, 5, 5) probabilities from the state of one fix to that of the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
     for state, still in _LASTS_AS.items():
         # a class without one below it cannot go on as that
         possible = prior[1:, LOWER] > 0.0 if still == STILL_LOWER else True
-        share = np.where(possible, lasting_share, 0.0)
+        share = np.where(possible, persistence, 0.0)
         change[:, state] *= (1.0 - share)[..., None]
         change[:, state, still] += share
     return change

@@ -71,9 +71,10 @@ def hidden_share(world_p_antenna: FloatArray, world_p_landmark: FloatArray, sky:
 def horizon_sin(antenna: FloatArray, points: FloatArray, sky: SkyConfig) -> FloatArray:
     """(sectors,) sine of the horizon's elevation in sectors of azimuth, from east over north; 0 if open.
 
-    A sector's horizon is the highest that ``least_landmarks`` of its landmarks reach: single ones may be
-    triangulated wrongly. Landmarks further away than ``reach_m`` are left out, for the same reason, and those
-    nearer than ``near_m``: they may be of the vehicle itself.
+    A sector's horizon is the highest that ``min_landmarks`` of its landmarks reach: single ones may be
+    triangulated wrongly. Landmarks further away than ``max_distance_m`` are left out, for the same reason,
+    and those
+    nearer than ``min_distance_m``: they may be of the vehicle itself.
 
     Args:
         antenna: (3,) ENU metres.
@@ -82,13 +83,13 @@ def horizon_sin(antenna: FloatArray, points: FloatArray, sky: SkyConfig) -> Floa
     """
     away = points - antenna
     flat = np.hypot(away[:, 0], away[:, 1])
-    rows = np.flatnonzero((away[:, 2] > 0.0) & (flat > sky.near_m) & (flat < sky.reach_m))
+    rows = np.flatnonzero((away[:, 2] > 0.0) & (flat > sky.min_distance_m) & (flat < sky.max_distance_m))
     height = away[rows, 2] / np.hypot(flat[rows], away[rows, 2])
     turn = np.arctan2(away[rows, 1], away[rows, 0]) / (2.0 * np.pi) % 1.0
     sector = np.minimum((turn * sky.sectors).astype(np.int64), sky.sectors - 1)
     order = np.lexsort((-height, sector))
     begin = np.searchsorted(sector[order], np.arange(sky.sectors + 1))
-    at = begin[:-1] + sky.least_landmarks - 1
+    at = begin[:-1] + sky.min_landmarks - 1
     horizon = np.zeros(sky.sectors)
     enough = at < begin[1:]
     horizon[enough] = height[order[at[enough]]]

@@ -54,10 +54,10 @@ def update_time_offset(
         abs(found.time_offset_s - believed.time_offset_s),
         found.sigma_s < _SEEN * believed.sigma_s,
     )
-    chance_s = config.significant * float(np.hypot(config.trusted_time_offset_s, found.sigma_s))
+    chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, found.sigma_s))
     # the best of a grid is narrow by chance too: it must explain the fixes better than what was believed
     tried = 1.0 + 2.0 * _REACH * believed.sigma_s / found.sigma_s
-    needed = least_gain(config.significant, pairs.freedom, tried)
+    needed = least_gain(config.significance_sigmas, pairs.freedom, tried)
     real = change_s > chance_s and pairs.gain(found.time_offset_s, believed.time_offset_s) > needed
     if seen and (config.estimate_time_offset == "yes" or real):
         # the path was fitted to the fixes before, at another lag: it may hide as much

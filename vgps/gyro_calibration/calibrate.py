@@ -95,8 +95,8 @@ def calibrate_gyro(
     frames = progress.track(video.frames(), len(video.times_s))
     rng = np.random.default_rng(config.seed)
     with one_blas_thread():
-        least = config.gyro_calibration.least_interval_s
-        turns = frame_rotations(frames, recording.camera, config.tracking, rng, least_interval_s=least)
+        least = config.gyro_calibration.min_interval_s
+        turns = frame_rotations(frames, recording.camera, config.tracking, rng, min_interval_s=least)
         return calibrate_from_turns(turns, raw, config.gyro_calibration)
 
 

@@ -38,17 +38,17 @@ def check_motion(
         found = f"the gyro covers {len(gyro_rates)} intervals between frames"
         raise GyroLogError(found, file=log.source, expected=f"at least {config.min_intervals}")
     varies = float(np.degrees(np.linalg.norm(gyro_rates.std(axis=0))))
-    if varies < config.least_rate_deg_s:
+    if varies < config.min_rate_deg_s:
         raise GeometryError(
             f"the gyro's rate varies by {varies:.2f} deg/s: the camera stood still, or turned steadily",
-            expected=f"at least {config.least_rate_deg_s:g} deg/s",
+            expected=f"at least {config.min_rate_deg_s:g} deg/s",
             remedy=_REMEDY,
         )
-    if guess.alignment.agreement < config.least_agreement:
+    if guess.alignment.agreement < config.min_correlation:
         raise GyroLogError(
             f"the rates of gyro and video correlate to {guess.alignment.agreement:.2f} at best",
             file=log.source,
-            expected=f"at least {config.least_agreement:g}",
+            expected=f"at least {config.min_correlation:g}",
             remedy="check video_start_s in rig.yaml, and that the video is not stabilised; " + _REMEDY,
         )
     _check_unit(gyro_rates, camera_rates, guess, log)

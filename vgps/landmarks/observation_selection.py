@@ -104,6 +104,6 @@ def select_views(
     metric = ViewMetric(config.angle_unit_deg, config.octave_unit)
     place = metric.coordinates(direction, np.log2(candidates.depth_m))
     selected = sample_farthest(
-        candidates.landmark, place, candidates.error_px, config.max_views, config.least_difference
+        candidates.landmark, place, candidates.error_px, config.max_views, config.min_view_difference
     )
     return candidates.take(selected)

@@ -114,7 +114,7 @@ class LandmarkTracker:
         """
         motion = self._estimator.motion
         if motion is not None and t_s - motion.t_s <= self._config.coast_s:
-            for widen in (1.0, self._config.widen):
+            for widen in (1.0, self._config.retry_widening):
                 found = self._follow(t_s, image, motion, widen)
                 if found.pose is not None:
                     return self._accept(t_s, found.pose, found, anew=False)
@@ -215,4 +215,6 @@ class LandmarkTracker:
         cosine = (np.trace(pose[:3, :3].T @ predicted[:3, :3]) - 1) / 2
         turn_deg = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
         away_m = float(np.linalg.norm(pose[:3, 3] - predicted[:3, 3]))
-        return turn_deg <= config.max_turn_error_deg * widen and away_m <= config.max_speed_m_s * dt * widen
+        return (
+            turn_deg <= config.max_rotation_error_deg * widen and away_m <= config.max_speed_m_s * dt * widen
+        )

@@ -103,7 +103,7 @@ def bend_path(
     late = path_with(config.sensors.time_offset_prior_s)
     shifted = late.settle(found, everything, regions)
     gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
-    return in_step.bent(found if gain <= config.sensors.significant**2 else shifted)
+    return in_step.bent(found if gain <= config.sensors.significance_sigmas**2 else shifted)
 
 
 def path_of(local_map: LocalMap, t_s: FloatArray, since_s: float = -np.inf) -> tuple[FloatArray, FloatArray]:

@@ -74,14 +74,14 @@ def refine_camera(
         config: How firmly it is believed, and when to stop.
     """
     given, smoothed, turn, settled = camera, optimise(scene, camera.K), 0, False
-    while turn < config.steps and not settled:
+    while turn < config.iterations and not settled:
         turn += 1
         delta, sigma, following = _step(smoothed.problem, camera, given, config)
         moved = _changed(camera, delta)
         scene = _seen_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
         camera = moved
         smoothed = optimise(scene, camera.K)
-        settled = bool(np.all(np.abs(delta) < config.settled_sigmas * sigma))
+        settled = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
     return smoothed, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), turn, settled)
 
 

@@ -92,7 +92,7 @@ def _align_at_last(
     maps: list[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> str:
     """Put the longest map into the world by fixes that hardly suffice; what to know about it."""
-    start = config.start.model_copy(update={"min_travel_ratio": config.start.least_travel_ratio})
+    start = config.start.model_copy(update={"min_travel_ratio": config.start.final_travel_ratio})
     longest = max(maps, key=lambda local_map: len(local_map.poses))
     found = find_alignment(longest, t_s, fixes, camera_p_antenna, start)
     if found is None:
@@ -114,7 +114,7 @@ def _span(fixes: Fixes) -> tuple[float, float]:
 
 def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
     span, radius = _span(fixes)
-    needed = max(config.start.min_travel_m, config.start.least_travel_ratio * radius)
+    needed = max(config.start.min_travel_m, config.start.final_travel_ratio * radius)
     return GeometryError(
         f"the {fixes.used.sum()} usable fixes span {span:.1f} m: too little for scale and heading",
         expected=f"{config.start.min_fixes} fixes or more that span {needed:.1f} m while tracking holds",

@@ -51,7 +51,7 @@ def variance_factor(
         return 1.0
     offset = antenna_at(poses, place(t_s, taking.t_s), camera_p_antenna) - taking.world_p_fix
     misfit = np.mean((offset / region_sigmas(taking)) ** 2, axis=1)
-    worth, believed = independent_epochs(taking), config.batch.balance_worth
+    worth, believed = independent_epochs(taking), config.batch.balance_prior_fixes
     return float((believed + worth @ misfit) / (believed + worth.sum()))
 
 

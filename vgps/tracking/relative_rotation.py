@@ -62,11 +62,11 @@ def frame_rotations(
     config: TrackingConfig,
     rng: np.random.Generator,
     *,
-    least_interval_s: float = 0.0,
+    min_interval_s: float = 0.0,
 ) -> RelativeRotations:
-    """Rotations between successive frames that lie at least ``least_interval_s`` apart."""
+    """Rotations between successive frames that lie at least ``min_interval_s`` apart."""
     matcher, rows, missed = make_matcher(config), [], 0
-    for first, second in _pairs(frames, least_interval_s):
+    for first, second in _pairs(frames, min_interval_s):
         uv = new_corners(first.gray, np.zeros((0, 2)), config.max_features, config, rng)
         match = matcher.match(first.gray, second.gray, uv, uv + _shift(first.gray, second.gray))
         flat = [undistort(camera, uv[match.found]), undistort(camera, match.uv_px[match.found])]
@@ -112,10 +112,10 @@ def relative_rotation(
     return (rotation.T, rotation @ fit.covariance @ rotation.T) if fit.share >= _MIN_SHARE else None
 
 
-def _pairs(frames: Iterable[Frame], least_interval_s: float) -> Iterator[tuple[Frame, Frame]]:
+def _pairs(frames: Iterable[Frame], min_interval_s: float) -> Iterator[tuple[Frame, Frame]]:
     previous: Frame | None = None
     for frame in frames:
-        if previous is not None and frame.t_s - previous.t_s < least_interval_s:
+        if previous is not None and frame.t_s - previous.t_s < min_interval_s:
             continue
         if previous is not None:
             yield previous, frame
