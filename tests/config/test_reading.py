@@ -80,6 +80,29 @@ def test_a_setting_given_twice_is_refused(tmp_path):
         read_config(written(tmp_path / "c.yaml", "judge: {tail_size: 3}\noutliers: {tail_size: 2}\n"))
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("outliers: {outlier_share: 5}", "key outliers.outlier_share: found 5; expected less than 1"),
+        ("outliers: {lower_share: 1.5}", "key outliers.lower_share: found 1.5; expected less than 1"),
+        ("outliers: {tail_share: 1.0}", "key outliers.tail_share: found 1.0; expected less than 1"),
+        ("outliers: {persistence: 2}", "key outliers.persistence: found 2; expected less than 1"),
+        ("outliers: {path_tolerance: 0}", "key outliers.path_tolerance: found 0; expected greater than 0"),
+        (
+            "outliers: {outlier_share: 0.6, lower_share: 0.4}",
+            "key outliers: outlier_share and lower_share together are not below 1",
+        ),
+        ("tracking: {min_inlier_share: 30}", "key tracking.min_inlier_share: found 30; expected less than 1"),
+        ("localization: {min_correlation: 1.1}", "expected less than or equal to 1"),
+        ("sensors: {time_offset_s: .nan}", "key sensors.time_offset_s: found nan; expected a finite number"),
+        ("gps: {regions: {rtk_fix: {r_m: 1}}}", "key gps.regions.rtk_fix.h_m: is missing"),
+    ],
+)
+def test_numbers_out_of_their_range_are_refused(tmp_path, text, message):
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        read_config(written(tmp_path / "c.yaml", text))
+
+
 def test_an_empty_section_changes_nothing(tmp_path):
     assert read_config(written(tmp_path / "c.yaml", "gps:\nlocalization:\n  selection:\n")) == Config()
 

@@ -1,11 +1,12 @@
 """Settings of GPS: its model, the regions of the fix classes, and the detection of outliers."""
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from vgps.config.base import SettingsModel
+from vgps.config.quantities import Share
 from vgps.model import FixClass
 
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
@@ -19,21 +20,27 @@ class OutlierConfig(SettingsModel):
 
     enabled: bool = True
     """Judge fixes and reject outliers; the model cauchy is robust by itself and never does."""
-    outlier_share: PositiveFloat = 0.05
+    outlier_share: Share = 0.05
     """Prior probability that a fix is an outlier."""
-    lower_share: PositiveFloat = 0.02
+    lower_share: Share = 0.02
     """Prior probability that an RTK-fix has the error of an RTK-float (a wrong integer ambiguity)."""
-    tail_share: PositiveFloat = 0.05
+    tail_share: Share = 0.05
     """Share of a class's fixes outside its region by nature: what a survey drops."""
-    tail_size: PositiveFloat = 2.0
+    tail_size: float = Field(default=2.0, ge=1.0)
     """Size of the cylinder that holds this tail, as a multiple of the region."""
     outlier_radius_m: PositiveFloat = 50.0
     """An outlier lies anywhere within this distance of the antenna."""
-    persistence: PositiveFloat = 0.02
+    persistence: Share = 0.02
     """Probability that an error lasts to the next fix; kept low, since a sudden loss of scale looks the
     same."""
-    path_tolerance: PositiveFloat = 0.02
+    path_tolerance: Share = 0.02
     """Error of the video's path between two knots of its drift, as a share of the distance between them."""
+
+    @model_validator(mode="after")
+    def _leave_room_for_good_fixes(self) -> Self:
+        if self.outlier_share + self.lower_share >= 1.0:
+            raise ValueError("outlier_share and lower_share together are not below 1")
+        return self
 
 
 class Region(SettingsModel):

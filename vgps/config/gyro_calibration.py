@@ -6,6 +6,7 @@ from typing import ClassVar
 from pydantic import PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
+from vgps.config.quantities import Fraction, Share
 
 
 class GyroCalibrationConfig(SettingsModel):
@@ -26,7 +27,7 @@ class GyroCalibrationConfig(SettingsModel):
     min_rate_deg_s: PositiveFloat = 0.5
     """Standard deviation needed of the gyro's rates; below it the camera hardly turned, or turned
     steadily."""
-    min_correlation: PositiveFloat = 0.85
+    min_correlation: Fraction = 0.85
     """Correlation needed between the rates of gyro and video; below it they show different motions."""
     max_rotation_sigma_deg: PositiveFloat = 2.0
     """The sensor's rotation is not given if its sigma about the worst axis exceeds this."""
@@ -34,5 +35,5 @@ class GyroCalibrationConfig(SettingsModel):
     """The time offset is not given if its sigma exceeds this."""
     max_bias_sigma_deg_s: PositiveFloat = 0.5
     """The bias is not given if its sigma exceeds this."""
-    scale_tolerance: PositiveFloat = 0.03
+    scale_tolerance: Share = 0.03
     """The focal length is doubted if the video turns by more than this share more or less than the gyro."""

@@ -31,10 +31,10 @@ class LandmarksConfig(SettingsModel):
     max_sigma_px: PositiveFloat = 1.0
     """Landmarks with a larger reliability sigma_j, Eq. (13) Kume 2010, are left out."""
     max_relative_sigma: PositiveFloat = 0.1
-    """Landmarks whose position has a sigma above this share of their smallest depth are left out."""
+    """Landmarks whose position has a sigma above this times their smallest depth are left out."""
     max_error_px: PositiveFloat = 3.0
     """Observations with a larger reprojection error give no view."""
-    angle_unit_deg: PositiveFloat = 10.0
+    angle_unit_deg: PositiveFloat = Field(default=10.0, le=180.0)
     """Difference in direction between two views that counts as one unit when views are spread."""
     octave_unit: PositiveFloat = 0.5
     """Difference in scale between two views, in doublings, that counts as one unit."""
@@ -51,15 +51,15 @@ class LandmarksConfig(SettingsModel):
 class SelectionConfig(SettingsModel):
     """Which views of a landmark suit a camera."""
 
-    max_view_angle_deg: PositiveFloat = 45.0
+    max_view_angle_deg: PositiveFloat = Field(default=45.0, le=180.0)
     """A view suits if the camera looks at the landmark within this angle of the view's own direction."""
-    max_tilt_deg: PositiveFloat = 75.0
+    max_tilt_deg: PositiveFloat = Field(default=75.0, le=90.0)
     """A view suits if the direction to the camera lies within this angle of the template's normal."""
     nearer_octaves: NonNegativeFloat = 0.7
     """A view suits if the camera sees the landmark at most 2**this times larger than the view does."""
     further_octaves: NonNegativeFloat = 0.7
     """A view suits if the camera sees it at most 2**this times smaller; from afar it may be hidden."""
-    angle_unit_deg: PositiveFloat = 10.0
+    angle_unit_deg: PositiveFloat = Field(default=10.0, le=180.0)
     """Difference in direction that counts as one unit when the best view is chosen."""
     octave_unit: PositiveFloat = 0.5
     """Difference in scale, in doublings, that counts as one unit."""

@@ -7,6 +7,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 from vgps.config.landmarks import SelectionConfig
+from vgps.config.quantities import Fraction, Share
 
 
 class LocalizationConfig(SettingsModel):
@@ -39,7 +40,7 @@ class LocalizationConfig(SettingsModel):
     """Side of a template in the image, odd."""
     max_blur_px: PositiveFloat = Field(default=150.0, le=300.0)
     """Upper bound of the image motion by which templates are blurred."""
-    min_correlation: PositiveFloat = 0.6
+    min_correlation: Fraction = 0.6
     """A match is rejected if its normalised cross-correlation is lower."""
     min_contrast: PositiveFloat = 3.0
     """Blurred templates with a smaller standard deviation of grey values (0 to 255) are not searched."""
@@ -55,7 +56,7 @@ class LocalizationConfig(SettingsModel):
     """Half the side of the search window if window is fixed."""
     max_window_px: PositiveInt = 48
     """Upper bound of half the side of any search window."""
-    retry_widening: PositiveFloat = 2.5
+    retry_widening: float = Field(default=2.5, ge=1.0)
     """Factor on the windows and on the limits of a pose when a frame that failed is searched again."""
     refine_window_px: PositiveInt = 3
     """Half the side of the windows of the second search, around the pose that the first one gave."""
@@ -64,7 +65,7 @@ class LocalizationConfig(SettingsModel):
     """Pause between two failed recoveries by descriptors, each of which costs as much as several frames."""
     recovery_features: PositiveInt = 1500
     """Features of a frame that are compared with the keyframes' at most."""
-    recovery_ratio: PositiveFloat = 0.85
+    recovery_ratio: Fraction = 0.85
     """Lowe's ratio: a match is kept if its distance is below this times that of the second best landmark."""
     recovery_keyframes: PositiveInt = 12
     """Keyframes tried at most, those with most matches first."""
@@ -79,13 +80,13 @@ class LocalizationConfig(SettingsModel):
     """Minimal samples drawn for a pose at most."""
     min_inliers: PositiveInt = 6
     """A frame with fewer inliers has failed (Matsuda 2007)."""
-    min_inlier_share: PositiveFloat = 0.25
+    min_inlier_share: Share = 0.25
     """A frame with a smaller share of inliers among its matches has failed: chance gives as many."""
     match_sigma_px: PositiveFloat = 0.5
     """Standard deviation of a match, to which that of the landmark's own position is added."""
     huber_px: PositiveFloat = 1.5
     """Huber's constant: reprojection errors beyond it count linearly."""
-    max_rotation_error_deg: PositiveFloat = 6.0
+    max_rotation_error_deg: PositiveFloat = Field(default=6.0, le=180.0)
     """A pose that is rotated by more than this against the prediction is rejected."""
     coast_s: PositiveFloat = 3.0
     """Predictions are searched around for this long after the last tracked frame; then recovery begins."""

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 
 from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import Region
@@ -92,12 +92,13 @@ def _as_config_error(
     key = ".".join(str(part) for part in (*place, *first["loc"]))
     if first["type"] == "extra_forbidden":
         return ConfigError("unknown key", file=path, place=f"key {key}", remedy=_correction(key, model))
+    if first["type"] == "missing":
+        return ConfigError("is missing", file=path, place=f"key {key}")
+    if first["type"] == "value_error":
+        return ConfigError(str(first["ctx"]["error"]), file=path, place=f"key {key}")
+    expected = first["msg"].removeprefix("Input should be ")
     found = f"found {first['input']!r}"[:80]
-    return ConfigError(found, file=path, place=f"key {key}", expected=_expected(first))
-
-
-def _expected(error: ErrorDetails) -> str:
-    return error["msg"][:1].lower() + error["msg"][1:]
+    return ConfigError(found, file=path, place=f"key {key}", expected=expected[:1].lower() + expected[1:])
 
 
 def _correction(key: str, model: type[SettingsModel]) -> str:

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
+from vgps.config.quantities import Share
 
 
 class WindowConfig(SettingsModel):
@@ -21,7 +22,7 @@ class WindowConfig(SettingsModel):
     """Steps of an optimisation at most; a window with a rough start takes three times as many."""
     delay_frames: NonNegativeInt = 11
     """Frames after which a window's result is used, however quickly it was found, so that results repeat."""
-    tolerated_drift: PositiveFloat = 0.02
+    tolerated_drift: Share = 0.02
     """Drift is corrected first if antennas leave their fixes' regions by more than this share of the path."""
 
 
@@ -30,7 +31,7 @@ class DriftConfig(SettingsModel):
 
     knot_frames: PositiveInt = 15
     """Frames from one knot of the drift model to the next."""
-    scale_sigma: PositiveFloat = 0.05
+    scale_sigma: Share = 0.05
     """Standard deviation of the change in log scale from one knot to the next."""
     rotation_sigma_deg: PositiveFloat = 0.3
     """Standard deviation of the rotation, about each axis, from one knot to the next."""
@@ -95,9 +96,9 @@ class BatchConfig(SettingsModel):
     """Rounds of optimisation; outliers are dropped and reliabilities (13) recomputed between them."""
     iterations: PositiveInt = 25
     """Steps of a round at most; the last round may take twice as many."""
-    relative_tolerance: PositiveFloat = 1e-5
+    relative_tolerance: Share = 1e-5
     """The last round, and each window of stage C, ends once a step lowers the cost by a smaller share."""
-    early_tolerance: PositiveFloat = 3e-4
+    early_tolerance: Share = 3e-4
     """The rounds before the last end once a step lowers the cost by a smaller share."""
     robust_px: PositiveFloat = 1.0
     """Huber's constant: reprojection errors beyond it count linearly, before the weights of (12)."""
@@ -109,7 +110,7 @@ class BatchConfig(SettingsModel):
     """Keep video_sigma_scale, or let it follow the misfit of the fixes from round to round."""
     balance_prior_fixes: PositiveFloat = 4.0
     """Weight of the prior belief that fixes fit as their regions say, as a number of independent fixes."""
-    balance_range: PositiveFloat = 8.0
+    balance_range: float = Field(default=8.0, ge=1.0)
     """The estimated scale stays within this factor of video_sigma_scale, up or down."""
     draws: PositiveInt = 200
     """Draws of all errors behind the poses' sigmas, which are known to 1 / sqrt(2 draws) of themselves."""
@@ -123,7 +124,7 @@ class IntrinsicsConfig(SettingsModel):
 
     refine: bool = False
     """Refine the calibration; for cameras whose calibration is only roughly known."""
-    focal_sigma: PositiveFloat = 0.05
+    focal_sigma: Share = 0.05
     """Prior standard deviation of the focal length, as a share of it."""
     centre_sigma_px: PositiveFloat = 5.0
     """Prior standard deviation of the principal point, on each axis."""

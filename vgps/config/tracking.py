@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
-from pydantic import PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
+from vgps.config.quantities import Fraction, Share
 
 
 class TrackingConfig(SettingsModel):
@@ -19,9 +20,9 @@ class TrackingConfig(SettingsModel):
     """New corners are added while fewer features than this are followed."""
     min_distance_px: PositiveFloat = 12.0
     """Smallest distance of a new corner from the features already followed."""
-    harris_k: float = 0.04
+    harris_k: float = Field(default=0.04, gt=0.0, lt=0.25)
     """Harris's constant k in det(M) - k trace(M)^2, the response of a corner (A-1)."""
-    harris_quality: PositiveFloat = 1e-4
+    harris_quality: Fraction = 1e-4
     """A corner is accepted if its Harris response exceeds this fraction of the frame's strongest (A-1)."""
     window_px: PositiveInt = 15
     """Side of the patch that is matched, for both matchers."""
@@ -41,7 +42,7 @@ class TrackingConfig(SettingsModel):
     """A match with a larger reprojection error is an outlier of the frame's pose (A-5)."""
     min_inliers: PositiveInt = 12
     """A frame with fewer inliers is lost."""
-    min_inlier_share: PositiveFloat = 0.3
+    min_inlier_share: Share = 0.3
     """A frame with a smaller share of inliers among its matches is lost."""
     static_px: PositiveFloat = 0.4
     """A frame adds no view if the median feature moved by less since the last view: the camera stands
@@ -51,7 +52,7 @@ class TrackingConfig(SettingsModel):
 class MappingConfig(SettingsModel):
     """Stage B, Kume 2010: triangulate features (19), add and delete them by their quality."""
 
-    min_parallax_deg: PositiveFloat = 0.2
+    min_parallax_deg: PositiveFloat = Field(default=0.2, lt=180.0)
     """A feature is triangulated once the largest angle between its rays exceeds this."""
     max_reprojection_px: PositiveFloat = 2.0
     """A triangulated position is accepted if every view agrees to this; a later match beyond it is
@@ -76,7 +77,7 @@ class StartConfig(SettingsModel):
     """Median image motion needed between the two views that begin a map."""
     min_inliers: PositiveInt = 30
     """Features needed that agree with the essential matrix of the two views and lie in front of both."""
-    min_parallax_deg: PositiveFloat = 0.7
+    min_parallax_deg: PositiveFloat = Field(default=0.7, lt=180.0)
     """Median angle needed between the rays of the two views."""
     min_fixes: PositiveInt = 3
     """Usable fixes needed before GPS gives scale, heading and position."""
