@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import json
 import re
 from pathlib import Path
 
@@ -48,6 +49,16 @@ def test_readme_and_ci_give_the_same_test_command() -> None:
 def test_readme_lists_every_verb() -> None:
     listed = set(re.findall(r"`vgps ([a-z][a-z-]*)", README.split("## Verbs")[1].split("\n## ")[0]))
     assert listed == {name for name in app if not name.startswith("-")}
+
+
+def test_readme_quotes_the_measured_accuracy() -> None:
+    measured = json.loads((ROOT / "notebooks/results/accuracy.json").read_text(encoding="utf-8"))
+    cells = [
+        (row["log"], f"{row['mean_m']:.3f}", f"{row['max_m']:.2f}", str(row["rejected"]))
+        for row in measured["rows"]
+    ]
+    assert re.findall(r"^\| `(gps_\w+)`[^|]*\| (\S+) \| (\S+) \| (\d+) \|$", README, re.MULTILINE) == cells
+    assert len(cells) == 5 and not measured["dirty"]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
