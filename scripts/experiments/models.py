@@ -1,41 +1,45 @@
-"""Every GPS model on every log of a recording with truth, over several seeds: unaligned errors as a table."""
+"""Which GPS model gives the smallest error on a recording with truth, by log and seed?
 
-import argparse
+Mean unaligned error of the camera; a front end run per log and seed, stage D for every model, as in ``vgps
+compare``. The median over seeds and its range.
+"""
+
 import statistics
 from pathlib import Path
 
 import vgps
+from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.markdown import mean_and_range, table
 from vgps.cli.terminal import TerminalProgress
 from vgps.compare import METHODS, compare
 
 
-def cell(errors: list[float]) -> str:
-    """Median and range, metres."""
-    if len(errors) == 1:
-        return f"{errors[0]:.3f}"
-    return f"{statistics.median(errors):.3f} ({min(errors):.3f}-{max(errors):.3f})"
-
-
 def main() -> None:
-    """Print a markdown table; a cell has the mean camera error's median over seeds and its range."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--logs", nargs="+", required=True)
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--survey", type=Path)
+    """Print a markdown table, a row per model."""
+    parser = ScriptParser("experiments.models", __doc__)
+    parser.add_argument("recording", type=Path, help="with truth")
+    parser.add_argument("--logs", nargs="+", required=True, help="GPS logs of the recording")
+    add_seeds(parser, 1)
+    parser.add_argument("--survey", type=Path, help="regions of the fix classes")
     given = parser.parse_args()
-    errors: dict[tuple[str, str], list[float]] = {}
-    for log in given.logs:
-        recording = vgps.open_recording(given.recording, gps=log)
-        for seed in range(given.seeds):
-            config = vgps.Config(seed=seed).with_gps(None, given.survey)
-            found = compare(recording, given.recording / "truth.tum", config, TerminalProgress())
-            for name, evaluation in found.evaluations.items():
-                errors.setdefault((name, log), []).append(evaluation.camera_position_m.mean)
-    print("| model | " + " | ".join(given.logs) + " |")
-    print("|---" * (1 + len(given.logs)) + "|")
-    for method in METHODS:
-        print(f"| {method.name} | " + " | ".join(cell(errors[method.name, log]) for log in given.logs) + " |")
+    errors_m: dict[tuple[str, str], list[float]] = {}
+    with parser.refusals():
+        results = parser.results(given)
+        for log in given.logs:
+            recording = vgps.open_recording(given.recording, gps=log)
+            for seed in range(given.seeds):
+                config = vgps.Config(seed=seed).with_gps(None, given.survey)
+                found = compare(recording, given.recording / "truth.tum", config, TerminalProgress())
+                for name, evaluation in found.evaluations.items():
+                    size = evaluation.camera_position_m
+                    errors_m.setdefault((name, log), []).append(size.mean)
+                    results.add(model=name, log=log, seed=seed, mean_m=size.mean, max_m=size.max)
+
+    def cell(errors: list[float]) -> str:
+        return mean_and_range(errors, middle=statistics.median(errors))
+
+    rows = ([method.name, *(cell(errors_m[method.name, log]) for log in given.logs)] for method in METHODS)
+    print(table(["model", *given.logs], rows))
 
 
 if __name__ == "__main__":

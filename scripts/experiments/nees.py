@@ -1,14 +1,13 @@
 """Are the stated standard deviations honest? NEES of poses over simulated walks with exact truth.
 
-NEES is the squared error over the stated variance, summed over three axes and divided by three: 1 is honest,
-more is overconfident. Errors of neighbouring frames are alike, so a walk is worth little more than one
-sample; the scatter over seeds tells. A walk takes 9 s of processor time to render and 7 s to smooth, so 100
-take half an hour of it, a quarter on two cores; kept in --walks they are rendered once.
+NEES is the squared error over the stated variance, averaged over three axes: 1 is honest, more is
+overconfident. Errors of neighbouring frames are alike, so that a walk is worth little more than one sample;
+the scatter over seeds shows it. A walk takes 9 s of processor time to render and 7 s to smooth, so a hundred
+take half an hour of it; kept in --walks they are rendered once.
 
-On ten metres of a nearly straight walk fixes hardly show the camera's roll; what is believed of it then
-stands behind the standard deviations. So every walk's camera is held as much askew as is believed: by a
-random roll of that standard deviation. --fitted gives the regions that a long survey of the simulated
-receiver would.
+On ten metres of a nearly straight walk the fixes hardly determine the camera's roll, and its prior stands
+behind the standard deviations. So every walk's camera has a random roll of the prior's standard deviation.
+--fitted gives the regions that a long survey of the simulated receiver would.
 """
 
 import argparse
@@ -16,21 +15,24 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import vgps
+from scripts.common.command import ScriptParser, add_jobs, add_seeds
+from scripts.common.markdown import header, row
+from scripts.common.recordings import read_truth
 from vgps.config import Config, Region, read_config
 from vgps.evaluation import match_times
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
-from vgps.readers.calibration import read_rig
-from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, SceneConfig, simulate
 from vgps.simulate.scene import FIX_ERRORS
 from vgps.solution import Solution, Trajectory
+
+AXES = ("east", "north", "up")
 
 
 class Ratios(NamedTuple):
@@ -44,7 +46,7 @@ class Ratios(NamedTuple):
 
 
 def short_walk(seconds: float, fix_share: float, roll_deg: float = 0.0) -> SceneConfig:
-    """A walk round a corner, in small pictures, so that many can be run."""
+    """Return a walk round a corner in small pictures."""
     return replace(
         SCENES["demo"],
         speed=((0.0, 1.2), (seconds, 1.2)),
@@ -58,22 +60,22 @@ def short_walk(seconds: float, fix_share: float, roll_deg: float = 0.0) -> Scene
 
 
 def ratios(seed: int, solution: Solution, truth: Trajectory) -> Ratios:
-    """Compare poses with the truth, frame by frame, in world axes."""
+    """Return the errors of poses over their standard deviations, frame by frame, in world axes."""
     e, t = match_times(solution.t_s, truth.t_s, 1e-3)
     found, true = solution.world_T_camera[e], truth.world_T_camera[t]
     position = found[:, :3, 3] - true[:, :3, 3]
-    turned = Rotation.from_matrix(found[:, :3, :3] @ true[:, :3, :3].transpose(0, 2, 1))
+    rotation = Rotation.from_matrix(found[:, :3, :3] @ true[:, :3, :3].transpose(0, 2, 1))
     return Ratios(
         seed,
         position / solution.sigma_position_m[e],
-        turned.as_rotvec() / solution.sigma_rotation_rad[e],
+        rotation.as_rotvec() / solution.sigma_rotation_rad[e],
         float(np.linalg.norm(position, axis=1).mean()),
-        float(np.degrees(turned.magnitude()).mean()),
+        float(np.degrees(rotation.magnitude()).mean()),
     )
 
 
 def settings(seed: int, given: argparse.Namespace) -> Config:
-    """Of one walk."""
+    """Return the configuration of one walk."""
     config = read_config(given.config).with_seed(seed)
     if not given.fitted:
         return config
@@ -89,57 +91,80 @@ def settings(seed: int, given: argparse.Namespace) -> Config:
 
 
 def one(seed: int, given: argparse.Namespace) -> Ratios:
-    """Simulate, smooth and compare."""
+    """Simulate a walk unless it was kept, smooth it and compare."""
     config = settings(seed, given)
     roll_deg = float(np.random.default_rng([seed, 9]).normal(0.0, config.start.level_sigma_deg))
     with tempfile.TemporaryDirectory() as scratch:
-        kept = f"walk_{given.seconds:g}_{given.fix_share:g}_{roll_deg:.2f}_{seed}"
-        folder = (given.walks or Path(scratch)) / kept
+        name = f"walk_{given.seconds:g}_{given.fix_share:g}_{roll_deg:.2f}_{seed}"
+        folder = (given.walks or Path(scratch)) / name
         if not folder.exists():  # it appears when it is complete
             simulate(folder, short_walk(given.seconds, given.fix_share, roll_deg), seed)
-        solution = vgps.smooth(vgps.open_recording(folder), config)
-        start_s = read_rig(folder / "rig.yaml").video_start_s
-        return ratios(seed, solution, read_trajectory(folder / "truth.tum", video_start_s=start_s))
+        return ratios(seed, vgps.smooth(vgps.open_recording(folder), config), read_truth(folder))
 
 
-def cells(ratio: FloatArray) -> str:
-    """Mean and median of NEES, share of errors within two sigma by axis and together."""
-    nees = np.mean(ratio**2, axis=1)
-    inside = 100 * np.mean(np.abs(ratio) < 2, axis=0)
-    by_axis = " / ".join(f"{share:.0f}" for share in inside)
-    return f"{nees.mean():.2f}, {np.median(nees):.2f} | {by_axis} | {inside.mean():.0f}"
+def figures(ratio: FloatArray) -> dict[str, float]:
+    """Return mean and median of NEES, and the share of errors within two sigma by axis and together."""
+    nees, inside = np.mean(ratio**2, axis=1), 100 * np.mean(np.abs(ratio) < 2, axis=0)
+    by_axis = {f"inside_{axis}_percent": share for axis, share in zip(AXES, inside, strict=True)}
+    means = {"nees_mean": nees.mean(), "nees_median": np.median(nees)}
+    return {**means, **by_axis, "inside_percent": inside.mean()}
+
+
+def cells(found: dict[str, float]) -> tuple[str, str, str]:
+    """Return the cells of :func:`figures`."""
+    by_axis = " / ".join(f"{found[f'inside_{axis}_percent']:.0f}" for axis in AXES)
+    return f"{found['nees_mean']:.2f}, {found['nees_median']:.2f}", by_axis, f"{found['inside_percent']:.0f}"
+
+
+def arguments(parser: ScriptParser) -> argparse.Namespace:
+    """Parse the command line."""
+    add_seeds(parser, 6)
+    parser.add_argument("--first-seed", type=int, default=0)
+    add_jobs(parser, "walks")
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of a walk")
+    parser.add_argument("--fix-share", type=float, default=0.2, help="RTK-fix at either end; 0.5 throughout")
+    parser.add_argument("--config", type=Path, help="settings file")
+    parser.add_argument("--fitted", action="store_true", help="regions that fit the simulated receiver")
+    parser.add_argument("--walks", type=Path, help="folder that keeps the simulated walks, for a second run")
+    return parser.parse_args()
+
+
+def both(seed: int | str, runs: list[Ratios]) -> list[dict[str, Any]]:
+    """Return a row for positions and one for rotations of all frames of the walks."""
+    return [
+        {
+            "seed": seed,
+            "quantity": quantity,
+            f"error_{unit}": np.mean([getattr(run, f"{quantity}_{unit}") for run in runs]),
+            **figures(np.concatenate([getattr(run, quantity) for run in runs])),
+        }
+        for quantity, unit in (("position", "m"), ("rotation", "deg"))
+    ]
 
 
 def main() -> None:
-    """Print a markdown table, a row per seed and one for all."""
-    form = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
-    parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--fix-share", type=float, default=0.2, help="RTK-fix at either end; 0.5 throughout")
-    parser.add_argument("--config", type=Path)
-    parser.add_argument("--fitted", action="store_true", help="regions that fit the simulated receiver")
-    parser.add_argument("--walks", type=Path, help="folder that keeps the simulated walks, for a second run")
-    given = parser.parse_args()
-    print(
-        "| seed | quantity | mean error | NEES: mean, median | % within 2 sigma, by axis | all (honest: 95) |"
-    )
-    print("|---" * 6 + "|")
-    runs = []
-    with ProcessPoolExecutor(given.jobs) as pool:
+    """Print a markdown table, two rows per seed and two for all."""
+    parser = ScriptParser("experiments.nees", __doc__)
+    given = arguments(parser)
+    columns = ("seed", "quantity", "mean error", "NEES: mean, median", "% within 2 sigma, by axis")
+    runs: list[Ratios] = []
+
+    def show(rows: list[dict[str, Any]]) -> None:
+        for one_row in rows:
+            results.add(**one_row)
+            error = (
+                f"{one_row['error_m']:.3f} m" if "error_m" in one_row else f"{one_row['error_deg']:.3f} deg"
+            )
+            print(row((str(one_row["seed"]), one_row["quantity"], error, *cells(one_row))), flush=True)
+
+    with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
+        results = parser.results(given)
+        print(header((*columns, "all (honest: 95)")))
         seeds = range(given.first_seed, given.first_seed + given.seeds)
         for run in pool.map(one, seeds, [given] * given.seeds):
             runs.append(run)
-            print(f"| {run.seed} | position | {run.position_m:.3f} m | {cells(run.position)} |")
-            print(
-                f"| {run.seed} | rotation | {run.rotation_deg:.3f} deg | {cells(run.rotation)} |", flush=True
-            )
-    for name, unit in (("position", "m"), ("rotation", "deg")):
-        error = np.mean([getattr(run, f"{name}_{unit}") for run in runs])
-        together = cells(np.concatenate([getattr(run, name) for run in runs]))
-        print(f"| all | {name} | {error:.3f} {unit} | {together} |")
+            show(both(run.seed, [run]))
+        show(both("all", runs))
 
 
 if __name__ == "__main__":

@@ -1,27 +1,30 @@
-"""One recording changed in ways that users' recordings differ: unaligned errors on each, as a table.
+"""How large is the error of `vgps smooth` on the logs of a recording, and on changed versions of it?
 
-Half the frames, half the size, its later part alone, driven backwards, with light that flickers and noise,
-one fix in seven: settings that suit the recording as it is alone fail here.
+The recording as it is, at half the frames, at half the size, its later part alone, backwards, with flickering
+light and noise, with one fix in seven: settings that suit the recording alone fail here. Errors of the camera
+are unaligned; NEES is per axis (1 is honest).
 """
 
-import argparse
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product, repeat
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 import vgps
+from scripts.common.command import ScriptParser, add_jobs, add_seeds
+from scripts.common.markdown import header, row
+from scripts.common.recordings import read_truth
 from vgps.config import Config
 from vgps.errors import VgpsError
 from vgps.evaluation import evaluate
 from vgps.geometry import interpolate_poses
 from vgps.model import FloatArray, Frame, GrayImage, IntArray, Recording
-from vgps.readers.trajectory import read_trajectory
-from vgps.solution import Trajectory
+from vgps.solution import Trajectory, Verdict
 
 Look = Callable[[int, GrayImage], GrayImage]
 
@@ -59,7 +62,7 @@ class Variant:
 
 
 def changed(recording: Recording, rows: IntArray, look: Look = lambda _, image: image) -> Variant:
-    """With some frames alone, in that order, each as ``look`` has it; backwards in time if they are."""
+    """Return some of the frames in that order, each changed by ``look``; time runs backwards if they do."""
     images = [look(frame.index, frame.gray) for frame in recording.video.frames()]
     t_s, log = recording.video.times_s, recording.gps
     assert log is not None
@@ -70,21 +73,21 @@ def changed(recording: Recording, rows: IntArray, look: Look = lambda _, image: 
 
 
 def half_size(recording: Recording, rows: IntArray) -> Variant:
-    """Means of two by two pixels."""
+    """Return the frames as means of two by two pixels."""
     c, height, width = recording.camera, recording.camera.height // 2, recording.camera.width // 2
 
     def look(_: int, image: GrayImage) -> GrayImage:
         even = image[: 2 * height, : 2 * width]
         return np.asarray(cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
-    # the middle of a pixel lies at a whole number
+    # pixel centres lie at whole numbers
     cx, cy = (c.cx + 0.5) / 2 - 0.5, (c.cy + 0.5) / 2 - 0.5
     camera = replace(c, width=width, height=height, fx=c.fx / 2, fy=c.fy / 2, cx=cx, cy=cy)
     return changed(replace(recording, camera=camera), rows, look)
 
 
 def flickering(recording: Recording, rows: IntArray) -> Variant:
-    """Light that wanders by half, and noise of four grey values."""
+    """Return frames whose brightness wanders by half, with noise of four grey values."""
     steps = np.random.default_rng(0).normal(0.0, 0.08, len(rows))
     light = np.exp(np.clip(np.cumsum(steps), -0.6, 0.4))
 
@@ -96,7 +99,7 @@ def flickering(recording: Recording, rows: IntArray) -> Variant:
 
 
 def sparse_fixes(recording: Recording, rows: IntArray) -> Variant:
-    """One fix in seven."""
+    """Return the recording with one fix in seven."""
     assert recording.gps is not None
     log = recording.gps
     return Variant(replace(recording, gps=log.rows(np.arange(0, len(log), 7))), rows)
@@ -113,44 +116,65 @@ VARIANTS: dict[str, Callable[[Recording, IntArray], Variant]] = {
 }
 
 
-def row_of(case: tuple[str, str, int], folder: Path) -> str:
-    """A row of the table: variant, log, seed, and how it went."""
+def measure(case: tuple[str, str, int], folder: Path) -> dict[str, Any]:
+    """Return the errors on a variant, log and seed, or why there are none."""
     name, log, seed = case
-    recording = vgps.open_recording(folder, gps=log)
-    truth = read_trajectory(folder / "truth.tum", video_start_s=recording.rig.video_start_s)
-    made = VARIANTS[name](recording, np.arange(len(recording.video.times_s)))
-    at_s = recording.video.times_s[made.rows]
-    true = Trajectory(made.recording.video.times_s, interpolate_poses(truth.t_s, truth.world_T_camera, at_s))
-    begun = f"| {name} | {log} | {seed} | "
+    recording, truth = vgps.open_recording(folder, gps=log), read_truth(folder)
+    variant = VARIANTS[name](recording, np.arange(len(recording.video.times_s)))
+    at_s = recording.video.times_s[variant.rows]
+    true = Trajectory(
+        variant.recording.video.times_s, interpolate_poses(truth.t_s, truth.world_T_camera, at_s)
+    )
+    head = {"variant": name, "log": log, "seed": seed, "frames": len(true.t_s)}
     try:
-        run = vgps.smooth(made.recording, Config(seed=seed))
+        run = vgps.smooth(variant.recording, Config(seed=seed))
     except VgpsError as error:
-        return f"{begun}{error} |"
+        return {**head, "failed": str(error)}
     found = evaluate(run, true)
     assert run.fixes is not None and found.nees is not None
-    refused = sum(verdict in {"rejected", "down-classed"} for verdict in run.fixes.verdict)
-    size, turn = found.camera_position_m, found.rotation_deg
-    return (
-        f"{begun}{len(run.t_s)} of {len(true.t_s)} | {size.mean:.3f} | {size.max:.3f} | {turn.mean:.2f} | "
-        f"{found.nees.mean / 3:.1f} | {refused} | {run.sensors.time_offset_s:.2f} |"
-    )
+    verdicts = run.fixes.verdict
+    return {
+        **head,
+        "posed": len(run.t_s),
+        "mean_m": found.camera_position_m.mean,
+        "max_m": found.camera_position_m.max,
+        "rotation_deg": found.rotation_deg.mean,
+        "nees_per_axis": found.nees.mean / 3,
+        "rejected": sum(verdict == Verdict.REJECTED for verdict in verdicts),
+        "down_classed": sum(verdict == Verdict.DOWN_CLASSED for verdict in verdicts),
+        "time_offset_s": run.sensors.time_offset_s,
+    }
+
+
+def cells(found: dict[str, Any]) -> list[str]:
+    """Return the cells of a row."""
+    begin = [found["variant"], found["log"], str(found["seed"])]
+    if "failed" in found:
+        return [*begin, found["failed"]]
+    sizes = (f"{found['mean_m']:.3f}", f"{found['max_m']:.3f}", f"{found['rotation_deg']:.2f}")
+    doubted = f"{found['rejected']}, {found['down_classed']}"
+    nees, offset = f"{found['nees_per_axis']:.1f}", f"{found['time_offset_s']:.2f}"
+    return [*begin, f"{found['posed']} of {found['frames']}", *sizes, nees, doubted, offset]
 
 
 def main() -> None:
     """Print a markdown table, a row as it comes."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--logs", nargs="+", default=["gps_fix.nmea", "gps_float.nmea"])
-    parser.add_argument("--only", nargs="+", choices=list(VARIANTS), default=list(VARIANTS))
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=1)
+    parser = ScriptParser("experiments.variants", __doc__)
+    parser.add_argument("recording", type=Path, help="with truth")
+    parser.add_argument("--logs", nargs="+", default=["gps_fix.nmea", "gps_float.nmea"], help="GPS logs")
+    parser.add_argument("--only", nargs="+", choices=list(VARIANTS), default=list(VARIANTS), help="variants")
+    add_seeds(parser, 1)
+    add_jobs(parser, "runs")
     given = parser.parse_args()
-    print("| variant | log | seed | frames posed | mean [m] | max [m] | rotation [deg] | NEES an axis | "
-          "fixes not believed | lag [s] |\n" + "|---" * 10 + "|", flush=True)  # fmt: skip
+    columns = ["variant", "log", "seed", "frames posed", "mean [m]", "max [m]", "rotation [deg]"]
+    columns += ["NEES per axis", "fixes rejected, down-classed", "time offset [s]"]
     cases = product(given.only, given.logs, range(given.seeds))
-    with ProcessPoolExecutor(given.jobs) as pool:
-        for row in pool.map(row_of, cases, repeat(given.recording)):
-            print(row, flush=True)
+    with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
+        results = parser.results(given)
+        print(header(columns), flush=True)
+        for found in pool.map(measure, cases, repeat(given.recording)):
+            results.add(**found)
+            print(row(cells(found)), flush=True)
 
 
 if __name__ == "__main__":

@@ -136,24 +136,28 @@ def test_a_log_is_needed(made):
         faulty(replace(made, gps=None), "cluster")
 
 
+def cell(mean_m, max_m, wrong=0, caught=0, good=0, rejected=0):
+    return Cell(mean_m=mean_m, max_m=max_m, wrong=wrong, caught=caught, good=good, rejected=rejected)
+
+
 def test_the_table_has_errors_verdicts_and_what_failed():
-    good = Cell(0.4123, 0.987, 8, 7, 60, 3)
-    unjudged = Cell(1.0, 2.0, 0, 0, 0, 0)
+    good = cell(0.4123, 0.987, 8, 7, 60, 3)
+    unjudged = cell(1.0, 2.0)
     row = {method.name: unjudged if method.model == "cauchy" else good for method in MODELS}
     failed = {method.name: replace(unjudged, failed="too few fixes") for method in MODELS}
     text = as_markdown({"cluster": row, "outage-60": failed}, FAULTS)
     assert text.count("0.412 / 0.99; 7 of 8; 5 %") == 4 and text.count("| 1.000 / 2.00 |") == 1
     assert text.count("no result") == 5 and "- outage-60: too few fixes" in text
-    assert "8 fixes in a row 15 m off the same way" in text
+    assert "8 fixes in a row off by the same 15 m" in text
 
 
 def test_the_picture_has_a_dot_for_each_model_and_fault():
-    rows = {name: {m.name: Cell(0.1, 0.2, 0, 0, 9, 1) for m in MODELS} for name in ("none", "late")}
-    error, refused = matrix_picture(rows).axes
-    assert refused.get_xlim()[1] >= 10.0  # or no dot at zero would say that it is little
+    rows = {name: {m.name: cell(0.1, 0.2, good=9, rejected=1) for m in MODELS} for name in ("none", "late")}
+    error, rejected = matrix_picture(rows).axes
+    assert rejected.get_xlim()[1] >= 10.0  # or no dot at zero would say that it is little
     assert [len(line.get_xdata()) for line in error.lines] == [2] * len(MODELS)
     assert [tick.get_text() for tick in error.get_yticklabels()] == ["none", "late"]
-    np.testing.assert_allclose(refused.lines[0].get_xdata(), 100 / 9)
+    np.testing.assert_allclose(rejected.lines[0].get_xdata(), 100 / 9)
 
 
 @pytest.mark.slow
@@ -163,7 +167,7 @@ def test_a_fault_on_a_recording_is_run_under_every_model(tmp_path):
     row = run_fault(FAULT["outliers-20"], recording, truth, vgps.Config(), Silent())
     assert list(row) == [method.name for method in MODELS]
     assert all(cell.mean_m < 0.1 for cell in row.values())
-    assert [(cell.caught, cell.wrong, cell.refused) for cell in row.values()][:4] == [(3, 3, 0)] * 4
+    assert [(cell.caught, cell.wrong, cell.rejected) for cell in row.values()][:4] == [(3, 3, 0)] * 4
     long = run_fault(FAULT["outage-30"], recording, truth, vgps.Config(), Silent())
     assert all("outage of 30 s" in cell.failed for cell in long.values())
     with pytest.raises(TrajectoryError):

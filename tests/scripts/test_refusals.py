@@ -33,27 +33,27 @@ def refused(monkeypatch, capsys):
         ("n=1,2", "--vary n=1,2; expected PART.NAME=VALUE,VALUE as in gps.n=1,2,4"),
         ("gps.m=1", "--vary gps.m=1: Extra inputs are not permitted"),
         ("gps.n=1,none", "--vary gps.n=none: Input should be a valid integer"),
-        ("gps.n=[", "--vary gps.n=[: no YAML"),
+        ("gps.n=[", "--vary gps.n=[: not YAML"),
     ],
 )
 def test_settings_that_cannot_be_varied(refused, tmp_path, word, told):
     line = refused("experiments.settings", tmp_path, "--vary", "gps.omega=0.1", word)
-    assert line.startswith(f"table_settings: {told}")
+    assert line.startswith(f"settings: {told}")
 
 
 def test_settings_of_no_recording(refused, tmp_path):
-    assert refused("experiments.settings", tmp_path).startswith(f"table_settings: {tmp_path}")
+    assert refused("experiments.settings", tmp_path).startswith(f"settings: {tmp_path}")
 
 
 @pytest.mark.parametrize("frames", [-1, 0, 1])
 def test_a_walk_of_no_length(refused, frames):
     line = refused("experiments.kume_table6", "--frames", frames)
-    assert line == f"reproduce_kume_table6: --frames is {frames}; expected at least 2"
+    assert line == f"kume_table6: --frames is {frames}, expected at least 2; see --help"
 
 
 def test_a_recording_that_is_not_there(refused, tmp_path):
     line = refused("experiments.kume_table6", "--recording", tmp_path / "gone")
-    assert line.startswith(f"reproduce_kume_table6: {tmp_path / 'gone'}: no such recording")
+    assert line.startswith(f"kume_table6: {tmp_path / 'gone'}: no such recording")
 
 
 def test_errors_of_no_class_that_is_known(refused, tmp_path):
@@ -61,24 +61,24 @@ def test_errors_of_no_class_that_is_known(refused, tmp_path):
     rows = [f"{k},49,8,100,{'rtk_fix' if k < 3 else 'unknown'}\n" for k in range(9)]
     log.write_text(LOG + "".join(rows))
     line = refused("tools.fit_gps_errors", log)
-    assert line == f"fit_gps_errors: {log}: 3 rtk_fix, 6 unknown; expected 5 epochs of a known class"
+    assert line == f"fit_gps_errors: {log}: 3 rtk_fix, 6 unknown epochs; expected 5 epochs of a known class"
     assert refused("tools.fit_gps_errors", tmp_path / "gone.csv").startswith(f"fit_gps_errors: {tmp_path}")
 
 
 def test_a_truth_by_a_drive_that_is_not_there(refused, tmp_path):
     words = ("--run", tmp_path, "--run-truth", tmp_path / "truth.tum", "--out", tmp_path / "out.tum")
     line = refused("tools.truth_from_run", tmp_path / "gone", *words)
-    assert line.startswith(f"truth_by_drive: {tmp_path / 'gone'}: no such recording")
+    assert line.startswith(f"truth_from_run: {tmp_path / 'gone'}: no such recording")
 
 
 def test_a_camera_that_was_turned_is_turned_where_the_drive_has_it():
-    from scripts.tools.truth_from_run import by_drive
+    from scripts.tools.truth_from_run import truth_from_run
 
     east, turned = np.tile(np.eye(4), (3, 1, 1)), np.tile(np.eye(4), (2, 1, 1))
     east[:, 0, 3] = (0.0, 2.0, 4.0)
     turned[:, 0, 3], turned[:, :2, :2] = (1.0, 3.0), [[0, -1], [1, 0]]  # by 90 degrees about z
     t_s, north = np.array([0.0, 1.0, 2.0]), np.tile(np.eye(4), (3, 1, 1))
     north[:, :2, :2], north[:, 1, 3] = [[0, -1], [1, 0]], (5.0, 7.0, 9.0)
-    found = by_drive(Trajectory(t_s[:2] + 0.5, turned), Trajectory(t_s, east), Trajectory(t_s, north))
+    found = truth_from_run(Trajectory(t_s[:2] + 0.5, turned), Trajectory(t_s, east), Trajectory(t_s, north))
     np.testing.assert_allclose(found.world_T_camera[:, :3, 3], [[0, 6, 0], [0, 8, 0]], atol=1e-12)
     np.testing.assert_allclose(found.world_T_camera[:, :2, :2], [-np.eye(2)] * 2, atol=1e-12)

@@ -1,4 +1,4 @@
-"""What goes wrong with a GPS, put into a good log: outliers, outages, a late clock, lever arms, biases."""
+"""Faults of a GPS receiver, put into a good log: outliers, outages, a late clock, lever arms, biases."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _CLUSTER_M = 15.0
 
 @dataclass(frozen=True)
 class Faulty:
-    """A recording with a fault, and which of its fixes (M,) are not what their class says."""
+    """A recording with a fault; ``wrong`` (M,) marks the fixes that are not what their class says."""
 
     recording: Recording
     wrong: BoolArray
@@ -30,14 +30,14 @@ Inject = Callable[[Recording, GpsLog, np.random.Generator], Faulty]
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault under a short name, and what it is in words."""
+    """A fault: its short name, and a description for people."""
 
     name: str
-    what: str
+    description: str
     inject: Inject
 
     def into(self, recording: Recording, rng: np.random.Generator) -> Faulty:
-        """The recording with this fault.
+        """Return the recording with this fault.
 
         Raises:
             GpsLogError: The recording has no log, or one too short for the fault.
@@ -50,12 +50,12 @@ class Fault:
 
 
 def none(recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """The log as it is."""
+    """Leave the log as it is."""
     return Faulty(recording, np.zeros(len(log), dtype=bool))
 
 
 def outliers(share: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """A share of the fixes, each its own way 8 to 40 m off in the plane and 10 m (sigma) in height."""
+    """Move a share of the fixes, each by 8 to 40 m in the plane and 10 m (sigma) in height."""
     inside = np.flatnonzero(_inside(recording, log))
     rows = rng.permutation(inside)[: round(share * len(inside))]
     angle, far = rng.uniform(0, 2 * np.pi, len(rows)), rng.uniform(*_OUTLIER_M, len(rows))
@@ -67,7 +67,7 @@ def outliers(share: float, recording: Recording, log: GpsLog, rng: np.random.Gen
 def cluster(
     count: int, at_start: bool, recording: Recording, log: GpsLog, rng: np.random.Generator
 ) -> Faulty:
-    """Fixes in a row, first or in the middle, all 15 m off the same way and labelled RTK-fix."""
+    """Move consecutive fixes, the first or the middle ones, by the same 15 m, and label them RTK-fix."""
     inside = _inside(recording, log)
     rows = inside & (np.cumsum(inside) <= count) if at_start else _middle(recording, log, count)
     angle = rng.uniform(0, 2 * np.pi)
@@ -78,7 +78,7 @@ def cluster(
 
 
 def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """No fixes for so long, in the middle of the video."""
+    """Remove the fixes of so many seconds in the middle of the video."""
     middle_s = 0.5 * float(recording.video.times_s[-1])
     kept = np.abs(log.t_s - middle_s) > 0.5 * seconds
     inside = kept & _inside(recording, log)
@@ -94,18 +94,18 @@ def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Gen
 
 
 def late(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """Positions that much older than their time stamps say."""
+    """Make positions so many seconds older than their time stamps say."""
     return none(replace(recording, gps=replace(log, t_s=log.t_s + seconds)), log, rng)
 
 
 def lever_arm(offset_m: FloatArray, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """An antenna that is not where ``rig.yaml`` says, by (3,) metres in the camera frame."""
+    """Move the antenna of ``rig.yaml`` by (3,) metres in the camera frame."""
     rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + offset_m)
     return none(replace(recording, rig=rig), log, rng)
 
 
 def vertical_bias(up_m: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """The middle half of the fixes too high; what is labelled RTK-fix then is not what it says."""
+    """Raise the middle half of the fixes; those labelled RTK-fix are then wrong."""
     middle = _middle(recording, log, int(_inside(recording, log).sum()) // 2)
     offset = np.zeros((len(log), 3))
     offset[middle, 2] = up_m
@@ -114,7 +114,7 @@ def vertical_bias(up_m: float, recording: Recording, log: GpsLog, rng: np.random
 
 
 def float_drift(errors: FixErrors, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """All but the first and last tenth labelled RTK-float, and wandering as a float solution does."""
+    """Label all but the first and last tenth RTK-float, and let them wander as a float solution does."""
     middle = _middle(recording, log, int(0.8 * _inside(recording, log).sum()))
     rows = np.flatnonzero(middle)
     offset = np.zeros((len(log), 3))
@@ -130,12 +130,12 @@ FAULTS = (
         Fault(f"outliers-{share}", f"{share} % of the fixes 8 to 40 m off", partial(outliers, share / 100))
         for share in (10, 20, 30, 40)
     ),
-    Fault("cluster", "8 fixes in a row 15 m off the same way, labelled RTK-fix", partial(cluster, 8, False)),
-    Fault("start", "the first 8 fixes 15 m off the same way, labelled RTK-fix", partial(cluster, 8, True)),
+    Fault("cluster", "8 fixes in a row off by the same 15 m, labelled RTK-fix", partial(cluster, 8, False)),
+    Fault("start", "the first 8 fixes off by the same 15 m, labelled RTK-fix", partial(cluster, 8, True)),
     *(Fault(f"outage-{s}", f"no fixes for {s} s", partial(outage, float(s))) for s in (10, 30, 60)),
     Fault("late", "positions 0.5 s older than their stamps", partial(late, 0.5)),
     Fault(
-        "lever-arm", "antenna 0.7 m from where it is said to be", partial(lever_arm, np.array([0.5, 0, 0.5]))
+        "lever-arm", "antenna 0.7 m from where rig.yaml has it", partial(lever_arm, np.array([0.5, 0, 0.5]))
     ),
     Fault("vertical-bias", "the middle half of the fixes 4 m too high", partial(vertical_bias, 4.0)),
     Fault(
@@ -151,7 +151,7 @@ def _inside(recording: Recording, log: GpsLog) -> BoolArray:
 
 
 def _middle(recording: Recording, log: GpsLog, count: int) -> BoolArray:
-    """(M,) the ``count`` fixes in the middle of the video."""
+    """Return (M,) the ``count`` fixes in the middle of the video."""
     inside = np.flatnonzero(_inside(recording, log))
     begin = (len(inside) - count) // 2
     if begin < 1:
@@ -164,7 +164,7 @@ def _middle(recording: Recording, log: GpsLog, count: int) -> BoolArray:
 
 
 def _moved(recording: Recording, log: GpsLog, offset_m: FloatArray) -> Recording:
-    """Fixes moved by (M, 3) metres east, north, up; those without an offset stay exactly where they are."""
+    """Move fixes by (M, 3) metres east, north, up; those without an offset stay exactly where they are."""
     rows = np.flatnonzero(offset_m.any(axis=1) & np.isfinite(log.latitude_deg))
     if not len(rows):
         return replace(recording, gps=log)

@@ -1,8 +1,9 @@
-"""Faults against GPS models: unaligned errors, and how many fixes are refused rightly and wrongly."""
+"""Faults against GPS models: unaligned errors, wrong fixes caught, and good ones rejected."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -23,23 +24,20 @@ from vgps.writers.page import tidy
 
 MODELS = tuple(method for method in METHODS if method.model != "none")
 _COLOURS = ("#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
-_UNJUDGED = "cauchy"
-_NO_RESULT = (
-    GeometryError,
-    GpsLogError,
-)  # what a fault may lead to; a truth of another recording is a mistake
+_WITHOUT_DETECTION = "cauchy"
+_NO_RESULT = (GeometryError, GpsLogError)  # what a fault may lead to
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cell:
     """One model under one fault.
 
     Attributes:
-        mean_m, max_m: Of the unaligned error of the camera centre over all frames.
-        wrong, caught: Fixes that are not what their class says, and those of them that were not taken at it.
-        good, refused: The others within the video, and those of them that were rejected; zeros for a model
-            that judges none.
-        failed: Why there is no result, if there is none.
+        mean_m, max_m: Unaligned error of the camera centre over all frames.
+        wrong, caught: Fixes that are not what their class says; those of them rejected or down-classed.
+        good, rejected: The other fixes within the video; those of them rejected. All four are 0 for a model
+            without outlier detection.
+        failed: Why there is no result, or empty.
     """
 
     mean_m: float
@@ -47,13 +45,13 @@ class Cell:
     wrong: int
     caught: int
     good: int
-    refused: int
+    rejected: int
     failed: str = ""
 
     @classmethod
     def of_failure(cls, error: VgpsError) -> "Cell":
-        """What a run that could not be finished leaves."""
-        return cls(np.nan, np.nan, 0, 0, 0, 0, str(error))
+        """Return the cell of a run that gave no result."""
+        return cls(mean_m=np.nan, max_m=np.nan, wrong=0, caught=0, good=0, rejected=0, failed=str(error))
 
 
 Row = Mapping[str, Cell]
@@ -62,18 +60,18 @@ Row = Mapping[str, Cell]
 def run_fault(
     fault: Fault, recording: Recording, truth: Path, config: Config, progress: Progress, seed: int = 0
 ) -> Row:
-    """Every model on one front end run that saw the fault.
+    """Run every model on one front end run that saw the fault.
 
-    Stage C bends its window to the fixes, takes drift out by them and settles the clock's lag, so a front end
-    that saw good fixes would hide much of a fault: each fault has its own, made with the model of ``config``,
-    and the models share it, as in :func:`vgps.compare.compare`. The truth is used for evaluation alone.
+    Stage C fits its window to the fixes, corrects drift by them and estimates the time offset: a front end
+    that saw good fixes would hide much of a fault. Each fault has its own, made with the model of
+    ``config``, and the models share it, as in :func:`vgps.compare.compare`.
 
     Args:
-        fault: Which; its random numbers depend on its name and the seed alone.
+        fault: Its random numbers depend on its name and the seed alone.
         recording: With a good log.
         truth: TUM file in ENU; a ``rig.yaml`` beside it names its origin and clock.
-        config: Of everything but the GPS model of stage D.
-        progress: Shows how far it is.
+        config: Settings of everything but the GPS model of stage D.
+        progress: Where progress is reported.
         seed: Of the fault.
 
     Raises:
@@ -95,31 +93,33 @@ def run_fault(
                 row[method.name] = Cell.of_failure(error)
                 continue
             found = evaluate(solution, true).camera_position_m
-            counts = _counts(solution.fixes, faulty, method)
-            row[method.name] = Cell(found.mean, found.max, *counts)
+            row[method.name] = Cell(
+                mean_m=found.mean, max_m=found.max, **_counts(solution.fixes, faulty, method)
+            )
     except _NO_RESULT as error:
         row |= {method.name: Cell.of_failure(error) for method in MODELS if method.name not in row}
     return row
 
 
-def _counts(table: FixTable | None, faulty: Faulty, method: Method) -> tuple[int, int, int, int]:
-    """Wrong fixes, those caught, good fixes, those refused."""
-    if table is None or method.model == _UNJUDGED:
-        return 0, 0, 0, 0
+def _counts(table: FixTable | None, faulty: Faulty, method: Method) -> dict[str, Any]:
+    """Return wrong fixes, those caught, good fixes, those rejected."""
+    if table is None or method.model == _WITHOUT_DETECTION:
+        return dict.fromkeys(("wrong", "caught", "good", "rejected"), 0)
     verdict = np.array(table.verdict, dtype=object)
-    asked = verdict != Verdict.NOT_USED
-    wrong, good = asked & faulty.wrong, asked & ~faulty.wrong
+    used = verdict != Verdict.NOT_USED
+    wrong, good = used & faulty.wrong, used & ~faulty.wrong
     doubted = (verdict == Verdict.REJECTED) | (verdict == Verdict.DOWN_CLASSED)
-    refused = good & (verdict == Verdict.REJECTED)
-    return int(wrong.sum()), int((wrong & doubted).sum()), int(good.sum()), int(refused.sum())
+    rejected = good & (verdict == Verdict.REJECTED)
+    counted = {"wrong": wrong, "caught": wrong & doubted, "good": good, "rejected": rejected}
+    return {name: int(rows.sum()) for name, rows in counted.items()}
 
 
 def as_markdown(rows: Mapping[str, Row], faults: Sequence[Fault]) -> str:
-    """The matrix: errors in metres, wrong fixes caught, good ones refused; under it, what has no result."""
-    words = {fault.name: fault.what for fault in faults}
+    """Return errors in metres, wrong fixes caught and good ones rejected; below it what has no result."""
+    words = {fault.name: fault.description for fault in faults}
     lines = [
         "Mean / maximum unaligned error of the camera centre [m]; wrong fixes caught, of how many; good "
-        "fixes refused. Cauchy judges no fix.",
+        "fixes rejected. Cauchy has no outlier detection.",
         "",
         "| fault | " + " | ".join(method.name for method in MODELS) + " |",
         "|---" * (1 + len(MODELS)) + "|",
@@ -132,7 +132,7 @@ def as_markdown(rows: Mapping[str, Row], faults: Sequence[Fault]) -> str:
 
 
 def _failures(row: Row) -> list[str]:
-    """Why models have no result, each reason once."""
+    """Return why models have no result, each reason once."""
     reasons = dict.fromkeys(cell.failed for cell in row.values() if cell.failed)
     models = {why: [name for name, cell in row.items() if cell.failed == why] for why in reasons}
     return [why if len(of) == len(row) else f"{', '.join(of)}: {why}" for why, of in models.items()]
@@ -145,14 +145,14 @@ def _cell(cell: Cell) -> str:
     if cell.wrong:
         parts.append(f"{cell.caught} of {cell.wrong}")
     if cell.good:
-        parts.append(f"{100.0 * cell.refused / cell.good:.0f} %")
+        parts.append(f"{100.0 * cell.rejected / cell.good:.0f} %")
     return "; ".join(parts)
 
 
 def matrix_picture(rows: Mapping[str, Row]) -> Figure:
-    """A line of dots per fault: mean error, a whisker to the maximum, and the share of good fixes refused."""
+    """Draw a line of dots per fault: mean and maximum error, and the share of good fixes rejected."""
     figure = Figure(figsize=(10.0, 1.2 + 0.55 * len(rows)), layout="constrained")
-    error, refused = figure.subplots(1, 2, width_ratios=[3, 1], sharey=True)
+    error, rejected = figure.subplots(1, 2, width_ratios=[3, 1], sharey=True)
     at = np.arange(len(rows))
     for number, method in enumerate(MODELS):
         cells = [row[method.name] for row in rows.values()]
@@ -161,16 +161,16 @@ def matrix_picture(rows: Mapping[str, Row]) -> Figure:
         colour = _COLOURS[number]
         error.hlines(y, mean, most, color=colour, lw=1.2, alpha=0.5)
         error.plot(mean, y, "o", color=colour, ms=5, label=method.name)
-        if method.model != _UNJUDGED:
-            share = np.array([100.0 * cell.refused / cell.good if cell.good else np.nan for cell in cells])
-            refused.plot(share, y, "o", color=colour, ms=5)
+        if method.model != _WITHOUT_DETECTION:
+            share = np.array([100.0 * cell.rejected / cell.good if cell.good else np.nan for cell in cells])
+            rejected.plot(share, y, "o", color=colour, ms=5)
     error.set(xscale="log", xlabel="unaligned camera error [m]: mean, and whisker to the maximum")
     error.xaxis.set_major_formatter("{x:g}")
     error.set_yticks(at, list(rows))
     error.invert_yaxis()
-    refused.set(xlabel="good fixes refused [%]", xlim=(-0.5, max(10.0, refused.get_xlim()[1])))
+    rejected.set(xlabel="good fixes rejected [%]", xlim=(-0.5, max(10.0, rejected.get_xlim()[1])))
     figure.legend(
         *error.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8, frameon=False
     )
-    tidy(error, refused)
+    tidy(error, rejected)
     return figure

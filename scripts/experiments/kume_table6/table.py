@@ -1,4 +1,4 @@
-"""Table 6 of Kume 2010 from comparisons on several recordings or seeds: errors of the antenna, and ratios."""
+"""Errors of the antenna on several recordings or seeds as Table 6 of Kume 2010, and ratios of methods."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scripts.common.markdown import mean_and_range, table
 from vgps.compare.methods import METHODS, Comparison
 
 
 class AntennaError(NamedTuple):
-    """Error of the antenna position over all frames, metres."""
+    """Error of the antenna's position over all frames, metres."""
 
     mean_m: float
     std_m: float
@@ -41,9 +42,9 @@ class Ratio:
 
     Attributes:
         method, base: Names in ``METHODS``.
-        of_means: Of the means over all comparisons.
-        each: Of every comparison on its own.
-        thesis: The thesis's.
+        of_means: Ratio of the means over all comparisons.
+        each: Ratio in every comparison.
+        thesis: Ratio in the thesis.
     """
 
     method: str
@@ -54,13 +55,13 @@ class Ratio:
 
 
 def antenna_errors(comparison: Comparison) -> Row:
-    """Mean, standard deviation and maximum of the antenna's error, by method."""
+    """Return mean, standard deviation and maximum of the antenna's error, by method."""
     spreads = {name: one.antenna_position_m for name, one in comparison.evaluations.items()}
     return {name: AntennaError(s.mean, s.std, s.max) for name, s in spreads.items()}
 
 
 def ratios_to_gaussians(rows: Sequence[Row]) -> list[Ratio]:
-    """Ratios of the region models (D, cylinder) to the Gaussians C and B, where these ran."""
+    """Return the ratios of the region models (D, cylinder) to the Gaussians C and B, where these ran."""
     found = []
     for method in _REGIONS:
         for base in _BASES:
@@ -74,34 +75,26 @@ def ratios_to_gaussians(rows: Sequence[Row]) -> list[Ratio]:
 
 
 def as_markdown(rows: Sequence[Row]) -> str:
-    """A table of errors with the thesis's beside them, and one of ratios; ranges are over ``rows``.
+    """Return a table of errors with the thesis's beside them, and one of ratios; ranges are over ``rows``.
 
     Args:
         rows: One per recording or seed, at least one.
     """
-    lines = [
-        "| method | mean [m] | std [m] | max [m] | thesis: mean / std / max [m] |",
-        "|---|---|---|---|---|",
-    ]
+    errors = []
     for method in METHODS:
         own = np.array([row[method.name] for row in rows if method.name in row])
         if len(own):
             thesis = THESIS.get(method.name)
             beside = " / ".join(f"{x:.3f}" for x in thesis) if thesis else ""
-            cells = [_cell(tuple(column)) for column in own.T]
-            lines.append(f"| {method.name} | {' | '.join(cells)} | {beside} |")
-    lines += ["", "| ratio of mean errors | of means (range over runs) | thesis |", "|---|---|---|"]
-    for ratio in ratios_to_gaussians(rows):
-        spread = _range(ratio.each, ratio.of_means)
-        lines.append(f"| {ratio.method} to {ratio.base} | {spread} | {ratio.thesis:.2f} |")
-    return "\n".join(lines)
-
-
-def _cell(values: tuple[float, ...]) -> str:
-    return _range(values, float(np.mean(values)), digits=3)
-
-
-def _range(values: tuple[float, ...], middle: float, digits: int = 2) -> str:
-    if len(values) == 1:
-        return f"{middle:.{digits}f}"
-    return f"{middle:.{digits}f} ({min(values):.{digits}f}-{max(values):.{digits}f})"
+            errors.append([method.name, *(mean_and_range(column.tolist()) for column in own.T), beside])
+    ratios = [
+        [
+            f"{ratio.method} to {ratio.base}",
+            mean_and_range(ratio.each, digits=2, middle=ratio.of_means),
+            f"{ratio.thesis:.2f}",
+        ]
+        for ratio in ratios_to_gaussians(rows)
+    ]
+    columns = ["method", "mean [m]", "std [m]", "max [m]", "thesis: mean / std / max [m]"]
+    below = table(["ratio of mean errors", "of means (range over runs)", "thesis"], ratios)
+    return f"{table(columns, errors)}\n\n{below}"

@@ -1,13 +1,13 @@
-"""How fast a camera may turn before the tracker of Matsuda 2007 loses it: simulated, 0 to 300 deg/s.
+"""How fast may a camera turn before the tracker of Matsuda 2007 loses it? Simulated, 0 to 300 deg/s.
 
 A walk is filmed with short exposures, smoothed with its fixes and made a landmark database. Then it is walked
 again while the camera swings 40 deg to and fro at a peak rate, its shutter open for the whole interval, and
-tracked from a start without a pose. Held is a frame that is posed by landmarks, followed from the one before
-and right to 0.5 m; what is found again by descriptors was lost. Writes rates.md, frames.csv and rates.png:
-the rate at which each variant is lost, landmarks against rate (Fig. 4) and correlation against rate (Fig. 5).
+tracked from a start without a pose. A frame is held if it is posed by landmarks, followed from the one
+before, and right to 0.5 m; what is found again by descriptors was lost. Writes rates.md, frames.csv and
+rates.png: the rate at which each variant is lost, landmarks against rate (Fig. 4) and correlation against
+rate (Fig. 5).
 """
 
-import argparse
 import csv
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -15,12 +15,15 @@ from dataclasses import dataclass, replace
 from itertools import repeat
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
+from scripts.common.command import ScriptParser, add_jobs
+from scripts.common.markdown import table
+from scripts.common.recordings import read_truth
 from scripts.experiments.matsuda.tracking_errors import (
     PAPER,
-    Errors,
+    TrackingErrors,
     correlations,
     errors_of,
     rates_deg_s,
@@ -30,15 +33,11 @@ from vgps.landmarks.build import build_database
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
 from vgps.localization import Localizer
-from vgps.model import FloatArray, Recording
+from vgps.model import BoolArray, FloatArray, Recording
 from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
-from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.threads import one_blas_thread
 from vgps.simulate import SCENES, GpsConfig, SceneConfig, simulate
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 SWING_DEG = 40.0
 RIGHT_M = 0.5
@@ -55,18 +54,16 @@ COLOURS = ("tab:orange", "tab:red", "tab:green", "tab:purple", "tab:blue")
 
 
 def scene(rate_deg_s: float, seconds: float) -> SceneConfig:
-    """A walk straight on with a camera that swings at a peak rate, or the survey of it at rate 0."""
+    """Return a straight walk with a camera that swings at a peak rate; at rate 0 it does not."""
     swing = np.radians(SWING_DEG) / 2
     return replace(
         SCENES["spin"],
-        **{
-            "width": 360,
-            "height": 240,
-            "focal_px": 310.0,
-            "turns": (),
-            "texture_scale": 0.5,
-            "max_samples": 32,
-        },
+        width=360,
+        height=240,
+        focal_px=310.0,
+        turns=(),
+        texture_scale=0.5,
+        max_samples=32,
         speed=((0.0, 1.0), (seconds, 1.0)),
         spin_deg_s=rate_deg_s,
         spin_period_s=float(2 * np.pi * swing / np.radians(rate_deg_s)) if rate_deg_s else 1.0,
@@ -75,69 +72,75 @@ def scene(rate_deg_s: float, seconds: float) -> SceneConfig:
 
 
 def make_database(folder: Path, seconds: float) -> Path:
-    """The landmark database of a slow, sharp walk, unless it has been made."""
-    place = folder / "survey.vgps"
-    if not place.exists():
+    """Make the landmark database of a slow, sharp walk unless it is there; return its file."""
+    file = folder / "survey.vgps"
+    if not file.exists():
         survey = replace(scene(30.0, seconds), exposure_s=0.0025, eye_m=1.65)
         simulate(folder / "survey", survey)
         recording = open_recording(folder / "survey")
         contents = build_database(smooth(recording), recording, "all", LandmarksConfig(levels=LEVELS))
-        write_database(contents, place)
-    return place
+        write_database(contents, file)
+    return file
 
 
 @dataclass(frozen=True)
-class Series:
+class VariantResult:
     """One variant on one recording.
 
     Attributes:
-        errors: Of every frame.
-        held: (F,) followed and right.
+        errors: Errors of every frame.
+        held: (F,) whether a frame was followed and right.
     """
 
-    errors: Errors
-    held: np.ndarray
+    errors: TrackingErrors
+    held: BoolArray
 
     @property
     def landmarks(self) -> FloatArray:
-        """(F,) that agree with the pose, 0 where it is not held."""
-        return np.array([len(frame.observations) for frame in self.errors.frames]) * self.held
+        """(F,) landmarks that agree with the pose, 0 where it is not held."""
+        counts = np.array([len(frame.observations) for frame in self.errors.frames], dtype=np.float64)
+        return counts * self.held
 
 
-def track(recording: Recording, database: Path, changes: dict[str, object]) -> Series:
-    """Every frame as it comes."""
+def track(recording: Recording, database: Path, changes: dict[str, object]) -> VariantResult:
+    """Track every frame as it comes."""
     config = LocalizationConfig.model_validate(changes)
-    truth = read_trajectory(recording.path / "truth.tum", video_start_s=recording.rig.video_start_s)
+    truth = read_truth(recording.path)
     with one_blas_thread(), LandmarkDatabase.open(database, config.selection) as opened:
         localizer = Localizer(recording, opened, config)
         frames = [localizer.add(f.t_s, localizer.undistort(f.gray)) for f in recording.video.frames()]
     errors = errors_of(frames, truth.world_T_camera)
     followed = [frame.tracked and (i == 0 or not frame.recovered) for i, frame in enumerate(frames)]
-    return Series(errors, np.array(followed) & (errors.position_m < RIGHT_M))
+    return VariantResult(errors, np.array(followed) & (errors.position_m < RIGHT_M))
 
 
-def table(rates: Sequence[float], found: dict[str, list[Series]], begin: int) -> str:
-    """Frames held at every rate while the camera swings, and the rate at which a variant is lost."""
-    head = "| method | " + " | ".join(f"{rate:.0f}" for rate in rates) + " deg/s | lost at |"
-    lines = [head, "|" + "---|" * (len(rates) + 2)]
-    for name, series in found.items():
-        share = np.array([one.held[begin:].mean() for one in series])
-        lost = np.flatnonzero(share < LOST)
+def shares_held(found: dict[str, list[VariantResult]], begin: int) -> dict[str, list[float]]:
+    """Return the share of frames held while the camera swings, by variant and rate."""
+    return {name: [float(one.held[begin:].mean()) for one in series] for name, series in found.items()}
+
+
+def as_markdown(rates: Sequence[float], shares: dict[str, list[float]]) -> str:
+    """Return the frames held at every rate, and the rate at which a variant is lost."""
+    rows = []
+    for name, share in shares.items():
+        lost = np.flatnonzero(np.array(share) < LOST)
         at = f"{rates[lost[0]]:.0f} deg/s" if len(lost) else "never"
-        lines.append(f"| {name} | " + " | ".join(f"{100 * x:.0f} %" for x in share) + f" | {at} |")
-    return "\n".join(lines)
+        rows.append([name, *(f"{100 * x:.0f} %" for x in share), at])
+    columns = [f"{rate:.0f}" for rate in rates]
+    return table(["method", *columns[:-1], f"{columns[-1]} deg/s", "lost at"], rows)
 
 
 def plot(
     rates: Sequence[float],
-    found: dict[str, list[Series]],
+    found: dict[str, list[VariantResult]],
     frame_rate: list[FloatArray],
     blur: list[tuple[FloatArray, FloatArray]],
     begin: int,
     out: Path,
 ) -> None:
-    """Frames held, landmarks (Fig. 4) and correlation (Fig. 5), each against the angular rate."""
-    figure, (held, landmarks, correlated) = plt.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
+    """Draw frames held, landmarks (Fig. 4) and correlation (Fig. 5) against the angular rate."""
+    figure = Figure(figsize=(16, 4.6), layout="constrained")
+    held, landmarks, correlated = figure.subplots(1, 3)
     edges = np.arange(0, max(rates) + 50, 50.0)
     every = np.concatenate([rate[begin:] for rate in frame_rate])
     for (name, series), colour in zip(found.items(), COLOURS, strict=True):
@@ -163,9 +166,9 @@ def plot(
 
 
 def write_frames(
-    rates: Sequence[float], found: dict[str, list[Series]], frame_rate: list[FloatArray], out: Path
+    rates: Sequence[float], found: dict[str, list[VariantResult]], frame_rate: list[FloatArray], out: Path
 ) -> None:
-    """A row for each recording, method and frame."""
+    """Write a row for each recording, method and frame."""
     with out.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(["peak_deg_s", "method", "frame", "rate_deg_s", "held", "landmarks", "position_m"])
@@ -182,8 +185,8 @@ def write_frames(
 
 
 def at_truth(recording: Recording, database: Path) -> tuple[FloatArray, FloatArray]:
-    """Median correlation (F,) of every frame at its true pose, without and with blur."""
-    truth = read_trajectory(recording.path / "truth.tum", video_start_s=recording.rig.video_start_s)
+    """Return the median correlation (F,) of every frame at its true pose, without and with blur."""
+    truth = read_truth(recording.path)
     config = LocalizationConfig()
     with one_blas_thread(), LandmarkDatabase.open(database, config.selection) as opened:
         return correlations(recording, opened, truth.world_T_camera, slice(None))
@@ -191,8 +194,8 @@ def at_truth(recording: Recording, database: Path) -> tuple[FloatArray, FloatArr
 
 def one_rate(
     out: Path, rate: float, seconds: float, database: Path
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray], dict[str, Series]]:
-    """Angular rates (F,) of a recording, made if it is missing, its correlations, and every variant on it."""
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray], dict[str, VariantResult]]:
+    """Make a recording if it is missing; return its rates (F,), its correlations, and every variant on it."""
     place = out / f"rate_{rate:03.0f}"
     if not place.exists():
         simulate(place, scene(rate, seconds))
@@ -203,19 +206,19 @@ def one_rate(
 
 def main() -> None:
     """Make the recordings that are missing, run every variant on them, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--rates", type=float, nargs="+", default=[0, 50, 100, 150, 200, 250, 300])
-    parser.add_argument("--jobs", type=int, default=2, help="recordings at the same time")
+    parser = ScriptParser("experiments.matsuda.rates", __doc__)
+    parser.add_argument("--out", type=Path, required=True, help="folder for recordings and results")
+    parser.add_argument("--seconds", type=float, default=6.0, help="length of a recording")
+    rates = [0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0]
+    parser.add_argument("--rates", type=float, nargs="+", default=rates, help="peak rates, deg/s")
+    add_jobs(parser, "recordings", default=2)
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    database = make_database(given.out, given.seconds)
-    found: dict[str, list[Series]] = {name: [] for name in METHODS}
+    found: dict[str, list[VariantResult]] = {name: [] for name in METHODS}
     frame_rate, blur = [], []
-    with ProcessPoolExecutor(given.jobs) as pool:
+    with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
+        results = parser.results(given)
+        given.out.mkdir(parents=True, exist_ok=True)
+        database = make_database(given.out, given.seconds)
         alike = repeat(given.out), given.rates, repeat(given.seconds), repeat(database)
         for peak, (rate, correlation, variants) in zip(given.rates, pool.map(one_rate, *alike), strict=True):
             frame_rate.append(rate)
@@ -224,8 +227,13 @@ def main() -> None:
                 found[name].append(one)
                 print(f"{peak:.0f} deg/s, {name}: {one.held.mean():.2f} held", flush=True)
     begin = len(frame_rate[0]) // 4  # until then the camera looks straight on
-    (given.out / "rates.md").write_text(table(given.rates, found, begin) + "\n", encoding="utf-8")
-    print(table(given.rates, found, begin))
+    shares = shares_held(found, begin)
+    for name, share in shares.items():
+        for peak, held in zip(given.rates, share, strict=True):
+            results.add(method=name, peak_deg_s=peak, held_percent=100 * held)
+    text = as_markdown(given.rates, shares)
+    (given.out / "rates.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
     write_frames(given.rates, found, frame_rate, given.out / "frames.csv")
     plot(given.rates, found, frame_rate, blur, begin, given.out / "rates.png")
 

@@ -1,24 +1,27 @@
-"""Table 1 of Matsuda 2007 on a recording with truth: the proposed tracker, its three ablations, and ours.
+"""Does re-blurring landmark templates keep a shaken camera tracked? Table 1 of Matsuda 2007 on a recording.
 
-Errors are unaligned and counted on every second frame, from ``--first 1`` the odd ones: on kitti03_shake the
-others show pictures of which a database of the drive's even frames was made. Writes table1.md, frames.csv and
-table1.png.
+The paper's tracker and its three ablations, and ours. Errors are unaligned and counted on every second frame,
+from ``--first 1`` the odd ones: on kitti03_shake the even ones show images of which a database of the drive's
+even frames was made. Writes table1.md, frames.csv and table1.png.
 """
 
-import argparse
 import csv
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
+from scripts.common.command import ScriptParser
+from scripts.common.markdown import header, row
+from scripts.common.recordings import read_truth
 from scripts.experiments.matsuda.tracking_errors import (
     ALIKE,
     PAPER,
-    Errors,
+    TrackingErrors,
     correlations,
     errors_of,
     rates_deg_s,
@@ -30,20 +33,28 @@ from vgps.localization import Localizer
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import FloatArray
 from vgps.readers.recording import open_recording
-from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.threads import one_blas_thread
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-AS_TRACK = "graph (default), 120 landmarks, with the second after it"  # what vgps track writes
+COLUMNS = (
+    "method",
+    "position mean [m]",
+    "median",
+    "max",
+    "rotation mean [deg]",
+    "max",
+    "frames held",
+    "first loss",
+)
+AS_TRACK = "graph (default), 120 landmarks, with the second after it"  # as vgps track
+DEFAULT = "graph (default), as it comes"
+NOT_BLURRED = "(2) templates not blurred"
 METHODS: dict[str, dict[str, object]] = {
     "Matsuda 2007 (A)-(E)": PAPER,
     "(1) selected by the last pose": PAPER | {"select": "last_pose"},
-    "(2) templates not blurred": PAPER | {"blur": "none"},
+    NOT_BLURRED: PAPER | {"blur": "none"},
     "(3) one window for all": PAPER | {"window": "fixed"},
     "blur by the gyro over the exposure": {"estimator": "frame"},
-    "graph (default), as it comes": {},
+    DEFAULT: {},
     "graph, without gyro": {"use_gyro": False},
     "graph, not blurred": {"blur": "none"},
     AS_TRACK: {"max_landmarks": 120},
@@ -51,7 +62,7 @@ METHODS: dict[str, dict[str, object]] = {
 
 
 def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
-    """Track every frame by one of the methods: as it comes, or for the last method as it was left."""
+    """Track every frame by one of the methods, as it comes; for ``AS_TRACK`` as revised by later frames."""
     recording = open_recording(place, with_gps=False)
     config = LocalizationConfig.model_validate(ALIKE | METHODS[name])
     frames: dict[float, TrackedFrame] = {}
@@ -65,32 +76,31 @@ def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
 
 
 def plot(
-    found: dict[str, Errors], rate: FloatArray, counted: slice, blur: tuple[FloatArray, FloatArray], out: Path
+    found: dict[str, TrackingErrors],
+    rate: FloatArray,
+    counted: slice,
+    blur: tuple[FloatArray, FloatArray],
+    out: Path,
 ) -> None:
-    """Share of frames against error, landmarks against rate, correlation against rate."""
-    figure, (shares, against, correlated) = plt.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
+    """Draw the share of frames against error, landmarks against rate, and correlation against rate."""
+    figure = Figure(figsize=(16, 4.6), layout="constrained")
+    shares, against, correlated = figure.subplots(1, 3)
     for name, errors in found.items():
-        tracked = np.array([frame.tracked for frame in errors.frames])[counted]
+        tracked = errors.tracked[counted]
         error = np.sort(errors.position_m[counted][tracked])
-        width = 2.2 if name == "graph (default), as it comes" else 1.2
+        width = 2.2 if name == DEFAULT else 1.2
         shares.plot(error, 100 * (np.arange(len(error)) + 1) / len(tracked), label=name, lw=width)
-    shares.set(
-        xlabel="unaligned position error [m], or less", ylabel="frames [%]", xscale="log", ylim=(0, 101)
-    )
-    shares.set(title="Frames held")
+    shares.set(xlabel="unaligned position error [m], or less", ylabel="frames [%]", title="Frames held")
+    shares.set(xscale="log", ylim=(0, 101))
     shares.legend(fontsize=7, loc="lower right")
-    for name, colour in (
-        ("(2) templates not blurred", "tab:green"),
-        ("graph (default), as it comes", "tab:blue"),
-    ):
+    for name, colour in ((NOT_BLURRED, "tab:green"), (DEFAULT, "tab:blue")):
         count = [len(frame.observations) for frame in found[name].frames]
         against.scatter(rate, count, s=8, color=colour, label=name, alpha=0.7)
     against.set(xlabel="angular rate [deg/s]", ylabel="landmarks that agree", title="Landmarks held")
     against.legend(fontsize=8)
-    tracked = np.array([frame.tracked for frame in found["graph (default), as it comes"].frames])[counted]
-    for values, name, colour in zip(
-        blur, ("templates as stored", "re-blurred"), ("tab:green", "tab:blue"), strict=True
-    ):
+    tracked = found[DEFAULT].tracked[counted]
+    names, colours = ("templates as stored", "re-blurred"), ("tab:green", "tab:blue")
+    for values, name, colour in zip(blur, names, colours, strict=True):
         correlated.scatter(rate[counted][tracked], values, s=8, color=colour, alpha=0.7, label=name)
     correlated.set(xlabel="angular rate [deg/s]", ylabel="median correlation", title="Same poses")
     correlated.legend(fontsize=8)
@@ -99,68 +109,65 @@ def plot(
     figure.savefig(out, dpi=110)
 
 
-def write_frames(found: dict[str, Errors], rate: FloatArray, out: Path) -> None:
-    """A row for each frame and method."""
+def write_frames(found: dict[str, TrackingErrors], rate: FloatArray, out: Path) -> None:
+    """Write a row for each frame and method."""
+    names = ["method", "frame", "tracked", "landmarks", "correlation", "rate_deg_s"]
     with out.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
-        writer.writerow(
-            [
-                "method",
-                "frame",
-                "tracked",
-                "landmarks",
-                "correlation",
-                "rate_deg_s",
-                "position_m",
-                "rotation_deg",
-            ]
-        )
+        writer.writerow([*names, "position_m", "rotation_deg"])
         for name, errors in found.items():
             for i, frame in enumerate(errors.frames):
                 numbers = (frame.correlation, rate[i], errors.position_m[i], errors.rotation_deg[i])
-                told = [f"{number:.4f}" for number in numbers]
-                writer.writerow([name, i, int(frame.tracked), len(frame.observations), *told])
+                cells = [f"{number:.4f}" for number in numbers]
+                writer.writerow([name, i, int(frame.tracked), len(frame.observations), *cells])
+
+
+def cells(name: str, found: dict[str, Any]) -> list[str]:
+    """Return the cells of a row of the table."""
+    position = (f"{found['position_mean_m']:.3f}", f"{found['position_median_m']:.3f}")
+    rotation = (f"{found['rotation_mean_deg']:.2f}", f"{found['rotation_max_deg']:.2f}")
+    loss = "never" if found["first_loss"] is None else str(found["first_loss"])
+    held = f"{found['held']} of {found['frames']}"
+    return [name, *position, f"{found['position_max_m']:.2f}", *rotation, held, loss]
 
 
 def main() -> None:
     """Run every method, print and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--landmarks", type=Path, required=True)
-    parser.add_argument("--out", type=Path, required=True)
+    parser = ScriptParser("experiments.matsuda.table1", __doc__)
+    parser.add_argument("recording", type=Path, help="with truth")
+    parser.add_argument("--landmarks", type=Path, required=True, help="database of the place")
+    parser.add_argument("--out", type=Path, required=True, help="folder for table, frames and picture")
     parser.add_argument("--first", type=int, default=1, help="first frame counted, then every second")
     given = parser.parse_args()
-    recording = open_recording(given.recording, with_gps=False)
-    truth = read_trajectory(given.recording / "truth.tum", video_start_s=recording.rig.video_start_s)
-    counted = slice(given.first, None, 2)
-    given.out.mkdir(parents=True, exist_ok=True)
-    head = (
-        "| method | position mean [m] | median | max | rotation mean [deg] | max | frames held | first loss |"
-    )
-    lines = [head, "|" + "---|" * 8]
-    found: dict[str, Errors] = {}
-    with LandmarkDatabase.open(given.landmarks, LocalizationConfig().selection) as database:
-        if recording.rig.world_origin is not None and database.world_origin is not None:
-            truth = change_origin(truth, recording.rig.world_origin, database.world_origin)
-        with ProcessPoolExecutor(2) as pool:
-            places = repeat(given.recording), repeat(given.landmarks)
-            for name, frames in zip(METHODS, pool.map(run, *places, METHODS), strict=True):
-                found[name] = errors_of(frames, truth.world_T_camera)
-                lines.append(found[name].row(name, counted))
-                print(lines[-1], flush=True)
-        posed = found["graph (default), as it comes"].frames
-        poses = np.array([np.where(frame.tracked, frame.world_T_camera, np.nan) for frame in posed])
-        blur = correlations(recording, database, poses, counted)
-    lines.append(
-        f"\nmedian correlation without and with blur: {np.median(blur[0]):.2f}, {np.median(blur[1]):.2f}"
-    )
-    print(lines[-1])
-    (given.out / "table1.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    rate = rates_deg_s(recording)
-    write_frames(found, rate, given.out / "frames.csv")
-    plot(found, rate, counted, blur, given.out / "table1.png")
+    with parser.refusals():
+        results = parser.results(given)
+        recording, truth = open_recording(given.recording, with_gps=False), read_truth(given.recording)
+        counted = slice(given.first, None, 2)
+        given.out.mkdir(parents=True, exist_ok=True)
+        lines = [header(COLUMNS)]
+        found: dict[str, TrackingErrors] = {}
+        with LandmarkDatabase.open(given.landmarks, LocalizationConfig().selection) as database:
+            if recording.rig.world_origin is not None and database.world_origin is not None:
+                truth = change_origin(truth, recording.rig.world_origin, database.world_origin)
+            with ProcessPoolExecutor(2) as pool:
+                places = repeat(given.recording), repeat(given.landmarks)
+                for name, frames in zip(METHODS, pool.map(run, *places, METHODS), strict=True):
+                    found[name] = errors_of(frames, truth.world_T_camera)
+                    figures = found[name].figures(counted)
+                    results.add(method=name, **figures)
+                    lines.append(row(cells(name, figures)))
+                    print("\n".join(lines[-2:] if len(lines) == 2 else lines[-1:]), flush=True)
+            posed = found[DEFAULT].frames
+            poses = np.array([np.where(frame.tracked, frame.world_T_camera, np.nan) for frame in posed])
+            blur = correlations(recording, database, poses, counted)
+        without, with_blur = (float(np.median(values)) for values in blur)
+        results.summarise(correlation_without_blur=without, correlation_with_blur=with_blur)
+        lines.append(f"\nmedian correlation without and with blur: {without:.2f}, {with_blur:.2f}")
+        print(lines[-1])
+        (given.out / "table1.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        rate = rates_deg_s(recording)
+        write_frames(found, rate, given.out / "frames.csv")
+        plot(found, rate, counted, blur, given.out / "table1.png")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""How far a tracked camera is from its truth, and how well its templates correlate, as in Matsuda 2007."""
+"""Errors of a tracked camera against its truth, and correlations of its templates, as in Matsuda 2007."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,46 +14,55 @@ from vgps.localization.prediction import MotionState, exposure_motion_px
 from vgps.localization.template_matching import match_templates
 from vgps.localization.template_rendering import render_templates
 from vgps.localization.tracker import TrackedFrame
-from vgps.model import FloatArray, Recording
+from vgps.model import BoolArray, FloatArray, Recording
 
 ALIKE: dict[str, object] = {"max_landmarks": 160}  # for all methods
 PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
 
 
 @dataclass(frozen=True)
-class Errors:
-    """Of one method: position [m] and rotation [deg] of every frame, and whether it was tracked."""
+class TrackingErrors:
+    """Frames of one method with their unaligned errors in position and rotation (F,)."""
 
     frames: list[TrackedFrame]
     position_m: FloatArray
     rotation_deg: FloatArray
 
-    def row(self, name: str, counted: slice) -> str:
-        """A line of the table."""
-        tracked = np.array([frame.tracked for frame in self.frames])
-        lost = np.flatnonzero(~tracked)
-        first = str(lost[0]) if len(lost) else "never"
+    @property
+    def tracked(self) -> BoolArray:
+        """(F,) whether a frame was posed by landmarks."""
+        return np.array([frame.tracked for frame in self.frames], dtype=bool)
+
+    def figures(self, counted: slice) -> dict[str, Any]:
+        """Return errors of the counted frames that were tracked, how many of all were, and the first loss."""
+        tracked, lost = self.tracked, np.flatnonzero(~self.tracked)
         good = tracked[counted]
         position, rotation = self.position_m[counted][good], self.rotation_deg[counted][good]
-        return (
-            f"| {name} | {position.mean():.3f} | {np.median(position):.3f} | {position.max():.2f} "
-            f"| {rotation.mean():.2f} | {rotation.max():.2f} | {tracked.sum()} of {len(tracked)} | {first} |"
-        )
+        return {
+            "position_mean_m": position.mean(),
+            "position_median_m": np.median(position),
+            "position_max_m": position.max(),
+            "rotation_mean_deg": rotation.mean(),
+            "rotation_max_deg": rotation.max(),
+            "held": int(tracked.sum()),
+            "frames": len(tracked),
+            "first_loss": int(lost[0]) if len(lost) else None,
+        }
 
 
-def errors_of(frames: list[TrackedFrame], truth: FloatArray) -> Errors:
-    """Unaligned errors against the truth (F, 4, 4); NaN where there is not even a prediction."""
+def errors_of(frames: list[TrackedFrame], truth: FloatArray) -> TrackingErrors:
+    """Return unaligned errors against the truth (F, 4, 4); NaN where there is not even a prediction."""
     poses = np.array([frame.world_T_camera for frame in frames])
     between = poses[:, :3, :3].transpose(0, 2, 1) @ truth[:, :3, :3]
     cosine = (np.trace(between, axis1=1, axis2=2) - 1) / 2
     position = np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
-    return Errors(frames, position, np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return TrackingErrors(frames, position, np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
 def correlations(
     recording: Recording, database: LandmarkDatabase, world_T_camera: FloatArray, every: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Median correlation of each counted frame without and with blur at poses (F, 4, 4), or NaN."""
+    """Return the median correlation of each counted frame without and with blur at its pose (F, 4, 4)."""
     config, camera = LocalizationConfig.model_validate(ALIKE), recording.camera
     localizer = Localizer(recording, database, config)
     out = []
@@ -82,7 +92,7 @@ def correlations(
 
 
 def rates_deg_s(recording: Recording) -> FloatArray:
-    """(F,) angular rate of the camera over each exposure."""
+    """Return (F,) the angular rate of the camera over each exposure."""
     assert recording.gyro is not None
     half = (recording.rig.exposure_s or 0.0) / 2 + 1e-3
     t = recording.video.times_s
