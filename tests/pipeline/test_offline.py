@@ -6,11 +6,11 @@ import av
 import cv2
 import numpy as np
 import pytest
+from gpmf_bytes import doppler_speeds
 
 import vgps
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
-from vgps.readers.gopro import gopro_speeds
 from vgps.readers.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FrameState, Verdict
@@ -167,6 +167,6 @@ def test_gopro_walk_holds_one_map(data_dir):
     assert solution.state.count(FrameState.TRACKED) == 315
     # its own GPS, good to metres, over a way of 13 m: used, and said to be poor
     assert solution.georeferenced and any("poorly known" in warning for warning in solution.warnings)
-    t_s, speed = gopro_speeds(read_gpmf(data_dir / "gopro_walk/video.mp4"))
+    t_s, speed = doppler_speeds(read_gpmf(data_dir / "gopro_walk/video.mp4"))
     way = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1).sum()
     assert way == pytest.approx(np.trapezoid(speed[:, 1], t_s), rel=0.15)

@@ -3,7 +3,10 @@
 import struct
 from pathlib import Path
 
+import numpy as np
+
 from vgps.readers.gpmf import Packet, Telemetry, collect
+from vgps.readers.gpmf_times import sample_times
 
 KINDS = {"b": "b", "B": "B", "s": "h", "S": "H", "l": "i", "L": "I", "f": "f", "d": "d", "j": "q", "J": "Q"}
 
@@ -64,3 +67,10 @@ def telemetry(*payloads: bytes, duration_s: float = 1.0, starts_s: list[float] |
     starts = starts_s or [duration_s * index for index in range(len(payloads))]
     packed = [Packet(data, start, duration_s) for data, start in zip(payloads, starts, strict=True)]
     return collect(Path("walk.mp4"), packed)
+
+
+def doppler_speeds(found: Telemetry) -> tuple[np.ndarray, np.ndarray]:
+    """Times (N,) [s] and speeds (N, 2) [m/s], over ground and in space, of a GPS5 or GPS9 stream."""
+    blocks = found.sensors.get("GPS9") or found.sensors["GPS5"]
+    t_s = sample_times(blocks, found.sensors["SHUT"][0])
+    return t_s, np.concatenate([block.samples for block in blocks])[:, 3:5]

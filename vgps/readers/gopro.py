@@ -5,8 +5,6 @@ counted from the first frame's exposure; without them samples are spread over th
 own delay, some tenths of a second between being at a place and reporting it, is still in them.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -26,16 +24,8 @@ _FIX_2D, _FIX_3D = 2, 3
 _UNLOCKED = 99.99  # the dilution that the camera gives without a fix
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """A GPS stream: how many columns, the first of position's three, speed over ground, speed in space."""
-
-    columns: int
-    position: int
-    speeds: tuple[int, int]
-
-
-_GPS = {"GPS9": _Layout(9, 0, (3, 4)), "GPS5": _Layout(5, 0, (3, 4)), "GPRI": _Layout(10, 1, (6, 6))}
+# GPS streams, the preferred first: number of columns, and the first of latitude, longitude and height
+_GPS = {"GPS9": (9, 0), "GPS5": (5, 0), "GPRI": (10, 1)}
 
 
 def looks_like_video(head: bytes) -> bool:
@@ -64,8 +54,8 @@ def read_gopro_gps(telemetry: Telemetry) -> RawLog:
             what, file=telemetry.path, expected="GPS9, GPS5 or GPRI", remedy="give a GPS log with --gps"
         )
     sensor = telemetry.sensors[key]
-    values, t_s = _values(telemetry, key, _GPS[key].columns), _times(telemetry, key)
-    column = _GPS[key].position
+    columns, column = _GPS[key]
+    values, t_s = _values(telemetry, key, columns), _times(telemetry, key)
     fix, dop = _quality(sensor, key)
     placed = (values[:, column] != 0) | (values[:, column + 1] != 0)
     good = (fix >= _FIX_2D) & ~(dop >= _UNLOCKED) & placed
@@ -101,19 +91,6 @@ def read_gopro_gyro(telemetry: Telemetry) -> GyroLog | None:
     signs = np.array([1.0 if axis in order else -1.0 for axis in "XYZ"])
     t_s, first = np.unique(_times(telemetry, "GYRO"), return_index=True)
     return GyroLog(t_s, (rates[:, columns] * signs)[first], telemetry.path)
-
-
-def gopro_speeds(telemetry: Telemetry) -> tuple[FloatArray, FloatArray]:
-    """Times (N,) and Doppler speeds (N, 2) [m/s], over ground and in space, of the GPS samples.
-
-    Raises:
-        GpsLogError: There is no GPS stream.
-    """
-    key = gps_stream(telemetry)
-    if key is None:
-        raise GpsLogError("no GPS in the metadata", file=telemetry.path, expected="GPS9, GPS5 or GPRI")
-    layout = _GPS[key]
-    return _times(telemetry, key), _values(telemetry, key, layout.columns)[:, layout.speeds]
 
 
 def gopro_exposures(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | None:

@@ -13,7 +13,9 @@ import av
 import numpy as np
 import yaml
 
+from vgps.camera import camera_fields
 from vgps.errors import RunFolderError
+from vgps.model import Camera
 from vgps.simulate.motion import Motion, build_motion
 from vgps.simulate.render import Picture, Renderer
 from vgps.simulate.scene import SceneConfig, scene_config
@@ -108,14 +110,9 @@ def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
 
 
 def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
-    K = renderer.K
-    fields = {
-        "model": "pinhole",
-        "width": config.width,
-        "height": config.height,
-        **{"fx": float(K[0, 0]), "fy": float(K[1, 1]), "cx": float(K[0, 2]), "cy": float(K[1, 2])},
-    }
-    path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+    (fx, _, cx), (_, fy, cy), _ = renderer.K.tolist()
+    camera = Camera(model="pinhole", width=config.width, height=config.height, fx=fx, fy=fy, cx=cx, cy=cy)
+    path.write_text(yaml.safe_dump(camera_fields(camera), sort_keys=False), encoding="utf-8")
 
 
 def _write_rig(path: Path, config: SceneConfig) -> None:
