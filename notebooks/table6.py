@@ -48,7 +48,7 @@ from scripts.experiments.kume_table6.table import (
     ratios_to_gaussians,
 )
 from vgps.compare import METHODS, compare
-from vgps.pipeline.offline import Silent
+from vgps.pipeline.offline import NoProgress
 from vgps.simulate import SCENES, simulate
 
 plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
@@ -94,7 +94,7 @@ axes.grid(visible=False)
 plt.show()
 
 # %%
-found = compare(recording, folder / "truth.tum", vgps.Config(), Silent())
+found = compare(recording, folder / "truth.tum", vgps.Config(), NoProgress())
 Markdown(as_markdown([antenna_errors(found)]))
 
 # %%

@@ -1,8 +1,8 @@
 """Lens models: distorted pixels to pinhole pixels of the same K, and back.
 
-The tracker undistorts once, at the front end; everything behind it sees a pinhole. Four models: ``pinhole``,
+The front end undistorts observations once; every later stage has a pinhole. Four models: ``pinhole``,
 ``opencv`` (radial and tangential, 4, 5 or 8 coefficients), ``fisheye`` (OpenCV's, k1..k4) and ``tsai``, whose
-polynomial goes from distorted to undistorted, Eq. (5)(6), Kume 2010.
+polynomial maps distorted to undistorted radii, Eq. (5)(6), Kume 2010.
 """
 
 from typing import Any
@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from vgps.model import Camera, FloatArray
 
-_CRITERIA = (3, 100, 1e-12)  # iterations and epsilon; the default stops at several hundredths of a pixel
-_ROUND_TRIP_PX = 0.01  # a point that does not come back this closely lies outside the model's range
+_CRITERIA = (3, 100, 1e-12)  # iterations and epsilon; the default stops some hundredths of a pixel away
+_ROUND_TRIP_PX = 0.01  # a point that misses itself by more after a round trip is outside the model's range
 
 
 def undistort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
-    """Pinhole pixels of what the lens shows at distorted pixels; Eq. (5), Kume 2010, for ``tsai``.
+    """Return the pinhole pixels of distorted pixels; Eq. (5), Kume 2010, for ``tsai``.
 
     Args:
         camera: Intrinsics; the pinhole image has the same K.
@@ -38,14 +38,14 @@ def undistort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
 
 
 def distort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
-    """Distorted pixels of pinhole pixels: the inverse of `undistort`.
+    """Return the distorted pixels of pinhole pixels: the inverse of `undistort`.
 
     Args:
         camera: Intrinsics.
         uv_px: (N, 2) pinhole pixels.
 
     Returns:
-        (N, 2) distorted pixels; NaN where the lens model shows nothing there.
+        (N, 2) distorted pixels; NaN where the lens model has no image.
     """
     uv = _pixels(uv_px)
     if camera.model == "pinhole" or len(uv) == 0:
@@ -58,7 +58,7 @@ def distort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
 
 
 def project(camera: Camera, camera_p_points: npt.ArrayLike) -> FloatArray:
-    """Distorted pixels of points in the camera frame; Eq. (4), Kume 2010, in OpenCV's axes.
+    """Return the distorted pixels of points in the camera frame; Eq. (4), Kume 2010, in OpenCV's axes.
 
     Args:
         camera: Intrinsics.
@@ -70,15 +70,15 @@ def project(camera: Camera, camera_p_points: npt.ArrayLike) -> FloatArray:
     points = np.asarray(camera_p_points, float).reshape(-1, 3)
     depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
     uv = points[:, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    seen = np.isfinite(uv).all(axis=1)
-    uv[seen], uv[~seen] = distort(camera, uv[seen]), np.nan
+    valid = np.isfinite(uv).all(axis=1)
+    uv[valid], uv[~valid] = distort(camera, uv[valid]), np.nan
     return uv
 
 
 def turning_radius(camera: Camera) -> float:
-    """Pinhole radius (tangent of the angle from the axis) where the image stops growing; inf if never.
+    """Return the pinhole radius (tangent of the angle from the axis) of the largest image radius, or inf.
 
-    Beyond it an ``opencv`` or ``fisheye`` polynomial folds back and puts points from outside into the image.
+    Beyond it an ``opencv`` or ``fisheye`` polynomial folds back and maps points from outside into the image.
     """
     if camera.model in {"pinhole", "tsai"}:
         return np.inf
@@ -91,7 +91,7 @@ def turning_radius(camera: Camera) -> float:
 
 
 def camera_fields(camera: Camera) -> dict[str, Any]:
-    """The fields of ``camera.yaml`` that read back as this camera."""
+    """Return the fields of ``camera.yaml`` for a camera."""
     names = ("model", "width", "height", "fx", "fy", "cx", "cy")
     fields: dict[str, Any] = {name: getattr(camera, name) for name in names}
     if camera.distortion:
@@ -130,7 +130,7 @@ def _distort_rays(camera: Camera, rays: FloatArray) -> FloatArray:
 
 
 def _radial_slope(camera: Camera) -> np.polynomial.Polynomial:
-    """Numerator of d(distorted radius)/d(radius or angle), as a polynomial of its square."""
+    """Return the numerator of d(distorted radius)/d(radius or angle) as a polynomial of its square."""
     if camera.model == "fisheye":
         return np.polynomial.Polynomial([1.0, *(k * (2 * i + 3) for i, k in enumerate(camera.distortion))])
     k1, k2, _, _, k3, k4, k5, k6 = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
@@ -153,14 +153,14 @@ def _pixel_mm(camera: Camera) -> FloatArray:
 
 
 def _tsai(camera: Camera, rho_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Factor 1 + k1 rho^2 + k2 rho^4 of Eq. (5) and the slope of the undistorted radius."""
+    """Return the factor 1 + k1 rho^2 + k2 rho^4 of Eq. (5) and the slope of the undistorted radius."""
     k1, k2 = camera.distortion
     q = rho_mm**2
     return 1 + k1 * q + k2 * q**2, 1 + 3 * k1 * q + 5 * k2 * q**2
 
 
 def _distort_tsai(camera: Camera, uv: FloatArray) -> FloatArray:
-    """Newton's iteration on rho * (1 + k1 rho^2 + k2 rho^4) = undistorted radius, from the radius itself."""
+    """Solve rho (1 + k1 rho^2 + k2 rho^4) = undistorted radius by Newton's method."""
     mm = _to_mm(camera, uv)
     target = np.hypot(*mm.T)
     rho = target.copy()

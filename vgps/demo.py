@@ -1,4 +1,4 @@
-"""The main job on a recording made on the spot, so that a stranger sees it work."""
+"""The whole pipeline on a simulated recording, as a first look at what vgps does."""
 
 from pathlib import Path
 
@@ -14,15 +14,18 @@ from vgps.writers.run_folder import write_run
 
 
 def demo(out: Path, seed: int, progress: Progress) -> tuple[Solution, Evaluation]:
-    """Simulate, smooth, evaluate, report.
+    """Simulate a recording, smooth it, evaluate the result and write a report.
 
     Args:
-        out: Gets ``recording``, ``run`` and ``report.html``.
-        seed: Of the world, the sensors' errors and the front end.
-        progress: Shows how far it is.
+        out: Folder for ``recording``, ``run`` and ``report.html``.
+        seed: Of the simulated world, the sensor errors and the front end.
+        progress: Where progress is reported.
+
+    Returns:
+        The run and its errors against the exact truth.
     """
     recording, run = out / "recording", out / "run"
-    progress.say("simulating a recording")
+    progress.stage("simulating a recording")
     simulate(recording, "demo", seed)
     solution = smooth(open_recording(recording), Config(seed=seed), progress)
     write_run(solution, run)

@@ -1,15 +1,15 @@
-"""What a user can get wrong, one class per kind; the CLI turns each into one line and exit code 2."""
+"""Errors in a user's input, one class per kind; the CLI prints each as one line and exits with code 2."""
 
 from pathlib import Path
 
 
 class VgpsError(Exception):
-    """Bad input, told in one line: file, place in it, what was found, what was expected, what to do.
+    """Bad input in one line: file, place in it, what was found, what was expected, what to do.
 
     Args:
         found: What was found, as a short clause.
-        file: The file concerned, if there is one.
-        place: Where in the file: ``line 12``, ``frame 40``, ``key camera.fx``.
+        file: The file concerned, if any.
+        place: Position in the file: ``line 12``, ``frame 40``, ``key camera.fx``.
         expected: What would have been right.
         remedy: What the user can do about it.
     """
@@ -41,7 +41,7 @@ class RecordingError(VgpsError):
 
 
 class VideoError(VgpsError):
-    """A video without frames, of another size than its camera, or that cannot be decoded."""
+    """A video without frames, of another size than its camera, or undecodable."""
 
 
 class CalibrationError(VgpsError):
@@ -49,11 +49,11 @@ class CalibrationError(VgpsError):
 
 
 class GpsLogError(VgpsError):
-    """A GPS log that cannot be read, is of another day, or has too few usable fixes."""
+    """A GPS log that is unreadable, of another day, or has too few usable fixes."""
 
 
 class GyroLogError(VgpsError):
-    """A gyro log that cannot be read."""
+    """An unreadable gyro log."""
 
 
 class ConfigError(VgpsError):
@@ -61,11 +61,11 @@ class ConfigError(VgpsError):
 
 
 class TrajectoryError(VgpsError):
-    """A trajectory (truth or result) that cannot be read or shares no time with the other."""
+    """A trajectory (truth or result) that is unreadable or has no time in common with the other."""
 
 
 class RunFolderError(VgpsError):
-    """A run folder that is incomplete, or a place that cannot be written to."""
+    """A run folder that is incomplete, or an output that cannot be written."""
 
 
 class GeometryError(VgpsError):
@@ -73,8 +73,8 @@ class GeometryError(VgpsError):
 
 
 class LandmarkDatabaseError(VgpsError):
-    """A landmark database that is absent, empty, damaged, foreign, too new, or cannot be made or written."""
+    """A landmark database that is missing, empty, damaged, foreign, too new, or cannot be written."""
 
 
 class ViewerError(VgpsError):
-    """A viewer that has nowhere to show its window, or cannot draw."""
+    """A viewer without a display, or that cannot draw."""

@@ -1,7 +1,7 @@
-"""Latitude, longitude and height to and from local East-North-Up; the only importer of pymap3d.
+"""Geodetic positions to and from local East-North-Up; the only importer of pymap3d.
 
-Eq. (7)-(10), Kume 2010, with the erratum: the rotation is that of the *origin*, not of each fix, so the map
-from ECEF is linear and orthogonal. WGS84, degrees at the user's side, ellipsoidal heights, metres.
+Eq. (7)-(10), Kume 2010, with the erratum: the rotation is that of the *origin*, not of each fix, so the
+mapping from ECEF is linear and orthogonal. WGS84, degrees, ellipsoidal heights, metres.
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ from vgps.model import FloatArray, GeodeticPoint
 def to_enu(
     origin: GeodeticPoint, latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike, height_m: npt.ArrayLike
 ) -> FloatArray:
-    """East, north, up [m] of geodetic positions; Eq. (7)-(10), Kume 2010, rotated at the origin.
+    """Return east, north, up [m] of geodetic positions; Eq. (7)-(10), Kume 2010, rotated at the origin.
 
     Args:
-        origin: Where the ENU frame stands.
+        origin: Origin of the ENU frame.
         latitude_deg, longitude_deg, height_m: (N,) or scalars, WGS84, ellipsoidal height.
 
     Returns:
@@ -33,34 +33,34 @@ def to_enu(
 
 
 def to_geodetic(origin: GeodeticPoint, world_p_point: npt.ArrayLike) -> FloatArray:
-    """Latitude, longitude [deg] in [-180, 180], ellipsoidal height [m] of ENU points: inverse of `to_enu`.
+    """Return latitude, longitude [deg] and ellipsoidal height [m] of ENU points: the inverse of `to_enu`.
 
     Args:
-        origin: Where the ENU frame stands.
+        origin: Origin of the ENU frame.
         world_p_point: (N, 3) or (3,), metres.
 
     Returns:
-        Same shape: latitude, longitude, height.
+        Same shape: latitude, longitude in [-180, 180], height.
     """
     enu = np.asarray(world_p_point, float)
     return _stack(pymap3d.enu2geodetic(enu[..., 0], enu[..., 1], enu[..., 2], *origin))
 
 
 def ecef_to_geodetic(ecef_m: npt.ArrayLike) -> FloatArray:
-    """Latitude [deg], longitude [deg], ellipsoidal height [m] of ECEF points [m], (N, 3) or (3,)."""
+    """Return latitude, longitude [deg] and ellipsoidal height [m] of ECEF points [m], (N, 3) or (3,)."""
     xyz = np.asarray(ecef_m, float)
     return _stack(pymap3d.ecef2geodetic(xyz[..., 0], xyz[..., 1], xyz[..., 2]))
 
 
 def enu_R_ecef(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> FloatArray:
-    """Rotation from ECEF axes to east, north, up at a place, (N, 3, 3) or (3, 3)."""
+    """Return the rotation (N, 3, 3) or (3, 3) from ECEF axes to east, north, up at a position."""
     latitude, longitude = np.asarray(latitude_deg, float), np.asarray(longitude_deg, float)
     columns = [_stack(pymap3d.ecef2enuv(*axis, latitude, longitude)) for axis in np.eye(3)]
     return np.stack(columns, axis=-1)
 
 
 def heading_deg(world_R_camera: npt.ArrayLike) -> FloatArray:
-    """Direction of the camera's forward (z) axis, degrees clockwise from north in [0, 360).
+    """Return the direction of the camera's forward (z) axis, degrees clockwise from north in [0, 360).
 
     Args:
         world_R_camera: (..., 3, 3) rotation, or (..., 4, 4) pose.
@@ -71,7 +71,7 @@ def heading_deg(world_R_camera: npt.ArrayLike) -> FloatArray:
     forward = np.asarray(world_R_camera, float)[..., :3, 2]
     east, north = forward[..., 0], forward[..., 1]
     heading = np.degrees(np.arctan2(east, north)) % 360.0
-    # a tiny negative angle rounds up to 360 itself
+    # a tiny negative angle rounds up to 360
     heading = np.where(heading >= 360.0, 0.0, heading)
     return np.where(np.hypot(east, north) < 1e-9, np.nan, heading)
 

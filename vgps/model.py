@@ -1,4 +1,4 @@
-"""What flows between the rooms: plain frozen dataclasses of numpy arrays, with units in their names.
+"""Data that flows between the packages: frozen dataclasses of NumPy arrays, with units in their names.
 
 Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x right, y down, z forward);
 ``world_T_camera`` maps camera coordinates to world coordinates. Times are seconds since the video's first
@@ -25,7 +25,7 @@ LensModel = Literal["pinhole", "opencv", "fisheye", "tsai"]
 
 
 class FixClass(StrEnum):
-    """How a GPS fix was obtained, best first; the class decides the size of its region."""
+    """How a GPS fix was obtained, best first; the class determines the size of its region."""
 
     RTK_FIX = "rtk_fix"
     RTK_FLOAT = "rtk_float"
@@ -71,17 +71,17 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """How the sensors sit on the camera, and how their clocks relate.
+    """Mounting of the sensors on the camera, and relation of their clocks.
 
     Attributes:
         camera_p_antenna: Antenna (phase centre) in the camera frame, (3,), metres.
-        video_start_utc: UTC instant of the video's first frame; absent: the log is on the video's clock.
-        world_origin: Origin of the ENU world frame; absent means the first usable fix.
+        video_start_utc: UTC instant of the video's first frame; None if the log is on the video's clock.
+        world_origin: Origin of the ENU world frame; None for the first usable fix.
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
-        gyro_time_offset_s: Added to the gyro's times by the reader; its clock is behind by so much.
-        gyro_bias_rad_s: (3,) taken off the gyro's rates by the reader.
+        gyro_time_offset_s: Added to the gyro's times by the reader: how far its clock is behind.
+        gyro_bias_rad_s: (3,) subtracted from the gyro's rates by the reader.
         exposure_s: Exposure time of a frame.
-        video_start_s: First frame's time on the clock of ``gyro.csv`` and ``truth.tum``.
+        video_start_s: Time of the first frame on the clock of ``gyro.csv`` and ``truth.tum``.
     """
 
     camera_p_antenna: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -96,17 +96,17 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class GpsLog:
-    """GPS fixes, a row each, in order of time. Unknown numbers are NaN.
+    """GPS fixes in order of time, one row each. Unknown numbers are NaN.
 
     Attributes:
-        t_s: (N,) time since the video's first frame.
+        t_s: (N,) seconds since the video's first frame.
         latitude_deg, longitude_deg, height_m: (N,) WGS84, ellipsoidal height.
         fix_class: (N,) of :class:`FixClass`.
         sigma_m: (N, 3) the receiver's own standard deviations east, north, up.
         hdop, satellites, correction_age_s: (N,).
-        line: (N,) line of the file (from 1) that gave the fix, for messages and verdicts.
+        line: (N,) line of the file (from 1) with the fix, for messages and verdicts.
         source: The file.
-        skipped: Notes, in words, on what the reader passed over (truncated or damaged lines).
+        skipped: Notes on what the reader skipped or assumed (damaged lines, missing geoid separations).
     """
 
     t_s: FloatArray
@@ -126,17 +126,17 @@ class GpsLog:
         return len(self.t_s)
 
     def rows(self, rows: IntArray | BoolArray) -> "GpsLog":
-        """Some of the fixes, in the order given."""
-        taken = np.arange(len(self))[rows]
+        """Return some of the fixes, in the order given."""
+        kept = np.arange(len(self))[rows]
         columns: dict[str, Any] = {
-            name: value[taken] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+            name: value[kept] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
-        return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in taken))
+        return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in kept))
 
 
 @dataclass(frozen=True)
 class GyroLog:
-    """Angular rates in the gyro's own axes: ``t_s`` (N,), ``rate_rad_s`` (N, 3), as the rig corrects."""
+    """Angular rates in the gyro's own axes, corrected by the rig: ``t_s`` (N,), ``rate_rad_s`` (N, 3)."""
 
     t_s: FloatArray
     rate_rad_s: FloatArray
@@ -145,11 +145,11 @@ class GyroLog:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlPoints:
-    """Points of known world position seen in frames (how the thesis starts a run).
+    """Points of known world position observed in frames (the start of a run in Kume 2010).
 
     Attributes:
         frame: (N,) frame index of the observation.
-        uv_px: (N, 2) where it is seen, in the distorted image.
+        uv_px: (N, 2) observation in the distorted image.
         world_p_point: (N, 3) ENU metres, or latitude, longitude [deg], height [m] if ``geodetic``.
     """
 
@@ -170,11 +170,11 @@ class Frame:
 
 
 class Video(Protocol):
-    """Anything that yields frames: a file, a folder of images, a stream."""
+    """A source of frames: a file, a folder of images, a stream."""
 
     @property
     def path(self) -> Path:
-        """Where it comes from."""
+        """The file or folder."""
         ...
 
     @property
@@ -184,22 +184,22 @@ class Video(Protocol):
 
     @property
     def width(self) -> int:
-        """Pixels, as shown (after the rotation flag)."""
+        """Pixels, after the rotation flag."""
         ...
 
     @property
     def height(self) -> int:
-        """Pixels, as shown (after the rotation flag)."""
+        """Pixels, after the rotation flag."""
         ...
 
     def frames(self) -> Iterator[Frame]:
-        """All frames in order of presentation."""
+        """Yield all frames in order of presentation."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What one recording is made of, every stream on the video's clock."""
+    """The parts of one recording, every stream on the video's clock."""
 
     path: Path
     video: Video

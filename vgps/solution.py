@@ -1,6 +1,6 @@
-"""What a run gives: poses, landmarks, verdicts on the fixes, and how they were found; frozen dataclasses.
+"""The result of a run: poses, landmarks, verdicts on the fixes, and how they were estimated.
 
-Frames, times and names as in :mod:`vgps.model`.
+Frozen dataclasses; frames, times and names as in :mod:`vgps.model`.
 """
 
 from collections.abc import Mapping
@@ -25,15 +25,15 @@ class Trajectory:
 
 
 class FrameState(StrEnum):
-    """How a frame came by its pose."""
+    """How the pose of a frame was obtained."""
 
-    TRACKED = "tracked"  # from features seen in it
-    BRIDGED = "bridged"  # no usable features: from its neighbours in time and the fixes near it
+    TRACKED = "tracked"  # from features observed in it
+    BRIDGED = "bridged"  # no usable features: from neighbouring frames and fixes near it in time
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Which landmark was seen where: ``frame`` (N,), ``landmark`` (N,) row of the landmarks, ``uv_px`` (N, 2)
+    """Landmarks observed in frames: ``frame`` (N,), ``landmark`` (N,) row of the landmarks, ``uv_px`` (N, 2)
     in the undistorted (pinhole) image."""
 
     frame: IntArray
@@ -48,7 +48,7 @@ class Landmarks:
     Attributes:
         world_p_landmark: (L, 3) metres.
         sigma_px: (L,) reliability sigma_j, Eq. (13), Kume 2010, pixels.
-        gray: (L,) luminance where it was first seen, uint8.
+        gray: (L,) luminance in the first observation, uint8.
     """
 
     world_p_landmark: FloatArray
@@ -57,12 +57,12 @@ class Landmarks:
 
 
 class Verdict(StrEnum):
-    """What was made of a fix."""
+    """What the optimisation decided about a fix."""
 
     USED = "used"
     DOWN_CLASSED = "down-classed"  # used with the region of the class below its own
     REJECTED = "rejected"  # it contradicts the video and the other fixes
-    NOT_USED = "not used"  # it could not take part, good or bad
+    NOT_USED = "not used"  # could not contribute, for example outside the video
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +72,10 @@ class FixTable:
     Attributes:
         world_p_fix: (M, 3) ENU metres (NaN where the fix has no position).
         residual_m: (M, 3) estimated antenna minus fix, east, north, up; NaN outside the video.
-        r_m, h_m: (M,) region that it was given: of its class, or of the class below if it was down-classed.
-        probability: (M,) of being what its class says; NaN where it was not judged.
+        r_m, h_m: (M,) its region: of its class, or of the class below if it was down-classed.
+        probability: (M,) that the error is one of its class; NaN where it was not assessed.
         verdict: (M,).
-        reason: (M,) why, in words.
+        reason: (M,) why, as a sentence.
     """
 
     world_p_fix: FloatArray
@@ -88,20 +88,20 @@ class FixTable:
 
     @property
     def used(self) -> BoolArray:
-        """(M,) whether a fix took part in the final estimate."""
+        """(M,) whether a fix contributed to the final estimate."""
         return np.array([verdict in {Verdict.USED, Verdict.DOWN_CLASSED} for verdict in self.verdict], bool)
 
 
 @dataclass(frozen=True)
 class SensorReport:
-    """What was found of the GPS's clock and lever arm, and of the camera's calibration.
+    """Estimates of the GPS's time offset and lever arm, and of the camera's calibration.
 
     Attributes:
-        time_offset_s: Positions were taken to be this much older than their time stamps.
-        time_offset_sigma_s: Its standard deviation, NaN where it was not estimated.
-        antenna_sigma_m: (3,) standard deviations of the lever arm, NaN where it was not estimated.
-        camera_sigma: Standard deviations of the calibration by name, ``focal`` as a share of fx and fy; empty
-            where it was not refined.
+        time_offset_s: How much older the positions are than their time stamps.
+        time_offset_sigma_s: Its standard deviation; NaN if it was not estimated.
+        antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
+        camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
+            empty if it was not refined.
     """
 
     time_offset_s: float
@@ -112,7 +112,7 @@ class SensorReport:
 
 @dataclass(frozen=True)
 class SolverReport:
-    """What the optimiser of stage D did: cost per term before and after, iterations and why it stopped."""
+    """The optimisation of stage D: cost per term before and after, iterations and why it stopped."""
 
     cost_before: Mapping[str, float]
     cost_after: Mapping[str, float]
@@ -122,23 +122,23 @@ class SolverReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """The result of a run; everything that a run folder holds.
+    """The result of a run: everything that a run folder holds.
 
     Attributes:
-        recording: What it was made from, if it is known.
+        recording: Its recording, if known.
         t_s: (F,) frame times.
         world_T_camera: (F, 4, 4).
         sigma_rotation_rad: (F, 3) about world east, north, up.
         sigma_position_m: (F, 3) east, north, up.
-        state: (F,) how each frame came by its pose.
-        camera_p_antenna: (3,) the lever arm used, as given or as estimated.
-        georeferenced: False when no fix or control point tied the run to the world; then the world is the
-            first camera's neighbourhood and the scale is arbitrary.
+        state: (F,) how each pose was obtained.
+        camera_p_antenna: (3,) lever arm, as given or as estimated.
+        georeferenced: False if no fix or control point tied the run to the world; the origin is then near
+            the first camera and the scale is arbitrary.
         seconds: Wall seconds per stage.
-        warnings: Everything a user should know before trusting the result.
+        warnings: What a user should know before trusting the result.
         config: The resolved configuration.
-        video_start_utc: UTC instant of the video's first frame, if the rig says it.
-        world_p_before: (F, 3) where stages A to C had left the camera; absent in older runs.
+        video_start_utc: UTC instant of the video's first frame, if the rig gives it.
+        world_p_before: (F, 3) camera positions after stages A to C; None in older runs.
     """
 
     recording: Path | None
@@ -165,10 +165,10 @@ class Solution:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The poses alone."""
+        """Times and poses."""
         return Trajectory(self.t_s, self.world_T_camera)
 
     @property
     def fix_times_s(self) -> FloatArray:
-        """(M,) when the antenna was at the fixes: the log's time stamps less the time offset."""
+        """(M,) when the antenna was at the fixes: the log's time stamps minus the time offset."""
         return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s

@@ -32,7 +32,7 @@ from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.geometry import interpolate_poses
 from vgps.readers.run_folder import read_run
-from vgps.runtime.timing import one_after_another
+from vgps.runtime.timing import sequential_seconds
 from vgps.solution import Solution, Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import cost_terms
@@ -108,7 +108,7 @@ def end_to_end(run: Solution, folder: Path, given: argparse.Namespace, results: 
         size = np.linalg.norm(found.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1)
         figures: dict[str, Any] = {"posed": len(size), "frames": len(taken)}
         figures |= {"mean_m": size.mean(), "max_m": size.max()} if len(size) else {}
-        wall_s = one_after_another(seconds)
+        wall_s = sequential_seconds(seconds)
         results.add(engine=method, **figures, wall_s=wall_s, steps_s=seconds)
         errors = (f"{size.mean():.3f}", f"{size.max():.3f}") if len(size) else ("-", "-")
         steps = ", ".join(f"{step} {s:.1f}" for step, s in seconds.items())

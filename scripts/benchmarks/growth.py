@@ -21,7 +21,7 @@ from scripts.common.ping_pong import PingPong
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.model import Frame
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 
 Figures = dict[str, float]  # by name with unit
 
@@ -31,7 +31,7 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-class PeakBeforeBatch(Silent):
+class PeakBeforeBatch(NoProgress):
     """Progress that notes the peak memory as stage D begins, and reports every thousandth frame."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class PeakBeforeBatch(Silent):
                 print(f"frame {frame.index} of {total}, {peak_mb():.0f} MB", file=sys.stderr)
             yield frame
 
-    def say(self, what: str) -> None:
+    def stage(self, name: str) -> None:
         """As in :class:`vgps.runtime.progress.Progress`; the last stage announced is D."""
         self.front_mb = peak_mb()
 

@@ -36,7 +36,7 @@ from vgps.errors import ConfigError
 from vgps.evaluation import evaluate
 from vgps.model import Recording
 from vgps.pipeline.offline import optimise_all, track_and_map
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, simulate
 
 VARIED = ["gps.n=1,2,4,8", "gps.omega=0.1,0.5,2.5", "batch.video_sigma_scale=4,8,16"]
@@ -94,7 +94,7 @@ def one(case: Case, given: argparse.Namespace) -> tuple[dict[str, Errors], float
 
 def errors(recording: Recording, seed: int, vary: Sequence[str]) -> dict[str, Errors]:
     """Return the errors on a recording with truth by setting."""
-    front = track_and_map(recording, Config(seed=seed), Silent())
+    front = track_and_map(recording, Config(seed=seed), NoProgress())
     found = {}
     for setting, config in settings(vary, seed).items():
         run = optimise_all(front.copied(), config)

@@ -11,7 +11,7 @@ from vgps.compare.page import ratios
 from vgps.config import Config
 from vgps.errors import TrajectoryError
 from vgps.readers.calibration import read_rig
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 
 CHOSEN = [METHODS[0], METHODS[1], METHODS[4]]
 
@@ -19,7 +19,7 @@ CHOSEN = [METHODS[0], METHODS[1], METHODS[4]]
 @pytest.fixture(scope="module")
 def comparison(recording):
     opened = vgps.open_recording(recording)
-    return compare(opened, recording / "truth.tum", Config(), Silent(), CHOSEN)
+    return compare(opened, recording / "truth.tum", Config(), NoProgress(), CHOSEN)
 
 
 def test_methods_are_the_thesis_s_and_a_robust_one():
@@ -70,4 +70,4 @@ def test_a_truth_of_another_place_is_told(recording, tmp_path):
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
     opened = vgps.open_recording(recording)
     with pytest.raises(TrajectoryError, match="world_origin"):
-        compare(opened, tmp_path / "truth.tum", Config(), Silent(), [Method("cylinder", "cylinder")])
+        compare(opened, tmp_path / "truth.tum", Config(), NoProgress(), [Method("cylinder", "cylinder")])

@@ -22,7 +22,7 @@ def log_of(t_s):
 
 def test_a_steady_rate_by_hand():
     gyro = GyroLog(np.array([0.0, 1.0]), np.array([[0, 0, 0.5], [0, 0, 0.5]]), Path("gyro.csv"))
-    turns = GyroIntegral(gyro).turns(np.array([0.1]), np.array([0.7]), np.array([0, 0, 0.1]))
+    turns = GyroIntegral(gyro).relative_rotations(np.array([0.1]), np.array([0.7]), np.array([0, 0, 0.1]))
     np.testing.assert_allclose(Rotation.from_matrix(turns[0]).as_rotvec(), [0, 0, 0.24], atol=1e-12)
 
 
@@ -30,14 +30,14 @@ def test_a_rate_that_grows_by_hand():
     # 0 to 2 rad/s in a second: from a quarter to three quarters (0.5625 - 0.0625) rad
     gyro = GyroLog(np.array([0.0, 1.0]), np.array([[0, 0, 0], [2.0, 0, 0]]), Path("gyro.csv"))
     integral = GyroIntegral(gyro)
-    turns = integral.turns(np.array([0.25]), np.array([0.75]))
+    turns = integral.relative_rotations(np.array([0.25]), np.array([0.75]))
     np.testing.assert_allclose(Rotation.from_matrix(turns[0]).as_rotvec(), [0.5, 0, 0], atol=1e-12)
     np.testing.assert_allclose(integral.mean_rates(np.array([0.25]), np.array([0.75])), [[1.0, 0, 0]])
 
 
 def test_turning_axes_against_a_differential_equation():
     start, end = np.array([0.2, 0.61, 1.0]), np.array([0.3, 1.03, 1.9])
-    turns = GyroIntegral(log_of(np.linspace(0, 2, 401))).turns(start, end)
+    turns = GyroIntegral(log_of(np.linspace(0, 2, 401))).relative_rotations(start, end)
     for a, b, turn in zip(start, end, turns, strict=True):
 
         def slope(t, flat):
@@ -51,8 +51,8 @@ def test_turning_axes_against_a_differential_equation():
 def test_one_interval_after_the_other(start, first, second):
     integral = GyroIntegral(log_of(np.linspace(0, 2, 401)))
     times = np.array([start, start + first, start + first + second])
-    a, b = integral.turns(times[:-1], times[1:])
-    whole = integral.turns(times[:1], times[2:])[0]
+    a, b = integral.relative_rotations(times[:-1], times[1:])
+    whole = integral.relative_rotations(times[:1], times[2:])[0]
     assert Rotation.from_matrix((a @ b).T @ whole).magnitude() < 1e-4
 
 
@@ -62,7 +62,7 @@ def test_the_steps_are_the_same_turn():
     assert dts.sum() == pytest.approx(0.1511)
     assert dts.max() <= 0.005 + 1e-12
     by_factor = preintegrate_rates(rates, dts, np.zeros(3), 1e-3).i_R_j
-    turn = integral.turns(np.array([0.3012]), np.array([0.4523]))[0]
+    turn = integral.relative_rotations(np.array([0.3012]), np.array([0.4523]))[0]
     assert Rotation.from_matrix(by_factor.T @ turn).magnitude() < 1e-5
 
 
@@ -74,5 +74,6 @@ def test_what_is_covered():
     assert covered.tolist() == [False, True, True, False, False, True, False, False]
 
 
-def test_nothing_asked():
-    assert GyroIntegral(log_of(np.linspace(0, 2, 401))).turns(np.zeros(0), np.zeros(0)).shape == (0, 3, 3)
+def test_no_intervals_give_no_rotations():
+    integral = GyroIntegral(log_of(np.linspace(0, 2, 401)))
+    assert integral.relative_rotations(np.zeros(0), np.zeros(0)).shape == (0, 3, 3)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_turns import MOUNT, apart_deg, camera_turns, gyro_log, one_axis, rich
+from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, one_axis, rich
 
 from vgps.config import GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError
@@ -15,7 +15,7 @@ NOISE = 1e-3  # rad, of a rotation from the image
 
 def noisy(rates, seconds=15.0, seed=0):
     rng = np.random.default_rng(seed)
-    return camera_turns(rates, seconds, NOISE, rng), gyro_log(rates, seconds, noise_rad_s=2e-3, rng=rng)
+    return camera_rotations(rates, seconds, NOISE, rng), gyro_log(rates, seconds, noise_rad_s=2e-3, rng=rng)
 
 
 def test_mount_clock_and_bias_are_found_within_what_is_said_of_them():

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from synthetic_turns import MOUNT, apart_deg, camera_turns, gyro_log, rich
+from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, rich
 
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.coarse import align_rates, guess_offset
@@ -48,7 +48,7 @@ def test_weights_silence_what_is_wrong() -> None:
 
 
 def test_the_offset_is_found_to_a_fraction_of_a_frame() -> None:
-    turns = camera_turns(rich, 10.0)
+    turns = camera_rotations(rich, 10.0)
     rates = Rotation.from_matrix(turns.start_R_end).as_rotvec() / 0.05
     guess = guess_offset(turns, rates, GyroIntegral(gyro_log(rich, 10.0)), 0.5)
     assert guess is not None
@@ -58,7 +58,7 @@ def test_the_offset_is_found_to_a_fraction_of_a_frame() -> None:
 
 
 def test_a_gyro_of_another_time_gives_no_offset() -> None:
-    turns = camera_turns(rich, 10.0)
+    turns = camera_rotations(rich, 10.0)
     log = gyro_log(rich, 10.0)
     late = type(log)(log.t_s + 100.0, log.rate_rad_s, log.source)
     assert guess_offset(turns, np.ones((len(turns), 3)), GyroIntegral(late), 0.5) is None

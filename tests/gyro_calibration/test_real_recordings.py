@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from synthetic_turns import apart_deg
+from synthetic_rotations import apart_deg
 
 from vgps.gyro_calibration import calibrate_gyro
 from vgps.readers.calibration import read_rig

@@ -11,7 +11,7 @@ from vgps.online.replay import fixes_of, replay
 from vgps.online.run import run_online
 from vgps.pipeline.offline import track_and_map
 from vgps.readers.trajectory import read_trajectory
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 from vgps.solution import Verdict
 
 
@@ -39,7 +39,7 @@ def online(opened):
 
 @pytest.fixture(scope="module")
 def offline(opened):
-    return track_and_map(opened, vgps.Config(), Silent()).frame_pipeline
+    return track_and_map(opened, vgps.Config(), NoProgress()).frame_pipeline
 
 
 def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):

@@ -1,13 +1,13 @@
 import pytest
 
-from vgps.runtime.timing import StageTimer, one_after_another
+from vgps.runtime.timing import StageTimer, sequential_seconds
 
 
-def test_stages_add_up_but_for_those_that_ran_beside_others():
+def test_concurrent_stages_do_not_add_up():
     seconds = StageTimer()
     with seconds.measure("track"), seconds.measure("window beside"):
         pass
     with pytest.raises(ValueError), seconds.measure("track"):
         raise ValueError
     assert set(seconds.by_stage) == {"track", "window beside"}
-    assert one_after_another({"track": 2.0, "wait": 0.5, "window beside": 3.0}) == 2.5
+    assert sequential_seconds({"track": 2.0, "wait": 0.5, "window beside": 3.0}) == 2.5

@@ -13,7 +13,7 @@ from scripts.experiments.fault_matrix.matrix import MODELS, Cell, as_markdown, m
 from vgps.errors import GpsLogError, TrajectoryError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import Camera, FixClass, GeodeticPoint, Recording, Rig
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 from vgps.simulate import GpsConfig, simulate
 
 ORIGIN = GeodeticPoint(49.0, 8.0, 100.0)
@@ -164,11 +164,11 @@ def test_the_picture_has_a_dot_for_each_model_and_fault():
 def test_a_fault_on_a_recording_is_run_under_every_model(tmp_path):
     simulate(tmp_path / "walk", replace(SMALL, gps=GpsConfig(interval_s=0.4, fix_share=0.5)), seed=3)
     recording, truth = vgps.open_recording(tmp_path / "walk"), tmp_path / "walk" / "truth.tum"
-    row = run_fault(FAULT["outliers-20"], recording, truth, vgps.Config(), Silent())
+    row = run_fault(FAULT["outliers-20"], recording, truth, vgps.Config(), NoProgress())
     assert list(row) == [method.name for method in MODELS]
     assert all(cell.mean_m < 0.1 for cell in row.values())
     assert [(cell.caught, cell.wrong, cell.rejected) for cell in row.values()][:4] == [(3, 3, 0)] * 4
-    long = run_fault(FAULT["outage-30"], recording, truth, vgps.Config(), Silent())
+    long = run_fault(FAULT["outage-30"], recording, truth, vgps.Config(), NoProgress())
     assert all("outage of 30 s" in cell.failed for cell in long.values())
     with pytest.raises(TrajectoryError):
-        run_fault(FAULT["none"], recording, tmp_path / "no.tum", vgps.Config(), Silent())
+        run_fault(FAULT["none"], recording, tmp_path / "no.tum", vgps.Config(), NoProgress())

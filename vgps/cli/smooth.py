@@ -7,7 +7,7 @@ from vgps.cli.options import GpsSettings, RecordingFiles
 from vgps.cli.terminal import TerminalProgress
 from vgps.pipeline.offline import smooth as smooth_recording
 from vgps.readers.recording import open_recording
-from vgps.runtime.timing import one_after_another
+from vgps.runtime.timing import sequential_seconds
 from vgps.solution import Solution
 from vgps.writers.run_folder import check_writable, write_run
 
@@ -48,7 +48,7 @@ def print_summary(solution: Solution, out: Path) -> None:
     """Print the warnings of a run, its numbers of frames and fixes, and its speed."""
     for warning in solution.warnings:
         print_note(warning)
-    frames, seconds = len(solution.t_s), one_after_another(solution.seconds)
+    frames, seconds = len(solution.t_s), sequential_seconds(solution.seconds)
     used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
     logged = 0 if solution.gps is None else len(solution.gps)
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"

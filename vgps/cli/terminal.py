@@ -21,7 +21,7 @@ class TerminalProgress:
         with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
             yield from bar.track(frames, total=total)
 
-    def say(self, what: str) -> None:
+    def stage(self, name: str) -> None:
         """Print the name of the stage that begins."""
         if self._console.is_terminal:
-            self._console.print(Text(what, "dim"))
+            self._console.print(Text(name, "dim"))

@@ -10,7 +10,7 @@ from vgps.config import read_config
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import localize
 from vgps.readers.recording import open_recording
-from vgps.runtime.timing import one_after_another
+from vgps.runtime.timing import sequential_seconds
 from vgps.solution import FrameState
 from vgps.writers.run_folder import check_writable, write_run
 
@@ -46,7 +46,7 @@ def track(
     write_run(solution, out)
     for warning in solution.warnings:
         print_note(warning)
-    frames, seconds = len(solution.t_s), one_after_another(solution.seconds)
+    frames, seconds = len(solution.t_s), sequential_seconds(solution.seconds)
     tracked = solution.state.count(FrameState.TRACKED)
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
     print_line(f"{tracked} of {frames} frames tracked, {speed}: {out}")

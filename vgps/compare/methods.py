@@ -84,7 +84,7 @@ def compare(
     evaluations, paths, seconds = {}, {}, {}
     fixes = np.zeros((0, 3))
     for front, method in front_ends(recording, config, progress, methods):
-        progress.say(f"stage D: {method.name}")
+        progress.stage(f"stage D: {method.name}")
         solution = optimise_all(front, config.with_gps(method.model))
         check_world(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":

@@ -1,4 +1,4 @@
-"""Geometry of many points, poses and turn rates at once."""
+"""Vectorised geometry: projection, triangulation, pose interpolation, angular rates."""
 
 from vgps.geometry.interpolation import interpolate_poses
 from vgps.geometry.projection import (

@@ -1,4 +1,4 @@
-"""A gyro's rates integrated between any two times, many intervals at once."""
+"""Integrals of a gyro's rates between any two times, many intervals at once."""
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -6,15 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from vgps.model import BoolArray, FloatArray, GyroLog
 
-_GAP = 5.0  # so many sample intervals without a sample are a gap
+_GAP = 5.0  # a gap is this many sample intervals without a sample
 _MIN_STEPS = 4
 
 
 class GyroIntegral:
-    """Rotations between times from rates that are straight between the samples.
+    """Integral of rates that are linear between the samples.
 
     Args:
-        gyro: The log, on the clock of the times that are asked for later.
+        gyro: The log; its clock is that of all times given to the methods.
     """
 
     def __init__(self, gyro: GyroLog) -> None:
@@ -26,33 +26,33 @@ class GyroIntegral:
         self._gap_ends = gyro.t_s[1:][steps > _GAP * self.interval_s]
 
     def covers(self, start_s: FloatArray, end_s: FloatArray) -> BoolArray:
-        """(P,) whether each interval from (P,) to (P,) lies within the log and touches no gap in it."""
+        """Return (P,) whether each interval from (P,) to (P,) lies within the log and touches no gap."""
         inside = (start_s >= self._t_s[0]) & (end_s <= self._t_s[-1])
-        # as many gaps end before the interval's start as begin before its end
+        # every gap that begins before the interval's end also ends before its start
         over = np.searchsorted(self._gap_ends, start_s, side="right")
         begun = np.searchsorted(self._gap_starts, end_s, side="left")
         return np.asarray(inside & (over == begun))
 
     def mean_rates(self, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
-        """(P, 3) mean rates over intervals from (P,) to (P,)."""
+        """Return (P, 3) mean rates over intervals from (P,) to (P,), rad/s."""
         return np.asarray((self._angle(end_s) - self._angle(start_s)) / (end_s - start_s)[:, None])
 
     def steps(self, start_s: float, end_s: float) -> tuple[FloatArray, FloatArray]:
-        """Mean rates (N, 3) and lengths (N,) of the short intervals between two times, cut at the samples."""
+        """Return mean rates (N, 3) and lengths (N,) between two times, split at the samples."""
         between = self._t_s[(self._t_s > start_s) & (self._t_s < end_s)]
         times = np.concatenate([[start_s], between, [end_s]])
         return self.mean_rates(times[:-1], times[1:]), np.diff(times)
 
-    def turns(
+    def relative_rotations(
         self, start_s: FloatArray, end_s: FloatArray, bias_rad_s: FloatArray | None = None
     ) -> FloatArray:
-        """Rotations (P, 3, 3), start_R_end, from the gyro's axes at each end to those at its start.
+        """Return start_R_end (P, 3, 3), from the gyro's axes at each end to those at its start.
 
-        Eq. (3), Matsuda 2007, with the exact exponential of every short step, as long as a sample or shorter.
+        Eq. (3), Matsuda 2007, with the exact exponential of steps no longer than a sample.
 
         Args:
             start_s, end_s: (P,).
-            bias_rad_s: (3,) taken off the rates.
+            bias_rad_s: (3,) subtracted from the rates.
         """
         count = len(start_s)
         if count == 0:
@@ -62,7 +62,7 @@ class GyroIntegral:
         angles = np.diff(self._angle(times), axis=1)
         if bias_rad_s is not None:
             angles = angles - np.asarray(bias_rad_s) * np.diff(times, axis=1)[:, :, None]
-        turn = Rotation.identity(count)
+        rotation = Rotation.identity(count)
         for k in range(n):
-            turn = turn * Rotation.from_rotvec(angles[:, k])
-        return np.asarray(turn.as_matrix(), np.float64)
+            rotation = rotation * Rotation.from_rotvec(angles[:, k])
+        return np.asarray(rotation.as_matrix(), np.float64)

@@ -1,4 +1,4 @@
-"""Poses at times between frames: straight in position, along the great circle in rotation."""
+"""Poses at times between frames: linear in position, slerp in rotation."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -7,7 +7,7 @@ from vgps.model import FloatArray
 
 
 def interpolate_poses(t_s: FloatArray, poses: FloatArray, at_s: FloatArray) -> FloatArray:
-    """Poses (M, 4, 4) at times (M,) within ``t_s`` (N,) of the poses (N, 4, 4); times outside are clamped."""
+    """Return poses (M, 4, 4) at (M,) from poses (N, 4, 4) at ``t_s`` (N,); times outside are clamped."""
     at_s = np.clip(at_s, t_s[0], t_s[-1])
     out = np.tile(np.eye(4), (len(at_s), 1, 1))
     if len(at_s) == 0:

@@ -1,8 +1,7 @@
-"""Pinhole geometry of many points at once: projecting, rays, triangulating (19), angles between rays.
+"""Pinhole geometry of many points at once: projection, rays, triangulation and their derivatives.
 
-Pixels here are of the undistorted image; ``world_T_camera`` maps camera to world coordinates. Observations
-are
-flat arrays, a row each, sorted by feature: a feature seen in three views has three rows.
+Pixels are those of the undistorted image; ``world_T_camera`` maps camera to world coordinates. Observations
+are flat arrays, one row each, sorted by feature: a feature observed in three views has three rows.
 """
 
 import numpy as np
@@ -15,7 +14,7 @@ MIN_DEPTH = 1e-6
 
 
 def project(K: FloatArray, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pixels and depths of points, Eq. (4) Kume 2010 in OpenCV's axes.
+    """Return pixels and depths of points, Eq. (4), Kume 2010, in OpenCV's axes.
 
     Args:
         K: (3, 3).
@@ -38,21 +37,21 @@ def _to_pixels(K: FloatArray, camera_p: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def rays(K: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """Unit rays (..., 3) in the camera frame through pixels (..., 2)."""
+    """Return unit rays (..., 3) in the camera frame through pixels (..., 2)."""
     xy = (uv_px - K[:2, 2]) / (K[0, 0], K[1, 1])
     xyz = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
     return np.asarray(xyz / np.linalg.norm(xyz, axis=-1, keepdims=True))
 
 
 def world_rays(K: FloatArray, world_T_camera: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """Unit rays (N, 3) in the world through pixels (N, 2), each seen by its own camera (N, 4, 4)."""
+    """Return unit rays (N, 3) in the world through pixels (N, 2) of cameras (N, 4, 4)."""
     return np.asarray((world_T_camera[:, :3, :3] @ rays(K, uv_px)[:, :, None])[:, :, 0])
 
 
 def largest_angle_rad(directions: FloatArray, start: IntArray) -> FloatArray:
-    """Largest angle between the rays of each feature: a test of stage B (Kume 2010).
+    """Return the largest angle between the rays of each feature, a criterion of stage B (Kume 2010).
 
-    Compared with the first and with the last ray, which are the extremes of a steady motion.
+    Rays are compared with the first and the last one only, the extremes of a steady motion.
 
     Args:
         directions: (N, 3) unit rays in the world, sorted by feature.
@@ -72,9 +71,9 @@ def largest_angle_rad(directions: FloatArray, start: IntArray) -> FloatArray:
 def triangulate(
     K: FloatArray, world_T_camera: FloatArray, uv_px: FloatArray, start: IntArray, iterations: int = 3
 ) -> tuple[FloatArray, FloatArray]:
-    """Each feature's position from all its views, Eq. (19), Kume 2010.
+    """Return each feature's position from all its views, Eq. (19), Kume 2010.
 
-    Starts from the point nearest to all rays, then Gauss-Newton on the reprojection errors.
+    Gauss-Newton on the reprojection errors, from the point nearest to all rays.
 
     Args:
         K: (3, 3).
@@ -108,14 +107,14 @@ def triangulate(
 
 
 def _in_cameras(axes: FloatArray, world_v: FloatArray) -> FloatArray:
-    """(3, N) world vectors in the cameras whose axes are (3 axes, 3 world coordinates, N)."""
+    """Return world vectors (3, N) in the axes (3 axes, 3 world coordinates, N) of their cameras."""
     return np.asarray(axes[:, 0] * world_v[0] + axes[:, 1] * world_v[1] + axes[:, 2] * world_v[2])
 
 
 def _step(
     K: FloatArray, axes: FloatArray, camera_p: FloatArray, uv: FloatArray, start: IntArray
 ) -> FloatArray:
-    """Gauss-Newton step (3, M) of every feature, seen at (2, N) and now at (3, N) in the cameras' axes."""
+    """Return the Gauss-Newton step (3, M) of features observed at (2, N), now at (3, N) in the cameras."""
     front = camera_p[2] > MIN_DEPTH
     inverse = front / np.where(front, camera_p[2], 1.0)
     a, b = camera_p[0] * inverse, camera_p[1] * inverse
@@ -129,7 +128,7 @@ def _step(
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    # a feature whose rays are parallel has a singular system: a little damping sends it far away
+    # parallel rays make the system singular; the damping sends such a feature far away
     trace = np.trace(normal, axis1=1, axis2=2)
     damped = normal + (1e-9 * trace + 1e-300)[:, None, None] * np.eye(3)
     return np.asarray(np.linalg.solve(damped, right[..., None])[..., 0])
@@ -138,7 +137,7 @@ def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
 def linearise_projection(
     K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Reprojection residual (N, 2) and its Jacobian (N, 2, 6) to the pose; both zero behind the camera."""
+    """Return reprojection residuals (N, 2) and Jacobians (N, 2, 6) to the pose; zero behind the camera."""
     camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
     front = camera_p[:, 2] > MIN_DEPTH
     inverse = front / np.where(front, camera_p[:, 2], 1.0)
@@ -159,13 +158,13 @@ def linearise_projection(
 def reprojection_inliers(
     K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
 ) -> BoolArray:
-    """(N,) whether a match agrees with the pose to ``limit_px`` and lies in front of the camera."""
+    """Return (N,) whether a match reprojects within ``limit_px`` and lies in front of the camera."""
     predicted, depth = project(K, world_T_camera, points)
     return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
 
 
 def world_sigmas(poses: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations (F, 3) of rotation and position about and along world axes.
+    """Return standard deviations (F, 3) of rotation [rad] and position [m] about and along world axes.
 
     Args:
         poses: (F, 4, 4).

@@ -13,7 +13,7 @@ from vgps.gyro_calibration.checks import check_axes, check_motion
 from vgps.gyro_calibration.coarse import Alignment, Guess, align_rates, guess_offset
 from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
 from vgps.model import FloatArray, GyroLog, Recording
-from vgps.runtime.progress import Progress, Silent
+from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations
 
@@ -82,7 +82,7 @@ def calibrate_gyro(
         GyroLogError: Its times are not the video's, or it does not tell of the same motion.
         GeometryError: The motion does not show the rotation of the sensor.
     """
-    config, progress = config or Config(), progress or Silent()
+    config, progress = config or Config(), progress or NoProgress()
     if recording.gyro is None:
         raise RecordingError("no gyro", file=recording.path, remedy="add gyro.csv (t_s, wx_rad_s, ...)")
     video, rig = recording.video, recording.rig
@@ -91,7 +91,7 @@ def calibrate_gyro(
         t_s=recording.gyro.t_s - rig.gyro_time_offset_s,
         rate_rad_s=recording.gyro.rate_rad_s + rig.gyro_bias_rad_s,
     )
-    progress.say("rotations from frame to frame")
+    progress.stage("rotations from frame to frame")
     frames = progress.track(video.frames(), len(video.times_s))
     rng = np.random.default_rng(config.seed)
     with one_blas_thread():

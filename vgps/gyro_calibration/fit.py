@@ -51,7 +51,7 @@ def residuals(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> Flo
     """(P, 3) ``Log(turn^T gyro_R_camera^T gyro's turn gyro_R_camera)``, camera's axes at the end; Eq. (1),
     Matsuda 2007."""
     offset, R = mount.time_offset_s, mount.gyro_R_camera
-    by_gyro = gyro.turns(turns.start_s - offset, turns.end_s - offset, mount.bias_rad_s)
+    by_gyro = gyro.relative_rotations(turns.start_s - offset, turns.end_s - offset, mount.bias_rad_s)
     off = turns.start_R_end.transpose(0, 2, 1) @ R.T @ by_gyro @ R
     return np.asarray(Rotation.from_matrix(off).as_rotvec(), np.float64)
 

@@ -23,7 +23,7 @@ from vgps.landmarks.rectify import Rectifier
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
-from vgps.runtime.progress import Progress, Silent
+from vgps.runtime.progress import NoProgress, Progress
 from vgps.solution import Solution
 
 
@@ -105,7 +105,7 @@ def build_database(
         )
     in_front = np.isin(observations.landmark, selected.landmark) & (observations.depth_m > 0)
     observations = observations.take(in_front)
-    video = (progress or Silent()).track(recording.video.frames(), len(recording.video.times_s))
+    video = (progress or NoProgress()).track(recording.video.frames(), len(recording.video.times_s))
     keys = keyframe_rows(template_frames(solution, frames), config.keyframe_every)
     templates, keyframes = _read_video(video, solution, selected, observations, keys, config)
     views = _views(solution, selected, sigma_m, templates)

@@ -13,7 +13,7 @@ from vgps.localization.localizer import Localizer
 from vgps.localization.result import to_solution
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import BoolArray, Float32Array, FloatArray, Frame, Recording
-from vgps.runtime.progress import Progress, Silent
+from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.solution import Solution
@@ -49,7 +49,7 @@ def localize(
     poses: dict[float, FloatArray] = {}
     decoded = _ahead(recording.video.frames())
     with one_blas_thread(), seconds.measure("track"):
-        for frame in (progress or Silent()).track(decoded, len(recording.video.times_s)):
+        for frame in (progress or NoProgress()).track(decoded, len(recording.video.times_s)):
             image = localizer.undistort(frame.gray)
             tracked = localizer.add(frame.t_s, image)
             frames.append(tracked)

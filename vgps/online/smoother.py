@@ -23,7 +23,7 @@ from vgps.online.verdict_events import VerdictEvents
 from vgps.pipeline.front_end import FramePipeline
 from vgps.pipeline.offline import FrontEnd, optimise_all
 from vgps.readers.fixes import Fix
-from vgps.runtime.allocator import give_back_memory
+from vgps.runtime.allocator import release_free_memory
 from vgps.runtime.threads import one_blas_thread
 from vgps.solution import Solution
 
@@ -160,7 +160,7 @@ class OnlineSmoother:
             for part in self._frame_pipeline.forget():
                 self._frames.settle(part)
         if frames % _GIVE_BACK_EVERY == 0:
-            give_back_memory()
+            release_free_memory()
 
     def estimate(self) -> OnlineEstimate | None:
         """The newest frame's pose, as :meth:`add_frame` gave it."""

@@ -17,7 +17,7 @@ from vgps.gps.verdicts import fix_table
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
 from vgps.pipeline.front_end import FramePipeline
-from vgps.runtime.progress import Progress, Silent
+from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.batch import optimise_batch
@@ -58,9 +58,9 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
     Raises:
         VgpsError: The recording does not determine the answer.
     """
-    config, progress = config or Config(), progress or Silent()
+    config, progress = config or Config(), progress or NoProgress()
     front = track_and_map(recording, config, progress)
-    progress.say("optimising everything (D)")
+    progress.stage("optimising everything (D)")
     return optimise_all(front, config)
 
 

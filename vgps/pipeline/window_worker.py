@@ -12,7 +12,7 @@ from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray, IntArray
 from vgps.pipeline.reconciliation import reconcile
-from vgps.runtime.timing import BESIDE, StageTimer
+from vgps.runtime.timing import CONCURRENT, StageTimer
 from vgps.smoothing.drift_correction import correct_drift, path_of, seen_path, unbend
 from vgps.smoothing.map_alignment import align_to_control, try_alignment
 from vgps.smoothing.window import contradicts, optimise_window
@@ -105,7 +105,7 @@ class WindowWorker:
         """
         refined, fix_buffer = local_map.snapshot(), self._ledger.snapshot()
         pool = ThreadPoolExecutor(1)
-        ends = pool.submit(self._optimise, refined, t_s, fix_buffer, BESIDE)
+        ends = pool.submit(self._optimise, refined, t_s, fix_buffer, CONCURRENT)
         self._job = _Job(local_map, refined, fix_buffer, ends)
         pool.shutdown(wait=False)
 

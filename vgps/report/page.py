@@ -11,7 +11,7 @@ import yaml
 from vgps.report.facts import doubts, outages, unused_reasons, verdict_counts, way_m
 from vgps.report.path_picture import LOOKS, outside_picture, path_picture
 from vgps.report.time_picture import time_picture
-from vgps.runtime.timing import one_after_another
+from vgps.runtime.timing import sequential_seconds
 from vgps.solution import FrameState, Solution, Verdict
 from vgps.writers.page import embedded, write_page
 
@@ -49,7 +49,7 @@ def write_report(solution: Solution, path: Path) -> None:
     Raises:
         RunFolderError: ``path`` is a folder, or cannot be written.
     """
-    total_s = one_after_another(solution.seconds)
+    total_s = sequential_seconds(solution.seconds)
     values: dict[str, Any] = {
         "name": "a run" if solution.recording is None else solution.recording.name,
         "solution": solution,
@@ -141,7 +141,7 @@ def _seconds(solution: Solution) -> list[tuple[str, float, float]]:
     """Name, seconds and share of every stage, in the order of the method."""
     known = [stage for stage in _STAGES if stage in solution.seconds]
     stages = [*known, *(stage for stage in solution.seconds if stage not in _STAGES)]
-    total_s = max(one_after_another(solution.seconds), 1e-9)
+    total_s = max(sequential_seconds(solution.seconds), 1e-9)
     return [
         (_STAGES.get(stage, stage), solution.seconds[stage], solution.seconds[stage] / total_s)
         for stage in stages

@@ -1,1 +1,1 @@
-"""What every run needs beside the method: progress, time per stage, threads, memory."""
+"""Progress, time per stage, threads and memory: what every run needs besides the method."""

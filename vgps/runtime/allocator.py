@@ -1,15 +1,15 @@
-"""Memory that was freed, given back to the operating system.
+"""Return of freed memory to the operating system.
 
-What is large and rare, the scaled pictures in which a lost camera is sought above all, leaves free memory
-behind that glibc keeps for good: on a long run it looks like a leak.
+Large, rare allocations, above all the scaled pictures in which a lost camera is searched, leave free memory
+that glibc never returns by itself; on a long run this looks like a leak.
 """
 
 import ctypes
 import sys
 
 
-def give_back_memory() -> None:
-    """Let go of free memory, where the C library can be asked to (glibc); it takes 1 to 5 ms."""
+def release_free_memory() -> None:
+    """Return free memory to the system where the C library can (glibc); takes 1 to 5 ms."""
     if sys.platform != "linux":
         return
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)

@@ -1,4 +1,4 @@
-"""How long work tells what it does: on a terminal, or not at all."""
+"""Progress of long work, shown on a terminal or not at all."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -7,23 +7,23 @@ from vgps.model import Frame
 
 
 class Progress(Protocol):
-    """Told what is being done; a terminal shows a bar."""
+    """Where long work reports its progress."""
 
     def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """The same frames, while progress is shown."""
+        """Yield the same frames while showing how many of ``total`` are done."""
         ...
 
-    def say(self, what: str) -> None:
-        """A stage begins."""
+    def stage(self, name: str) -> None:
+        """Announce that a stage begins."""
         ...
 
 
-class Silent:
-    """No progress shown."""
+class NoProgress:
+    """Progress that is not shown."""
 
     def track(self, frames: Iterable[Frame], total: int) -> Iterable[Frame]:
-        """As in :class:`Progress`."""
+        """Return the frames."""
         return frames
 
-    def say(self, what: str) -> None:
-        """As in :class:`Progress`."""
+    def stage(self, name: str) -> None:
+        """Do nothing."""

@@ -1,7 +1,6 @@
-"""One thread for linear algebra: blocks this small are not worth sharing.
+"""Linear algebra in one thread: the blocks here are too small to share.
 
-On busy cores threads that wait for each other cost fourfold, and results differ in the last digits with their
-number.
+On busy cores, threads waiting for each other cost fourfold, and their number changes the last digits.
 """
 
 from contextlib import AbstractContextManager
@@ -12,11 +11,11 @@ from threadpoolctl import ThreadpoolController
 
 @cache
 def _controller() -> ThreadpoolController:
-    # looking for the libraries takes 7 ms, too long for every frame
+    # finding the libraries takes 7 ms, too long to repeat for every frame
     return ThreadpoolController()
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """A context in which BLAS uses one thread."""
+    """Return a context in which BLAS uses one thread."""
     limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return limits

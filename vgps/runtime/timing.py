@@ -1,11 +1,11 @@
-"""Wall time, stage by stage; what runs beside other stages is marked so."""
+"""Wall time per stage; stages that run in a thread of their own are marked as concurrent."""
 
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-BESIDE = " beside"  # ends the name of a stage that ran in a thread of its own
+CONCURRENT = " beside"  # suffix of a stage that ran in a thread of its own
 
 
 @dataclass
@@ -24,6 +24,6 @@ class StageTimer:
             self.by_stage[stage] = self.by_stage.get(stage, 0.0) + time.perf_counter() - begun
 
 
-def one_after_another(by_stage: Mapping[str, float]) -> float:
-    """Wall seconds of all stages together: those that ran beside others do not add up."""
-    return sum(seconds for stage, seconds in by_stage.items() if not stage.endswith(BESIDE))
+def sequential_seconds(by_stage: Mapping[str, float]) -> float:
+    """Return the wall seconds of all stages that ran one after another, without the concurrent ones."""
+    return sum(seconds for stage, seconds in by_stage.items() if not stage.endswith(CONCURRENT))

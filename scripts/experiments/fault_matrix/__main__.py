@@ -22,7 +22,7 @@ import vgps
 from scripts.common.command import ScriptParser, add_jobs
 from scripts.experiments.fault_matrix.faults import FAULTS
 from scripts.experiments.fault_matrix.matrix import Row, as_markdown, matrix_picture, run_fault
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 from vgps.writers.atomic import new_file
 
 mpl.use("Agg")
@@ -42,7 +42,7 @@ def one(name: str, given: argparse.Namespace) -> Row:
     truth = given.truth or given.recording / "truth.tum"
     config = vgps.Config(seed=given.seed).with_gps(None, given.survey)
     (fault,) = (fault for fault in FAULTS if fault.name == name)
-    return run_fault(fault, recording, truth, config, Silent(), given.seed)
+    return run_fault(fault, recording, truth, config, NoProgress(), given.seed)
 
 
 def main() -> None:

@@ -86,7 +86,7 @@ def run_fault(
         faulty = fault.into(recording, rng)
         for front, method in front_ends(faulty.recording, config, progress, MODELS):
             check_world(front.origin, rig.world_origin, truth)
-            progress.say(f"{fault.name}, stage D: {method.name}")
+            progress.stage(f"{fault.name}, stage D: {method.name}")
             try:
                 solution = optimise_all(front, config.with_gps(method.model))
             except _NO_RESULT as error:

@@ -24,7 +24,7 @@ from scripts.common.stopwatch import stopwatch
 from scripts.experiments.kume_table6.table import Row, antenna_errors, as_markdown
 from vgps.compare import METHODS, compare
 from vgps.compare.methods import Method
-from vgps.runtime.progress import Silent
+from vgps.runtime.progress import NoProgress
 from vgps.simulate import SceneConfig, scene_with_errors, simulate
 
 LEAST_FRAMES = 2
@@ -57,7 +57,9 @@ def on_walk(seed: int, given: argparse.Namespace) -> tuple[int, Row, float]:
         simulate(folder, walk(given), seed)
         miscalibrate(folder / "camera.yaml", given.focal_error)
         config = vgps.Config(seed=seed).with_gps(None, given.survey)
-        found = compare(vgps.open_recording(folder), folder / "truth.tum", config, Silent(), methods(given))
+        found = compare(
+            vgps.open_recording(folder), folder / "truth.tum", config, NoProgress(), methods(given)
+        )
     return seed, antenna_errors(found), elapsed.cpu_s
 
 
@@ -67,7 +69,7 @@ def on_recording(seed: int, given: argparse.Namespace) -> tuple[int, Row, float]
     truth = given.truth or given.recording / "truth.tum"
     with stopwatch() as elapsed:
         recording = vgps.open_recording(given.recording, gps=given.gps)
-        found = compare(recording, truth, config, Silent(), methods(given))
+        found = compare(recording, truth, config, NoProgress(), methods(given))
     return seed, antenna_errors(found), elapsed.cpu_s
 
 

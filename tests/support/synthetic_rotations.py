@@ -32,7 +32,7 @@ def one_axis(t_s: FloatArray) -> FloatArray:
     return rich(t_s)[:, :1] * np.array([[0.36, 0.48, 0.8]])
 
 
-def camera_turns(
+def camera_rotations(
     rates: Rates, seconds: float, noise_rad: float = 0.0, rng: np.random.Generator | None = None
 ) -> RelativeRotations:
     """The camera's turns at 20 frames a second, in 40 short steps of the exact exponential each."""
