@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from vgps.cli import (  # noqa: F401  (importing a module registers its verb)
     calibrate,
     compare,
+    config,
     demo,
     evaluate,
     export,

@@ -38,21 +38,23 @@ class Config(SettingsModel):
         **_moved(LandmarksConfig, "landmarks"),
     }
 
+    basic: ClassVar[tuple[str, ...]] = ("seed",)
+
     seed: NonNegativeInt = 0
     """Seed of every random choice; the same seed gives the same output."""
+    gps: GpsConfig = GpsConfig()
+    sensors: SensorsConfig = SensorsConfig()
+    outliers: OutlierConfig = OutlierConfig()
     tracking: TrackingConfig = TrackingConfig()
     mapping: MappingConfig = MappingConfig()
     start: StartConfig = StartConfig()
     window: WindowConfig = WindowConfig()
-    batch: BatchConfig = BatchConfig()
-    motion: MotionConfig = MotionConfig()
     drift: DriftConfig = DriftConfig()
-    outliers: OutlierConfig = OutlierConfig()
-    sensors: SensorsConfig = SensorsConfig()
+    motion: MotionConfig = MotionConfig()
+    batch: BatchConfig = BatchConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
-    gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
-    gps: GpsConfig = GpsConfig()
     online: OnlineConfig = OnlineConfig()
+    gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     landmarks: LandmarksConfig = LandmarksConfig()
     localization: LocalizationConfig = LocalizationConfig()
 
