@@ -23,6 +23,14 @@ class Trajectory:
     t_s: FloatArray
     world_T_camera: FloatArray
 
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path from frame to frame."""
+        return float(np.linalg.norm(np.diff(self.world_T_camera[:, :3, 3], axis=0), axis=1).sum())
+
 
 class FrameState(StrEnum):
     """How the pose of a frame was obtained."""

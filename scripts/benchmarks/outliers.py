@@ -30,6 +30,7 @@ from vgps.gps.sensors import Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations, Solution
 from vgps.solver.problem import BundleProblem
@@ -103,11 +104,11 @@ def by_vgps(
     scene = Scene(t_s, start.world_T_camera, start.world_p_landmark, observations)
     judged = detects_outliers(config)
     first = (
-        detect_outliers(scene.poses, t_s, fixes, antenna, config) if judged else FixAssessment.none(len(t_s))
+        detect_outliers(scene.trajectory, fixes, antenna, config) if judged else FixAssessment.none(len(t_s))
     )
     sensors = Sensors.begin(antenna, config.sensors)
-    found = optimise_batch(scene, run.camera.K, fixes, sensors, config, assessment=first)
-    return found.poses[:, :3, 3], found.assessment if judged else None
+    found = optimise_batch(scene, fixes, sensors, SmoothingContext(run.camera, config), assessment=first)
+    return found.trajectory.world_T_camera[:, :3, 3], found.assessment if judged else None
 
 
 def by_colmap(

@@ -26,7 +26,8 @@ from vgps.config import Config
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, Recording
-from vgps.pipeline.offline import optimise_all, track_and_map
+from vgps.pipeline.front_end import run_front_end
+from vgps.pipeline.offline import optimise_all
 from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, World, build_motion, build_world, simulate
 from vgps.solution import Trajectory, Verdict
@@ -120,10 +121,10 @@ def measure(case: Case, seed: int) -> dict[str, Any]:
     """Return what stage D makes of a case without the setting and with it."""
     off = Config(seed=seed)
     on = Config.model_validate({"seed": seed, "gps": {"sky": {"enlarge": True}}})
-    front = track_and_map(case.recording, off, NoProgress())
+    front = run_front_end(case.recording, off, NoProgress())
     errors, rejected, radii = [], [], []
     for config in (off, on):
-        run = optimise_all(front.copied(), config)
+        run = optimise_all(front, config)
         errors.append(evaluate(run, case.truth).camera_position_m.mean)
         assert run.fixes is not None
         rejected.append(sum(verdict == Verdict.REJECTED for verdict in run.fixes.verdict))

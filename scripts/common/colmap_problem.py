@@ -101,10 +101,10 @@ def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[Floa
             "warning: the fixes lie on a straight line, so that the roll is undetermined, and with it the "
             "minimum; take more frames"
         )
-    R, out = found.scale * found.world_R_map, poses.copy()
-    out[:, :3, :3] = found.world_R_map @ poses[:, :3, :3]
-    out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.world_p_map
-    return out, points @ R.T + found.world_p_map
+    R, out = found.to_world.scale * found.to_world.world_R_map, poses.copy()
+    out[:, :3, :3] = found.to_world.world_R_map @ poses[:, :3, :3]
+    out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.to_world.world_p_map
+    return out, points @ R.T + found.to_world.world_p_map
 
 
 def well_observed(run: Solution, frames: int) -> BoolArray:

@@ -35,7 +35,8 @@ from vgps.config import Config
 from vgps.errors import ConfigError
 from vgps.evaluation import evaluate
 from vgps.model import Recording
-from vgps.pipeline.offline import optimise_all, track_and_map
+from vgps.pipeline.front_end import run_front_end
+from vgps.pipeline.offline import optimise_all
 from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, simulate
 
@@ -94,10 +95,10 @@ def one(case: Case, given: argparse.Namespace) -> tuple[dict[str, Errors], float
 
 def errors(recording: Recording, seed: int, vary: Sequence[str]) -> dict[str, Errors]:
     """Return the errors on a recording with truth by setting."""
-    front = track_and_map(recording, Config(seed=seed), NoProgress())
+    front = run_front_end(recording, Config(seed=seed), NoProgress())
     found = {}
     for setting, config in settings(vary, seed).items():
-        run = optimise_all(front.copied(), config)
+        run = optimise_all(front, config)
         evaluation = evaluate(run, recording.path / "truth.tum")
         nees = evaluation.nees.mean if evaluation.nees else np.nan
         found[setting] = Errors(evaluation.camera_position_m.mean, nees)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from synthetic_fixes import T_S, drifting, fixes_at, path, poses
+from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 
 from vgps.config import DriftConfig
 from vgps.gps.drift_model import DriftModel, Loss
@@ -11,7 +11,7 @@ ALL = np.ones(19, dtype=bool)
 
 
 def flexible(start, fixes, time_offset_sigma_s=1.0, attached=False):
-    return DriftModel(start, T_S, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached)
+    return DriftModel(start, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached)
 
 
 def test_jacobian_is_the_offsets():
@@ -54,7 +54,7 @@ def test_a_lag_is_found_where_the_path_turns(time_offset_s):
     t_s = np.arange(1.05, 18.0)
     fixes = fixes_at(t_s - time_offset_s, 0.5, 0.7)
     stamped = type(fixes)(t_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
-    of = flexible(poses(path(T_S)), stamped)
+    of = flexible(trajectory(path(T_S)), stamped)
     rows = np.ones(len(t_s), dtype=bool)
     parameters = of.settle(of.approach(rows, 0.1), rows, of.regions())
     assert of.time_offset_s(parameters) == pytest.approx(time_offset_s, abs=0.02)
@@ -69,7 +69,7 @@ def test_a_straight_path_at_constant_speed_does_not_show_the_lag():
         np.stack([0 * fixes.t_s, 5 * fixes.t_s, 0 * fixes.t_s], axis=1),
         *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
     )
-    of = flexible(poses(straight), fixes)
+    of = flexible(trajectory(straight), fixes)
     assert of.lag_sigma(of.start, Loss(of.regions(), ALL, 3.0)) > 0.9
 
 

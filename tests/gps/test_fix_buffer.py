@@ -8,6 +8,7 @@ from vgps.config import Config
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment
+from vgps.solution import Trajectory
 
 
 def rows_of(fixes, rows):
@@ -61,10 +62,10 @@ def test_after_forgetting_few_fixes_do_not_change_the_clock():
     _, poses, t_s, fixes = scene()
     lagging = replace(fixes, t_s=fixes.t_s + 0.7)
     fix_buffer = FixBuffer(lagging, ANTENNA, Config())
-    fix_buffer.update_time_offset(poses, t_s)
+    fix_buffer.update_time_offset(Trajectory(t_s, poses))
     before = fix_buffer.sensors.time_offset_s
     fix_buffer.forget(float(lagging.t_s[5]))
-    fix_buffer.update_time_offset(poses[20:], t_s[20:])
+    fix_buffer.update_time_offset(Trajectory(t_s[20:], poses[20:]))
     assert fix_buffer.sensors.time_offset_s == before
 
 
@@ -84,7 +85,7 @@ def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
 def test_a_path_that_begins_after_the_first_fixes_keeps_the_clock_they_showed():
     _, poses, t_s, fixes = scene()
     fix_buffer = FixBuffer(replace(fixes, t_s=fixes.t_s + 0.7), ANTENNA, Config())
-    fix_buffer.update_time_offset(poses[30:], t_s[30:])
+    fix_buffer.update_time_offset(Trajectory(t_s[30:], poses[30:]))
     assert fix_buffer.sensors.time_offset_s == 0.0
 
 
@@ -95,7 +96,7 @@ def test_judging_tells_when_a_fix_that_was_used_is_given_up():
     wrong = replace(fixes, world_p_fix=moved)
     used = float(fixes.t_s[1]) + 0.01
     fix_buffer = FixBuffer(wrong, ANTENNA, Config())
-    assert fix_buffer.judge(poses, t_s, used) == fixes.t_s[1]
+    assert fix_buffer.detect_outliers(Trajectory(t_s, poses), used) == fixes.t_s[1]
     assert fix_buffer.assessment.rejected[[1, 2]].all()
-    assert fix_buffer.judge(poses, t_s, used) == np.inf
-    assert FixBuffer(wrong, ANTENNA, Config()).judge(poses, t_s) == np.inf
+    assert fix_buffer.detect_outliers(Trajectory(t_s, poses), used) == np.inf
+    assert FixBuffer(wrong, ANTENNA, Config()).detect_outliers(Trajectory(t_s, poses)) == np.inf

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from synthetic_fixes import T_S, drifting, fixes_at, path, poses
+from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 
 from vgps.config import Config
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, probabilities, suspects
@@ -14,7 +14,7 @@ FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
 
 
 def judged(centres, fixes):
-    return detect_outliers(centres, T_S, fixes, np.zeros(3), CONFIG)
+    return detect_outliers(centres, fixes, np.zeros(3), CONFIG)
 
 
 def test_bayes_by_hand():
@@ -68,7 +68,7 @@ def test_a_cluster_that_agrees_with_itself_and_lies_about_its_class_is_found():
     offset[8:12] += [9.0, -7.0, 5.0]
     fix = np.isin(np.arange(19), [0, 1, 2, 8, 9, 10, 11, 17, 18])
     fixes = fixes_at(T_FIX, np.where(fix, 0.07, 2.4), np.where(fix, 0.05, 6.5), offset=offset)
-    found = judged(poses(path(T_S)), fixes)
+    found = judged(trajectory(path(T_S)), fixes)
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
 
 
@@ -101,10 +101,10 @@ def test_a_verdict_is_reversed_by_what_comes_later():
     offset[:5] += [15.0, 0.0, 0.0]
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=offset)
     early = T_S < 8.0
-    start = poses(path(T_S) + np.array([15.0, 0.0, 0.0]))
-    first = detect_outliers(start[early], T_S[early], fixes, np.zeros(3), CONFIG)
+    start = path(T_S) + np.array([15.0, 0.0, 0.0])
+    first = detect_outliers(trajectory(start[early], T_S[early]), fixes, np.zeros(3), CONFIG)
     assert np.flatnonzero(first.rejected).tolist() == [5, 6, 7]
-    later = first.updated(detect_outliers(start, T_S, fixes, np.zeros(3), CONFIG))
+    later = first.updated(detect_outliers(trajectory(start), fixes, np.zeros(3), CONFIG))
     assert np.flatnonzero(later.rejected).tolist() == [0, 1, 2, 3, 4]
 
 

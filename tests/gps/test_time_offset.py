@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_fixes import T_S, fixes_at, path, poses
+from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import SensorsConfig
 from vgps.gps.sensors import Sensors, TimeOffset
@@ -23,8 +23,8 @@ def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
     return replace(fixes_at(t_s, r_m, h_m), world_p_fix=world_p_fix)
 
 
-def nothing_is_told(path_poses, t_s, fixes):
-    return update_time_offset(SENSORS, path_poses, t_s, fixes, SensorsConfig()) == (SENSORS, ())
+def nothing_is_told(camera_path, fixes):
+    return update_time_offset(SENSORS, camera_path, fixes, SensorsConfig()) == (SENSORS, ())
 
 
 def wander(seed, n=19):
@@ -35,13 +35,13 @@ def wander(seed, n=19):
 
 @pytest.mark.parametrize("time_offset_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
 def test_a_lag_is_found_under_a_bias_that_wanders(time_offset_s):
-    found = time_offset_by_differences(poses(path(T_S)), T_S, late(time_offset_s, wander(0)), NONE, BELIEVED)
+    found = time_offset_by_differences(trajectory(path(T_S)), late(time_offset_s, wander(0)), NONE, BELIEVED)
     assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
 
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]
-    found = [time_offset_by_differences(poses(path(T_S)), T_S, log, NONE, BELIEVED) for log in logs]
+    found = [time_offset_by_differences(trajectory(path(T_S)), log, NONE, BELIEVED) for log in logs]
     scatter = np.std([one.time_offset_s for one in found])
     assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
 
@@ -49,7 +49,7 @@ def test_the_sigma_is_the_scatter_over_many_logs():
 def test_one_jump_of_the_receiver_does_not_matter():
     offset = wander(1)
     offset[9:] += [6.0, 4.0, 0.0]
-    found = time_offset_by_differences(poses(path(T_S)), T_S, late(0.37, offset), NONE, BELIEVED)
+    found = time_offset_by_differences(trajectory(path(T_S)), late(0.37, offset), NONE, BELIEVED)
     assert abs(found.time_offset_s - 0.37) < 0.1
 
 
@@ -58,25 +58,25 @@ def test_a_straight_at_constant_speed_keeps_what_is_believed_and_says_so():
     line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
     fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
     sensors, remark = update_time_offset(
-        SENSORS, poses(line), T_S, fixes, SensorsConfig(estimate_time_offset="yes")
+        SENSORS, trajectory(line), fixes, SensorsConfig(estimate_time_offset="yes")
     )
     assert sensors.time_offset_s == 0.0 and "does not show the lag" in remark[0]
-    assert nothing_is_told(poses(line), T_S, fixes)
+    assert nothing_is_told(trajectory(line), fixes)
 
 
 def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
     for time_offset_s, kept in ((0.37, True), (0.03, False)):
         sensors, remark = update_time_offset(
-            SENSORS, poses(path(T_S)), T_S, late(time_offset_s, wander(2)), SensorsConfig()
+            SENSORS, trajectory(path(T_S)), late(time_offset_s, wander(2)), SensorsConfig()
         )
         assert bool(sensors.time_offset_s) == bool(remark) == kept
     off = SensorsConfig(estimate_time_offset="no")
-    assert update_time_offset(SENSORS, poses(path(T_S)), T_S, late(0.37), off) == (SENSORS, ())
+    assert update_time_offset(SENSORS, trajectory(path(T_S)), late(0.37), off) == (SENSORS, ())
 
 
 def test_too_few_fixes_tell_nothing():
     found = time_offset_by_differences(
-        poses(path(T_S)), T_S, late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED
+        trajectory(path(T_S)), late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED
     )
     assert found == BELIEVED
 
@@ -88,7 +88,7 @@ def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed)
     line = np.stack([0 * t_s, 9.0 * t_s - 0.75 * t_s**2, 0 * t_s], axis=1)
     fixes = fixes_that_lie(t_s, line + rng.normal(0.0, 0.05, line.shape), 0.12, 0.1)
     drifted = line + np.cumsum(rng.normal(0.0, 0.01, line.shape), axis=0)
-    assert nothing_is_told(poses(drifted), t_s, fixes)
+    assert nothing_is_told(trajectory(drifted, t_s), fixes)
 
 
 @pytest.mark.parametrize("share", [0.03j, 0.02 + 0.02j, -0.03])
@@ -106,7 +106,7 @@ def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_i
     fixes = fixes_that_lie(t_s, np.stack([seen.real, seen.imag, 0 * t_s], axis=1), 0.07, 0.05)
     wrong = np.interp(T_S, fine, way) * (1.0 + share)
     line = np.stack([wrong.real, wrong.imag, 0 * T_S], axis=1)
-    assert nothing_is_told(poses(line), T_S, fixes)
+    assert nothing_is_told(trajectory(line), fixes)
 
 
 def test_few_pairs_or_many_trials_must_gain_more():
@@ -126,4 +126,4 @@ def test_a_handful_of_fixes_shows_no_lag_by_chance():
     for seed in range(100):
         offset = np.cumsum(np.random.default_rng(seed).normal(0, 0.05, (len(fixes_s), 3)), axis=0)
         fixes = fixes_that_lie(fixes_s, place(fixes_s) + offset)
-        assert nothing_is_told(poses(place(t_s)), t_s, fixes)
+        assert nothing_is_told(trajectory(place(t_s), t_s), fixes)

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_fixes import T_S, fixes_at, path, poses
+from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import Config
 from vgps.gps.outlier_detection import FixAssessment
@@ -37,7 +37,7 @@ def table():
         source=Path("rover.nmea"),
     )
     assessment = FixAssessment(np.array([np.nan, 0.9, 0.0, 0.0, 0.0, np.nan]), np.zeros(6))
-    return fix_table(log, fixes, assessment, T_S, poses(path(T_S)), np.zeros(3), Config())
+    return fix_table(log, fixes, assessment, trajectory(path(T_S)), np.zeros(3), Config())
 
 
 def test_every_fix_has_a_verdict_and_a_reason(table):

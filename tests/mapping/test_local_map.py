@@ -1,9 +1,11 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions, Similarity
 from vgps.mapping.zero_motion import ZeroMotion
 
 HISTORY = 5
@@ -15,15 +17,14 @@ def walked(frames, rng, lost_share=0.2):
     for frame in range(frames):
         pose = np.eye(4)
         pose[0, 3] = frame
-        made.append_pose(pose)
         found = rng.random(len(made.ids)) > lost_share
         uv = np.stack([np.full(len(made.ids), float(frame)), made.raw_uv_px[:, 1]], axis=1)
-        made.push_view(frame, uv, uv, found)
-        made.renew_full_tracks()
+        view = NewView(frame, uv, uv, found)
+        made.apply(MapUpdate(frames=(NewFrame(float(frame), pose),), view=view, renew_full_tracks=True))
         new = np.stack([np.full(40, float(frame)), made.feature_count + np.arange(40.0)], axis=1)
-        made.add_features(new, new, np.full(40, frame % 256, dtype=np.uint8))
-        fresh = made.ids[-40:]
-        made.set_points(fresh, np.stack([new[:, 1]] * 3, axis=1), np.full(40, 0.5))
+        made.apply(MapUpdate(features=NewFeatures(new, new, np.full(40, frame % 256, dtype=np.uint8))))
+        points = np.stack([new[:, 1]] * 3, axis=1)
+        made.apply(MapUpdate(positions=Positions(made.ids[-40:], points, np.full(40, 0.5))))
     return made
 
 
@@ -37,7 +38,7 @@ def observations(made, since):
 @given(st.integers(10, 40), st.integers(0, 45), st.integers(0, 45), st.integers(0, 3))
 def test_forgetting_leaves_the_rest_as_it_was(frames, before_frame, before_view, seed):
     whole, cut = (walked(frames, np.random.default_rng(seed)) for _ in range(2))
-    old = cut.forget(before_frame, before_view)
+    old = cut.discard_before(before_frame, before_view)
     since = min(before_view, frames - 1)
     assert cut.first_frame == min(before_frame, since) and cut.next_frame == frames
     np.testing.assert_array_equal(np.concatenate([old, cut.poses]), whole.poses)
@@ -52,7 +53,7 @@ def test_forgetting_leaves_the_rest_as_it_was(frames, before_frame, before_view,
 def test_ids_move_by_round_numbers_and_memory_is_given_back():
     made = walked(60, np.random.default_rng(0))
     before, count = made.ids.copy(), made.feature_count
-    made.forget(40, 50)
+    made.discard_before(40, 50)
     moved = np.unique(before - made.ids)
     assert len(moved) == 1 and moved[0] % 100 == 0 and moved[0] > 1000
     assert made.feature_count == count - moved[0]
@@ -60,37 +61,78 @@ def test_ids_move_by_round_numbers_and_memory_is_given_back():
 
 def test_ties_and_bridged_frames_of_long_ago_go():
     made = walked(30, np.random.default_rng(0))
-    made.bridged = {3, 20}
-    made.zero_motions = [ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25)]
-    made.forget(10, 20)
-    assert made.bridged == {20} and [tie.frame for tie in made.zero_motions] == [25]
+    held = (ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25))
+    bridged = tuple(NewFrame(float(frame), np.eye(4), frame in {31, 33}) for frame in range(30, 35))
+    made.apply(MapUpdate(zero_motions=tuple(held), frames=bridged))
+    assert made.bridged == {31, 33}
+    made.discard_before(10, 20)
+    assert made.bridged == {31, 33} and [tie.frame for tie in made.zero_motions] == [25]
 
 
 def test_a_map_goes_on_growing_after_it_forgot_nearly_everything():
     rng = np.random.default_rng(1)
     made = walked(30, rng)
-    made.forget(28, 28)
+    made.discard_before(28, 28)
     for _ in range(200):
-        made.add_features(np.zeros((50, 2)), np.zeros((50, 2)), np.zeros(50, dtype=np.uint8))
+        features = NewFeatures(np.zeros((50, 2)), np.zeros((50, 2)), np.zeros(50, dtype=np.uint8))
+        made.apply(MapUpdate(features=features))
     assert len(made.points) == made.feature_count and np.isnan(made.points[-1]).all()
 
 
-def test_steps_stay_as_they_were_seen_when_poses_are_changed():
+def test_odometry_stays_as_it_was_tracked_when_poses_change():
     rng = np.random.default_rng(0)
     made = LocalMap(0, HISTORY)
     unknown, centres = np.full((4, 4), np.nan), rng.normal(size=(5, 3))
-    turned = Rotation.from_rotvec(rng.normal(size=(5, 3))).as_matrix()
-    made.append_pose(unknown)
-    for R, p in zip(turned, centres, strict=True):
-        made.append_pose(np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]))
-        made.push_view(made.next_frame - 1, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=bool))
-    seen = np.einsum("fji,fj->fi", turned[:-1], np.diff(centres, axis=0))
-    assert np.isnan(made.steps[:2]).all()
-    np.testing.assert_allclose(made.steps[2:], seen)
-    made.poses[3:, :3, 3] += 1.0
+    rotations = Rotation.from_rotvec(rng.normal(size=(5, 3))).as_matrix()
+    made.apply(MapUpdate(frames=(NewFrame(0.0, unknown),)))
+    for R, p in zip(rotations, centres, strict=True):
+        pose = np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+        frame = NewFrame(float(made.next_frame), pose)
+        view = NewView(made.next_frame, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=bool))
+        made.apply(MapUpdate(frames=(frame,), view=view))
+    seen = np.einsum("fji,fj->fi", rotations[:-1], np.diff(centres, axis=0))
+    assert np.isnan(made.odometry[:2]).all()
+    np.testing.assert_allclose(made.odometry[2:], seen)
+    made.apply(MapUpdate(first_frame=3, poses=made.poses[3:] + np.eye(4)))
     later = made.snapshot()
-    later.transform(2.0, Rotation.from_euler("z", 0.5).as_matrix(), np.ones(3))
-    np.testing.assert_allclose(later.steps[2:], 2.0 * seen)
-    np.testing.assert_allclose(made.steps[2:], seen)
-    made.forget(3, 3)
-    np.testing.assert_allclose(made.steps, seen[1:])
+    to_world = Similarity(2.0, Rotation.from_euler("z", 0.5).as_matrix(), np.ones(3))
+    later.apply(MapUpdate(similarity=to_world))
+    np.testing.assert_allclose(later.odometry[2:], 2.0 * seen)
+    np.testing.assert_allclose(made.odometry[2:], seen)
+    made.discard_before(3, 3)
+    np.testing.assert_allclose(made.odometry, seen[1:])
+
+
+@pytest.mark.parametrize("name", ["poses", "t_s", "points", "sigma_px", "odometry"])
+def test_nothing_is_written_but_by_an_update(name):
+    made = walked(5, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(made, name)[:] = 0.0
+
+
+def test_an_update_changes_what_it_names_and_nothing_else():
+    made, rng = walked(12, np.random.default_rng(0)), np.random.default_rng(1)
+    before = made.snapshot()
+    new = rng.normal(size=(4, 4, 4))
+    made.apply(MapUpdate(first_frame=5, poses=new, positions=Positions.removed(made.ids[:3])))
+    np.testing.assert_array_equal(made.poses[5:9], new)
+    np.testing.assert_array_equal(made.poses[:5], before.poses[:5])
+    np.testing.assert_array_equal(made.poses[9:], before.poses[9:])
+    assert np.isnan(made.points[made.ids[:3]]).all() and not made.positioned[:3].any()
+    np.testing.assert_array_equal(made.points[made.ids[3:]], before.points[before.ids[3:]])
+    np.testing.assert_array_equal(made.views, before.views)
+    assert not made.aligned
+
+
+def test_a_similarity_moves_poses_points_and_constraints_alike():
+    made = walked(6, np.random.default_rng(0))
+    held = ZeroMotion(4, 3, np.eye(4) + np.eye(4, k=3), np.ones(6))
+    made.apply(MapUpdate(zero_motions=(held,)))
+    before, R = made.snapshot(), Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    made.apply(MapUpdate(similarity=Similarity(2.0, R, np.array([1.0, 0.0, 0.0])), aligned=True))
+    # frame 3 stood at x = 3: doubled to 6, rotated to y, then one metre east
+    np.testing.assert_allclose(made.poses[3, :3, 3], [1.0, 6.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(made.points[7], 2.0 * R @ before.points[7] + [1.0, 0.0, 0.0])
+    (scaled,) = made.zero_motions
+    assert scaled.key_T_frame[0, 3] == 2.0 and scaled.sigma.tolist() == [1, 1, 1, 2, 2, 2]
+    assert made.aligned and not before.aligned

@@ -3,6 +3,7 @@ import pytest
 
 from vgps.config import OnlineConfig
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFrame, Similarity
 from vgps.online.estimate import OnlineState
 from vgps.online.pose_publisher import PosePublisher
 
@@ -25,12 +26,12 @@ class Drive:
             for frame in range(last + 1, len(self.t_s)):
                 pose = np.eye(4)
                 pose[0, 3] = SPEED_M * frame
-                self.current.append_pose(pose)
+                self.current.apply(MapUpdate(frames=(NewFrame(self.t_s[frame], pose),)))
         return self.follower.follow(len(self.t_s) - 1)
 
     def begin(self, aligned=True):
         self.current = LocalMap(len(self.t_s), 5)
-        self.current.aligned = aligned
+        self.current.apply(MapUpdate(aligned=aligned))
 
 
 def kinds(followed):
@@ -43,7 +44,7 @@ def test_states_from_start_to_alignment_and_their_events():
     drive.begin(aligned=False)
     found = drive.frame()
     assert found.state is OnlineState.UNALIGNED and np.isnan(found.global_T_camera).all()
-    drive.current.aligned = True
+    drive.current.apply(MapUpdate(aligned=True))
     found = drive.frame()
     assert found.state is OnlineState.TRACKED and kinds(found) == ["aligned"]
     assert found.global_T_camera[0, 3] == pytest.approx(2 * SPEED_M)
@@ -69,14 +70,15 @@ def test_after_a_correction_the_smooth_pose_nears_the_corrected_one_without_jump
     drive.begin()
     for _ in range(5):
         last = drive.frame()
-    drive.current.transform(1.0, np.eye(3), np.array([0.0, 10.0, 0.0]))
+    north = Similarity(1.0, np.eye(3), np.array([0.0, 10.0, 0.0]))
+    drive.current.apply(MapUpdate(similarity=north))
     away = []
     for _ in range(150):
         t = len(drive.t_s)
         drive.t_s = np.append(drive.t_s, INTERVAL_S * t)
         pose = np.eye(4)
         pose[:2, 3] = SPEED_M * t, 10.0
-        drive.current.append_pose(pose)
+        drive.current.apply(MapUpdate(frames=(NewFrame(drive.t_s[-1], pose),)))
         found = drive.follower.follow(t)
         assert kinds(found) == (["corrected"] if not away else [])
         step = np.linalg.norm(found.local_T_camera[:3, 3] - last.local_T_camera[:3, 3])
@@ -92,7 +94,7 @@ def test_a_new_map_begins_anew():
     for _ in range(3):
         drive.frame()
     drive.begin()
-    drive.current.append_pose(np.eye(4))
+    drive.current.apply(MapUpdate(frames=(NewFrame(0.3, np.eye(4)),)))
     drive.t_s = np.append(drive.t_s, 0.3)
     found = drive.follower.follow(3)
     np.testing.assert_array_equal(found.local_T_camera, found.global_T_camera)

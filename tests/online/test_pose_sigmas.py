@@ -9,6 +9,7 @@ from vgps.config import DriftConfig, WindowConfig
 from vgps.geodesy import to_geodetic
 from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.model import FixClass
 from vgps.online.estimate import OnlineState
 from vgps.online.pose_publisher import PublishedPose
@@ -26,7 +27,7 @@ class Drive:
     def __init__(self, delay_frames=0):
         self.t_s = np.zeros(0)
         self.current = LocalMap(0, 5)
-        self.current.aligned = True
+        self.current.apply(MapUpdate(aligned=True))
         self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), time_offset_s=0.0)
         self.fix_buffer = self
         self.fixes = Fixes.none()
@@ -47,7 +48,7 @@ class Drive:
         if tracked:
             pose, angle = np.eye(4), SPEED_M * frame / 60.0
             pose[:2, 3] = 60.0 * np.sin(angle), 60.0 * (1.0 - np.cos(angle))
-            self.current.append_pose(pose)
+            self.current.apply(MapUpdate(frames=(NewFrame(self.t_s[-1], pose),)))
         correction = np.full(6, moved) * (0.1, 0.1, 0.1, 1.0, 1.0, 1.0) if frame % 15 == 1 else None
         state = OnlineState.TRACKED if tracked else OnlineState.BRIDGED
         pose = self.current.poses[-1]

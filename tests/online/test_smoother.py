@@ -9,7 +9,7 @@ from vgps.errors import ConfigError, GeometryError, VideoError
 from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import fixes_of, replay
 from vgps.online.run import run_online
-from vgps.pipeline.offline import track_and_map
+from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 from vgps.solution import Verdict
@@ -39,7 +39,7 @@ def online(opened):
 
 @pytest.fixture(scope="module")
 def offline(opened):
-    return track_and_map(opened, vgps.Config(), NoProgress()).frame_pipeline
+    return run_front_end(opened, vgps.Config(), NoProgress())
 
 
 def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):

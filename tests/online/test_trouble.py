@@ -11,7 +11,7 @@ import vgps
 from vgps.config import OnlineConfig
 from vgps.errors import GeometryError
 from vgps.online import OnlineState
-from vgps.pipeline import window_worker as refining
+from vgps.pipeline import stage_c
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def notes(estimates):
 
 
 def test_one_failed_update_is_told_and_survived(walk, monkeypatch):
-    real, calls = refining.optimise_window, []
+    real, calls = stage_c.optimise_window, []
 
     def failing(*arguments):
         calls.append(None)
@@ -32,14 +32,14 @@ def test_one_failed_update_is_told_and_survived(walk, monkeypatch):
             raise RuntimeError("Indeterminant linear system")
         return real(*arguments)
 
-    monkeypatch.setattr(refining, "optimise_window", failing)
+    monkeypatch.setattr(stage_c, "optimise_window", failing)
     _, estimates = walk.drive(85, vgps.Config())
     assert any("stage C failed" in note and "Indeterminant" in note for note in notes(estimates))
     assert estimates[-1].state is OnlineState.TRACKED and walk.away(estimates)[-1] < 0.3
 
 
 def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(walk, monkeypatch):
-    real, calls = refining.optimise_window, []
+    real, calls = stage_c.optimise_window, []
 
     def failing(*arguments):
         calls.append(None)
@@ -47,7 +47,7 @@ def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(wa
             raise GeometryError("the cost at the start is not finite")
         return real(*arguments)
 
-    monkeypatch.setattr(refining, "optimise_window", failing)
+    monkeypatch.setattr(stage_c, "optimise_window", failing)
     smoother, estimates = walk.drive(170, vgps.Config())
     states = [estimate.state for estimate in estimates]
     given_up = next(e.frame for e in estimates if any("new map" in event.text for event in e.events))

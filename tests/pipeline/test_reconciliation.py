@@ -1,37 +1,51 @@
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from synthetic_map import MATRIX, away, map_of, moved, scene
 
-sys.path.append(str(Path(__file__).parent / "smoothing"))
-from synthetic_map import MATRIX, away, map_of, scene
-
+from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions, Similarity
 from vgps.pipeline.reconciliation import reconcile
 
-TURN = Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix()
-SHIFT = np.array([1.0, -2.0, 0.5])
+TO_WORLD = Similarity(1.1, Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix(), np.array([1.0, -2.0, 0.5]))
+MOVED = MapUpdate(similarity=TO_WORLD)
 
 
 def grown():
     """A map of 60 frames, and its snapshot after 40."""
     problem, _, _, _ = scene(60, disturbed=0.0)
-    local_map = map_of(problem, 0, 59)
-    snapshot = map_of(problem, 0, 39)
-    return local_map, snapshot
+    return map_of(problem, 0, 59), map_of(problem, 0, 39)
+
+
+def reconciled(refined, local_map, inlier_px=3.0):
+    """The features that the snapshot does not know, after the map was brought up to date."""
+    found = reconcile(refined, local_map, MATRIX, inlier_px)
+    local_map.apply(found.update)
+    return found.unknown
+
+
+def remove(local_map, ids):
+    local_map.apply(MapUpdate(positions=Positions.removed(ids)))
 
 
 def test_a_similarity_of_the_old_part_becomes_one_of_the_whole():
     local_map, refined = grown()
     expected, _ = grown()
-    expected.transform(1.1, TURN, SHIFT)
-    refined.transform(1.1, TURN, SHIFT)
-    reconcile(refined, local_map, MATRIX, 3.0)
+    expected.apply(MOVED)
+    refined.apply(MOVED)
+    reconciled(refined, local_map)
     np.testing.assert_allclose(local_map.poses[:40], expected.poses[:40], atol=1e-12)
     assert away(local_map.poses, expected.poses) < 0.02
     known = np.isfinite(local_map.points[:, 0])
     np.testing.assert_allclose(local_map.points[known], expected.points[known], rtol=1e-9, atol=1e-9)
+
+
+def test_the_map_itself_is_not_changed():
+    local_map, refined = grown()
+    before = local_map.poses.copy(), local_map.points.copy()
+    refined.apply(MOVED)
+    reconcile(refined, local_map, MATRIX, 3.0)
+    np.testing.assert_array_equal(local_map.poses, before[0])
+    np.testing.assert_array_equal(local_map.points, before[1])
 
 
 def test_new_frames_are_posed_by_the_refined_positions():
@@ -39,49 +53,52 @@ def test_new_frames_are_posed_by_the_refined_positions():
     local_map, refined = grown()
     true = local_map.poses.copy()
     drift = np.linspace(0.0, 0.4, 21)[1:]
-    local_map.poses[40:, 0, 3] += drift
-    reconcile(refined, local_map, MATRIX, 30.0)
+
+    def drifted(poses):
+        poses[:, 0, 3] += drift
+        return poses
+
+    moved(local_map, 40, drifted)
+    reconciled(refined, local_map, 30.0)
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
 
 
-def test_what_was_forgotten_or_given_up_since_stays_so():
+def test_what_was_discarded_or_given_up_since_stays_so():
     local_map, refined = grown()
     twin, same = grown()
     given_up = local_map.ids[:3]
-    local_map.forget_points(given_up)
-    twin.forget_points(given_up)
-    twin.forget(20, 25)
-    refined.transform(1.1, TURN, SHIFT)
-    same.transform(1.1, TURN, SHIFT)
-    reconcile(refined, local_map, MATRIX, 3.0)
-    reconcile(same, twin, MATRIX, 3.0)
+    remove(local_map, given_up)
+    remove(twin, given_up)
+    twin.discard_before(20, 25)
+    refined.apply(MOVED)
+    same.apply(MOVED)
+    reconciled(refined, local_map)
+    reconciled(same, twin)
     assert np.isnan(local_map.points[given_up]).all()
     np.testing.assert_allclose(twin.poses, local_map.poses[20:], atol=1e-12)
     np.testing.assert_allclose(twin.points[twin.ids], local_map.points[local_map.ids], atol=1e-12)
 
 
-def test_features_the_copy_does_not_know_are_named():
+def test_features_the_snapshot_does_not_know_are_named():
     local_map, refined = grown()
-    new = reconcile(refined, local_map, MATRIX, 3.0)
+    new = reconciled(refined, local_map)
     assert len(new) and new.min() >= refined.feature_count
-    refined.forget_points(refined.ids[:2])
+    remove(refined, refined.ids[:2])
     local_map, _ = grown()
-    assert set(refined.ids[:2]) <= set(reconcile(refined, local_map, MATRIX, 3.0))
+    assert set(refined.ids[:2]) <= set(reconciled(refined, local_map))
 
 
 def test_a_snapshot_does_not_follow_the_map():
     local_map, _ = grown()
     snapshot = local_map.snapshot()
     before = snapshot.poses.copy(), snapshot.points.copy(), snapshot.observations().uv_px.copy()
-    local_map.transform(2.0, TURN, SHIFT)
-    local_map.poses[:] += 1.0
-    local_map.set_points(local_map.ids, np.zeros((len(local_map.ids), 3)), np.ones(len(local_map.ids)))
-    nothing = np.zeros(len(local_map.ids), dtype=bool)
-    local_map.append_pose(np.eye(4))
-    local_map.push_view(60, local_map.raw_uv_px, local_map.last_uv_px, ~nothing)
-    for was, now in zip(
-        before, (snapshot.poses, snapshot.points, snapshot.observations().uv_px), strict=True
-    ):
+    local_map.apply(MOVED)
+    count = len(local_map.ids)
+    view = NewView(60, local_map.raw_uv_px, local_map.last_uv_px, np.ones(count, dtype=bool))
+    zero = Positions(local_map.ids, np.zeros((count, 3)), np.ones(count))
+    local_map.apply(MapUpdate(frames=(NewFrame(6.0, np.eye(4)),), view=view, positions=zero))
+    after = snapshot.poses, snapshot.points, snapshot.observations().uv_px
+    for was, now in zip(before, after, strict=True):
         np.testing.assert_array_equal(was, now)
     assert snapshot.next_frame == 60 == local_map.next_frame - 1
 
@@ -91,7 +108,7 @@ def test_nothing_changes_where_stage_c_changed_nothing(frames):
     problem, _, _, _ = scene(60, disturbed=0.0)
     local_map, refined = map_of(problem, 0, frames - 1), map_of(problem, 0, 39)
     before = local_map.poses.copy(), local_map.points.copy()
-    reconcile(refined, local_map, MATRIX, 3.0)
+    reconciled(refined, local_map)
     np.testing.assert_array_equal(local_map.poses[:40], before[0][:40])
     assert away(local_map.poses, before[0]) < 0.02
     np.testing.assert_allclose(local_map.points, before[1], atol=1e-12)

@@ -37,8 +37,8 @@ def test_recovers_the_similarity_with_the_lever_arm(turn_rad, straight, outlier_
     region = np.full((len(world), 3), 0.07)
     found = align(in_map(world, 3.7, rotation, place_), fixes, region, ANTENNA, StartConfig())
     assert found is not None and found.straight == straight
-    assert found.scale == pytest.approx(3.7, rel=0.01)
-    error = Rotation.from_matrix(found.world_R_map @ rotation.T).magnitude()
+    assert found.to_world.scale == pytest.approx(3.7, rel=0.01)
+    error = Rotation.from_matrix(found.to_world.world_R_map @ rotation.T).magnitude()
     assert np.degrees(error) < 1.0
 
 

@@ -10,8 +10,10 @@ from synthetic_map import away, map_of, scene
 from vgps.camera import distort, undistort
 from vgps.config import BatchConfig, Config, IntrinsicsConfig, SensorsConfig
 from vgps.gps.sensors import Sensors
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera
 from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import scene_of_map
 from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
 
@@ -22,16 +24,16 @@ LENS = replace(TRUE, model="opencv", distortion=(-0.2, 0.05, 0.0, 0.0))
 
 def refined(camera, wrong, **believed):
     """Stage D with a calibration that is wrong by ``wrong``, and where it ends."""
-    problem, poses, t_s, fixes = scene(disturbed=0.1)
-    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), t_s, 0)
+    problem, poses, _, fixes = scene(disturbed=0.1)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     start = _changed(camera, np.array(wrong))
 
-    def optimise(scene, matrix):
-        return optimise_batch(scene, matrix, fixes, Sensors.known(ANTENNA), CONFIG)
+    def optimise(scene, camera):
+        return optimise_batch(scene, fixes, Sensors.known(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
-    smoothed, found = refine_camera(_seen_by(start, camera, made), start, optimise, settings)
-    return away(smoothed.poses, poses), start, found
+    result, found = refine_camera(_seen_by(start, camera, made), start, optimise, settings)
+    return away(result.trajectory.world_T_camera, poses), start, found
 
 
 def test_a_wrong_focal_length_and_centre_are_found_within_their_sigmas():
@@ -59,8 +61,8 @@ def test_what_is_firmly_believed_hardly_moves():
 
 
 def test_observations_go_through_the_old_lens_into_the_new():
-    problem, poses, t_s, _ = scene(frames=12)
-    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), t_s, 0)
+    problem, poses, _, _ = scene(frames=12)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
     seen = _seen_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)

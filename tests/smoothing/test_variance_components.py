@@ -7,9 +7,10 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.smoothing.covariance import region_sigmas
 from vgps.smoothing.variance_components import balanced, independent_epochs, variance_factor
+from vgps.solution import Trajectory
 
 T_S = np.arange(0.0, 100.0, 0.5)
-POSES = np.tile(np.eye(4), (len(T_S), 1, 1))
+STANDING = Trajectory(T_S, np.tile(np.eye(4), (len(T_S), 1, 1)))
 
 
 def fixes(misfit, correlation_s=1.0, n=50):
@@ -28,7 +29,7 @@ def scale(misfit, correlation_s=1.0, **batch):
     config = Config()
     settings = {"balance": "estimated", "balance_prior_fixes": 4.0, "balance_range": 8.0, **batch}
     config = config.model_copy(update={"batch": config.batch.model_copy(update=settings)})
-    return balanced(config, 8.0, POSES, T_S, fixes(misfit, correlation_s), np.zeros(3))
+    return balanced(config, 8.0, STANDING, fixes(misfit, correlation_s), np.zeros(3))
 
 
 def test_fixes_that_fit_as_expected_change_nothing():
@@ -54,12 +55,12 @@ def test_it_stays_within_its_range_and_can_be_fixed():
 def test_without_fixes_it_stays():
     config = Config()
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"balance": "estimated"})})
-    assert balanced(config, 8.0, POSES, T_S, Fixes.none(), np.zeros(3)) == 8.0
+    assert balanced(config, 8.0, STANDING, Fixes.none(), np.zeros(3)) == 8.0
 
 
 def test_the_variance_factor_is_one_where_fixes_fit_and_where_there_are_none():
     def factor(found):
-        return variance_factor(Config(), POSES, T_S, found, np.zeros(3))
+        return variance_factor(Config(), STANDING, found, np.zeros(3))
 
     assert factor(fixes(1.0)) == pytest.approx(1.0) and factor(Fixes.none()) == 1.0
     assert factor(fixes(3.0)) == pytest.approx((4 + 50 * 9) / 54)

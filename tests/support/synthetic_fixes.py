@@ -3,6 +3,7 @@
 import numpy as np
 
 from vgps.gps.fixes import Fixes
+from vgps.solution import Trajectory
 
 FRAMES = 200
 T_S = 0.1 * np.arange(FRAMES)
@@ -19,10 +20,15 @@ def poses(centres):
     return out
 
 
+def trajectory(centres, t_s=T_S):
+    """A camera that never turns, at these places (n, 3)."""
+    return Trajectory(t_s, poses(centres))
+
+
 def drifting(grows_by=0.4):
     """The path as a camera sees it that loses its scale."""
     steps = np.diff(path(T_S), axis=0) * (1 + np.linspace(0, grows_by, FRAMES - 1))[:, None]
-    return poses(np.vstack([path(T_S)[:1], path(T_S)[0] + np.cumsum(steps, axis=0)]))
+    return trajectory(np.vstack([path(T_S)[:1], path(T_S)[0] + np.cumsum(steps, axis=0)]))
 
 
 def fixes_at(t_s, r_m, h_m, lower=(np.nan, np.nan), offset=0.0):

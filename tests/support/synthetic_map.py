@@ -5,29 +5,45 @@ from synthetic_bundle import ANTENNA, K, drive
 
 from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
+from vgps.model import Camera
+from vgps.smoothing.context import SmoothingContext
 
 MATRIX = np.array([[K[0], 0.0, K[2]], [0.0, K[1], K[3]], [0.0, 0.0, 1.0]])
+CAMERA = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
 INTERVAL_S = 0.1
 
 
-def map_of(problem, first, last, history=60):
-    """Frames first..last with the problem's poses, observations and points; in the world."""
+def context(config):
+    """The drive's camera with these settings."""
+    return SmoothingContext(CAMERA, config)
+
+
+def moved(local_map, since, change):
+    """Change poses (n, 4, 4) of a map from frame ``since`` on by a function."""
+    poses = local_map.poses[since - local_map.first_frame :].copy()
+    local_map.apply(MapUpdate(first_frame=since, poses=change(poses)))
+
+
+def map_of(problem, first, last, history=60, aligned=True):
+    """Frames first..last with the problem's poses, observations and points."""
     made = LocalMap(first, history)
     of_id: list[int] = []  # landmark of every feature
     for frame in range(first, last + 1):
         rows = np.flatnonzero(problem.frame == frame)
         uv = dict(zip(problem.landmark[rows].tolist(), problem.uv_px[rows], strict=True))
-        made.append_pose(problem.world_T_camera[frame])
         followed = [of_id[feature] for feature in made.ids.tolist()]
         found = np.array([landmark in uv for landmark in followed], dtype=bool)
         seen = np.array([uv.get(landmark, np.zeros(2)) for landmark in followed]).reshape(-1, 2)
-        made.push_view(frame, seen, seen, found)
+        pose = NewFrame(INTERVAL_S * frame, problem.world_T_camera[frame])
+        made.apply(MapUpdate(frames=(pose,), view=NewView(frame, seen, seen, found)))
         new = [landmark for landmark in uv if landmark not in set(np.array(followed)[found].tolist())]
         at = np.array([uv[landmark] for landmark in new]).reshape(-1, 2)
-        made.add_features(at, at, np.zeros(len(new), dtype=np.uint8))
+        made.apply(MapUpdate(features=NewFeatures(at, at, np.zeros(len(new), dtype=np.uint8))))
         of_id.extend(new)
-    made.set_points(np.arange(len(of_id)), problem.world_p_landmark[of_id], np.full(len(of_id), 0.5))
-    made.aligned = True
+    sigma_px = np.full(len(of_id), 0.5)
+    positions = Positions(np.arange(len(of_id)), problem.world_p_landmark[of_id], sigma_px)
+    made.apply(MapUpdate(positions=positions, aligned=aligned))
     return made
 
 

@@ -12,7 +12,8 @@ from vgps.config import Config, GpsModel
 from vgps.errors import TrajectoryError
 from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
-from vgps.pipeline.offline import FrontEnd, optimise_all, track_and_map
+from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.offline import optimise_all
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import Progress
@@ -100,7 +101,7 @@ def compare(
 def front_ends(
     recording: Recording, config: Config, progress: Progress, methods: Sequence[Method]
 ) -> Iterable[tuple[FrontEnd, Method]]:
-    """Every method with a front end of which it may move the maps.
+    """Yield every method with its front end.
 
     All share one run, made with the model of ``config``, but for the video alone, whose front end sees no
     fix.
@@ -111,10 +112,10 @@ def front_ends(
     shared: FrontEnd | None = None
     for method in methods:
         if method.model == "none":
-            yield track_and_map(recording, config.with_gps("none"), progress), method
+            yield run_front_end(recording, config.with_gps("none"), progress), method
             continue
-        shared = shared or track_and_map(recording, config, progress)
-        yield shared.copied(), method
+        shared = shared or run_front_end(recording, config, progress)
+        yield shared, method
 
 
 def _placed(solution: Solution, true: Trajectory) -> Solution:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from vgps.config import DriftConfig
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solution import Trajectory
 
 _MAX_KNOTS = 60
 _SHIFT = slice(0, 3)
@@ -45,8 +46,7 @@ class DriftModel:
     and rotation vector of every knot. The antenna is compared with a fix at the fix's time minus the lag.
 
     Args:
-        poses: (F, 4, 4) world_T_camera, F >= 2.
-        t_s: (F,) their times.
+        path: F >= 2 frames.
         fixes: All of them may lie anywhere; what lies outside the path's time is extrapolated.
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift.
@@ -56,14 +56,14 @@ class DriftModel:
 
     def __init__(
         self,
-        poses: FloatArray,
-        t_s: FloatArray,
+        path: Trajectory,
         fixes: Fixes,
         camera_p_antenna: FloatArray,
         config: DriftConfig,
         time_offset_sigma_s: float = 0.0,
         attached: bool = False,
     ) -> None:
+        poses, t_s = path.world_T_camera, path.t_s
         self.knots = 2 + min(int(len(poses) / config.knot_frames), _MAX_KNOTS)
         at = np.linspace(0, len(poses) - 1, self.knots)
         frames = np.arange(len(poses))

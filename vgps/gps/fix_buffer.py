@@ -10,6 +10,7 @@ from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_o
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solution import Trajectory
 
 _MANY = 30  # fixes that may change what is believed of the clock
 
@@ -79,32 +80,32 @@ class FixBuffer:
     def _in_time(self) -> Fixes:
         return self.fixes.earlier(self.sensors.time_offset_s)
 
-    def update_time_offset(self, poses: FloatArray, t_s: FloatArray) -> None:
-        """The clock's lag as the path (F, 4, 4) at ``t_s`` (F,) shows it; the window would bend to it.
+    def update_time_offset(self, path: Trajectory) -> None:
+        """Estimate the clock's time offset from a path before the window bends to it.
 
-        Where fixes lie before the path, what was found by them is what is believed, until many say otherwise:
-        a few, as after an outage, agree with some lag by chance.
+        Where fixes lie before the path, the offset found by them is kept until many fixes disagree: a few,
+        as after an outage, agree with some offset by chance.
         """
         config = self._config.sensors
-        if self._forgot or bool((self.fixes.used & (self.fixes.t_s < t_s[0])).any()):
-            inside = self.fixes.used & (self.fixes.t_s >= t_s[0]) & (self.fixes.t_s <= t_s[-1])
+        if self._forgot or bool((self.fixes.used & (self.fixes.t_s < path.t_s[0])).any()):
+            inside = self.fixes.used & (self.fixes.t_s >= path.t_s[0]) & (self.fixes.t_s <= path.t_s[-1])
             if inside.sum() < _MANY:
                 return
             config = config.model_copy(update={"lag_s": self.sensors.time_offset_s})
         believed = self.assessment.applied(self.fixes)
-        self.sensors, _ = update_time_offset(self.sensors, poses, t_s, believed, config)
+        self.sensors, _ = update_time_offset(self.sensors, path, believed, config)
 
-    def judge(self, poses: FloatArray, t_s: FloatArray, used_until_s: float = -np.inf) -> float:
-        """All fixes along a path (F, 4, 4) at ``t_s`` (F,), anew: what came later may reverse a verdict.
+    def detect_outliers(self, path: Trajectory, used_until_s: float = -np.inf) -> float:
+        """Assess all fixes along a path anew: what came later may reverse a verdict.
 
         Returns:
-            When the first of the fixes by ``used_until_s`` was taken that was believed and is not any more;
-            infinity if there is none.
+            Time of the first fix by ``used_until_s`` that was believed and is not any more; infinity if there
+            is none.
         """
         if not detects_outliers(self._config):
             return np.inf
         fixes, before = self._in_time, self.assessment.rejected
-        found = detect_outliers(poses, t_s, fixes, self.sensors.camera_p_antenna, self._config)
+        found = detect_outliers(path, fixes, self.sensors.camera_p_antenna, self._config)
         self.assessment = self.assessment.updated(found)
         given_up = self.assessment.rejected & ~before & (fixes.t_s <= used_until_s)
         return float(fixes.t_s[given_up].min(initial=np.inf))

@@ -18,6 +18,7 @@ from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import LOWER, OWN, STILL_LOWER, state_probabilities
 from vgps.gps.fixes import Fixes, place
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solution import Trajectory
 
 _ROUNDS = 6
 _MOST_JUMPS = 8
@@ -97,45 +98,46 @@ def probabilities(
 
 
 def detect_outliers(
-    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> FixAssessment:
     """Judge the fixes within a path's time, the path free to bend as a camera drifts.
 
     Args:
-        poses: (F, 4, 4) in the world, roughly.
-        t_s: (F,).
+        path: In the world, roughly.
         fixes: All; those outside the path's time, or without a region, are not judged.
         camera_p_antenna: (3,) metres.
         config: Priors, drift.
     """
-    judged = fixes.used & place(t_s, fixes.t_s).inside
+    judged = fixes.used & place(path.t_s, fixes.t_s).inside
     if judged.sum() < 2:
         return FixAssessment.none(len(fixes))
-    clocks = {0.0, config.sensors.time_offset_prior_s}  # in step, or not
-    paths = [
-        DriftModel(poses, t_s, fixes.where(judged), camera_p_antenna, config.drift, time_offset_sigma_s)
-        for time_offset_sigma_s in sorted(clocks)
+    sigmas_s = {0.0, config.sensors.time_offset_prior_s}  # the clock is right, or not
+    models = [
+        DriftModel(path, fixes.where(judged), camera_p_antenna, config.drift, time_offset_sigma_s)
+        for time_offset_sigma_s in sorted(sigmas_s)
     ]
-    found = _judge(paths, fixes.where(judged), _tolerance(poses, paths[0].knots, config), config)
+    found = _judge(models, fixes.where(judged), _tolerance(path, models[0].knots, config), config)
     out = FixAssessment.none(len(fixes))
     out.own[judged], out.lower[judged] = found.own, found.lower
     return out
 
 
-def _judge(paths: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
+def _judge(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
     """At the likeliest of several ends: from the path as it is, and from coarse fits to all fixes; then from
     fits without runs of fixes that are believed though they are suspect."""
     everything = np.ones(len(fixes), dtype=bool)
 
     def likelier(than: "_End | None", starts: Callable[[DriftModel], Iterable[FloatArray]]) -> "_End":
-        ends = [_settled(path, start, fixes, tolerance_m, config) for path in paths for start in starts(path)]
+        ends = [
+            _settled(model, start, fixes, tolerance_m, config) for model in models for start in starts(model)
+        ]
         return min([than, *ends] if than else ends, key=lambda end: end.energy)
 
-    best = likelier(None, lambda path: (path.start, path.approach(everything, tolerance_m)))
+    best = likelier(None, lambda model: (model.start, model.approach(everything, tolerance_m)))
     believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
-    runs = suspects(paths[0].offsets(paths[0].start), believed, fixes, tolerance_m)
+    runs = suspects(models[0].offsets(models[0].start), believed, fixes, tolerance_m)
     if runs:
-        best = likelier(best, lambda path: (path.approach(believed & ~run, tolerance_m) for run in runs))
+        best = likelier(best, lambda model: (model.approach(believed & ~run, tolerance_m) for run in runs))
     return probabilities(best.offset, fixes, config, tolerance_m)
 
 
@@ -170,23 +172,22 @@ class _End(NamedTuple):
 
 
 def _settled(
-    path: DriftModel, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
+    model: DriftModel, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
 ) -> _End:
     """Judge and fit in turn until the verdicts stay."""
-    found = probabilities(path.offsets(parameters), fixes, config, tolerance_m)
+    found = probabilities(model.offsets(parameters), fixes, config, tolerance_m)
     for _ in range(_ROUNDS):
         believed = found.applied(fixes)
         regions = np.stack([believed.r_m, believed.r_m, believed.h_m], axis=1)
-        parameters = path.settle(parameters, believed.used, regions)
-        before, found = found, probabilities(path.offsets(parameters), fixes, config, tolerance_m)
+        parameters = model.settle(parameters, believed.used, regions)
+        before, found = found, probabilities(model.offsets(parameters), fixes, config, tolerance_m)
         if np.array_equal(before.rejected, found.rejected) and np.array_equal(before.lowered, found.lowered):
             break
-    offset = path.offsets(parameters)
+    offset = model.offsets(parameters)
     _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
-    return _End(0.5 * path.bending(parameters) - log_likelihood, offset)
+    return _End(0.5 * model.bending(parameters) - log_likelihood, offset)
 
 
-def _tolerance(poses: FloatArray, knots: int, config: Config) -> float:
-    """What the way between two knots may be wrong by."""
-    way = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
-    return max(config.outliers.path_tolerance * way / knots, 0.01)
+def _tolerance(path: Trajectory, knots: int, config: Config) -> float:
+    """Return by how much the path between two knots may be wrong, metres."""
+    return max(config.outliers.path_tolerance * path.length_m / knots, 0.01)

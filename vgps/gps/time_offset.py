@@ -17,6 +17,7 @@ from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.model import FloatArray
+from vgps.solution import Trajectory
 
 _SEEN = 0.5  # of the prior standard deviation: what is larger was not seen
 _LONGEST_S = 3.0  # between two fixes that are compared
@@ -34,21 +35,20 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def update_time_offset(
-    sensors: Sensors, poses: FloatArray, t_s: FloatArray, fixes: Fixes, config: SensorsConfig
+    sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig
 ) -> tuple[Sensors, tuple[str, ...]]:
     """Whether there is a lag to be estimated with the poses, from what it looks like on; a remark on it.
 
     Args:
         sensors: The lever arm.
-        poses: (F, 4, 4), the path as it is so far.
-        t_s: (F,).
+        path: As it is so far.
         fixes: By their own clock, as they are judged.
         config: What is believed, and what is significant.
     """
     believed = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not believed.sigma_s:
         return sensors, ()
-    pairs = _pairs(poses, t_s, fixes, sensors.camera_p_antenna, believed)
+    pairs = _pairs(path, fixes, sensors.camera_p_antenna, believed)
     found = _best_time_offset(pairs, believed)
     change_s, seen = (
         abs(found.time_offset_s - believed.time_offset_s),
@@ -78,11 +78,7 @@ def update_time_offset(
 
 
 def time_offset_by_differences(
-    poses: FloatArray,
-    t_s: FloatArray,
-    fixes: Fixes,
-    camera_p_antenna: FloatArray,
-    believed: TimeOffset,
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, believed: TimeOffset
 ) -> TimeOffset:
     """Time offset at which the horizontal ways from fix to fix agree with the camera's.
 
@@ -90,13 +86,12 @@ def time_offset_by_differences(
     distance from what is believed; from the best of a grid.
 
     Args:
-        poses: (F, 4, 4), the path in the world, its scale about right.
-        t_s: (F,).
+        path: In the world, its scale about right.
         fixes: By their own clock; those used take part.
         camera_p_antenna: (3,) metres.
         believed: Before anything was seen.
     """
-    return _best_time_offset(_pairs(poses, t_s, fixes, camera_p_antenna, believed), believed)
+    return _best_time_offset(_pairs(path, fixes, camera_p_antenna, believed), believed)
 
 
 def least_gain(significant: float, freedom: int, tried: float) -> float:
@@ -115,13 +110,11 @@ def least_gain(significant: float, freedom: int, tried: float) -> float:
     return float(stdtrit(freedom, chance)) ** 2
 
 
-def _pairs(
-    poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, believed: TimeOffset
-) -> "_Pairs":
+def _pairs(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, believed: TimeOffset) -> "_Pairs":
     """Of the fixes that stay within the video whatever the lag may be."""
     taken_s, reach = fixes.t_s - believed.time_offset_s, _REACH * believed.sigma_s
-    inside = fixes.used & (taken_s > t_s[0] + reach) & (taken_s < t_s[-1] - reach)
-    return _Pairs(poses, t_s, fixes.where(inside), camera_p_antenna)
+    inside = fixes.used & (taken_s > path.t_s[0] + reach) & (taken_s < path.t_s[-1] - reach)
+    return _Pairs(path, fixes.where(inside), camera_p_antenna)
 
 
 def _best_time_offset(pairs: "_Pairs", believed: TimeOffset) -> TimeOffset:
@@ -143,10 +136,9 @@ class _Pairs:
     """Neighbouring fixes of like accuracy; ways in the plane as complex numbers, so that a factor turns and
     scales them."""
 
-    def __init__(
-        self, poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray
-    ) -> None:
-        self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
+    def __init__(self, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> None:
+        self._path, self._fixes, self._antenna = path, fixes, camera_p_antenna
+        t_s = path.t_s
         alike = np.isclose(np.diff(fixes.r_m), 0.0)
         self._rows = np.flatnonzero(alike & (np.diff(fixes.t_s) <= _LONGEST_S))
         self._way = _ways(fixes.world_p_fix)[self._rows]
@@ -201,8 +193,8 @@ class _Pairs:
         return float(cost[1] - cost[0])
 
     def _camera_way(self, time_offset_s: float) -> ComplexArray:
-        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
-        return _ways(antenna_at(self._poses, placement, self._antenna))[self._rows]
+        placement = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
+        return _ways(antenna_at(self._path.world_T_camera, placement, self._antenna))[self._rows]
 
     def _fitted(self, time_offset_s: float) -> "_Fitted":
         """At the best factors for a lag: least squares, reweighted."""

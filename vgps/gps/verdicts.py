@@ -6,15 +6,14 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
-from vgps.solution import FixTable, Verdict
+from vgps.solution import FixTable, Trajectory, Verdict
 
 
 def fix_table(
     log: GpsLog,
     fixes: Fixes,
     assessment: FixAssessment,
-    t_s: FloatArray,
-    poses: FloatArray,
+    trajectory: Trajectory,
     camera_p_antenna: FloatArray,
     config: Config,
 ) -> FixTable:
@@ -24,12 +23,12 @@ def fix_table(
         log: The fixes as read.
         fixes: The same fixes in the world.
         assessment: Of these.
-        t_s: (F,) frame times, ``poses`` (F, 4, 4): the result.
+        trajectory: The result.
         camera_p_antenna: (3,) metres.
         config: Names the GPS model.
     """
-    placement = place(t_s, fixes.t_s)
-    residual = antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix
+    placement = place(trajectory.t_s, fixes.t_s)
+    residual = antenna_at(trajectory.world_T_camera, placement, camera_p_antenna) - fixes.world_p_fix
     residual[~placement.inside] = np.nan
     believed = assessment.applied(fixes)
     found = verdicts_of(assessment)

@@ -4,12 +4,13 @@ import copy
 
 import numpy as np
 
+from vgps.mapping.feature_table import FeatureTable
 from vgps.mapping.growing_array import GrowingArray
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Similarity
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
-_GROWTH = 4096
 _ROUND = 100
 
 
@@ -17,213 +18,116 @@ class LocalMap:
     """Poses of consecutive frames, features followed through them and positions of the features.
 
     Until it is aligned the map's world is its first camera and its unit is arbitrary. Arrays over all
-    features ever seen are indexed by feature id; ``ids`` names those still followed, and rows of
-    ``raw_uv_px`` and ``views`` belong to them.
+    features ever followed are indexed by feature id; ``ids`` names those still followed, and rows of
+    ``raw_uv_px`` and ``views`` belong to them. Everybody may read; :meth:`apply` alone changes poses,
+    positions and observations, and :meth:`discard_before` lets go of old ones.
 
     Attributes:
         first_frame: Index of the frame of ``poses[0]``.
-        forgotten_features: By how much ids of features were lowered in all.
-        aligned: Whether the world is the world of the GPS fixes.
+        discarded_features: By how much feature ids were lowered in all.
+        aligned: Whether the map's world is the world of the GPS fixes.
         ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last observation in the distorted image.
-        views: (N, H, 2) undistorted observations in the frames ``view_frames`` (H,), newest last; NaN:
-            unseen.
+        views: (N, H, 2) undistorted observations in the frames ``view_frames`` (H,), newest last; NaN where
+            a feature was not seen.
     """
 
     def __init__(self, first_frame: int, history: int) -> None:
         self.first_frame = first_frame
-        self.forgotten_features = 0
-        self._poses = GrowingArray((4, 4))
-        self._steps = GrowingArray((3,))
+        self.discarded_features = 0
         self.aligned = False
         self.ids: IntArray = np.zeros(0, dtype=np.int64)
         self.raw_uv_px = np.zeros((0, 2))
         self.views = np.full((0, history, 2), np.nan)
         self.view_frames: IntArray = np.full(history, -1, dtype=np.int64)
-        self.zero_motions: list[ZeroMotion] = []
-        self.bridged: set[int] = set()
-        self._points = np.full((_GROWTH, 3), np.nan)
-        self._sigma_px = np.full(_GROWTH, np.nan)
-        self._gray = np.zeros(_GROWTH, dtype=np.uint8)
-        self._count = 0
+        self._zero_motions: dict[int, ZeroMotion] = {}
+        self._bridged: set[int] = set()
+        self._poses, self._t_s = GrowingArray((4, 4)), GrowingArray()
+        self._odometry = GrowingArray((3,))
+        self._features = FeatureTable()
         self._log: list[tuple[int, IntArray, FloatArray]] = []
 
     @property
     def poses(self) -> FloatArray:
-        """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where not known; writable."""
-        return self._poses.values
+        """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where unknown; read-only."""
+        return _read_only(self._poses.values)
 
     @property
-    def steps(self) -> FloatArray:
-        """(n, 3) way to each pose from the one before, in its axes, as seen when the frame came, before
-        any fix of its time bent it; NaN where not known."""
-        return self._steps.values
+    def t_s(self) -> FloatArray:
+        """(n,) times of these frames; read-only."""
+        return _read_only(self._t_s.values)
+
+    @property
+    def odometry(self) -> FloatArray:
+        """(n, 3) displacement from the frame before, in its axes, as tracked, before any fix bent the path.
+
+        NaN where unknown; read-only.
+        """
+        return _read_only(self._odometry.values)
+
+    @property
+    def zero_motions(self) -> tuple[ZeroMotion, ...]:
+        """Constraints of frames that stood still."""
+        return tuple(self._zero_motions.values())
+
+    @property
+    def bridged(self) -> frozenset[int]:
+        """Frames posed between their neighbours, without observations."""
+        return frozenset(self._bridged)
 
     @property
     def next_frame(self) -> int:
-        """Index of the frame that comes after the last one posed."""
-        return self.first_frame + len(self.poses)
+        """Index of the frame that comes after the last one."""
+        return self.first_frame + len(self._poses)
 
     @property
     def first_posed(self) -> int:
         """Index of the first frame with a pose; ``next_frame`` if none has one."""
         known = np.isfinite(self.poses[:, 0, 0])
-        return self.first_frame + (int(known.argmax()) if known.any() else len(self.poses))
+        return self.first_frame + (int(known.argmax()) if known.any() else len(known))
 
     @property
     def feature_count(self) -> int:
-        """Features ever followed."""
-        return self._count
+        """Number of features ever followed."""
+        return len(self._features)
 
     @property
     def points(self) -> FloatArray:
-        """(T, 3) position of every feature ever followed, NaN where it has none."""
-        return self._points[: self._count]
+        """(T, 3) position of every feature ever followed, NaN where it has none; read-only."""
+        return _read_only(self._features.points)
 
     @property
     def sigma_px(self) -> FloatArray:
-        """(T,) reliability sigma_j (13) of every feature ever followed, NaN where it has none."""
-        return self._sigma_px[: self._count]
+        """(T,) reliability sigma_j (13) of every feature, NaN where it has no position; read-only."""
+        return _read_only(self._features.sigma_px)
 
     @property
     def gray(self) -> np.ndarray:
         """(T,) luminance of every feature where it was first seen."""
-        return self._gray[: self._count]
+        return self._features.gray
 
     @property
     def positioned(self) -> BoolArray:
         """(N,) whether each followed feature has a position."""
-        return np.asarray(np.isfinite(self._points[self.ids, 0]))
+        return np.asarray(np.isfinite(self.points[self.ids, 0]))
 
     @property
     def last_uv_px(self) -> FloatArray:
         """(N, 2) newest undistorted observation of the followed features."""
         return self.views[:, -1]
 
-    def snapshot(self) -> "LocalMap":
-        """A copy whose poses and positions may be changed while this map goes on growing."""
-        twin = copy.copy(self)
-        twin._poses, twin._steps = GrowingArray.of(self.poses), GrowingArray.of(self.steps)
-        twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
-        twin.zero_motions, twin.bridged, twin._log = self.zero_motions[:], set(self.bridged), self._log[:]
-        return twin
-
-    def append_pose(self, world_T_camera: FloatArray) -> None:
-        """The pose of the next frame; NaN if it is not known yet."""
-        before = self.poses[-1] if len(self.poses) else np.full((4, 4), np.nan)
-        self._steps.append(before[:3, :3].T @ (world_T_camera[:3, 3] - before[:3, 3]))
-        self._poses.append(world_T_camera)
-
-    def push_view(self, frame: int, raw_uv_px: FloatArray, uv_px: FloatArray, found: BoolArray) -> None:
-        """A frame in which the followed features were seen again (``found`` (N,)); the others are let go."""
-        self.ids, self.raw_uv_px = self.ids[found], raw_uv_px[found]
-        self.views = np.concatenate([self.views[found, 1:], uv_px[found, None]], axis=1)
-        self.view_frames = np.append(self.view_frames[1:], frame)
-        self._log.append((frame, self.ids, uv_px[found]))
-
-    def add_features(self, raw_uv_px: FloatArray, uv_px: FloatArray, gray: np.ndarray) -> None:
-        """Begin to follow new features, seen in the frame pushed last."""
-        ids = self._new_ids(len(uv_px))
-        self._gray[ids] = gray
-        views = np.full((len(ids), self.views.shape[1], 2), np.nan)
-        views[:, -1] = uv_px
-        self.ids, self.raw_uv_px = np.append(self.ids, ids), np.concatenate([self.raw_uv_px, raw_uv_px])
-        self.views = np.concatenate([self.views, views])
-        frame = int(self.view_frames[-1])
-        self._log.append((frame, ids, uv_px))
-
-    def renew_full_tracks(self) -> None:
-        """Go on with features whose history is full as new ones, at the same place, from the newest view."""
-        full = np.isfinite(self.views[:, 0, 0])
-        if not full.any():
-            return
-        old, new = self.ids[full], self._new_ids(int(full.sum()))
-        self._points[new], self._sigma_px[new] = self._points[old], self._sigma_px[old]
-        self._gray[new] = self._gray[old]
-        self.ids = self.ids.copy()
-        self.ids[full] = new
-        self.views[full, :-1] = np.nan
-        self._log.append((int(self.view_frames[-1]), new, self.views[full, -1]))
-
-    def _new_ids(self, count: int) -> IntArray:
-        ids = np.arange(self._count, self._count + count)
-        self._count += count
-        while self._count > len(self._gray):
-            more = max(len(self._gray), _GROWTH)
-            self._points = np.concatenate([self._points, np.full((more, 3), np.nan)])
-            self._sigma_px = np.concatenate([self._sigma_px, np.full(more, np.nan)])
-            self._gray = np.concatenate([self._gray, np.zeros(more, dtype=np.uint8)])
-        return ids
-
-    def set_points(self, ids: IntArray, points: FloatArray, sigma_px: FloatArray) -> None:
-        """Positions (n, 3) and reliabilities (n,) of features."""
-        self._points[ids], self._sigma_px[ids] = points, sigma_px
-
-    def forget_points(self, ids: IntArray) -> None:
-        """Features whose position is not to be trusted go on without one."""
-        self._points[ids], self._sigma_px[ids] = np.nan, np.nan
-
     def pose(self, frame: int) -> FloatArray:
-        """(4, 4) pose of a frame of this map."""
+        """Return the pose (4, 4) of a frame of this map."""
         return np.asarray(self.poses[frame - self.first_frame])
 
-    def pose_standing_frames(self) -> None:
-        """Frames that stood still before the map began stand where their view does."""
-        for tie in self.zero_motions:
-            row = tie.frame - self.first_frame
-            if np.isnan(self.poses[row, 0, 0]):
-                self.poses[row] = self.pose(tie.key) @ tie.key_T_frame
-
     def view_poses(self) -> tuple[FloatArray, BoolArray]:
-        """(H, 4, 4) poses of the views and (H,) whether each view exists and is posed."""
+        """Return the poses (H, 4, 4) of the views and whether each view exists and is posed (H,)."""
         row = self.view_frames - self.first_frame
-        poses = self.poses[np.clip(row, 0, len(self.poses) - 1)]
+        poses = self.poses[np.clip(row, 0, len(self._poses) - 1)]
         valid = (self.view_frames >= 0) & np.isfinite(poses[:, 0, 0])
         return np.where(valid[:, None, None], poses, np.eye(4)), valid
 
-    def forget(self, before_frame: int, before_view: int) -> FloatArray:
-        """Let go of poses before one frame and of observations before another; the newest view always stays.
-
-        Ids of features are counted anew by a round number, so that what is scheduled by id stays.
-
-        Args:
-            before_frame: Not after ``before_view``.
-            before_view: Ties of standing frames before it go too.
-
-        Returns:
-            (n, 4, 4) the poses let go, from ``first_frame`` as it was on.
-        """
-        newest = int(self.view_frames[-1])
-        before_view = min(before_view, newest)
-        before_frame = max(min(before_frame, before_view), self.first_frame)
-        self._log = [entry for entry in self._log if entry[0] >= before_view]
-        self.zero_motions = [
-            tie for tie in self.zero_motions if tie.frame >= before_view and tie.key >= before_frame
-        ]
-        gone = self.view_frames < before_frame
-        self.view_frames = np.where(gone, -1, self.view_frames)
-        self.views[:, gone] = np.nan
-        self.bridged = {frame for frame in self.bridged if frame >= before_frame}
-        self._forget_features()
-        count = before_frame - self.first_frame
-        old = self.poses[:count].copy()
-        self._poses, self._steps = GrowingArray.of(self.poses[count:]), GrowingArray.of(self.steps[count:])
-        self.first_frame = before_frame
-        return old
-
-    def _forget_features(self) -> None:
-        followed = [self.ids, *(ids for _, ids, _ in self._log)]
-        drop = int(min(ids.min(initial=self._count) for ids in followed)) // _ROUND * _ROUND
-        if drop == 0:
-            return
-        self._points, self._sigma_px = self._points[drop:].copy(), self._sigma_px[drop:].copy()
-        self._gray = self._gray[drop:].copy()
-        self._count -= drop
-        self.forgotten_features += drop
-        self.ids = self.ids - drop
-        self._log = [(frame, ids - drop, uv) for frame, ids, uv in self._log]
-
     def observations(self, since_frame: int = 0) -> Observations:
-        """Every observation from a frame on; ``landmark`` is the feature id."""
+        """Return every observation from a frame on; ``landmark`` is the feature id."""
         start = next((k for k in range(len(self._log)) if self._log[k][0] >= since_frame), len(self._log))
         log = self._log[start:]
         if not log:
@@ -234,10 +138,121 @@ class LocalMap:
             frames, np.concatenate([ids for _, ids, _ in log]), np.concatenate([uv for _, _, uv in log])
         )
 
-    def transform(self, scale: float, world_R_map: FloatArray, world_p_map: FloatArray) -> None:
-        """Move the map into the world by a similarity: ``x_world = scale * R x_map + p``."""
-        self.poses[:, :3, 3] = scale * self.poses[:, :3, 3] @ world_R_map.T + world_p_map
-        self.poses[:, :3, :3] = world_R_map @ self.poses[:, :3, :3]
-        self._points = scale * self._points @ world_R_map.T + world_p_map
-        self._steps.values[:] *= scale
-        self.zero_motions = [tie.scaled(scale) for tie in self.zero_motions]
+    def snapshot(self) -> "LocalMap":
+        """Return a copy that can be updated while this map goes on growing."""
+        twin = copy.copy(self)
+        twin._poses, twin._t_s = GrowingArray.of(self._poses.values), GrowingArray.of(self._t_s.values)
+        twin._odometry = GrowingArray.of(self._odometry.values)
+        twin._features, twin._log = self._features.copy(), self._log[:]
+        twin._zero_motions, twin._bridged = self._zero_motions.copy(), self._bridged.copy()
+        return twin
+
+    def apply(self, update: MapUpdate) -> None:
+        """Change the map: the one place where stages A to C write."""
+        if update.similarity is not None:
+            self._transform(update.similarity)
+        self.aligned = self.aligned or update.aligned
+        for frame in update.frames:
+            self._append(frame)
+        if update.poses is not None:
+            row = update.first_frame - self.first_frame
+            self._poses.values[row : row + len(update.poses)] = update.poses
+        if update.view is not None:
+            self._push(update.view)
+        if update.positions is not None:
+            self._features.place(update.positions)
+        if update.renew_full_tracks:
+            self._renew_full_tracks()
+        if update.features is not None:
+            self._start(update.features)
+        self._zero_motions |= {held.frame: held for held in update.zero_motions}
+
+    def _transform(self, to_world: Similarity) -> None:
+        poses, scale, R = self._poses.values, to_world.scale, to_world.world_R_map
+        poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + to_world.world_p_map
+        poses[:, :3, :3] = R @ poses[:, :3, :3]
+        self._features.transform(to_world)
+        self._odometry.values[:] *= scale
+        self._zero_motions = {frame: held.scaled(scale) for frame, held in self._zero_motions.items()}
+
+    def _append(self, frame: NewFrame) -> None:
+        before = self._poses.values[-1] if len(self._poses) else np.full((4, 4), np.nan)
+        if frame.bridged:
+            self._bridged.add(self.next_frame)
+        self._odometry.append(before[:3, :3].T @ (frame.world_T_camera[:3, 3] - before[:3, 3]))
+        self._poses.append(frame.world_T_camera)
+        self._t_s.append(frame.t_s)
+
+    def _push(self, view: NewView) -> None:
+        found = view.found
+        self.ids, self.raw_uv_px = self.ids[found], view.raw_uv_px[found]
+        self.views = np.concatenate([self.views[found, 1:], view.uv_px[found, None]], axis=1)
+        self.view_frames = np.append(self.view_frames[1:], view.frame)
+        self._log.append((view.frame, self.ids, view.uv_px[found]))
+
+    def _start(self, features: NewFeatures) -> None:
+        ids = self._features.add(features.gray)
+        views = np.full((len(ids), self.views.shape[1], 2), np.nan)
+        views[:, -1] = features.uv_px
+        self.ids = np.append(self.ids, ids)
+        self.raw_uv_px = np.concatenate([self.raw_uv_px, features.raw_uv_px])
+        self.views = np.concatenate([self.views, views])
+        self._log.append((int(self.view_frames[-1]), ids, features.uv_px))
+
+    def _renew_full_tracks(self) -> None:
+        """Go on with features whose history is full as new ones, at the same place, from the newest view."""
+        full = np.isfinite(self.views[:, 0, 0])
+        if not full.any():
+            return
+        new = self._features.add_copies(self.ids[full])
+        self.ids = self.ids.copy()
+        self.ids[full] = new
+        self.views[full, :-1] = np.nan
+        self._log.append((int(self.view_frames[-1]), new, self.views[full, -1]))
+
+    def discard_before(self, frame: int, view_frame: int) -> FloatArray:
+        """Discard poses before one frame and observations before another; the newest view always stays.
+
+        Feature ids are lowered by a round number, so that what is scheduled by id stays.
+
+        Args:
+            frame: Not after ``view_frame``.
+            view_frame: Constraints of standing frames before it go too.
+
+        Returns:
+            (n, 4, 4) the discarded poses, from ``first_frame`` as it was on.
+        """
+        view_frame = min(view_frame, int(self.view_frames[-1]))
+        frame = max(min(frame, view_frame), self.first_frame)
+        self._log = [entry for entry in self._log if entry[0] >= view_frame]
+        self._zero_motions = {
+            held.frame: held for held in self.zero_motions if held.frame >= view_frame and held.key >= frame
+        }
+        gone = self.view_frames < frame
+        self.view_frames = np.where(gone, -1, self.view_frames)
+        self.views[:, gone] = np.nan
+        self._bridged = {bridged for bridged in self._bridged if bridged >= frame}
+        self._discard_features()
+        count = frame - self.first_frame
+        old = self._poses.values[:count].copy()
+        self._poses, self._t_s, self._odometry = (
+            GrowingArray.of(rows.values[count:]) for rows in (self._poses, self._t_s, self._odometry)
+        )
+        self.first_frame = frame
+        return old
+
+    def _discard_features(self) -> None:
+        followed = [self.ids, *(ids for _, ids, _ in self._log)]
+        count = int(min(ids.min(initial=self.feature_count) for ids in followed)) // _ROUND * _ROUND
+        if count == 0:
+            return
+        self._features.drop_first(count)
+        self.discarded_features += count
+        self.ids = self.ids - count
+        self._log = [(frame, ids - count, uv) for frame, ids, uv in self._log]
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    view = values.view()
+    view.flags.writeable = False
+    return view

@@ -1,4 +1,4 @@
-"""How far back a sequence that is fed live remembers, and what it gives back when it forgets."""
+"""How much of the past the live mode keeps, and what it hands over when it lets go of it."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class RetentionPolicy:
-    """How far back a sequence remembers: observations and views in frames, path and fixes in seconds.
+    """How much is kept: observations and views in frames, path and fixes in seconds.
 
     Stage C needs the observations of a window and of the longest track before it; more changes nothing. Drift
     and verdicts are found on the path.
@@ -22,7 +22,7 @@ class RetentionPolicy:
 
     @classmethod
     def of(cls, config: Config) -> "RetentionPolicy":
-        """The least that leaves stage C what it needs."""
+        """Return the least that leaves stage C what it needs."""
         window = config.window
         frames = window.length_frames + window.every_frames + config.mapping.max_track_frames
         return cls(frames, config.online.keep_s)
@@ -30,7 +30,7 @@ class RetentionPolicy:
 
 @dataclass(frozen=True)
 class RetiredPoses:
-    """Poses (n, 4, 4) of the frames from ``first_frame`` on, which a sequence will not change any more."""
+    """Poses (n, 4, 4) of the frames from ``first_frame`` on, which will not change any more."""
 
     first_frame: int
     poses: FloatArray
@@ -38,24 +38,23 @@ class RetiredPoses:
     bridged: frozenset[int]
 
 
-def whole(local_map: LocalMap) -> RetiredPoses:
-    """All poses of a map that ended."""
-    return RetiredPoses(
-        local_map.first_frame, local_map.poses, local_map.aligned, frozenset(local_map.bridged)
-    )
+def retire_map(local_map: LocalMap) -> RetiredPoses:
+    """Return all poses of a map that ended."""
+    return RetiredPoses(local_map.first_frame, local_map.poses, local_map.aligned, local_map.bridged)
 
 
-def oldest(local_map: LocalMap, t_s: FloatArray, horizon_s: float, memory: RetentionPolicy) -> RetiredPoses:
-    """What a map holds from before a time, which it lets go of; its observations go by their number of
-    frames.
+def retire_before(local_map: LocalMap, horizon_s: float, policy: RetentionPolicy) -> RetiredPoses:
+    """Discard from a map what lies before a time, and observations by their number of frames.
 
     Args:
         local_map: Changed in place.
-        t_s: Times of all frames so far.
         horizon_s: The time.
-        memory: How many frames of observations stay.
+        policy: How many frames of observations stay.
+
+    Returns:
+        The poses that were discarded.
     """
-    first, bridged = local_map.first_frame, frozenset(local_map.bridged)
-    before_frame = int(np.searchsorted(t_s, horizon_s))
-    poses = local_map.forget(before_frame, local_map.next_frame - memory.view_frames)
+    first, bridged = local_map.first_frame, local_map.bridged
+    before = first + int(np.searchsorted(local_map.t_s, horizon_s))
+    poses = local_map.discard_before(before, local_map.next_frame - policy.view_frames)
     return RetiredPoses(first, poses, local_map.aligned, bridged)

@@ -10,7 +10,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
-from vgps.pipeline.front_end import FramePipeline
+from vgps.pipeline.frame_pipeline import FramePipeline
 
 _NOTEWORTHY_M = 0.5  # correction of a pose
 _NOWHERE = np.full((4, 4), np.nan)

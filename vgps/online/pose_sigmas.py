@@ -29,7 +29,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.error_propagation import OWN, PLACE, TURN, fix_rows, level, seen, transitions, unknown
 from vgps.online.pose_publisher import PublishedPose
-from vgps.pipeline.front_end import FramePipeline
+from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.smoothing.covariance import region_sigmas
 
 

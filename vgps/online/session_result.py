@@ -15,7 +15,7 @@ from vgps.gps.verdicts import fix_table
 from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
-from vgps.pipeline.front_end import FramePipeline
+from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -24,6 +24,7 @@ from vgps.solution import (
     SensorReport,
     Solution,
     SolverReport,
+    Trajectory,
 )
 
 _NO_STAGE_D = "stage D was not run: every pose is as it was when it left the memory of stage C"
@@ -95,7 +96,7 @@ def solution_as_it_is(fed: SessionRecord, warnings: tuple[str, ...]) -> Solution
         fixes=table,
         sensors=SensorReport(sensors.time_offset_s, np.nan, (np.nan, np.nan, np.nan)),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
-        seconds=dict(fed.frame_pipeline.seconds.by_stage),
+        seconds=dict(fed.frame_pipeline.timer.by_stage),
         warnings=warnings,
         config=fed.config.model_dump(mode="json"),
         video_start_utc=fed.rig.video_start_utc,
@@ -130,7 +131,8 @@ def _verdicts(fed: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None, Fix
     sensors = fed.frame_pipeline.sensors
     fixes = fixes_in_world(log, position, fed.config.gps).earlier(sensors.time_offset_s)
     assessment, t_s = fed.fixes.assessment(rows), fed.frame_pipeline.t_s
-    return log, fix_table(log, fixes, assessment, t_s, poses, sensors.camera_p_antenna, fed.config)
+    path = Trajectory(t_s, poses)
+    return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, fed.config)
 
 
 def _remembered(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:

@@ -11,8 +11,7 @@ from vgps.errors import ConfigError, VideoError
 from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.regions import region_sizes
-from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.mapping.retention import RetentionPolicy, whole
+from vgps.mapping.retention import RetentionPolicy, retire_map
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
@@ -20,11 +19,13 @@ from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import PathErrors
 from vgps.online.session_result import SessionRecord, StreamedVideo, solution_as_it_is
 from vgps.online.verdict_events import VerdictEvents
-from vgps.pipeline.front_end import FramePipeline
-from vgps.pipeline.offline import FrontEnd, optimise_all
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.front_end import FrontEnd, front_end_of
+from vgps.pipeline.offline import optimise_all
 from vgps.readers.fixes import Fix
 from vgps.runtime.allocator import release_free_memory
 from vgps.runtime.threads import one_blas_thread
+from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
 _SAME_TIME_S = 1e-6
@@ -66,10 +67,9 @@ class OnlineSmoother:
     ) -> None:
         self._config = config = config or Config()
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
-        memory = None if keep_all else RetentionPolicy.of(config)
-        self._frame_pipeline = FramePipeline(
-            camera, rig.camera_p_antenna, Fixes.none(), config, memory=memory
-        )
+        retention = None if keep_all else RetentionPolicy.of(config)
+        context = SmoothingContext(camera, config)
+        self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.none(), retention)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
         self._follower = PosePublisher(self._frame_pipeline, config.online)
@@ -157,7 +157,7 @@ class OnlineSmoother:
         self._fixes.judge(fix_buffer.number, fix_buffer.assessment)
         self._tell_verdicts()
         if frames % _FORGET_EVERY == 0:
-            for part in self._frame_pipeline.forget():
+            for part in self._frame_pipeline.discard():
                 self._frames.settle(part)
         if frames % _GIVE_BACK_EVERY == 0:
             release_free_memory()
@@ -196,7 +196,7 @@ class OnlineSmoother:
         if stage_d and frame_pipeline.maps:
             return optimise_all(self._front_end(fed), self._config)
         for local_map in frame_pipeline.maps:
-            self._frames.settle(whole(local_map))
+            self._frames.settle(retire_map(local_map))
         return solution_as_it_is(fed, tuple(self._warnings))
 
     def _front_end(self, fed: SessionRecord) -> FrontEnd:
@@ -208,14 +208,8 @@ class OnlineSmoother:
         recording = Recording(
             path=self._source, video=video, camera=self._camera, rig=rig, gps=log, gyro=gyro
         )
-        fed.frame_pipeline.warnings[:] = self._warnings
-        return FrontEnd(
-            recording,
-            self._origin,
-            fed.frame_pipeline.fix_buffer.fixes,
-            NO_CONTROL_OBSERVATIONS,
-            fed.frame_pipeline,
-        )
+        front_end = front_end_of(fed.frame_pipeline, recording, self._origin)
+        return replace(front_end, warnings=tuple(self._warnings))
 
     def _check(self, frame: int, t_s: float, image: GrayImage) -> None:
         size = (self._camera.height, self._camera.width)

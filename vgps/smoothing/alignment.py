@@ -7,6 +7,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
+from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray
 
 _PLACES = 6
@@ -15,11 +16,9 @@ _LOSS_SCALE = 1.0  # in region sizes: beyond its region a fix counts less and le
 
 @dataclass(frozen=True)
 class Alignment:
-    """``x_world = scale * R x_map + p``, and whether roll had to be taken from a level camera."""
+    """The similarity to the world, and whether the roll had to be taken from a level camera."""
 
-    scale: float
-    world_R_map: FloatArray
-    world_p_map: FloatArray
+    to_world: Similarity
     straight: bool
 
 
@@ -66,7 +65,7 @@ def align(
     scale, rotation, place = _unpack(best.x)
     path = scale * map_T_camera[:, :3, 3]
     straight = _roll_sigma_rad(path - path.mean(axis=0), region_m) > np.radians(config.level_sigma_deg)
-    return Alignment(scale, rotation, place, straight)
+    return Alignment(Similarity(scale, rotation, place), straight)
 
 
 def _roll_sigma_rad(spread: FloatArray, region_m: FloatArray) -> float:

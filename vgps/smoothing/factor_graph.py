@@ -22,7 +22,8 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlOb
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.solution import Observations
+from vgps.smoothing.context import SmoothingContext
+from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
 
@@ -49,15 +50,17 @@ class Scene:
     zero_motions: tuple[ZeroMotion, ...] = ()
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
 
+    @property
+    def trajectory(self) -> Trajectory:
+        """The frames' poses over time."""
+        return Trajectory(self.t_s, self.poses)
 
-def scene_of_map(
-    local_map: LocalMap, t_s: FloatArray, first: int, controls: ControlObservations = NO_CONTROL_OBSERVATIONS
-) -> tuple[Scene, IntArray]:
-    """The frames of a map from ``first`` on, and the features behind the rows of its points.
+
+def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
+    """Return the frames of a map from ``first`` on, and the features behind the rows of its points.
 
     Args:
         local_map: All its frames posed.
-        t_s: Times of all frames of the video so far.
         first: Index of the first frame to take.
         controls: Observations of known points, of all frames.
     """
@@ -71,16 +74,16 @@ def scene_of_map(
         for tie in local_map.zero_motions
         if tie.key >= first
     )
-    poses = local_map.poses[first - local_map.first_frame :]
-    times = t_s[first : first + len(poses)]
+    rows = slice(first - local_map.first_frame, None)
+    poses = local_map.poses[rows]
     known_points = controls.between(first, first + len(poses) - 1)
-    return Scene(times, poses, local_map.points[ids], observations, ties, known_points), ids
+    return Scene(local_map.t_s[rows], poses, local_map.points[ids], observations, ties, known_points), ids
 
 
 def select_observations(
-    scene: Scene, K: FloatArray, config: Config, tolerance: float = 1.0
+    scene: Scene, context: SmoothingContext, tolerance: float = 1.0
 ) -> tuple[Scene, FloatArray]:
-    """Drop what contradicts the scene, and judge what is left.
+    """Drop observations that contradict the scene, and compute the reliability of what is left.
 
     Observations with too large an error go, then features with too few observations or behind a camera. While
     the poses are still rough a larger ``tolerance``, in ``max_reprojection_px``, keeps what holds them
@@ -90,7 +93,8 @@ def select_observations(
         The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) pixels,
         NaN for features that have no observation left.
     """
-    problem = _bare_problem(scene, K)
+    config = context.config
+    problem = _bare_problem(scene, context.K)
     error, behind = reprojection_errors(problem)
     good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
@@ -124,10 +128,9 @@ def _bare_problem(scene: Scene, K: FloatArray) -> BundleProblem:
 
 def build_problem(
     scene: Scene,
-    K: FloatArray,
     sigma_px: FloatArray,
     pose_graph: gtsam.NonlinearFactorGraph,
-    config: Config,
+    context: SmoothingContext,
     fixed: BoolArray | None = None,
     shared: Mapping[int, FloatArray] | None = None,
 ) -> BundleProblem:
@@ -135,14 +138,13 @@ def build_problem(
 
     Args:
         scene: Selected observations.
-        K: (3, 3).
         sigma_px: (L,) reliabilities.
         pose_graph: Fixes, motion and priors.
-        config: Weights and loss.
+        context: Calibration, weights and loss.
         fixed: (F,) frames to hold.
         shared: Start of what all frames share.
     """
-    observations = scene.observations
+    observations, config, K = scene.observations, context.config, context.K
     if config.batch.weight == "per_frame":
         sigma = projection_sigma_px(sigma_px, observations.landmark, observations.frame)
     else:
@@ -205,34 +207,30 @@ def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
 
 
 def gps_and_motion(
-    scene: Scene,
-    K: FloatArray,
-    fixes: Fixes,
-    sensors: Sensors,
-    config: Config,
-    n: int | None = None,
+    scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
 ) -> gtsam.NonlinearFactorGraph:
-    """All factors on poses of a scene that lies in the world; the rest as for :func:`gps_graph`."""
-    graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
-    graph.push_back(other_pose_factors(scene, K, sensors, config))
+    """Return all factors on poses of a scene that lies in the world; the rest as for :func:`gps_graph`."""
+    graph = gps_graph(fixes, scene.t_s, sensors, context.config.gps, n)
+    graph.push_back(other_pose_factors(scene, sensors, context))
     return graph
 
 
 def other_pose_factors(
-    scene: Scene, K: FloatArray, sensors: Sensors, config: Config
+    scene: Scene, sensors: Sensors, context: SmoothingContext
 ) -> gtsam.NonlinearFactorGraph:
-    """All factors on poses but the fixes' own."""
+    """Return all factors on poses but those of the fixes."""
+    config = context.config
     graph = sensors.priors()
     graph.push_back(motion_graph(scene, config))
     graph.push_back(_upright(len(scene.t_s), config))
-    graph.push_back(_known_points(scene.controls, K, config))
+    graph.push_back(_known_points(scene.controls, context))
     return graph
 
 
-def _known_points(controls: ControlObservations, K: FloatArray, config: Config) -> gtsam.NonlinearFactorGraph:
-    graph = gtsam.NonlinearFactorGraph()
+def _known_points(controls: ControlObservations, context: SmoothingContext) -> gtsam.NonlinearFactorGraph:
+    graph, K = gtsam.NonlinearFactorGraph(), context.K
     calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
-    noise = projection_noise(config.start.control_sigma_px)
+    noise = projection_noise(context.config.start.control_sigma_px)
     for frame, uv, point in zip(controls.frame.tolist(), controls.uv_px, controls.world_p_point, strict=True):
         graph.push_back(control_point_factor(X(frame), uv, point, calibration, noise))
     return graph

@@ -62,27 +62,27 @@ class RefinedCamera:
 def refine_camera(
     scene: Scene,
     camera: Camera,
-    optimise: Callable[[Scene, FloatArray], BatchResult],
+    optimise: Callable[[Scene, Camera], BatchResult],
     config: IntrinsicsConfig,
 ) -> tuple[BatchResult, RefinedCamera]:
-    """Stage D with the calibration as an unknown.
+    """Run stage D with the calibration as an unknown.
 
     Args:
         scene: As for stage D, observations undistorted by ``camera``.
-        camera: The calibration to begin with, and what is believed of it.
-        optimise: Stage D, of a scene and the (3, 3) K of its observations.
-        config: How firmly it is believed, and when to stop.
+        camera: The calibration to begin with, and its prior.
+        optimise: Stage D, of a scene and the camera of its observations.
+        config: How firmly the prior is believed, and when to stop.
     """
-    given, smoothed, turn, settled = camera, optimise(scene, camera.K), 0, False
-    while turn < config.iterations and not settled:
-        turn += 1
-        delta, sigma, following = _step(smoothed.problem, camera, given, config)
+    given, result, step, settled = camera, optimise(scene, camera), 0, False
+    while step < config.iterations and not settled:
+        step += 1
+        delta, sigma, following = _step(result.problem, camera, given, config)
         moved = _changed(camera, delta)
         scene = _seen_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
         camera = moved
-        smoothed = optimise(scene, camera.K)
+        result = optimise(scene, camera)
         settled = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
-    return smoothed, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), turn, settled)
+    return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, settled)
 
 
 def _changed(camera: Camera, delta: FloatArray) -> Camera:

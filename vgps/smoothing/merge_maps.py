@@ -1,6 +1,7 @@
-"""All maps of a video in one world, and a pose for every frame: what stage D starts from."""
+"""Merge all maps of a video into one scene in the world, with a pose for every frame."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,21 +10,34 @@ from vgps.errors import GeometryError
 from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
-from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
+from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.mapping.standing_frames import pose_standing_frames
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray
+from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.drift_correction import correct_drift
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.map_alignment import find_alignment
 from vgps.smoothing.window import contradicts
-from vgps.solution import FrameState, Observations
+from vgps.solution import FrameState, Observations, Trajectory
+
+_EDGE_FRAMES = 5  # from which the velocity at the end of a map is taken
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MergedMaps:
-    """The scene, the state of each frame (F,), luminance of the features (L,) uint8, the judgement of the
-    fixes that it was bent by, and warnings."""
+    """All maps in one world.
+
+    Attributes:
+        scene: What stage D starts from.
+        assessment: Of the fixes, by which drift was taken out.
+        state: (F,) of each frame.
+        gray: (L,) luminance of the features, uint8.
+        georeferenced: Whether fixes or control points tie the world.
+        warnings: In words.
+    """
 
     scene: Scene
     assessment: FixAssessment
@@ -34,80 +48,82 @@ class MergedMaps:
 
 
 def merge_maps(
-    maps: list[LocalMap],
-    t_s: FloatArray,
-    fixes: Fixes,
-    camera_p_antenna: FloatArray,
-    config: Config,
-    controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
-    time_offset_s: float = 0.0,
+    maps: Sequence[LocalMap], t_s: FloatArray, fixes: Fixes, sensors: Sensors, context: SmoothingContext
 ) -> MergedMaps:
-    """Put every map into the world, by its own fixes or by continuing its neighbour; pose every frame.
+    """Put every map into the world, by its own fixes or by continuing its neighbour, and pose every frame.
 
     Args:
-        maps: In order of time, at least one; moved in place.
+        maps: In order of time, at least one; they are not changed.
         t_s: (F,) times of all frames.
-        fixes: All fixes.
-        camera_p_antenna: (3,) metres.
-        config: What it takes to align.
-        controls: Observations of known points.
-        time_offset_s: Of the fixes, as far as it is known.
+        fixes: All fixes, by their own clock.
+        sensors: Lever arm, and the time offset as far as it is known.
+        context: Control points, and what it takes to align.
 
     Raises:
         GeometryError: There are fixes, but no map could be aligned with them.
     """
-    warnings: list[str] = []
-    for local_map in maps:
-        local_map.pose_standing_frames()
-        if not local_map.aligned:
-            found = find_alignment(local_map, t_s, fixes, camera_p_antenna, config.start)
-            if found is not None:
-                local_map.transform(found.scale, found.world_R_map, found.world_p_map)
-                local_map.aligned = True
-    georeferenced = any(local_map.aligned for local_map in maps)
-    if not georeferenced and fixes.used.any():
-        warnings.append(_align_at_last(maps, t_s, fixes, camera_p_antenna, config))
-        georeferenced = True
-    if not georeferenced:
-        warnings.append("no fix ties the result to the world: place, heading and scale are arbitrary")
-        maps[0].aligned = True
-    warnings.extend(_continue_maps(maps, t_s))
+    config, antenna = context.config, sensors.camera_p_antenna
+    maps = [local_map.snapshot() for local_map in maps]
+    georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
+    warnings += _continue_maps(maps, t_s)
     assessment = FixAssessment.none(len(fixes))
-    path, _ = _every_frame(maps, t_s)
-    in_time = fixes.earlier(time_offset_s)
+    in_time = fixes.earlier(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
-        assessment = detect_outliers(path, t_s, in_time, camera_p_antenna, config)
+        poses, _ = _every_frame(maps, t_s)
+        assessment = detect_outliers(Trajectory(t_s, poses), in_time, antenna, config)
     believed = assessment.applied(in_time)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
-            if contradicts(local_map, t_s, believed, camera_p_antenna, config, whole=True):
-                correct_drift(local_map, t_s, believed, camera_p_antenna, config)
+            if contradicts(local_map, believed, antenna, config, whole=True):
+                local_map.apply(correct_drift(local_map, believed, antenna, config))
     poses, state = _every_frame(maps, t_s)
-    scene = replace(_scene(maps, t_s, poses), controls=controls)
-    gray = np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps])
-    return MergedMaps(scene, assessment, state, gray, georeferenced, tuple(warnings))
+    return MergedMaps(
+        scene=_scene(maps, Trajectory(t_s, poses), context),
+        assessment=assessment,
+        state=state,
+        gray=np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps]),
+        georeferenced=georeferenced,
+        warnings=tuple(warnings),
+    )
 
 
-def _align_at_last(
-    maps: list[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+def _align_maps(
+    maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> tuple[bool, list[str]]:
+    """Align each map by its own fixes; return whether any lies in the world, and warnings."""
+    for local_map in maps:
+        local_map.apply(pose_standing_frames(local_map))
+        if not local_map.aligned:
+            found = find_alignment(local_map, fixes, camera_p_antenna, config.start)
+            if found is not None:
+                local_map.apply(MapUpdate(similarity=found.to_world, aligned=True))
+    if any(local_map.aligned for local_map in maps):
+        return True, []
+    if fixes.used.any():
+        return True, [_align_poorly(maps, fixes, camera_p_antenna, config)]
+    maps[0].apply(MapUpdate(aligned=True))
+    return False, ["no fix ties the result to the world: place, heading and scale are arbitrary"]
+
+
+def _align_poorly(
+    maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> str:
-    """Put the longest map into the world by fixes that hardly suffice; what to know about it."""
+    """Align the longest map by fixes that hardly suffice; return a warning."""
     start = config.start.model_copy(update={"min_travel_ratio": config.start.final_travel_ratio})
     longest = max(maps, key=lambda local_map: len(local_map.poses))
-    found = find_alignment(longest, t_s, fixes, camera_p_antenna, start)
+    found = find_alignment(longest, fixes, camera_p_antenna, start)
     if found is None:
         raise _not_aligned(fixes, config)
-    longest.transform(found.scale, found.world_R_map, found.world_p_map)
-    longest.aligned = True
+    longest.apply(MapUpdate(similarity=found.to_world, aligned=True))
     span, radius = _span(fixes)
     return (
         f"the fixes span {span:.1f} m, each good to {radius:.1f} m: scale and heading are poorly known, "
-        f"which a way of {config.start.min_travel_ratio * radius:.0f} m or control points would show"
+        f"which a path of {config.start.min_travel_ratio * radius:.0f} m or control points would show"
     )
 
 
 def _span(fixes: Fixes) -> tuple[float, float]:
-    """Extent of the used fixes, and their median radius, metres."""
+    """Return the extent of the used fixes, and their median radius, metres."""
     extent = float(np.linalg.norm(np.ptp(fixes.world_p_fix[fixes.used], axis=0)))
     return extent, float(np.median(fixes.r_m[fixes.used]))
 
@@ -118,12 +134,12 @@ def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
     return GeometryError(
         f"the {fixes.used.sum()} usable fixes span {span:.1f} m: too little for scale and heading",
         expected=f"{config.start.min_fixes} fixes or more that span {needed:.1f} m while tracking holds",
-        remedy="record a longer way, or give control points",
+        remedy="record a longer path, or give control points",
     )
 
 
-def _continue_maps(maps: list[LocalMap], t_s: FloatArray) -> list[str]:
-    """Maps that no fix aligns go on where their neighbour ended, at its velocity."""
+def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray) -> list[str]:
+    """Let maps that no fix aligns go on where their neighbour ended, at its velocity; return warnings."""
     warnings = []
     order = sorted(
         range(len(maps)), key=lambda k: min(abs(k - j) for j in range(len(maps)) if maps[j].aligned)
@@ -132,8 +148,8 @@ def _continue_maps(maps: list[LocalMap], t_s: FloatArray) -> list[str]:
         if maps[k].aligned:
             continue
         before = k > 0 and maps[k - 1].aligned
-        _continue(maps[k], maps[k - 1] if before else maps[k + 1], t_s, before)
-        maps[k].aligned = True
+        to_world = _continuation(maps[k], maps[k - 1] if before else maps[k + 1], t_s, before)
+        maps[k].apply(MapUpdate(similarity=to_world, aligned=True))
         first, last = maps[k].first_posed, maps[k].next_frame - 1
         warnings.append(
             f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s) have too few fixes of their "
@@ -142,29 +158,37 @@ def _continue_maps(maps: list[LocalMap], t_s: FloatArray) -> list[str]:
     return warnings
 
 
-def _continue(local_map: LocalMap, neighbour: LocalMap, t_s: FloatArray, after: bool) -> None:
+def _continuation(local_map: LocalMap, neighbour: LocalMap, t_s: FloatArray, after: bool) -> Similarity:
+    """Return the similarity by which a map continues the motion of its neighbour."""
     at = local_map.first_posed if after else local_map.next_frame - 1
     edge = neighbour.next_frame - 1 if after else neighbour.first_posed
-    inner = max(neighbour.first_posed, edge - 5) if after else min(neighbour.next_frame - 1, edge + 5)
-    ahead = min(local_map.next_frame - 1, at + 5) if after else max(local_map.first_posed, at - 5)
+    inner = (
+        max(neighbour.first_posed, edge - _EDGE_FRAMES)
+        if after
+        else min(neighbour.next_frame - 1, edge + _EDGE_FRAMES)
+    )
+    ahead = (
+        min(local_map.next_frame - 1, at + _EDGE_FRAMES)
+        if after
+        else max(local_map.first_posed, at - _EDGE_FRAMES)
+    )
     velocity = (neighbour.pose(edge)[:3, 3] - neighbour.pose(inner)[:3, 3]) / (t_s[edge] - t_s[inner])
     own = (local_map.pose(ahead)[:3, 3] - local_map.pose(at)[:3, 3]) / (t_s[ahead] - t_s[at])
     scale = float(np.linalg.norm(velocity) / max(float(np.linalg.norm(own)), 1e-12))
     rotation = neighbour.pose(edge)[:3, :3] @ local_map.pose(at)[:3, :3].T
     target = neighbour.pose(edge)[:3, 3] + velocity * (t_s[at] - t_s[edge])
-    local_map.transform(scale, rotation, target - scale * rotation @ local_map.pose(at)[:3, 3])
+    return Similarity(scale, rotation, target - scale * rotation @ local_map.pose(at)[:3, 3])
 
 
-def _every_frame(maps: list[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tuple[FrameState, ...]]:
-    """Poses (F, 4, 4): tracked, or between and beyond tracked ones by time."""
+def _every_frame(maps: Sequence[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tuple[FrameState, ...]]:
+    """Return poses (F, 4, 4): tracked, or interpolated between and extrapolated beyond tracked ones."""
     poses = np.full((len(t_s), 4, 4), np.nan)
     state = [FrameState.BRIDGED] * len(t_s)
     for local_map in maps:
         known = np.flatnonzero(np.isfinite(local_map.poses[:, 0, 0]))
         poses[known + local_map.first_frame] = local_map.poses[known]
-        for frame in (known + local_map.first_frame).tolist():
-            if frame not in local_map.bridged:
-                state[frame] = FrameState.TRACKED
+        for frame in set((known + local_map.first_frame).tolist()) - local_map.bridged:
+            state[frame] = FrameState.TRACKED
     known = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
     missing = np.flatnonzero(np.isnan(poses[:, 0, 0]))
     poses[missing] = interpolate_poses(t_s[known], poses[known], t_s[missing])
@@ -179,11 +203,11 @@ def _every_frame(maps: list[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tup
 
 
 def _positioned(local_map: LocalMap) -> np.ndarray:
-    """Ids of features that have a position."""
+    """Return the ids of features that have a position."""
     return np.flatnonzero(np.isfinite(local_map.points[:, 0]))
 
 
-def _scene(maps: list[LocalMap], t_s: FloatArray, poses: FloatArray) -> Scene:
+def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext) -> Scene:
     points, frames, landmarks, uv = [], [], [], []
     ties: list[ZeroMotion] = []
     offset = 0
@@ -200,4 +224,6 @@ def _scene(maps: list[LocalMap], t_s: FloatArray, poses: FloatArray) -> Scene:
         ties.extend(local_map.zero_motions)
         offset += len(ids)
     observations = Observations(np.concatenate(frames), np.concatenate(landmarks), np.concatenate(uv))
-    return Scene(t_s, poses, np.concatenate(points), observations, tuple(ties))
+    return Scene(
+        path.t_s, path.world_T_camera, np.concatenate(points), observations, tuple(ties), context.controls
+    )

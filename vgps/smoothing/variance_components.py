@@ -12,13 +12,13 @@ from vgps.config import BatchConfig, Config
 from vgps.gps.fixes import Fixes, antenna_at, place, taking_part
 from vgps.model import FloatArray
 from vgps.smoothing.covariance import region_sigmas
+from vgps.solution import Trajectory
 
 
 def balanced(
     config: Config,
     scale: float,
-    poses: FloatArray,
-    t_s: FloatArray,
+    path: Trajectory,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
 ) -> float:
@@ -27,29 +27,29 @@ def balanced(
     Args:
         config: What was believed of the scale, and how firmly.
         scale: Of this round.
-        poses: (F, 4, 4) and their times (F,).
+        path: The result so far.
         fixes: At their times less the lag.
         camera_p_antenna: (3,) metres.
     """
     batch = config.batch
     if batch.balance == "fixed":
         return scale
-    share = variance_factor(config, poses, t_s, fixes, camera_p_antenna)
+    share = variance_factor(config, path, fixes, camera_p_antenna)
     return float(np.clip(scale * np.sqrt(share), *_limits(batch)))
 
 
-def variance_factor(
-    config: Config, poses: FloatArray, t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray
-) -> float:
+def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> float:
     """The fixes' squared misfit over the one expected from their regions, drawn towards 1 where they are few.
 
     Geodesy's variance factor after an adjustment; covariances are scaled by it as well. Arguments are those
     of :func:`balanced`; it is 1 without fixes.
     """
-    taking = fixes.where(taking_part(fixes, t_s, config.gps))
+    taking = fixes.where(taking_part(fixes, path.t_s, config.gps))
     if len(taking) == 0:
         return 1.0
-    offset = antenna_at(poses, place(t_s, taking.t_s), camera_p_antenna) - taking.world_p_fix
+    offset = (
+        antenna_at(path.world_T_camera, place(path.t_s, taking.t_s), camera_p_antenna) - taking.world_p_fix
+    )
     misfit = np.mean((offset / region_sigmas(taking)) ** 2, axis=1)
     worth, believed = independent_epochs(taking), config.batch.balance_prior_fixes
     return float((believed + worth @ misfit) / (believed + worth.sum()))

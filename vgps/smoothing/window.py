@@ -1,5 +1,7 @@
 """Stage C, Kume 2010: optimise the last frames of a map, with what is older held."""
 
+from dataclasses import dataclass
+
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
@@ -7,9 +9,10 @@ from gtsam.symbol_shorthand import X
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors
-from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import FloatArray
+from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import (
     build_problem,
     gps_and_motion,
@@ -17,107 +20,105 @@ from vgps.smoothing.factor_graph import (
     scene_of_map,
     select_observations,
 )
+from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
 _SHARED_BY = 3  # fixes at least
 _ROUGH = 3  # times as many iterations, where the start is rough
 
 
+@dataclass(frozen=True)
+class WindowResult:
+    """New poses and positions, and whether the optimiser found a way down; if not they are as they were."""
+
+    update: MapUpdate
+    converged: bool
+
+
 def optimise_window(
     local_map: LocalMap,
-    t_s: FloatArray,
-    K: FloatArray,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
-    config: Config,
-    controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
+    context: SmoothingContext,
     tolerance: float = 1.0,
-) -> bool:
-    """Optimise the poses of the last frames and the features seen in them, in place.
+) -> WindowResult:
+    """Optimise the poses of the last frames and the features seen in them.
 
     Older frames that share features with the window are held: what was learnt before, scale and place above
     all, reaches the window through them alone, as if they were exact. Measured against iSAM2 and its fixed
-    lag this is faster and nearer to the truth (``scripts.benchmarks.window``), but what is held can be wrong:
-    :func:`contradicts` asks the fixes. A map that begins in the window is held by GPS if it lies in the
-    world, else by its first two posed frames.
+    lag this is faster and nearer to the truth (``scripts/benchmarks/window.py``), but what is held can be
+    wrong: :func:`contradicts` asks the fixes. A map that begins in the window is held by GPS if it lies in
+    the world, else by its first two posed frames.
 
     Args:
-        local_map: The map; poses, positions and reliabilities are replaced.
-        t_s: Times of all frames of the video so far.
-        K: (3, 3).
-        fixes: Fixes so far.
+        local_map: The map; it is not changed.
+        fixes: Fixes so far, in time.
         camera_p_antenna: (3,) metres.
-        config: Window, weights and GPS model.
-        controls: Observations of known points.
-        tolerance: Of observations that contradict the start, in ``max_reprojection_px``: more where it is
-            rough.
-
-    Returns:
-        Whether the optimiser found its way; else the poses are as they were.
+        context: Calibration, control points, window, weights and GPS model.
+        tolerance: Limit of observations that contradict the start, in ``max_reprojection_px``: more where it
+            is rough.
 
     Raises:
         GeometryError: The poses are so far off that the cost is not finite.
         RuntimeError: GTSAM cannot linearise a factor there.
     """
-    last = local_map.next_frame
-    since = max(local_map.first_posed, last - config.window.length_frames)
+    config = context.config
+    since = max(local_map.first_posed, local_map.next_frame - config.window.length_frames)
     history = local_map.views.shape[1]
     first = max(local_map.first_posed, since - history)
-    scene, ids = scene_of_map(local_map, t_s, first, controls)
-    scene, sigma = select_observations(scene, K, config, tolerance)
+    scene, ids = scene_of_map(local_map, first, context.controls)
+    scene, sigma = select_observations(scene, context, tolerance)
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
-        graph = gps_and_motion(scene, K, fixes, Sensors.known(camera_p_antenna), config)
+        graph = gps_and_motion(scene, fixes, Sensors.known(camera_p_antenna), context)
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:
-        graph = motion_graph(scene, config, _typical_speed(scene.poses, scene.t_s))
+        graph = motion_graph(scene, config, _typical_speed(scene.trajectory))
         if not fixed.any():
             fixed[[0, _farthest_of_first_views(scene.poses)]] = True
-    problem = build_problem(scene, K, np.nan_to_num(sigma, nan=1.0), graph, config, fixed)
+    problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
     settings = SolverSettings(
         max_iterations=config.window.iterations * (1 if tolerance == 1.0 else _ROUGH),
         relative_tolerance=config.batch.relative_tolerance,
     )
     solved = solve(problem, settings)
-    result = solved.problem
-    local_map.poses[first - local_map.first_frame :] = result.world_T_camera
-    judged = np.isfinite(sigma)
-    local_map.set_points(ids[judged], result.world_p_landmark[judged], sigma[judged])
-    return not solved.stuck
+    result, reliable = solved.problem, np.isfinite(sigma)
+    positions = Positions(ids[reliable], result.world_p_landmark[reliable], sigma[reliable])
+    update = MapUpdate(first_frame=first, poses=result.world_T_camera, positions=positions)
+    return WindowResult(update, not solved.stuck)
 
 
 def contradicts(
     local_map: LocalMap,
-    t_s: FloatArray,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
     whole: bool = False,
 ) -> bool:
-    """Whether fixes of the last window lie so far off that the older frames must be wrong as well.
+    """Return whether fixes of the last window lie so far off that the older frames must be wrong as well.
 
-    They do where one lies farther outside its region than a camera drifts on the way, or where all together
-    lie to one side of the path by more than their regions.
+    They do where one lies farther outside its region than a camera drifts over the distance, or where all
+    together lie to one side of the path by more than their regions.
 
     Args:
-        local_map: Aligned; the others as in :func:`optimise_window`.
-        whole: Ask for the whole map.
+        local_map: Aligned.
+        fixes, camera_p_antenna, config: As in :func:`optimise_window`.
+        whole: Look at the whole map instead of its last window.
     """
     begin = 0 if whole else local_map.next_frame - config.window.length_frames
-    first = max(local_map.first_posed, begin)
-    poses, times = local_map.poses[first - local_map.first_frame :], t_s[first : local_map.next_frame]
-    if config.gps.model == "none" or len(times) < 2:
+    first = max(local_map.first_posed, begin) - local_map.first_frame
+    path = Trajectory(local_map.t_s[first:], local_map.poses[first:])
+    if config.gps.model == "none" or len(path) < 2:
         return False
-    placement = place(times, fixes.t_s)
+    placement = place(path.t_s, fixes.t_s)
     rows = placement.inside & fixes.used
-    offset = (antenna_at(poses, placement, camera_p_antenna) - fixes.world_p_fix)[rows]
-    way = float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
+    offset = (antenna_at(path.world_T_camera, placement, camera_p_antenna) - fixes.world_p_fix)[rows]
     beyond = np.maximum(
         np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
     )
-    window_way = way * min(1.0, config.window.length_frames / len(times))
-    if (beyond > config.window.tolerated_drift * window_way).any():
+    window_m = path.length_m * min(1.0, config.window.length_frames / len(path))
+    if (beyond > config.window.tolerated_drift * window_m).any():
         return True
     if rows.sum() < _SHARED_BY:
         return False
@@ -131,9 +132,8 @@ def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
     return int(np.argmax(away))
 
 
-def _typical_speed(poses: FloatArray, t_s: FloatArray) -> float:
-    way = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()
-    return float(max(way / max(t_s[-1] - t_s[0], 1e-9), 1e-6))
+def _typical_speed(path: Trajectory) -> float:
+    return float(max(path.length_m / max(path.t_s[-1] - path.t_s[0], 1e-9), 1e-6))
 
 
 def _loose_prior(pose: FloatArray) -> gtsam.PriorFactorPose3:

@@ -1,0 +1,55 @@
+"""Stage C of a snapshot: what it does before the window, and in which order."""
+
+from dataclasses import replace
+
+import numpy as np
+from synthetic_bundle import ANTENNA
+from synthetic_map import away, context, map_of, moved, scene
+
+from vgps.config import Config, WindowConfig
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.pipeline.stage_c import StageC
+from vgps.runtime.timing import CONCURRENT, StageTimer
+
+CONFIG = Config(window=WindowConfig(length_frames=20))
+
+
+def run(local_map, fixes):
+    timer = StageTimer()
+    warnings = StageC(context(CONFIG), timer).run(local_map, FixBuffer(fixes, ANTENNA, CONFIG), CONCURRENT)
+    return warnings, timer
+
+
+def true_map(last=59, aligned=True):
+    problem, true, _, fixes = scene(disturbed=0.0)
+    return map_of(replace(problem, world_T_camera=true), 0, last, aligned=aligned), true, fixes
+
+
+def test_drift_that_fixes_contradict_is_taken_out_of_frames_that_the_window_would_hold():
+    local_map, true, fixes = true_map()
+
+    def too_long(poses):
+        poses[:, :3, 3] += 0.3 * (poses[:, :3, 3] - true[14, :3, 3])
+        return poses
+
+    moved(local_map, 15, too_long)
+    before = away(local_map.poses[15:40], true[15:40])
+    warnings, timer = run(local_map, fixes)
+    assert not warnings and set(timer.by_stage) == {"drift" + CONCURRENT, "window" + CONCURRENT}
+    assert away(local_map.poses[15:40], true[15:40]) < 0.3 * before
+
+
+def test_frames_before_the_window_stay_where_fixes_agree_with_them():
+    local_map, _, fixes = true_map()
+    before = local_map.poses.copy()
+    run(local_map, fixes)
+    np.testing.assert_array_equal(local_map.poses[:40], before[:40])
+    assert not np.array_equal(local_map.poses[40:], before[40:])
+
+
+def test_a_map_outside_the_world_is_not_compared_with_fixes():
+    local_map, _, fixes = true_map(aligned=False)
+    away_from_it = replace(fixes, world_p_fix=fixes.world_p_fix + np.array([50.0, 0.0, 0.0]))
+    before = local_map.poses.copy()
+    run(local_map, away_from_it)
+    np.testing.assert_array_equal(local_map.poses[:40], before[:40])

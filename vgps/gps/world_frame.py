@@ -1,0 +1,63 @@
+"""The world frame of a recording, and its GPS fixes in it."""
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.errors import GpsLogError, RecordingError
+from vgps.geodesy import to_enu
+from vgps.gps.fixes import Fixes, fixes_in_world, place
+from vgps.gps.regions import region_sizes
+from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording
+
+
+def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:
+    """Return the origin of the world frame and the log's fixes in it.
+
+    The origin is the rig's, else the first control point's, else the first usable fix.
+
+    Raises:
+        GpsLogError: Fewer usable fixes than it takes to align, or none of a class with a region.
+        RecordingError: Control points in ENU beside a GPS log, and no origin.
+    """
+    log, origin = recording.gps, _given_origin(recording)
+    if log is None:
+        return origin, Fixes.none()
+    usable = _usable(log, recording.video.times_s, config)
+    if origin is None:
+        first = int(np.flatnonzero(usable)[0])
+        origin = GeodeticPoint(
+            float(log.latitude_deg[first]), float(log.longitude_deg[first]), float(log.height_m[first])
+        )
+    position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
+    return origin, fixes_in_world(log, position, config.gps)
+
+
+def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
+    """Return which fixes (M,) lie within the video and are of a class with a region."""
+    r_m, _ = region_sizes(log.fix_class, config.gps)
+    usable = np.isfinite(r_m) & place(times_s, log.t_s).inside
+    if usable.sum() < config.start.min_fixes:
+        classes = ", ".join(sorted(set(log.fix_class)))
+        raise GpsLogError(
+            f"{usable.sum()} usable fixes during the video (classes in the log: {classes})",
+            file=log.source,
+            expected=f"at least {config.start.min_fixes}, of a class with a region",
+            remedy="check the log and rig.yaml's video_start_utc, or give regions with --survey",
+        )
+    return np.asarray(usable)
+
+
+def _given_origin(recording: Recording) -> GeodeticPoint | None:
+    """Return the rig's origin, or the first control point."""
+    points, origin = recording.control_points, recording.rig.world_origin
+    if points is None or origin is not None:
+        return origin
+    if points.geodetic:
+        return GeodeticPoint(*(float(x) for x in points.world_p_point[0]))
+    if recording.gps is not None:
+        raise RecordingError(
+            "control points in ENU without an origin",
+            file=points.source,
+            remedy="give world_origin in rig.yaml, or latitude_deg, longitude_deg, height_m",
+        )
+    return None

@@ -1,0 +1,77 @@
+"""Position, reliability and luminance of every feature that a map has followed, by feature id."""
+
+import copy
+
+import numpy as np
+
+from vgps.mapping.map_update import Positions, Similarity
+from vgps.model import FloatArray, IntArray
+
+_GROWTH = 4096
+
+
+class FeatureTable:
+    """One row per feature id; memory grows with the number of features."""
+
+    def __init__(self) -> None:
+        self._points = np.full((_GROWTH, 3), np.nan)
+        self._sigma_px = np.full(_GROWTH, np.nan)
+        self._gray = np.zeros(_GROWTH, dtype=np.uint8)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def points(self) -> FloatArray:
+        """(T, 3) positions, NaN for a feature without one."""
+        return self._points[: self._count]
+
+    @property
+    def sigma_px(self) -> FloatArray:
+        """(T,) reliabilities sigma_j (13), NaN for a feature without a position."""
+        return self._sigma_px[: self._count]
+
+    @property
+    def gray(self) -> np.ndarray:
+        """(T,) luminance where each feature was first seen."""
+        return self._gray[: self._count]
+
+    def copy(self) -> "FeatureTable":
+        """Return a table whose positions may change while this one grows."""
+        twin = copy.copy(self)
+        twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
+        return twin
+
+    def add(self, gray: np.ndarray) -> IntArray:
+        """Add features without positions and return their ids (n,)."""
+        ids = np.arange(self._count, self._count + len(gray))
+        self._count += len(gray)
+        while self._count > len(self._gray):
+            more = max(len(self._gray), _GROWTH)
+            self._points = np.concatenate([self._points, np.full((more, 3), np.nan)])
+            self._sigma_px = np.concatenate([self._sigma_px, np.full(more, np.nan)])
+            self._gray = np.concatenate([self._gray, np.zeros(more, dtype=np.uint8)])
+        self._gray[ids] = gray
+        return ids
+
+    def add_copies(self, ids: IntArray) -> IntArray:
+        """Add features (n,) that take over the rows of others (n,), and return their ids."""
+        new = self.add(self._gray[ids])
+        self._points[new], self._sigma_px[new] = self._points[ids], self._sigma_px[ids]
+        return new
+
+    def place(self, positions: Positions) -> None:
+        """Set the positions of features."""
+        self._points[positions.ids] = positions.points
+        self._sigma_px[positions.ids] = positions.sigma_px
+
+    def transform(self, to_world: Similarity) -> None:
+        """Move all positions by a similarity."""
+        self._points = to_world.scale * self._points @ to_world.world_R_map.T + to_world.world_p_map
+
+    def drop_first(self, count: int) -> None:
+        """Discard the first features; the ids of the others become smaller by ``count``."""
+        self._points, self._sigma_px = self._points[count:].copy(), self._sigma_px[count:].copy()
+        self._gray = self._gray[count:].copy()
+        self._count -= count

@@ -1,0 +1,31 @@
+"""The path of a local map: as it stands, and as it was tracked before any fix bent it."""
+
+import numpy as np
+
+from vgps.mapping.local_map import LocalMap
+from vgps.solution import Trajectory
+
+
+def map_trajectory(local_map: LocalMap, since_s: float = -np.inf) -> Trajectory:
+    """Return the poses of a map from its first posed frame or a later time on; a view of the map."""
+    first = max(local_map.first_posed - local_map.first_frame, int(np.searchsorted(local_map.t_s, since_s)))
+    return Trajectory(local_map.t_s[first:], local_map.poses[first:])
+
+
+def odometry_trajectory(local_map: LocalMap, since_s: float = -np.inf) -> Trajectory:
+    """Return the same frames with the displacements that were tracked when the frames came.
+
+    Late fixes pull the path into their shape, where nothing shows any more that they are late; the odometry
+    still does.
+    """
+    path = map_trajectory(local_map, since_s)
+    poses = path.world_T_camera
+    tracked = local_map.odometry[len(local_map.odometry) - len(poses) + 1 :]
+    steps = np.where(
+        np.isfinite(tracked),
+        (poses[:-1, :3, :3] @ tracked[:, :, None])[:, :, 0],
+        np.diff(poses[:, :3, 3], axis=0),
+    )
+    out = poses.copy()
+    out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
+    return Trajectory(path.t_s, out)
