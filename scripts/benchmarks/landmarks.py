@@ -47,7 +47,14 @@ def street(landmarks: int, rng: np.random.Generator) -> DatabaseContents:
     templates = rng.integers(0, 256, (len(owner), LEVELS, PATCH_PX, PATCH_PX), np.uint8)
     ones = np.ones(len(owner))
     views = LandmarkViews(
-        owner, point[owner], camera, axes[:, 0], axes[:, 1], templates, 0.4 * ones, 0.1 * ones
+        landmark=owner,
+        world_p_landmark=point[owner],
+        world_p_camera=camera,
+        world_v_column=axes[:, 0],
+        world_v_row=axes[:, 1],
+        templates=templates,
+        sigma_px=0.4 * ones,
+        position_sigma_m=0.1 * ones,
     )
     return DatabaseContents(GeodeticPoint(49.0, 8.4, 160.0), views, (), ())
 
