@@ -70,6 +70,13 @@ def test_imports_go_down() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_tests_mirror_the_rooms() -> None:
+    rooms = {path.parent.name for path in (ROOT / "vgps").glob("*/__init__.py")}
+    tested = {path.parent.name for path in (ROOT / "tests").glob("*/test_*.py")}
+    assert tested <= rooms | {"factors", "scripts"}, "tests of a room that is gone"
+    assert rooms <= tested, "a room without tests"
+
+
 def test_only_geodesy_imports_pymap3d() -> None:
     assert rooms_that_use("pymap3d") == {"vgps.geodesy"}
 
