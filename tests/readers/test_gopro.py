@@ -55,7 +55,7 @@ def test_gps5_by_hand():
     [
         (3, 9999, 4, "4 of 8 GPS samples had no fix"),
         (0, 154, 4, "4 of 8 GPS samples had no fix"),
-        (2, 300, 8, "4 fixes are two-dimensional: their heights are guesses"),
+        (2, 300, 8, "4 two-dimensional fixes with guessed heights"),
     ],
 )
 def test_the_fix_and_the_dilution_of_a_payload_are_those_of_its_samples(fix, dop, kept, note):
@@ -107,7 +107,7 @@ def test_the_karma_drones_stream():
     assert [fix.t_s for fix in raw.fixes] == [0.0, 0.5, 1.0, 1.5]
     assert raw.fixes[1][1:4] == pytest.approx((33.126701, -117.3273, 120.5))
     assert raw.notes == [
-        "no time stamps (STMP): times are those of the payloads, good to some tenths of a second"
+        "no time stamps (STMP): times are those of the payloads, accurate to some tenths of a second"
     ]
 
 
@@ -334,7 +334,7 @@ def test_the_walk_damaged_in_one_payload_keeps_the_others(data_dir, tmp_path):
     struct.pack_into(">H", whole, at[4] + 6, 60_000)  # claims more samples than there are
     (tmp_path / "video.mp4").write_bytes(whole)
     log = read_gps_log(tmp_path / "video.mp4")
-    assert log.skipped == ("1 damaged payloads of GoPro metadata passed over",)
+    assert log.skipped == ("1 damaged payload of GoPro metadata skipped",)
     assert 170 < len(log) < 180
     assert np.diff(log.t_s).max() == pytest.approx(1.0, abs=0.1)
 

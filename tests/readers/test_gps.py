@@ -100,7 +100,7 @@ def test_a_log_without_a_date_over_midnight(log):
 
 
 def test_utc_needs_the_videos_start(log):
-    with pytest.raises(GpsLogError, match=r"give video_start_utc in rig\.yaml"):
+    with pytest.raises(GpsLogError, match=r"set video_start_utc in rig\.yaml"):
         log(gga("120000") + zda("120000", 26, 9, 2011), Rig())
     with pytest.raises(GpsLogError, match="video_start_utc"):
         log(gga("120000"), Rig())
@@ -128,7 +128,7 @@ def test_fixes_are_sorted_and_unique(log):
     assert read.line.tolist() == [3, 4, 2]
     assert read.skipped == (
         "fixes were not in order of time; sorted",
-        "1 fixes at the time of another dropped",
+        "1 fix at the time of another dropped",
     )
 
 
@@ -142,10 +142,10 @@ def test_longitudes_beyond_180_come_back(log):
     [
         (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
-        (b"hello\n", "no GPS log of a known format; expected UBX"),
+        (b"hello\n", "not a GPS log of a known format; expected UBX"),
         (b"\xb5\x62\x01\x03" * 50, "UBX without NAV-PVT"),
         (b'<?xml version="1.0"?><gpx></gpx>', "0 track points, none with a time"),
-        (gga("120000", quality=0).encode(), r"no fix with a position \(1 epochs without a fix passed over\)"),
+        (gga("120000", quality=0).encode(), r"no fix with a position \(1 epoch without a fix skipped\)"),
         (gga("120000", quality=6).encode(), "none of 1 fixes has a known class; expected rtk_fix, rtk_float"),
         (gga("120000").replace("*", "*0").encode(), "no fix with a position .*damaged"),
     ],

@@ -103,7 +103,7 @@ def test_altitude_with_and_without_separation(tmp_path):
     assert (log.fixes[0].height_m, log.notes) == (147.5, [])
     log = read(tmp_path, "t_s,lat,lon,altitude,fix\n1,49,8,100,4\n")
     assert log.fixes[0].height_m == 100
-    assert "may be off by 100 m" in log.notes[0]
+    assert "may be wrong by 100 m" in log.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -125,8 +125,8 @@ def test_short_rows_and_rows_without_time_are_counted(tmp_path):
     log = read(tmp_path, "t_s,lat,lon,height,fix\n1,49,8,100,4\nsoon,49,8,100,4\n3,49,8,100,0\n4,49,8")
     assert [fix.line for fix in log.fixes] == [2]
     assert log.notes == [
-        "2 damaged or truncated lines passed over, first line 3",
-        "1 rows without a fix passed over",
+        "2 damaged or truncated lines skipped, first line 3",
+        "1 row without a fix skipped",
     ]
 
 

@@ -87,13 +87,13 @@ def test_the_fix_of_a_route_or_a_waypoint_is_not_that_of_the_track_point_before_
     file.write_text(GPX.replace("</gpx>", f"{other}</gpx>"))
     # the last point of the track says that it has none
     assert read_gps_log(file).fix_class == (FixClass.DGPS, FixClass.SINGLE)
-    assert "1 points without a fix passed over" in read_gps_log(file).skipped
+    assert "1 point without a fix skipped" in read_gps_log(file).skipped
 
 
 def test_points_without_a_fix_are_told(tmp_path):
     file = tmp_path / "gps.gpx"
     file.write_text(GPX)
-    assert "1 points without a fix passed over" in read_gps_log(file).skipped
+    assert "1 point without a fix skipped" in read_gps_log(file).skipped
 
 
 def test_times_with_an_offset_are_put_on_utc(tmp_path):

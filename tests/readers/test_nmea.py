@@ -67,7 +67,7 @@ def test_epochs_without_a_fix_are_counted():
     empty = sentence("GNGGA,120001.00,,,,,0,00,99.99,,M,,M,,")
     log = read(gga("120000") + empty + gga("120002"))
     assert len(log.fixes) == 2
-    assert log.notes == ["1 epochs without a fix passed over"]
+    assert log.notes == ["1 epoch without a fix skipped"]
 
 
 @pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "GB", "BD", "GQ"])
@@ -116,7 +116,7 @@ def test_gsa_gives_a_missing_hdop():
 def test_a_missing_separation_is_that_of_the_others():
     log = read(gga("120000") + gga("120001", separation="") + gga("120002"))
     assert [fix.height_m for fix in log.fixes] == pytest.approx([163.9] * 3)
-    assert log.notes == ["1 fixes without geoid separation, taken as that of the others, 47.9 m"]
+    assert log.notes == ["1 fix without geoid separation, taken as 47.9 m as in the others"]
     log = read(gga("120000", separation=""))
     assert log.fixes[0].height_m == 116.0
     assert "taken as zero" in log.notes[0]
@@ -134,7 +134,7 @@ def test_damage_is_counted_and_passed_over():
     )  # fmt: skip
     log = read(text)
     assert [fix.line for fix in log.fixes] == [1, 5]
-    assert log.notes == ["4 damaged or truncated lines passed over, first line 2"]
+    assert log.notes == ["4 damaged or truncated lines skipped, first line 2"]
 
 
 def test_a_sentence_within_a_line_of_garbage_is_found():
@@ -157,7 +157,7 @@ def test_a_log_without_any_checksums_is_read():
     text = "".join(gga(f"12000{i}").split("*")[0] + "\n" for i in range(3)) + "$GNGGA,120003,4900.66,N"
     log = read(text)
     assert len(log.fixes) == 3
-    assert log.notes == ["1 damaged or truncated line passed over, first line 4"]
+    assert log.notes == ["1 damaged or truncated line skipped, first line 4"]
 
 
 @given(st.binary(max_size=300))
@@ -201,7 +201,7 @@ def test_absurd_numbers_are_damage():
     year = zda("120002", 26, 9, 99_999_999_999)
     log = read(gga("120000") + with_checksums(many) + gga("120002") + year)
     assert [fix.line for fix in log.fixes] == [1, 3]
-    assert log.notes == ["1 damaged or truncated line passed over, first line 2"]
+    assert log.notes == ["1 damaged or truncated line skipped, first line 2"]
     assert log.clock is Clock.TIME_OF_DAY  # a year without a calendar is no date
 
 

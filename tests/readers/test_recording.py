@@ -97,7 +97,7 @@ def test_several_logs_need_a_name(folder):
 
 def test_a_log_named_gps_must_be_readable(folder):
     (folder / "gps.txt").write_text("hello\n")
-    with pytest.raises(GpsLogError, match=r"gps\.txt: no GPS log of a known format"):
+    with pytest.raises(GpsLogError, match=r"gps\.txt: not a GPS log of a known format"):
         open_recording(folder)
 
 

@@ -74,7 +74,7 @@ def test_quality_may_be_written_as_a_float():
     rows = [ROW.replace(" 2  11", f" {q}.0000000 11").replace("42.5", f"4{q}.5") for q in range(8)]
     log = read(HEADER.format(time="GPST") + "\n".join(rows))
     assert [fix.fix_class for fix in log.fixes] == expected
-    assert log.notes == ["1 epochs without a fix passed over"]
+    assert log.notes == ["1 epoch without a fix skipped"]
 
 
 def test_degrees_minutes_seconds():
@@ -113,7 +113,7 @@ def test_a_baseline_from_its_base_station():
     assert fix.sigma_m == (0.01, 0.02, 0.03)
     in_minutes = "% ref pos   :  40 07 47.8349544 -105 13 58.9992672 1669.9904\n"
     assert_place(only(in_minutes + header + row), fix[1:4], 1e-4)
-    with pytest.raises(GpsLogError, match="base station is not known; expected a comment line '% ref pos"):
+    with pytest.raises(GpsLogError, match="of the baselines is unknown; expected a comment line '% ref pos"):
         read(header + row)
 
 
@@ -121,7 +121,7 @@ def test_damaged_and_truncated_rows_are_counted():
     rows = [ROW, ROW.replace("40.097", "4x.097"), ROW.replace("42.5", "43.5"), ROW[:70]]
     log = read(HEADER.format(time="GPST") + "\n".join(rows))
     assert [fix.line for fix in log.fixes] == [2, 4]
-    assert log.notes == ["2 damaged or truncated lines passed over, first line 3"]
+    assert log.notes == ["2 damaged or truncated lines skipped, first line 3"]
 
 
 @pytest.mark.parametrize(
@@ -146,12 +146,12 @@ def test_absurd_numbers_are_damage(number, absurd):
     assert bad != ROW
     log = read(HEADER.format(time="GPST") + ROW.replace("42.5", "41.5") + "\n" + bad)
     assert [fix.line for fix in log.fixes] == [2]
-    assert log.notes == ["1 damaged or truncated line passed over, first line 3"]
+    assert log.notes == ["1 damaged or truncated line skipped, first line 3"]
 
 
 @pytest.mark.parametrize("place", ["1e308 -105 1669", "95 -105 1669", "40 -105 1e30", "nan nan nan"])
 def test_a_base_station_off_the_earth_is_told(place):
-    with pytest.raises(GpsLogError, match="base station is not known"):
+    with pytest.raises(GpsLogError, match="base station of the baselines is unknown"):
         read(f"% ref pos : {place}\n%  GPST  e-baseline(m)\n2137 422922.5 100.0 -200.0 5.0 1 11\n")
 
 
@@ -165,7 +165,7 @@ def test_more_columns_and_fewer_columns():
 def test_without_a_header_it_is_said_what_was_assumed():
     log = read(ROW + "\n")
     assert log.fixes[0].t_s == pytest.approx(UTC_S, abs=1e-6)
-    assert "taken as GPST" in log.notes[0]
+    assert "assumed GPST" in log.notes[0]
 
 
 def test_heights_above_the_geoid_are_told():

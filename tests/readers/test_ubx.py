@@ -168,7 +168,7 @@ def test_midnight_of_a_new_year(tmp_path):
 def test_times_before_the_leap_seconds_are_known_are_told(tmp_path):
     found = read_gps_log(log(tmp_path, pvt(fullyResolved=0)))
     assert found.skipped == (
-        "1 fixes before the receiver knew the leap seconds: their times may be whole seconds off",
+        "1 fix before the receiver knew the leap seconds: times may be wrong by whole seconds",
     )
 
 
@@ -178,7 +178,7 @@ def test_a_message_that_is_too_short_is_damage(tmp_path, kind, length):
     """Its checksum holds; what it lacks would be zero, its position on the equator."""
     short = framed(kind, bytes(range(length)))
     found = read_gps_log(log(tmp_path, at(1000) + short))
-    assert len(found) == 1 and found.skipped == ("1 damaged messages passed over",)
+    assert len(found) == 1 and found.skipped == ("1 damaged message skipped",)
 
 
 def test_a_position_that_is_cut_off_is_no_fix(tmp_path):
@@ -192,13 +192,13 @@ def test_a_position_that_is_cut_off_is_no_fix(tmp_path):
 def test_a_date_that_is_in_no_calendar_is_no_time(tmp_path, date):
     found = read_gps_log(log(tmp_path, pvt() + pvt(**date)))
     assert len(found) == 1
-    assert found.skipped == ("1 messages before the receiver knew the time passed over",)
+    assert found.skipped == ("1 message before the receiver knew the time skipped",)
 
 
 def test_damage_is_counted(tmp_path):
     damaged = bytearray(pvt(second=20))
     damaged[30] ^= 0xFF
-    assert read_gps_log(log(tmp_path, pvt() + bytes(damaged))).skipped == ("1 damaged messages passed over",)
+    assert read_gps_log(log(tmp_path, pvt() + bytes(damaged))).skipped == ("1 damaged message skipped",)
 
 
 @given(st.lists(st.binary(max_size=40), max_size=6), st.integers(1, 4))

@@ -102,7 +102,7 @@ def test_an_outage_takes_the_middle_out_of_every_column(made, seconds):
 
 def test_an_outage_that_does_not_fit_is_told(made):
     short = replace(made, video=SimpleNamespace(times_s=np.arange(621) / 10.0))
-    with pytest.raises(GpsLogError, match="outage of 60 s leaves 1 fixes before it"):
+    with pytest.raises(GpsLogError, match="outage of 60 s leaves 1 fix before it"):
         faulty(short, "outage-60")
 
 

@@ -184,5 +184,5 @@ def test_a_reference_alone_is_told() -> None:
 
 def test_a_log_that_is_none_is_told(tmp_path: Path) -> None:
     (tmp_path / "x.nmea").write_text("nothing\n")
-    with pytest.raises(GpsLogError, match=r"x\.nmea: no GPS log of a known format"):
+    with pytest.raises(GpsLogError, match=r"x\.nmea: not a GPS log of a known format"):
         scene_with_errors("walk", tmp_path / "x.nmea")

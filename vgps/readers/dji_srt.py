@@ -1,4 +1,4 @@
-"""The subtitles that a DJI drone writes beside its video: position and height, stamped with the video's time.
+"""Subtitles that DJI drones write beside their videos: positions and heights at the video's times.
 
 Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 530.2]`` (some spell
 ``longtitude``, some give one ``altitude``), older ones ``GPS(11.5,48.1,530) BAROMETER:10.1`` with the
@@ -13,7 +13,7 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import Clock, Fix, RawLog
+from vgps.readers.fixes import Clock, Fix, RawLog, counted
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
 _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?itude{_NUMBER}")
@@ -22,12 +22,12 @@ _ABSOLUTE = re.compile(rf"(?:abs_alt|\baltitude){_NUMBER}")
 _RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
 _CLOCK = r"(\d{1,3}):(\d\d):(\d\d)[,.:](\d{1,3})"
 _TIMES = re.compile(rf"^[^\S\n]*{_CLOCK}\s*-->\s*{_CLOCK}", re.MULTILINE)
-_STILL_S = 1.0  # a position that stays longer than this is a new fix and not the old one shown again
+_STILL_S = 1.0  # a position repeated for longer than this is a new fix
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Row:
-    """A subtitle's position; heights are NaN where it does not say them."""
+    """A subtitle's position; NaN for unknown heights. ``old`` marks the form ``GPS(...)``."""
 
     number: int
     t_s: float
@@ -39,20 +39,20 @@ class _Row:
 
 
 def looks_like_srt(data: bytes) -> bool:
-    """Whether the file begins with a subtitle's times."""
+    """Whether the file begins with the times of a subtitle."""
     return _TIMES.search(data[:400].decode("utf-8-sig", errors="replace")) is not None
 
 
 def read_dji_srt(data: bytes, path: Path) -> RawLog:
-    """Fixes of a drone's subtitles, on the video's clock; ``line`` counts the subtitles.
+    """Read a drone's subtitles onto the video's clock; ``line`` counts the subtitles.
 
-    There is a subtitle for every frame, and a new position every few frames: only subtitles with a new one
-    are fixes, or one a second where the drone stands still. Every fix is single. Heights are ``abs_alt``,
-    which is above the sea and taken as ellipsoidal. With the older ``GPS(...)`` their changes come from the
-    barometer and their level from the third number. Both are told in the notes.
+    Subtitles may come with every frame, new positions every few frames: a fix is a subtitle with a new
+    position, or one a second while the drone stands still. Every fix is single. Heights are ``abs_alt``,
+    above the sea and taken as ellipsoidal; in the older ``GPS(...)`` they are the barometer's, shifted to the
+    level of the third number. A note says so.
 
     Raises:
-        GpsLogError: no subtitle with a position.
+        GpsLogError: No subtitle has a position.
     """
     text = data.decode("utf-8-sig", errors="replace")
     subtitles = _subtitles(text)
@@ -61,10 +61,10 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     rows = [row for row in found if row is not None]
     if not rows:
         raise GpsLogError(
-            f"{len(subtitles)} subtitles, none with a position",
+            f"{counted(len(subtitles), 'subtitle')}, none with a position",
             file=path,
-            expected="a DJI drone's, with [latitude: ...] [longitude: ...] or GPS(longitude,latitude,...)",
-            remedy="switch on video captions on the drone and fly with GPS",
+            expected="[latitude: ...] [longitude: ...] or GPS(longitude,latitude,...), as of a DJI drone",
+            remedy="enable video captions on the drone and fly with GPS",
         )
     height, notes = _heights(rows)
     new = _new(rows)
@@ -74,16 +74,16 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
         if keep
     ]
     if untimed:
-        notes.append(f"{untimed} subtitles without a valid time skipped")
+        notes.append(f"{counted(untimed, 'subtitle')} without a valid time skipped")
     if len(rows) < len(found):
-        notes.append(f"{len(found) - len(rows)} subtitles without a position passed over")
+        notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
     if len(fixes) < len(rows):
-        notes.append(f"{len(rows) - len(fixes)} subtitles that repeat a position passed over")
+        notes.append(f"{counted(len(rows) - len(fixes), 'subtitle')} with a repeated position skipped")
     return RawLog(Clock.VIDEO, fixes, notes)
 
 
 def _subtitles(text: str) -> list[tuple[float, str]]:
-    """Return when each subtitle is first shown [s], and its text."""
+    """Return the start time [s] and the text of each subtitle."""
     times = list(_TIMES.finditer(text))
     ends = [following.start() for following in times[1:]] + [len(text)]
     return [(_seconds(time), text[time.end() : end]) for time, end in zip(times, ends, strict=True)]
@@ -128,22 +128,22 @@ def _number(pattern: re.Pattern[str], text: str) -> float:
 
 
 def _heights(rows: list[_Row]) -> tuple[FloatArray, list[str]]:
-    """(N,) heights, and what is to be said of them."""
+    """Return (N,) heights and a note on them."""
     absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
     both = np.isfinite(absolute) & np.isfinite(relative)
     if not np.isfinite(absolute).any():
-        return relative, ["heights are above the place of take-off and taken as ellipsoidal"]
+        return relative, ["heights are above the take-off point but taken as ellipsoidal"]
     if both.all() and all(row.old for row in rows) and np.all(absolute == np.round(absolute)):
         level = float(np.median(absolute - relative))
         return relative + level, [
-            "heights are the barometer's, their level the third number of GPS(...), which counts satellites "
-            "on some drones: they may be off by hundreds of metres"
+            "heights are the barometer's, shifted to the third number of GPS(...), which counts satellites "
+            "on some drones: they may be wrong by hundreds of metres"
         ]
-    return absolute, ["heights are above the sea and taken as ellipsoidal: they may be off by 100 m"]
+    return absolute, ["heights are above the sea but taken as ellipsoidal: they may be wrong by 100 m"]
 
 
 def _new(rows: list[_Row]) -> list[bool]:
-    """Which rows give a position that the last kept one did not, or keep it for a second."""
+    """Return which rows are fixes: a new position, or the same one for another second."""
     kept: _Row | None = None
     new = []
     for row in rows:

@@ -1,4 +1,4 @@
-"""What the GPS formats have in common, before a log is put on the video's clock."""
+"""Common parts of the GPS formats, before a log is put on the video's clock."""
 
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
@@ -11,7 +11,7 @@ from vgps.model import FixClass
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
-HIGHEST_M = 1e8  # of a position: beyond the orbits of all navigation satellites
+HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
 NMEA_QUALITY = {
@@ -28,15 +28,15 @@ NMEA_QUALITY = {
 
 
 class Clock(Enum):
-    """What a log's times count from."""
+    """Origin of a log's times."""
 
-    UTC = auto()  # 1970-01-01, leap seconds left out
-    TIME_OF_DAY = auto()  # some midnight UTC: no date in the log
+    UTC = auto()  # 1970-01-01, without leap seconds
+    TIME_OF_DAY = auto()  # an unknown midnight UTC: the log has no date
     VIDEO = auto()  # the video's first frame
 
 
 class Fix(NamedTuple):
-    """One fix as its format gives it; NaN where unknown. ``sigma_m`` is east, north, up."""
+    """One fix; NaN where unknown. ``sigma_m`` is east, north, up."""
 
     t_s: float
     latitude_deg: float
@@ -52,7 +52,7 @@ class Fix(NamedTuple):
 
 @dataclass(frozen=True)
 class RawLog:
-    """Fixes in the order of the file, their clock, and notes on what was passed over."""
+    """Fixes in the order of the file, their clock, and notes on what was skipped or assumed."""
 
     clock: Clock
     fixes: list[Fix]
@@ -71,8 +71,14 @@ def unix_day_s(day: date) -> float:
 
 
 def damaged_lines(lines: list[int]) -> list[str]:
-    """A note on lines that were passed over, or none."""
+    """Return a note on damaged lines, or none."""
     if not lines:
         return []
-    noun = "line" if len(lines) == 1 else "lines"
-    return [f"{len(lines)} damaged or truncated {noun} passed over, first line {min(lines)}"]
+    return [f"{counted(len(lines), 'damaged or truncated line')} skipped, first line {min(lines)}"]
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 fix``, ``2 fixes``, ``3 lines``."""
+    if number == 1:
+        return f"1 {noun}"
+    return f"{number} {noun}es" if noun.endswith("x") else f"{number} {noun}s"

@@ -1,8 +1,8 @@
-"""A GoPro's own GPS, gyro and exposure, out of its video, on the video's clock.
+"""GPS, gyro and exposure of a GoPro, from its video, on the video's clock.
 
-GPS5 (up to HERO10), GPS9 (from HERO11) and GPRI (the Karma drone) are read. Times are STMP, in microseconds,
-counted from the first frame's exposure; without them samples are spread over their payload. The receiver's
-own delay, some tenths of a second between being at a place and reporting it, is still in them.
+GPS5 (up to HERO10), GPS9 (from HERO11) and GPRI (the Karma drone) are read. Times are STMP, microseconds from
+the first frame's exposure; without them samples are spread over their payload. They include the receiver's
+own delay of some tenths of a second between being at a position and reporting it.
 """
 
 import numpy as np
@@ -10,18 +10,18 @@ from scipy.spatial.transform import Rotation
 
 from vgps.errors import GpsLogError, GyroLogError, RecordingError
 from vgps.model import FixClass, FloatArray, GyroLog
-from vgps.readers.fixes import Clock, Fix, RawLog
+from vgps.readers.fixes import Clock, Fix, RawLog, counted
 from vgps.readers.gpmf import Block, Telemetry, first_number
 from vgps.readers.gpmf_times import sample_times
 
-# GoPro's axes: X to the left of the lens's view, Y backward, Z up; checked on a MAX by gravity and by its own
-# orientation stream (CORI), whose rates are those of the camera's axes
+# GoPro's axes: X to the left in the image, Y backward, Z up; checked on a MAX by gravity and by its
+# orientation stream (CORI), whose rates are about the camera's axes
 GYRO_R_CAMERA: FloatArray = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]])
-_EACH_FRAME = ("SHUT", "ISOE", "CORI", "ISOG")  # streams with a sample for every frame
-_AXES = (("Hero6", "YxZ"), ("Fusion", "yXZ"))  # order of axes where no ORIN says it; a small letter is minus
+_EACH_FRAME = ("SHUT", "ISOE", "CORI", "ISOG")  # streams with one sample per frame
+_AXES = (("Hero6", "YxZ"), ("Fusion", "yXZ"))  # order of axes without ORIN; lower case is minus
 _AXES_OF_OTHERS = "ZXY"
 _FIX_2D, _FIX_3D = 2, 3
-_UNLOCKED = 99.99  # the dilution that the camera gives without a fix
+_UNLOCKED = 99.99  # the DOP that the camera gives without a fix
 
 
 # GPS streams, the preferred first: number of columns, and the first of latitude, longitude and height
@@ -34,18 +34,18 @@ def looks_like_video(head: bytes) -> bool:
 
 
 def gps_stream(telemetry: Telemetry) -> str | None:
-    """Key of the GPS stream that is read: GPS9, else GPS5, else GPRI; None if there is none."""
+    """Return the key of the GPS stream to read: GPS9, else GPS5, else GPRI; None if there is none."""
     return next((key for key in _GPS if key in telemetry.sensors), None)
 
 
 def read_gopro_gps(telemetry: Telemetry) -> RawLog:
-    """Fixes of GPS9, GPS5 or GPRI; ``line`` counts the samples, ``hdop`` is the camera's DOP.
+    """Read GPS9, GPS5 or GPRI; ``line`` counts the samples, ``hdop`` is the camera's DOP.
 
-    The class is single, the best that these receivers reach; samples without a fix are passed over. Heights
-    are as the camera gives them: above the ellipsoid, unless GPSA says above the sea (a note tells).
+    The class is single, the best of these receivers; samples without a fix are skipped. Heights are above the
+    ellipsoid, unless GPSA says above the sea (with a note).
 
     Raises:
-        GpsLogError: No metadata of a GoPro, or no GPS among them.
+        GpsLogError: The video has no GoPro metadata, or no GPS in it.
     """
     key = gps_stream(telemetry)
     if key is None:
@@ -68,13 +68,13 @@ def read_gopro_gps(telemetry: Telemetry) -> RawLog:
 
 
 def read_gopro_gyro(telemetry: Telemetry) -> GyroLog | None:
-    """Angular rates about GoPro's axes X, Y, Z, see `GYRO_R_CAMERA`; None if the camera gives none.
+    """Read angular rates about GoPro's axes X, Y, Z, see `GYRO_R_CAMERA`; None if there is no gyro.
 
-    The stream's own order is ORIN's (``XzY`` is X, -Z, Y), or that which GoPro documents for the model. The
-    rates are the body's: a stabilised picture turns otherwise, see `picture_rotations`.
+    The stream's order of axes is ORIN's (``XzY`` is X, -Z, Y), or the one that GoPro documents for the model.
+    The rates are those of the body; a stabilised image rotates differently, see `picture_rotations`.
 
     Raises:
-        GyroLogError: The stream has not three columns, or ORIN does not name three axes.
+        GyroLogError: The stream does not have three columns, or ORIN does not name three axes.
     """
     if "GYRO" not in telemetry.sensors:
         return None
@@ -94,30 +94,30 @@ def read_gopro_gyro(telemetry: Telemetry) -> GyroLog | None:
 
 
 def gopro_exposures(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | None:
-    """Times (N,) and exposure times (N,) [s] of the frames (SHUT); None if the camera gives none."""
+    """Return times (N,) and exposure times (N,) [s] of the frames (SHUT); None if there are none."""
     if "SHUT" not in telemetry.sensors:
         return None
     return _times(telemetry, "SHUT"), _values(telemetry, "SHUT", 1)[:, 0]
 
 
 def picture_rotations(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | None:
-    """How the picture turned: the camera's orientation (CORI) with what stabilisation did to it (IORI).
+    """Return the rotation of the stabilised image: the body's (CORI) and the stabilisation's (IORI).
 
     Returns:
         Times (N,) and first_R_camera (N, 3, 3), from camera axes to those of the first sample's reference;
-        None without both streams. Against poses from the video of a walk with a MAX, which was turned by up
-        to 19 degrees by its stabilisation, the rates correlate to 0.9995; the gyro's own to 0.73.
+        None without both streams. On a walk with a MAX, whose stabilisation rotated the image by up to 19
+        degrees, the rates correlate to 0.9995 with those of poses from the video; the gyro's to 0.73.
     """
     if not {"CORI", "IORI"} <= telemetry.sensors.keys():
         return None
     camera, image = (_values(telemetry, key, 4)[:, [1, 2, 3, 0]] for key in ("CORI", "IORI"))
     n = min(len(camera), len(image))
-    turned = Rotation.from_quat(image[:n]) * Rotation.from_quat(camera[:n])
-    return _times(telemetry, "CORI")[:n], turned.inv().as_matrix()
+    rotation = Rotation.from_quat(image[:n]) * Rotation.from_quat(camera[:n])
+    return _times(telemetry, "CORI")[:n], rotation.inv().as_matrix()
 
 
 def _values(telemetry: Telemetry, key: str, columns: int) -> FloatArray:
-    """(N, k) values of a sensor, k at least ``columns`` and the same in every payload."""
+    """Return (N, k) values of a sensor; k is at least ``columns`` and the same in every payload."""
     widths = {block.samples.shape[1] for block in telemetry.sensors[key]}
     if len(widths) > 1 or min(widths) < columns:
         found = " and ".join(map(str, sorted(widths)))
@@ -125,7 +125,7 @@ def _values(telemetry: Telemetry, key: str, columns: int) -> FloatArray:
             f"{found} columns",
             file=telemetry.path,
             place=key,
-            expected=f"at least {columns}, always the same",
+            expected=f"at least {columns}, the same in every payload",
         )
     return np.concatenate([block.samples for block in telemetry.sensors[key]])
 
@@ -136,7 +136,7 @@ def _times(telemetry: Telemetry, key: str) -> FloatArray:
 
 
 def _quality(sensor: list[Block], key: str) -> tuple[FloatArray, FloatArray]:
-    """Fix (2 or 3 dimensions, 0 none) and dilution of every sample; NaN where the camera does not say it."""
+    """Return fix (2 or 3 dimensions, 0 none) and DOP of every sample; NaN where unknown."""
     if key == "GPS9":
         values = np.concatenate([block.samples for block in sensor])
         return values[:, 8], values[:, 7]
@@ -146,25 +146,25 @@ def _quality(sensor: list[Block], key: str) -> tuple[FloatArray, FloatArray]:
 
 
 def _axes(telemetry: Telemetry) -> str:
-    said = telemetry.sensors["GYRO"][0].about.get("ORIN")
-    if said is not None:
-        return said.data.decode("latin-1").strip("\0 ")
-    return next((order for name, order in _AXES if name in telemetry.device), _AXES_OF_OTHERS)
+    order = telemetry.sensors["GYRO"][0].about.get("ORIN")
+    if order is not None:
+        return order.data.decode("latin-1").strip("\0 ")
+    return next((axes for name, axes in _AXES if name in telemetry.device), _AXES_OF_OTHERS)
 
 
 def _notes(telemetry: Telemetry, sensor: list[Block], good: np.ndarray, fix: FloatArray) -> list[str]:
     notes = []
     if telemetry.damaged:
-        notes.append(f"{telemetry.damaged} damaged payloads of GoPro metadata passed over")
+        notes.append(f"{counted(telemetry.damaged, 'damaged payload')} of GoPro metadata skipped")
     if not good.all():
         notes.append(f"{(~good).sum()} of {len(good)} GPS samples had no fix")
     flat = int((good & (fix < _FIX_3D)).sum())
     if flat:
-        notes.append(f"{flat} fixes are two-dimensional: their heights are guesses")
+        notes.append(f"{counted(flat, 'two-dimensional fix')} with guessed heights")
     if any(b"MSLV" in block.about["GPSA"].data for block in sensor if "GPSA" in block.about):
-        notes.append("heights are above the sea and taken as ellipsoidal: they may be off by 100 m")
+        notes.append("heights are above the sea but taken as ellipsoidal: they may be wrong by 100 m")
     if any(np.isnan(block.stamp_s) for block in sensor):
         notes.append(
-            "no time stamps (STMP): times are those of the payloads, good to some tenths of a second"
+            "no time stamps (STMP): times are those of the payloads, accurate to some tenths of a second"
         )
     return notes

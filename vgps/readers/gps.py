@@ -1,4 +1,4 @@
-"""Any GPS log onto the video's clock: format told by content, fixes cleaned and in order of time."""
+"""GPS logs of any format on the video's clock, cleaned and in order of time; the content tells the format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, GpsLog, Rig
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
-from vgps.readers.fixes import DAY_S, EPOCH, HIGHEST_M, Clock, Fix, RawLog, unix_s
+from vgps.readers.fixes import DAY_S, EPOCH, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -41,7 +41,7 @@ _FORMATS = (
 
 
 def gps_format(path: str | Path) -> str | None:
-    """``ubx``, ``gpx``, ``nmea``, ``pos``, ``srt`` or ``csv`` as the content tells; None if none."""
+    """Return ``ubx``, ``gpx``, ``nmea``, ``pos``, ``srt``, ``csv`` or None, judging by the content."""
     try:
         data = Path(path).read_bytes()
     except OSError:
@@ -50,30 +50,32 @@ def gps_format(path: str | Path) -> str | None:
 
 
 def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry | None = None) -> GpsLog:
-    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, DJI subtitles, CSV, or a GoPro's video; content tells.
+    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, DJI subtitles, CSV, or a GoPro's video.
+
+    The content tells the format.
 
     Args:
         path: The file.
-        rig: Its ``video_start_utc`` puts UTC times on the video's clock; a log without a date gets the day
-            that lies closest. None (a log without a video): times count from the first fix.
-        telemetry: Of the file, where it is a GoPro's video that has been read.
+        rig: Its ``video_start_utc`` puts UTC times on the video's clock; a log without a date gets the
+            nearest day. Without a rig (a log without a video), times count from the first fix.
+        telemetry: The file's own, if it is a GoPro's video that has already been read.
 
     Returns:
-        Fixes in order of time; what was dropped is told in ``skipped``.
+        Fixes in order of time; ``skipped`` lists what was dropped.
 
     Raises:
-        GpsLogError: missing, empty, of no known format, without a usable fix or without a known fix class, or
-            on UTC while the rig has no ``video_start_utc``.
+        GpsLogError: The file is missing, empty, of no known format, without a usable fix or known fix class,
+            or in UTC while the rig has no ``video_start_utc``.
     """
     path = Path(path)
     raw = _read(path) if telemetry is None else read_gopro_gps(telemetry)
     notes = list(raw.notes)
     fixes = _in_order(_with_position(raw.fixes, notes), notes)
     if not fixes:
-        raise GpsLogError(_told("no fix with a position", notes), file=path, expected="at least one")
+        raise GpsLogError(_with_notes("no fix with a position", notes), file=path, expected="at least one")
     if all(fix.fix_class is FixClass.UNKNOWN for fix in fixes):
         raise GpsLogError(
-            _told(f"none of {len(fixes)} fixes has a known class", notes),
+            _with_notes(f"none of {len(fixes)} fixes has a known class", notes),
             file=path,
             expected=", ".join(kind for kind in FixClass if kind is not FixClass.UNKNOWN),
         )
@@ -87,7 +89,7 @@ def _read(path: Path) -> RawLog:
     form = next((form for form in _FORMATS if form.matches(data)), None)
     if form is None:
         raise GpsLogError(
-            "no GPS log of a known format",
+            "not a GPS log of a known format",
             file=path,
             expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, DJI subtitles, a GoPro video, or "
             "a CSV with latitude_deg and longitude_deg",
@@ -101,19 +103,19 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(16)
     except OSError:
-        return b""  # told by who reads it whole
+        return b""  # reading the whole file raises the error
 
 
 def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
-    """Check that at least one fix was taken while the video ran.
+    """Check that at least one fix was taken during the video.
 
     Args:
-        log: On the video's clock.
+        log: Fixes on the video's clock.
         times_s: (F,) frame times.
-        rig: For telling the spans in UTC.
+        rig: Its ``video_start_utc`` gives the spans of the message in UTC.
 
     Raises:
-        GpsLogError: no fix within the video, with both time spans.
+        GpsLogError: No fix is within the video; the message gives both time spans.
     """
     first, last = float(times_s[0]), float(times_s[-1])
     if np.any((log.t_s >= first) & (log.t_s <= last)):
@@ -124,20 +126,20 @@ def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
         f"no fix during the video: the log runs {spans[0]}",
         file=log.source,
         expected=f"fixes during the video, which runs {spans[1]}",
-        remedy="check video_start_utc in rig.yaml, or give the log of that day",
+        remedy="check video_start_utc in rig.yaml, or give the log of the same day",
     )
 
 
 def _remedy(data: bytes) -> str | None:
     if b"<kml" in data[:2000]:
-        return "KML lacks times; give the receiver's own log"
+        return "KML has no times; give the receiver's own log"
     if data.count(b"\xb5\x62") > len(data) / 2000:
-        return "UBX without NAV-PVT; switch that message on, or convert it with RTKLIB to .pos"
+        return "UBX without NAV-PVT; enable that message, or convert the log to .pos with RTKLIB"
     return None
 
 
-def _told(what: str, notes: list[str]) -> str:
-    return f"{what} ({'; '.join(notes)})" if notes else what
+def _with_notes(found: str, notes: list[str]) -> str:
+    return f"{found} ({'; '.join(notes)})" if notes else found
 
 
 def _with_position(fixes: list[Fix], notes: list[str]) -> list[Fix]:
@@ -151,7 +153,9 @@ def _with_position(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     )
     if not good.all():
         line = fixes[int(np.flatnonzero(~good)[0])].line
-        notes.append(f"{(~good).sum()} fixes without a possible position dropped, first line {line}")
+        notes.append(
+            f"{counted(int((~good).sum()), 'fix')} without a possible position dropped, first line {line}"
+        )
     return [fix for fix, keep in zip(fixes, good, strict=True) if keep]
 
 
@@ -162,25 +166,25 @@ def _in_order(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     gaps = np.diff([fix.t_s for fix in ordered], prepend=-np.inf)
     once = [fix for fix, gap in zip(ordered, gaps, strict=True) if gap > _SAME_TIME_S]
     if len(once) < len(ordered):
-        notes.append(f"{len(ordered) - len(once)} fixes at the time of another dropped")
+        notes.append(f"{counted(len(ordered) - len(once), 'fix')} at the time of another dropped")
     return once
 
 
 def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float:
-    """Time of the video's first frame on the log's clock."""
+    """Return the time of the video's first frame on the log's clock."""
     if rig is None:
         return fixes[0].t_s
     if clock is Clock.VIDEO:
         return 0.0
     if rig.video_start_utc is None:
         raise GpsLogError(
-            "times in UTC, while the video's start in UTC is not known",
+            "times are in UTC, but the video's start in UTC is unknown",
             file=path,
-            remedy="give video_start_utc in rig.yaml (the UTC instant of the first frame)",
+            remedy="set video_start_utc in rig.yaml (the UTC instant of the first frame)",
         )
     start = unix_s(rig.video_start_utc)
     if clock is Clock.TIME_OF_DAY:
-        # the day on which the log's first fix lies closest to the video's start
+        # the day on which the log's first fix is closest to the video's start
         start -= DAY_S * round((start - fixes[0].t_s) / DAY_S)
     return start
 

@@ -1,6 +1,6 @@
 """GPS logs as plain CSV with named columns.
 
-One row per fix; column order is free, further columns are ignored, commas, semicolons or tabs separate:
+One row per fix. Columns may come in any order, unknown ones are ignored; commas, semicolons or tabs separate:
 
 =================  ==========================================================================================
 column             meaning (other names)
@@ -16,7 +16,7 @@ sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviat
 hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
 =================  ==========================================================================================
 
-A column named fix_type or status is not taken for the class: receivers number those differently.
+A column named fix_type or status is not used as the class, since receivers number those differently.
 """
 
 from datetime import datetime
@@ -26,7 +26,7 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import NMEA_QUALITY, Clock, Fix, RawLog, damaged_lines, unix_s
+from vgps.readers.fixes import NMEA_QUALITY, Clock, Fix, RawLog, counted, damaged_lines, unix_s
 from vgps.readers.table import Table, read_table
 
 VIDEO_TIME = ("t_s", "time_s", "video_time_s")
@@ -54,7 +54,7 @@ _NO_FIX = {"", "0", "none", "no_fix"}
 
 
 def looks_like_gps_csv(data: bytes) -> bool:
-    """Whether the first line that is no comment has a column of latitudes, or one of longitudes."""
+    """Whether the first line that is not a comment names a column of latitudes or longitudes."""
     text = data[:20000].decode("utf-8-sig", errors="replace")
     lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
     header = next(lines, "").lower()
@@ -62,10 +62,10 @@ def looks_like_gps_csv(data: bytes) -> bool:
 
 
 def read_gps_csv(path: Path) -> RawLog:
-    """Fixes of a CSV log, see the module's table of columns; rows without a time are passed over.
+    """Read a CSV log, see the module's table of columns; rows without a time are skipped.
 
     Raises:
-        GpsLogError: a required column is missing (named, with the likely misspelling).
+        GpsLogError: A required column is missing; the message names it and a likely misspelling.
     """
     table = read_table(path, GpsLogError)
     clock, t_s = _times(table)
@@ -89,7 +89,7 @@ def read_gps_csv(path: Path) -> RawLog:
     notes += damaged_lines([*table.short_lines, *table.line[bad].tolist()])
     without = classes.count(None)
     if without:
-        notes.append(f"{without} rows without a fix passed over")
+        notes.append(f"{counted(without, 'row')} without a fix skipped")
     return RawLog(clock, fixes, notes)
 
 
@@ -102,13 +102,13 @@ def _times(table: Table) -> tuple[Clock, FloatArray]:
         table.require(*VIDEO_TIME, *UTC_TIME)
         raise AssertionError
     t_s = np.array([_instant(cell) for cell in table.text(name)])
-    # a bare "time" of small numbers cannot be Unix time
+    # small numbers in a column "time" cannot be Unix times
     recent = np.nanmedian(np.abs(t_s)) > 1e8 if np.isfinite(t_s).any() else True
     return (Clock.UTC if recent else Clock.VIDEO), t_s
 
 
 def _instant(cell: str) -> float:
-    """Unix seconds of an ISO 8601 instant or a Unix time, whose size tells s, ms, us or ns."""
+    """Return Unix seconds of an ISO 8601 instant or a Unix time, whose size tells s, ms, us or ns."""
     try:
         value = float(cell)
     except ValueError:
@@ -134,13 +134,13 @@ def _heights(table: Table) -> tuple[FloatArray, list[str]]:
     if separation is not None:
         return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), []
     note = (
-        f"column {altitude} without a geoid separation, taken as ellipsoidal height: it may be off by 100 m"
+        f"column {altitude} without a geoid separation, taken as ellipsoidal height: it may be wrong by 100 m"
     )
     return table.numbers(altitude, lenient=True), [note]
 
 
 def _fix_class(cell: str) -> FixClass | None:
-    """The class of a fix; None for no fix."""
+    """Return the class of a fix; None for no fix."""
     name = cell.strip().lower().replace(" ", "_").replace("-", "_")
     if name in _NO_FIX:
         return None

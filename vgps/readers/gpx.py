@@ -1,4 +1,4 @@
-"""GPX tracks: of phones, watches and loggers, and of receivers' programs, which name RTK classes."""
+"""GPX tracks of phones, watches, loggers and receivers' programs, some of which name RTK classes."""
 
 import re
 from pathlib import Path
@@ -9,9 +9,9 @@ from gpxpy.gpx import GPXException, GPXTrackPoint
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.readers.fixes import Clock, Fix, RawLog, unix_s
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, unix_s
 
-# <fix> as GPX 1.1 knows it (none, 2d, 3d, dgps, pps), and as programs for RTK receivers write it
+# <fix> as GPX 1.1 defines it (none, 2d, 3d, dgps, pps), and as programs for RTK receivers write it
 _CLASSES = {
     **dict.fromkeys(("2d", "3d", "3", "2", "pps", "gps", "single", "autonomous"), FixClass.SINGLE),
     **dict.fromkeys(("dgps", "dgnss", "differential"), FixClass.DGPS),
@@ -26,19 +26,19 @@ _POINT = re.compile(r"<(?:\w+:)?(trkpt|rtept|wpt)\b")
 
 
 def looks_like_gpx(data: bytes) -> bool:
-    """Whether the document's element is gpx."""
+    """Whether the root element is gpx."""
     return re.search(rb"<gpx[\s>]", data[:4096]) is not None
 
 
 def read_gpx(data: bytes, path: Path) -> RawLog:
-    """Points of all tracks, in UTC; ``line`` counts the points.
+    """Read the points of all tracks, in UTC; ``line`` counts the points.
 
-    A point's class is that of its ``<fix>``, ``rtk`` and ``rtk_float`` too, which GPX itself does not know;
-    without one it is single. ``ele`` is above the geoid where ``geoidheight`` stands beside it; else it is
-    taken as ellipsoidal, with a note.
+    A point's class is that of its ``<fix>``, including ``rtk`` and ``rtk_float``, which GPX does not define;
+    without one it is single. ``ele`` is above the geoid if there is a ``geoidheight``; otherwise it is taken
+    as ellipsoidal, with a note.
 
     Raises:
-        GpsLogError: The file is no GPX, or no point has a time.
+        GpsLogError: The file is not GPX, or no point has a time.
     """
     try:
         text = data.decode("utf-8-sig")
@@ -50,9 +50,9 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
     timed = [(number, point) for number, point in enumerate(points, start=1) if point.time is not None]
     if not timed:
         raise GpsLogError(
-            f"{len(points)} track points, none with a time",
+            f"{counted(len(points), 'track point')}, none with a time",
             file=path,
-            expected="a recorded track (trk with time), no route and no waypoints",
+            expected="a recorded track (trk with time), not a route or waypoints",
         )
     named = [(number, point, classes.get(number, "3d")) for number, point in timed]
     fixes = [_fix(point, number, name) for number, point, name in named if name not in _NO_FIX]
@@ -60,16 +60,16 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
 
 
 def _classes(text: str) -> tuple[dict[int, str], str]:
-    """The ``<fix>`` of each track point, counted from 1, and the text without them.
+    """Return the ``<fix>`` of each track point, counted from 1, and the text without them.
 
-    gpxpy refuses a whole file for one fix that GPX does not know.
+    gpxpy refuses the whole file for one fix that GPX does not define.
     """
     points = list(_POINT.finditer(text))
     in_track = np.array([point[1] == "trkpt" for point in points], bool)
     starts, numbers = [point.start() for point in points], np.cumsum(in_track)
     found = {}
     for match in _FIX.finditer(text):
-        last = int(np.searchsorted(starts, match.start())) - 1  # the point that it stands in
+        last = int(np.searchsorted(starts, match.start())) - 1  # the point that contains it
         if last >= 0 and in_track[last]:
             found[int(numbers[last])] = re.sub(r"[\s-]+", "_", match[2].lower())
     return found, _FIX.sub("", text)
@@ -101,9 +101,9 @@ def _number(value: float | int | None) -> float:
 def _notes(points: list[GPXTrackPoint], named: list[tuple[int, GPXTrackPoint, str]], fixes: int) -> list[str]:
     notes = []
     if len(named) < len(points):
-        notes.append(f"{len(points) - len(named)} points without a time passed over")
+        notes.append(f"{counted(len(points) - len(named), 'point')} without a time skipped")
     if fixes < len(named):
-        notes.append(f"{len(named) - fixes} points without a fix passed over")
+        notes.append(f"{counted(len(named) - fixes, 'point')} without a fix skipped")
     if any(point.elevation is not None and point.geoid_height is None for _, point, _ in named):
-        notes.append("heights without geoidheight are taken as ellipsoidal: they may be off by 100 m")
+        notes.append("heights without geoidheight are taken as ellipsoidal: they may be wrong by 100 m")
     return notes

@@ -14,19 +14,19 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 from pynmeagps.nmeahelpers import calc_checksum
 
 from vgps.model import FixClass
-from vgps.readers.fixes import DAY_S, NMEA_QUALITY, Clock, Fix, RawLog, damaged_lines, unix_day_s
+from vgps.readers.fixes import DAY_S, NMEA_QUALITY, Clock, Fix, RawLog, counted, damaged_lines, unix_day_s
 
 _SENTENCE = re.compile(rb"\$[A-Z]{2}(GGA|GST|GSA|ZDA|RMC),[^$\r\n]*")
 _OTHER = re.compile(rb"\s*[$!][A-Z][A-Z0-9]{2,},[^$]*\s*")
 _LEAP_SECOND = re.compile(rb"235960(\.\d*)?")
 _ERRORS = (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, ValueError, IndexError, KeyError)
 _GGA_FIELDS = 15
-_ABSURD = re.compile(rb"\d{19}")  # more digits in a row than a whole number of 64 bits has
+_ABSURD = re.compile(rb"\d{19}")  # more digits than a 64-bit integer has
 
 
 @dataclass(kw_only=True)
 class _Epoch:
-    """A GGA sentence and what belongs to it: ``day`` counts midnights since the log's first sentence."""
+    """A GGA sentence and its DOP; ``day`` counts midnights since the log's first sentence."""
 
     order: int
     line: int
@@ -38,7 +38,7 @@ class _Epoch:
 
 @dataclass(frozen=True)
 class _Anchor:
-    """A sentence that gives a date: the date on which the log's day 0 would fall."""
+    """A sentence with a date; ``day_zero_s`` is the midnight at which the log's day 0 would begin."""
 
     order: int
     day: int
@@ -48,7 +48,7 @@ class _Anchor:
 
 @dataclass(kw_only=True)
 class _Reading:
-    """What has been read so far."""
+    """The sentences read so far."""
 
     epochs: list[_Epoch] = field(default_factory=list)
     anchors: list[_Anchor] = field(default_factory=list)
@@ -65,15 +65,15 @@ def looks_like_nmea(data: bytes) -> bool:
 
 
 def read_nmea(data: bytes) -> RawLog:
-    """Fixes of an NMEA log; damaged sentences and other data between them are passed over and counted.
+    """Read an NMEA log; damaged sentences are skipped and counted, other data between them is ignored.
 
-    Sentences of one epoch are joined by their time of day, which runs on over midnight. The date comes from
-    ZDA or RMC, wherever in the log it is given; without any, times count from a midnight. Height is altitude
-    plus geoid separation; a missing separation is taken from the other fixes, or as zero, with a note.
+    Sentences are joined to epochs by their time of day, which may pass midnight. The date comes from ZDA or
+    RMC, anywhere in the log; without one, times count from a midnight. Height is altitude plus geoid
+    separation; a missing separation is taken from the other fixes, or as zero, with a note.
     """
     reading = _Reading()
     sentences = list(_sentences(data, reading.damaged))
-    # a log written without any checksums is still a log
+    # a log without any checksums is accepted
     checked = any(b"*" in raw for _, _, raw in sentences)
     for order, (line, kind, raw) in enumerate(sentences):
         message = _parse(raw, checked)
@@ -85,8 +85,8 @@ def read_nmea(data: bytes) -> RawLog:
 
 
 def _sentences(data: bytes, damaged: list[int]) -> Iterator[tuple[int, bytes, bytes]]:
-    """Line, kind and bytes of each sentence of interest."""
-    binary = data.count(b"\0") > len(data) / 100  # messages of another protocol, no damage
+    """Yield line, kind and bytes of each sentence of interest."""
+    binary = data.count(b"\0") > len(data) / 100  # messages of another protocol, not damage
     for number, line in enumerate(data.split(b"\n"), 1):
         found = list(_SENTENCE.finditer(line))
         yield from ((number, match[1], match[0].strip()) for match in found)
@@ -152,7 +152,7 @@ def _time_of_day(message: Any, raw: bytes) -> float | None:
 
 def _date(kind: bytes, message: Any) -> date | None:
     if kind == b"RMC":
-        # before its first fix a receiver may tell the date of its firmware
+        # before its first fix a receiver may give the date of its firmware
         valid = getattr(message, "status", "") == "A" and isinstance(message.date, date)
         return message.date if valid else None
     try:
@@ -171,16 +171,18 @@ def _log(reading: _Reading) -> RawLog:
     ]
     notes = damaged_lines(reading.damaged)
     if len(with_fix) < len(reading.epochs):
-        notes.append(f"{len(reading.epochs) - len(with_fix)} epochs without a fix passed over")
+        notes.append(f"{counted(len(reading.epochs) - len(with_fix), 'epoch')} without a fix skipped")
     if reading.untimed:
-        notes.append(f"{reading.untimed} fixes without a time of day passed over")
+        notes.append(f"{counted(reading.untimed, 'fix')} without a time of day skipped")
     if len(known) < len(with_fix):
         instead = (
-            f"that of the others, {np.median(known):g} m"
+            f"{np.median(known):g} m as in the others"
             if len(known)
-            else "zero: heights may be off by 100 m"
+            else "zero: heights may be wrong by 100 m"
         )
-        notes.append(f"{len(with_fix) - len(known)} fixes without geoid separation, taken as {instead}")
+        notes.append(
+            f"{counted(len(with_fix) - len(known), 'fix')} without geoid separation, taken as {instead}"
+        )
     return RawLog(Clock.UTC if reading.anchors else Clock.TIME_OF_DAY, fixes, notes)
 
 
@@ -201,7 +203,7 @@ def _fix(epoch: _Epoch, reading: _Reading, separation_m: float) -> Fix:
 
 
 def _day_zero(epoch: _Epoch, anchors: list[_Anchor]) -> float:
-    """Midnight of the log's day 0: from the date given in the same epoch, else before it, else after it."""
+    """Return the midnight of day 0: from the date in the same epoch, else before it, else after it."""
     if not anchors:
         return 0.0
     after = bisect_right(anchors, epoch.order, key=lambda anchor: anchor.order)

@@ -1,4 +1,4 @@
-"""RTKLIB solution files (``.pos``): time, position, quality and standard deviations, in all their variants.
+"""RTKLIB solution files (``.pos``) in all their variants.
 
 Format: RTKLIB manual 2.4.2, appendix B.1, and ``outsol``/``outsolhead`` of its ``solution.c``.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, to_geodetic
 from vgps.model import FixClass, FloatArray, GeodeticPoint
-from vgps.readers.fixes import HIGHEST_M, Clock, Fix, RawLog, damaged_lines, unix_day_s
+from vgps.readers.fixes import HIGHEST_M, Clock, Fix, RawLog, counted, damaged_lines, unix_day_s
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
 QUALITY = {
@@ -31,8 +31,8 @@ _ROW = re.compile(rb"\s*(\d{4}/\d\d?/\d\d?|\d{1,4})[\s,;]+(\d\d?:\d\d:\d\d|\d{1,
 _REF_POS = re.compile(r"%\s*ref pos\s*:(.*)")
 _SEPARATOR = re.compile(r"[\s,;]+")
 _TIME_COLUMNS = 2
-_LAST_WEEK = 9999  # GPS weeks are written with up to four digits
-_LARGEST = 1e12  # no column of a solution holds a number as large as this
+_LAST_WEEK = 9999  # GPS weeks have at most four digits
+_LARGEST = 1e12  # no column of a solution has larger numbers
 _JST_S = 9 * 3600.0
 
 Frame = Literal["geodetic", "ecef", "enu"]
@@ -40,7 +40,7 @@ Frame = Literal["geodetic", "ecef", "enu"]
 
 @dataclass(frozen=True, kw_only=True)
 class _Header:
-    """What the comment lines say: time system, position columns, and where a baseline starts."""
+    """The comment lines: time system, position columns, and the base station of a baseline."""
 
     time_system: str = "GPST"
     frame: Frame = "geodetic"
@@ -63,15 +63,15 @@ def looks_like_pos(data: bytes) -> bool:
 
 
 def read_pos(data: bytes, path: Path) -> RawLog:
-    """Fixes of an RTKLIB solution, on UTC.
+    """Read an RTKLIB solution onto UTC.
 
-    Calendar time or GPS week and time of week, in GPST, UTC or JST; latitude, longitude and height in degrees
-    or in degrees, minutes and seconds; ECEF coordinates; or a baseline east, north, up from the header's
-    ``ref pos``. Separated by blanks, commas, semicolons or tabs. Rows with fewer columns than the others (a
-    truncated end) are passed over and counted.
+    Times are calendar times or GPS weeks and times of week, in GPST, UTC or JST. Positions are latitude,
+    longitude (degrees, or degrees, minutes and seconds) and height, ECEF coordinates, or a baseline east,
+    north, up from the header's ``ref pos``. Columns are separated by blanks, commas, semicolons or tabs. Rows
+    with fewer columns than the others (a truncated end) or absurd numbers are skipped and counted.
 
     Raises:
-        GpsLogError: a baseline without a ``ref pos``.
+        GpsLogError: A baseline has no ``ref pos``.
     """
     lines = data.decode("ascii", errors="replace").splitlines()
     header = _header([line for line in lines if line.startswith("%")], path)
@@ -91,7 +91,7 @@ def read_pos(data: bytes, path: Path) -> RawLog:
     ]
     notes = [*header.notes, *damaged_lines(damaged)]
     if len(fixes) < len(quality):
-        notes.append(f"{len(quality) - len(fixes)} epochs without a fix passed over")
+        notes.append(f"{counted(len(quality) - len(fixes), 'epoch')} without a fix skipped")
     return RawLog(Clock.UTC, fixes, notes)
 
 
@@ -104,14 +104,14 @@ def _fix(row: list[float], kind: FixClass, line: int) -> Fix:
 
 
 def _column(rest: FloatArray, index: int) -> FloatArray:
-    """A column after the position, NaN where the file has none."""
+    """Return a column after the position; NaN where the file has none."""
     return rest[:, index] if rest.shape[1] > index else np.full(len(rest), np.nan)
 
 
 def _header(comments: list[str], path: Path) -> _Header:
     named = next((match for line in comments if (match := _HEADER.match(line))), None)
     if named is None:
-        return _Header(notes=("no line of column names: taken as GPST, latitude and longitude in degrees",))
+        return _Header(notes=("no line of column names: assumed GPST, latitude and longitude in degrees",))
     columns = named[2]
     if "x-ecef" in columns:
         return _Header(time_system=named[1], frame="ecef")
@@ -119,7 +119,7 @@ def _header(comments: list[str], path: Path) -> _Header:
         return _Header(time_system=named[1], frame="enu", origin=_origin(comments, path))
     notes: tuple[str, ...] = ()
     if any("WGS84/geodetic" in line for line in comments):
-        notes = ("heights are above the geoid but taken as ellipsoidal: they may be off by 100 m",)
+        notes = ("heights are above the geoid but taken as ellipsoidal: they may be wrong by 100 m",)
     return _Header(time_system=named[1], sexagesimal="(d'" in columns, notes=notes)
 
 
@@ -133,16 +133,16 @@ def _origin(comments: list[str], path: Path) -> GeodeticPoint:
             raise ValueError("no place on the Earth")
     except ValueError:
         raise GpsLogError(
-            "a baseline whose base station is not known",
+            "the base station of the baselines is unknown",
             file=path,
             expected="a comment line '% ref pos : latitude longitude height'",
-            remedy="write the solution with latitude, longitude and height instead",
+            remedy="write the solution as latitude, longitude and height instead",
         ) from None
     return GeodeticPoint(latitude, longitude, height)
 
 
 def _rows(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, list[int], list[int]]:
-    """Times as written, the columns after them, the rows' lines, and the damaged lines."""
+    """Return times as written, the columns after them, the rows' lines, and the damaged lines."""
     parsed = [
         (number, _row(line))
         for number, line in enumerate(lines, 1)
@@ -158,7 +158,7 @@ def _rows(lines: list[str], header: _Header) -> tuple[FloatArray, FloatArray, li
 
 
 def _row(line: str) -> list[float] | None:
-    """Time [s from 1970, of the file's own time system] and all numbers after it."""
+    """Return the time [s from 1970 in the file's time system] and all numbers after it; None if damaged."""
     tokens = _SEPARATOR.split(line.strip())
     try:
         row = [_time(tokens[0], tokens[1]), *map(float, tokens[_TIME_COLUMNS:])]
@@ -194,20 +194,20 @@ def _positions(values: FloatArray, header: _Header) -> FloatArray:
 
 
 def _degrees(place: FloatArray) -> FloatArray:
-    """Latitude and longitude from degrees, minutes, seconds; the sign (of -0 too) is that of the degrees."""
+    """Return decimal degrees of degrees, minutes, seconds; the sign (of -0 too) is that of the degrees."""
     angle = np.abs(place[:, [0, 3]]) + place[:, [1, 4]] / 60 + place[:, [2, 5]] / 3600
     return np.column_stack([np.copysign(angle, place[:, [0, 3]]), place[:, 6]])
 
 
 def _sigmas(rest: FloatArray, geodetic: FloatArray, header: _Header) -> FloatArray:
-    """(N, 3) standard deviations east, north, up; NaN where the file has none."""
+    """Return (N, 3) standard deviations east, north, up; NaN where the file has none."""
     if rest.shape[1] < (8 if header.frame == "ecef" else 5):
         return np.full((len(rest), 3), np.nan)
     if header.frame == "geodetic":
         return rest[:, [3, 2, 4]]  # sdn, sde, sdu
     if header.frame == "enu":
         return rest[:, 2:5]
-    # sdx sdy sdz sdxy sdyz sdzx, covariances as signed roots
+    # sdx sdy sdz sdxy sdyz sdzx: signed square roots of the covariances
     squared = rest[:, 2:8] * np.abs(rest[:, 2:8])
     covariance = squared[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3)
     R = enu_R_ecef(geodetic[:, 0], geodetic[:, 1])

@@ -1,7 +1,7 @@
-"""u-blox binary logs: NAV-PVT is the fix, with its class and its own accuracy; the rest is passed over.
+"""u-blox binary logs: NAV-PVT is the fix, with its class and accuracy.
 
 NAV-HPPOSLLH refines the position of the same epoch to 0.1 mm, NAV-DOP gives its HDOP. NMEA, RTCM and raw
-measurements between them are not looked at: an epoch that also has a GGA is one fix.
+measurements between them are ignored, so that an epoch that also has a GGA is one fix.
 """
 
 import re
@@ -15,25 +15,25 @@ import numpy as np
 from pyubx2 import UBXMessageError, UBXParseError, UBXReader, UBXStreamError, UBXTypeError
 
 from vgps.model import FixClass
-from vgps.readers.fixes import Clock, Fix, RawLog, unix_s
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, unix_s
 
 _NAV_PVT = b"\xb5\x62\x01\x07"
-_MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and their length
-_TOW_AT = {"NAV-PVT": 0, "NAV-HPPOSLLH": 4, "NAV-DOP": 0}  # where in the payload the time of week stands
-_LEAST_BYTES = {"NAV-PVT": 84, "NAV-HPPOSLLH": 36, "NAV-DOP": 18}  # of a payload, in the oldest protocol
+_MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and the length
+_TOW_AT = {"NAV-PVT": 0, "NAV-HPPOSLLH": 4, "NAV-DOP": 0}  # offset of the time of week in the payload
+_LEAST_BYTES = {"NAV-PVT": 84, "NAV-HPPOSLLH": 36, "NAV-DOP": 18}  # of a payload in the oldest protocol
 _ERRORS = (UBXMessageError, UBXParseError, UBXStreamError, UBXTypeError, ValueError, struct.error)
 _HALF_WEEK_MS = 302_400_000
 _FRAME = 8  # bytes around a payload
 _GNSS_3D, _GNSS_2D, _GNSS_AND_DEAD_RECKONING = 3, 2, 4
 _FIXED, _FLOAT = 2, 1
-_HORIZONTAL = 2.0**-0.5  # of a horizontal accuracy, on each axis
+_HORIZONTAL = 2.0**-0.5  # share of a horizontal accuracy on each axis
 
 _Epoch = tuple[int, int]  # weeks since the log's first, time of week in ms
 
 
 @dataclass
 class _Reading:
-    """Messages by epoch, and what had to be passed over."""
+    """Messages by epoch, and the number of damaged ones."""
 
     fixes: list[tuple[_Epoch, Any, int]] = field(default_factory=list)
     precise: dict[_Epoch, Any] = field(default_factory=dict)
@@ -47,11 +47,11 @@ def looks_like_ubx(data: bytes) -> bool:
 
 
 def read_ubx(data: bytes) -> RawLog:
-    """Fixes of the NAV-PVT messages, in UTC, heights ellipsoidal; ``line`` counts these messages.
+    """Read the NAV-PVT messages, in UTC, with ellipsoidal heights; ``line`` counts these messages.
 
-    Carrier solutions are RTK classes, differential ones DGPS. ``sigma_m`` is hAcc, split evenly on east and
-    north, and vAcc. ``hdop`` is NAV-DOP's, or without it NAV-PVT's PDOP, which is never smaller. Damaged
-    messages are passed over and counted.
+    Carrier-phase solutions are RTK classes, differential ones DGPS. ``sigma_m`` is hAcc, split evenly between
+    east and north, and vAcc. ``hdop`` is NAV-DOP's, or else NAV-PVT's PDOP, which is never smaller. Damaged
+    messages are skipped and counted.
     """
     reading = _read(data)
     fixes, undated, unresolved, lost = [], 0, 0, 0
@@ -65,13 +65,13 @@ def read_ubx(data: bytes) -> RawLog:
             unresolved += not message.fullyResolved
             more = reading.precise.get(epoch), reading.dilution.get(epoch)
             fixes.append(_fix(message, number, unix_s(minute), *more))
-    told = (
-        (reading.damaged, "damaged messages passed over"),
-        (undated, "messages before the receiver knew the time passed over"),
-        (lost, "messages without a fix passed over"),
-        (unresolved, "fixes before the receiver knew the leap seconds: their times may be whole seconds off"),
+    notes = (
+        (reading.damaged, "damaged message", "skipped"),
+        (undated, "message", "before the receiver knew the time skipped"),
+        (lost, "message", "without a fix skipped"),
+        (unresolved, "fix", "before the receiver knew the leap seconds: times may be wrong by whole seconds"),
     )
-    return RawLog(Clock.UTC, fixes, [f"{count} {what}" for count, what in told if count])
+    return RawLog(Clock.UTC, fixes, [f"{counted(n, noun)} {rest}" for n, noun, rest in notes if n])
 
 
 def _read(data: bytes) -> _Reading:
@@ -97,9 +97,9 @@ def _read(data: bytes) -> _Reading:
 
 
 def _messages(data: bytes) -> Iterator[Any | None]:
-    """NAV-PVT, NAV-HPPOSLLH and NAV-DOP messages; None for one of a wrong length or checksum.
+    """Yield NAV-PVT, NAV-HPPOSLLH and NAV-DOP messages; None for a wrong length or checksum.
 
-    Only these are parsed: a log with raw measurements is ten times as long.
+    Only these are parsed, since a log with raw measurements is ten times as long.
     """
     for match in _MESSAGE.finditer(data):
         length = int.from_bytes(match[2], "little")
@@ -108,12 +108,12 @@ def _messages(data: bytes) -> Iterator[Any | None]:
         except _ERRORS:
             yield None
         else:
-            # what a short message lacks is zero when parsed
+            # fields that a short message lacks are parsed as zero
             yield message if length >= _LEAST_BYTES[message.identity] else None
 
 
 def _minute(message: Any) -> datetime | None:
-    """The date and the minute of a message; None where it has none, or one that is in no calendar."""
+    """Return the date and minute of a message; None if it has none or an impossible one."""
     if not (message.validDate and message.validTime):
         return None
     try:
