@@ -5,8 +5,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, rich
 
+from vgps.config import GyroCalibrationConfig
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.coarse import align_rates, guess_offset
+
+CONFIG = GyroCalibrationConfig(search_s=0.5)
 
 
 def test_an_alignment_by_hand() -> None:
@@ -50,7 +53,7 @@ def test_weights_silence_what_is_wrong() -> None:
 def test_the_offset_is_found_to_a_fraction_of_a_frame() -> None:
     turns = camera_rotations(rich, 10.0)
     rates = Rotation.from_matrix(turns.start_R_end).as_rotvec() / 0.05
-    guess = guess_offset(turns, rates, GyroIntegral(gyro_log(rich, 10.0)), 0.5)
+    guess = guess_offset(turns, rates, GyroIntegral(gyro_log(rich, 10.0)), CONFIG)
     assert guess is not None
     assert guess.time_offset_s == pytest.approx(MOUNT.time_offset_s, abs=0.05 / 8)
     assert guess.alignment.agreement > 0.999 > guess.runner_up
@@ -61,4 +64,4 @@ def test_a_gyro_of_another_time_gives_no_offset() -> None:
     turns = camera_rotations(rich, 10.0)
     log = gyro_log(rich, 10.0)
     late = type(log)(log.t_s + 100.0, log.rate_rad_s, log.source)
-    assert guess_offset(turns, np.ones((len(turns), 3)), GyroIntegral(late), 0.5) is None
+    assert guess_offset(turns, np.ones((len(turns), 3)), GyroIntegral(late), CONFIG) is None

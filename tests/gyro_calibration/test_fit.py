@@ -8,6 +8,7 @@ from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, ri
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.gyro_calibration.fit import Mount, fit_mount, residuals
 
+ROBUST = 2.5
 START = MOUNT.moved(np.array([0.1, -0.15, 0.1, 0.03, 0.0, 0.0, 0.0]))
 START = replace(START, bias_rad_s=np.zeros(3))
 
@@ -42,7 +43,7 @@ def test_a_residual_by_hand() -> None:
 
 def test_the_mount_is_found_exactly_without_noise() -> None:
     turns, gyro = camera_rotations(rich, 20.0), GyroIntegral(gyro_log(rich, 20.0))
-    fit = fit_mount(turns, gyro, START)
+    fit = fit_mount(turns, gyro, START, ROBUST)
     assert apart_deg(fit.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.005
     assert fit.mount.time_offset_s == pytest.approx(MOUNT.time_offset_s, abs=1e-5)
     np.testing.assert_allclose(fit.mount.bias_rad_s, MOUNT.bias_rad_s, atol=2e-5)
@@ -54,7 +55,7 @@ def test_wrong_rotations_hardly_count() -> None:
     bad = rng.permutation(len(turns))[:40]
     wrong = turns.start_R_end.copy()
     wrong[bad] = Rotation.from_rotvec(rng.normal(0, 0.1, (40, 3))).as_matrix() @ wrong[bad]
-    fit = fit_mount(replace(turns, start_R_end=wrong), GyroIntegral(gyro_log(rich, 20.0)), START)
+    fit = fit_mount(replace(turns, start_R_end=wrong), GyroIntegral(gyro_log(rich, 20.0)), START, ROBUST)
     assert apart_deg(fit.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.4  # four standard deviations
     assert np.median(fit.weight[bad]) < 0.05
     assert np.median(np.delete(fit.weight, bad)) > 0.5
@@ -66,7 +67,7 @@ def test_the_covariance_is_that_of_many_runs() -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         turns = camera_rotations(rich, 8.0, 2e-3, rng)
-        fit = fit_mount(turns, GyroIntegral(gyro_log(rich, 8.0, noise_rad_s=1e-3, rng=rng)), MOUNT)
+        fit = fit_mount(turns, GyroIntegral(gyro_log(rich, 8.0, noise_rad_s=1e-3, rng=rng)), MOUNT, ROBUST)
         turned = Rotation.from_matrix(MOUNT.gyro_R_camera.T @ fit.mount.gyro_R_camera).as_rotvec()
         clock = fit.mount.time_offset_s - MOUNT.time_offset_s
         error = np.concatenate([turned, [clock], fit.mount.bias_rad_s - MOUNT.bias_rad_s])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
-from pydantic import PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Fraction, Share
@@ -22,6 +22,14 @@ class GyroCalibrationConfig(SettingsModel):
     """Frames closer to the last one are skipped: a rotation must exceed its own error."""
     search_s: PositiveFloat = 2.0
     """Largest time offset between gyro and video that is searched, either way."""
+    min_overlap_share: Share = 0.5
+    """A time offset is considered if the gyro then covers at least this share of the intervals."""
+    max_rate_ratio: float = Field(default=4.0, ge=1.0)
+    """Rates of the video are cut to this many times their median while the time offset is searched."""
+    ambiguity_ratio: float = Field(default=2.0, ge=1.0)
+    """The time offset is not given if another one disagrees (1 - correlation) by less than this times as much."""
+    robust_sigmas: PositiveFloat = 2.5
+    """Cauchy's constant: intervals with a larger residual count less and less."""
     min_intervals: PositiveInt = 30
     """Intervals needed that have a rotation from the video and gyro rates throughout."""
     min_rate_deg_s: PositiveFloat = 0.5
@@ -29,6 +37,10 @@ class GyroCalibrationConfig(SettingsModel):
     steadily."""
     min_correlation: Fraction = 0.85
     """Correlation needed between the rates of gyro and video; below it they show different motions."""
+    unit_tolerance: float = Field(default=2.0, gt=1.0)
+    """The gyro's unit is doubted if it turns by more than this factor further, or less far, than the video."""
+    second_axis_ratio: PositiveFloat = 3.0
+    """Rotation needed about a second axis, as a multiple of what errors alone would show there."""
     max_rotation_sigma_deg: PositiveFloat = 2.0
     """The sensor's rotation is not given if its sigma about the worst axis exceeds this."""
     max_offset_sigma_s: PositiveFloat = 0.005

@@ -17,8 +17,6 @@ from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations
 
-_AMBIGUOUS = 2.0  # another offset leaves no more than this many times the disagreement
-
 
 @dataclass(frozen=True, kw_only=True)
 class GyroCalibration:
@@ -113,7 +111,7 @@ def calibrate_from_turns(
         raise GeometryError(found, expected=f"at least {config.min_intervals}", remedy="give a longer video")
     integral = GyroIntegral(gyro)
     rates = _rates(turns)
-    guess = guess_offset(turns, rates, integral, config.search_s)
+    guess = guess_offset(turns, rates, integral, config)
     if guess is None:
         raise GyroLogError(
             f"runs from {gyro.t_s[0]:.2f} to {gyro.t_s[-1]:.2f} s, the video from {turns.start_s[0]:.2f} to "
@@ -125,7 +123,7 @@ def calibrate_from_turns(
     turns, rates = _covered(turns, rates, integral, guess.time_offset_s)
     check_motion(_gyro_rates(turns, integral, guess.time_offset_s), rates, guess, gyro, config)
     start = Mount(guess.alignment.gyro_R_camera, guess.time_offset_s, np.zeros(3))
-    fit = fit_mount(turns, integral, start)
+    fit = fit_mount(turns, integral, start, config.robust_sigmas)
     by_gyro = _gyro_rates(turns, integral, fit.mount.time_offset_s)
     alignment = align_rates(by_gyro, rates, fit.weight)
     check_axes(fit, alignment, turns, config)
@@ -167,7 +165,7 @@ def _told(
 ) -> GyroCalibration:
     sigma = np.sqrt(np.diag(fit.covariance))
     notes = []
-    twin = 1 - guess.runner_up < _AMBIGUOUS * (1 - guess.alignment.agreement)
+    twin = 1 - guess.runner_up < config.ambiguity_ratio * (1 - guess.alignment.agreement)
     offset_known = bool(sigma[3] < config.max_offset_sigma_s) and not twin
     bias_known = bool(np.degrees(sigma[4:]).max() < config.max_bias_sigma_deg_s)
     if twin:

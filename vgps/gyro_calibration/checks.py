@@ -9,8 +9,6 @@ from vgps.gyro_calibration.fit import Fit
 from vgps.model import FloatArray, GyroLog
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_SECOND_AXIS = 3.0  # times what errors alone would show as turning about a second axis
-_UNIT = 2.0  # times too far, and no lens explains it
 _REMEDY = "pan, tilt and roll the camera, a few seconds each, slowly and not steadily"
 
 
@@ -51,17 +49,19 @@ def check_motion(
             expected=f"at least {config.min_correlation:g}",
             remedy="check video_start_s in rig.yaml, and that the video is not stabilised; " + _REMEDY,
         )
-    _check_unit(gyro_rates, camera_rates, guess, log)
+    _check_unit(gyro_rates, camera_rates, guess, log, config.unit_tolerance)
 
 
-def _check_unit(gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, log: GyroLog) -> None:
+def _check_unit(
+    gyro_rates: FloatArray, camera_rates: FloatArray, guess: Guess, log: GyroLog, tolerance: float
+) -> None:
     spread = [np.linalg.norm(rates.std(axis=0)) for rates in (gyro_rates, camera_rates)]
     times = float(spread[0] / (guess.alignment.agreement * spread[1]))
-    if not 1 / _UNIT < times < _UNIT:
+    if not 1 / tolerance < times < tolerance:
         raise GyroLogError(
             f"the gyro turns {times:.3g} times as far as the video",
             file=log.source,
-            expected="rates in rad/s" + (", not deg/s" if times > _UNIT else ""),
+            expected="rates in rad/s" + (", not deg/s" if times > tolerance else ""),
             remedy="check the unit, and the focal length in camera.yaml",
         )
 
@@ -76,7 +76,7 @@ def check_axes(
     """
     seconds = float(np.median(turns.end_s - turns.start_s))
     noise = np.average(fit.residual_rad**2, axis=0, weights=fit.weight).mean() / seconds**2
-    chance = _SECOND_AXIS * noise / np.sqrt(fit.weight.sum())
+    chance = config.second_axis_ratio * noise / np.sqrt(fit.weight.sum())
     sigma = float(np.degrees(np.sqrt(np.diag(fit.covariance)[:3].max())))
     if alignment.scatter[1] > chance and sigma < config.max_rotation_sigma_deg:
         return

@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vgps.config import GyroCalibrationConfig
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_STEPS_PER_INTERVAL = 8
-_LEAST_OVERLAP = 0.5  # share of the intervals that the gyro must cover
-_CLIP = 4.0  # a rate this many times the median is a wrong rotation
+_STEPS_PER_INTERVAL = 8  # of the search grid, which only has to come close to the maximum
 
 
 class Alignment(NamedTuple):
@@ -58,9 +57,9 @@ def align_rates(
 
 
 def guess_offset(
-    turns: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, search_s: float
+    turns: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, config: GyroCalibrationConfig
 ) -> Guess | None:
-    """The offset within ``search_s`` at which the rates of gyro and video agree best, whatever the mount.
+    """The offset within ``config.search_s`` at which the rates of gyro and video agree best, whatever the mount.
 
     Args:
         turns: Of the camera, P intervals.
@@ -68,15 +67,16 @@ def guess_offset(
         gyro: On its own clock.
 
     Returns:
-        Nothing if no offset lets the gyro cover half of the intervals.
+        None if no offset lets the gyro cover ``config.min_overlap_share`` of the intervals.
     """
     size = np.linalg.norm(camera_rates, axis=1)
-    limit = _CLIP * max(float(np.median(size)), 1e-6)
+    limit = config.max_rate_ratio * max(float(np.median(size)), 1e-6)
     rates = camera_rates * np.minimum(1.0, limit / np.maximum(size, 1e-12))[:, None]
     step = float(np.median(turns.end_s - turns.start_s)) / _STEPS_PER_INTERVAL
-    count = int(np.ceil(search_s / step))
+    count = int(np.ceil(config.search_s / step))
+    least = max(3.0, config.min_overlap_share * len(turns))
     offsets = step * np.arange(-count, count + 1)
-    found = [_aligned_at(turns, rates, gyro, offset) for offset in offsets]
+    found = [_aligned_at(turns, rates, gyro, offset, least) for offset in offsets]
     agreement = np.array([-1.0 if one is None else one.agreement for one in found])
     best = int(agreement.argmax())
     alignment = found[best]
@@ -89,10 +89,10 @@ def guess_offset(
 
 
 def _aligned_at(
-    turns: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float
+    turns: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float, least: float
 ) -> Alignment | None:
     start, end = turns.start_s - offset_s, turns.end_s - offset_s
     covered = gyro.covers(start, end)
-    if covered.sum() < max(3.0, _LEAST_OVERLAP * len(turns)):
+    if covered.sum() < least:
         return None
     return align_rates(gyro.mean_rates(start[covered], end[covered]), rates[covered])

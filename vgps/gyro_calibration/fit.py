@@ -10,8 +10,7 @@ from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_ITERATIONS = 30
-_CAUCHY = 2.5  # standard deviations beyond which an interval counts for less and less
+_ITERATIONS = 30  # a guard: from a fair start a handful of steps suffices
 _STEPS = np.array([1e-5] * 3 + [2e-4] + [1e-5] * 3)  # of the difference quotients: rad, s, rad/s
 _PRIOR = np.array([1.0] * 3 + [10.0] + [1.0] * 3) ** -2.0  # keeps what nothing shows from running away
 _MOST = np.array([0.3] * 3 + [0.02] + [0.1] * 3)  # of one step
@@ -56,7 +55,7 @@ def residuals(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> Flo
     return np.asarray(Rotation.from_matrix(off).as_rotvec(), np.float64)
 
 
-def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount) -> Fit:
+def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount, robust_sigmas: float) -> Fit:
     """The mount whose turns are the camera's, by Gauss-Newton with Cauchy weights.
 
     An interval's variance is that of its rotation from the image and, equal for all, what the residuals show
@@ -67,11 +66,12 @@ def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount) -> Fit
         turns: P intervals, all covered by the gyro at the start's offset.
         gyro: On its own clock.
         start: Close enough: rotation to some 20 degrees, offset to a frame.
+        robust_sigmas: Cauchy's constant.
     """
     mount = start
     for _ in range(_ITERATIONS):
         residual = residuals(turns, gyro, mount)
-        whitening, weight = _weights(residual, turns.covariance)
+        whitening, weight = _weights(residual, turns.covariance, robust_sigmas)
         jacobian = whitening @ _jacobian(turns, gyro, mount)
         white = (whitening @ residual[:, :, None])[:, :, 0]
         normal = np.einsum("p,pij,pik->jk", weight, jacobian, jacobian) + np.diag(_PRIOR)
@@ -83,13 +83,15 @@ def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount) -> Fit
     return Fit(mount, _covariance(normal, gradients, weight, white), residual, weight)
 
 
-def _weights(residual: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _weights(
+    residual: FloatArray, covariance: FloatArray, robust_sigmas: float
+) -> tuple[FloatArray, FloatArray]:
     """Whitening matrices (P, 3, 3) and robust weights (P,)."""
     common = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), 1e-6)
     total = covariance + np.diag(common**2)
     whitening = np.linalg.inv(np.linalg.cholesky(total))
     white = (whitening @ residual[:, :, None])[:, :, 0]
-    return whitening, 1 / (1 + np.sum(white**2, axis=1) / (3 * _CAUCHY**2))
+    return whitening, 1 / (1 + np.sum(white**2, axis=1) / (3 * robust_sigmas**2))
 
 
 def _jacobian(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
