@@ -27,7 +27,7 @@ class GyroCalibrationConfig(SettingsModel):
     max_rate_ratio: float = Field(default=4.0, ge=1.0)
     """Rates of the video are cut to this many times their median while the time offset is searched."""
     ambiguity_ratio: float = Field(default=2.0, ge=1.0)
-    """The time offset is not given if another one disagrees (1 - correlation) by less than this times as much."""
+    """The time offset is not given if another leaves less than this times its 1 - correlation."""
     robust_sigmas: PositiveFloat = 2.5
     """Cauchy's constant: intervals with a larger residual count less and less."""
     min_intervals: PositiveInt = 30
@@ -38,7 +38,7 @@ class GyroCalibrationConfig(SettingsModel):
     min_correlation: Fraction = 0.85
     """Correlation needed between the rates of gyro and video; below it they show different motions."""
     unit_tolerance: float = Field(default=2.0, gt=1.0)
-    """The gyro's unit is doubted if it turns by more than this factor further, or less far, than the video."""
+    """The gyro's unit is doubted if its rates differ from the video's by more than this factor."""
     second_axis_ratio: PositiveFloat = 3.0
     """Rotation needed about a second axis, as a multiple of what errors alone would show there."""
     max_rotation_sigma_deg: PositiveFloat = 2.0

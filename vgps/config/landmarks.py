@@ -38,10 +38,14 @@ class LandmarksConfig(SettingsModel):
     """Difference in direction between two views that counts as one unit when views are spread."""
     octave_unit: PositiveFloat = 0.5
     """Difference in scale between two views, in doublings, that counts as one unit."""
+    error_unit_px: PositiveFloat = 1.0
+    """Reprojection error that halves the difference by which a view is chosen."""
     min_view_difference: NonNegativeFloat = 0.1
     """A view that differs from a chosen one by no more than this, in these units, is not kept."""
     keyframe_every: PositiveInt = 10
     """Frames from one keyframe, by which a lost camera is found again, to the next."""
+    keyframe_features: PositiveInt = 4000
+    """Features of a keyframe at most; those near no landmark are dropped."""
     keyframe_reach_px: PositiveFloat = 4.0
     """A keyframe's feature belongs to a landmark if it is this close to the landmark's observation."""
     thumbnail_px: PositiveInt = 64

@@ -59,7 +59,7 @@ def align_rates(
 def guess_offset(
     turns: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, config: GyroCalibrationConfig
 ) -> Guess | None:
-    """The offset within ``config.search_s`` at which the rates of gyro and video agree best, whatever the mount.
+    """The offset within ``config.search_s`` at which the rates of gyro and video agree best, in any mount.
 
     Args:
         turns: Of the camera, P intervals.

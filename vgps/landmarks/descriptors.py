@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from vgps.model import FloatArray, GrayImage
 
-KEYFRAME_FEATURES = 4000
-_FAST_THRESHOLD = 7  # the default misses the corners of blurred frames
+_FAST_THRESHOLD = 7  # the default misses the corners of blurred frames; the same for keyframes and frames
 
 Descriptors = npt.NDArray[np.uint8]
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 
-_ERROR_UNIT_PX = 1.0  # a reprojection error of this size halves the weight of a distance
-
 
 @dataclass(frozen=True)
 class ViewMetric:
@@ -27,7 +25,7 @@ class ViewMetric:
 
 
 def sample_farthest(
-    landmark: IntArray, place: FloatArray, error_px: FloatArray, count: int, min_distance: float
+    landmark: IntArray, place: FloatArray, error: FloatArray, count: int, min_distance: float
 ) -> BoolArray:
     """Select up to ``count`` observations of each landmark by farthest point sampling.
 
@@ -37,7 +35,7 @@ def sample_farthest(
     Args:
         landmark: (N,) sorted.
         place: (N, D) coordinates of each observation, see :meth:`ViewMetric.coordinates`.
-        error_px: (N,) reprojection errors.
+        error: (N,) reprojection errors, in units that halve the weight of a distance.
         count: Most observations per landmark.
         min_distance: Observations no farther than this from a selected one are left out.
 
@@ -49,7 +47,7 @@ def sample_farthest(
         return selected
     first = np.flatnonzero(np.diff(landmark, prepend=landmark[0] - 1))
     owner = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(landmark))))
-    trust = 1 / (1 + error_px / _ERROR_UNIT_PX)
+    trust = 1 / (1 + error)
     distance = np.full(len(landmark), np.inf)
     merit = trust
     for _ in range(count):

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from vgps.config import LandmarksConfig
 from vgps.geometry import project, rays
-from vgps.landmarks.descriptors import KEYFRAME_FEATURES, describe
+from vgps.landmarks.descriptors import describe
 from vgps.landmarks.model import Keyframe
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 
@@ -35,11 +35,11 @@ def make_keyframe(
         world_T_camera: (4, 4).
         landmark: (N,) ids of landmarks observed in it.
         world_p_landmark: (N, 3) their positions, in front of the camera.
-        config: Distance from a feature to its landmark, and width of the thumbnail.
+        config: Number of features, distance from a feature to its landmark, and width of the thumbnail.
     """
     rotation, centre = world_T_camera[:3, :3], world_T_camera[:3, 3]
     uv_landmark, depth_m = project(camera.K, world_T_camera, world_p_landmark)
-    uv, descriptors = describe(gray, KEYFRAME_FEATURES)
+    uv, descriptors = describe(gray, config.keyframe_features)
     feature, row = _nearest_landmarks(uv, uv_landmark, config.keyframe_reach_px)
     order = np.lexsort((feature, landmark[row]))
     feature, row = feature[order], row[order]

@@ -103,7 +103,8 @@ def select_views(
     direction = to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True)
     metric = ViewMetric(config.angle_unit_deg, config.octave_unit)
     place = metric.coordinates(direction, np.log2(candidates.depth_m))
+    error = candidates.error_px / config.error_unit_px
     selected = sample_farthest(
-        candidates.landmark, place, candidates.error_px, config.max_views, config.min_view_difference
+        candidates.landmark, place, error, config.max_views, config.min_view_difference
     )
     return candidates.take(selected)
