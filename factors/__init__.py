@@ -1,17 +1,22 @@
-"""GTSAM factors for cameras with GPS: usable without vgps, on gtsam and numpy alone."""
+"""GTSAM factors for cameras with GPS, usable without vgps: they need gtsam and numpy only."""
 
-from factors.custom import POINT3, POSE3, SCALAR, VECTOR1, VECTOR3, Kind, Linearised, Variable, custom_factor
-from factors.gps import gps_factor, gps_factor_between, gps_factor_calibrating
-from factors.gyro import (
-    PreintegratedRates,
-    bias_walk_factor,
-    constant_velocity_factor,
-    gyro_factor,
-    preintegrate_rates,
+from factors.custom import (
+    POINT3,
+    POSE3,
+    SCALAR,
+    VECTOR1,
+    VECTOR3,
+    Kind,
+    Linearization,
+    Variable,
+    custom_factor,
 )
-from factors.known_points import known_points_factor, steady_centre_factor
+from factors.gps import gps_factor, gps_factor_calibrating, gps_factor_interpolated
+from factors.gyro import PreintegratedRates, bias_walk_factor, gyro_factor, preintegrate_rates
+from factors.known_points import known_points_factor
 from factors.level import level_factor
-from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, stages
+from factors.motion import constant_centre_velocity_factor, constant_velocity_factor
+from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, exponent_schedule
 from factors.reprojection import (
     Loss,
     control_point_factor,
@@ -32,18 +37,20 @@ __all__ = [
     "Ellipsoid",
     "Gaussian",
     "Kind",
-    "Linearised",
+    "Linearization",
     "Loss",
     "Penalty",
     "PreintegratedRates",
     "Variable",
     "bias_walk_factor",
+    "constant_centre_velocity_factor",
     "constant_velocity_factor",
     "control_point_factor",
     "custom_factor",
+    "exponent_schedule",
     "gps_factor",
-    "gps_factor_between",
     "gps_factor_calibrating",
+    "gps_factor_interpolated",
     "gyro_factor",
     "known_points_factor",
     "level_factor",
@@ -52,6 +59,4 @@ __all__ = [
     "projection_noise",
     "projection_sigma_px",
     "reliability_sigma_px",
-    "stages",
-    "steady_centre_factor",
 ]

@@ -1,24 +1,24 @@
-r"""Penalties on the offset between an estimated antenna and a GPS fix, Sec. 3.3.2 and 4.3, Kume 2010.
+r"""Penalties on the offset of the estimated antenna from a GPS fix, Sec. 3.3.2 and 4.3, Kume 2010.
 
-Every penalty acts on ``offset = (x, y, z) = antenna_world - fix_world``, metres east, north, up, Eq. (17),
-and gives a residual e(offset) in R^3 with a noise model, so that GTSAM's cost ``0.5 ||e / sigma||^2`` is the
-penalty's term ``omega Psi`` of the energy Eq. (11).
+Every penalty takes ``offset = (x, y, z) = antenna_world - fix_world``, metres east, north, up, Eq. (17), and
+gives a residual e(offset) in R^3 with a noise model, such that GTSAM's cost ``0.5 ||e / sigma||^2`` is the
+term ``omega Psi`` of the energy, Eq. (11).
 
-**Walls as vectors.** Eq. (16) needs only the squares of ``(rho/r)^n`` and ``(|z|/h)^n``. Instead of these two
-lengths the residual holds the vectors ``|u|^(n-1) u`` with ``u = (x, y)/r`` and ``u = z/h``: the same energy,
-but smooth at rho = 0 and z = 0 for n = 1 too, and with some of the curvature along the wall.
+**Residuals are vectors.** Eq. (16) needs only the squares of ``(rho/r)^n`` and ``(|z|/h)^n``. Instead of
+these two lengths the residual contains the vectors ``|u|^(n-1) u`` with ``u = (x, y)/r`` and ``u = z/h``. The
+energy is the same, but it is smooth at rho = 0 and z = 0 for n = 1 too, and has curvature along the wall.
 
-**Far outside, a straight line.** Gauss-Newton on ``a^n`` takes ``a`` to ``a (1 - 1/n)``: an iteration divides
-the whitened residual ``w = sqrt(2 omega) a^n`` by e only, so a bad start costs ``n ln(a)`` iterations, and on
-the way w^2 drowns the rest of the normal equations or overflows. So beyond the ``a_max`` where w reaches
-``WALL_LIMIT`` the residual follows its tangent, ``a_max^n (1 + n (a / a_max - 1))``. From any distance one
-step lands at ``a_max (1 - 1/n)``, and about ``ln(WALL_LIMIT) = 7`` more reach the wall, whatever n. The cost
-stays convex in the offset and C1, so an optimum whose residuals are all below the limit (a cost of 5e5 for
-one fix) does not move at all.
+**Linear tails.** Gauss-Newton on ``a^n`` takes ``a`` to ``a (1 - 1/n)``: an iteration divides the whitened
+residual ``w = sqrt(2 omega) a^n`` only by e, so a bad start takes ``n ln(a)`` iterations, and meanwhile w^2
+dominates the normal equations or overflows. Beyond the ``a_max`` where w reaches ``WALL_LIMIT`` the
+residual therefore follows its tangent, ``a_max^n (1 + n (a / a_max - 1))``. From any distance one step lands
+at ``a_max (1 - 1/n)``, and about ``ln(WALL_LIMIT) = 7`` more reach the wall, whatever n. The cost stays
+convex in the offset and C1. An optimum whose residuals are all below the limit (a cost of 5e5 for one fix)
+does not move.
 
-**From inside, a wall with large n is not seen** by Gauss-Newton until it is hit: where the rest of the graph
-pulls through it, steps are rejected until they are short. Solving with the exponents of :func:`stages` in
-turn, each from the last optimum, brings the wall in gradually.
+**Exponent continuation.** From inside, Gauss-Newton does not see a wall with large n until it hits it: where
+the rest of the graph pulls through the wall, steps are rejected until they are short. Solving with the
+exponents of :func:`exponent_schedule` in turn, each from the previous optimum, raises the wall gradually.
 """
 
 from dataclasses import dataclass
@@ -32,38 +32,38 @@ import numpy as np
 from factors.custom import FloatArray
 
 WALL_LIMIT = 1e3
-"""Whitened residual beyond which a wall goes on as a straight line."""
+"""Whitened residual beyond which a wall continues along its tangent."""
 
 
 class Penalty(Protocol):
-    """What a GPS factor asks of a penalty."""
+    """Interface of a penalty for the GPS factors."""
 
     def residual(self, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residual (3,) and its Jacobian (3, 3) at an offset (3,), metres east, north, up."""
+        """Return the residual (3,) and its Jacobian (3, 3) at an offset (3,), metres east, north, up."""
         ...
 
     def noise_model(self) -> gtsam.noiseModel.Base:
-        """The residual's noise model, of dimension 3."""
+        """Return the noise model of the residual, of dimension 3."""
         ...
 
     def cost(self, offsets: FloatArray) -> FloatArray:
-        """Cost (N,) at offsets (N, 3): what a factor with this penalty adds to the graph's error."""
+        """Return the costs (N,) at offsets (N, 3): the error of a factor with this penalty."""
         ...
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder around the fix, silent inside, Eq. (16): ``omega ((rho/r)^(2n) + (|z|/h)^(2n))``.
+    """A cylinder around the fix, nearly free inside, Eq. (16): ``omega ((rho/r)^(2n) + (|z|/h)^(2n))``.
 
     Residual: ``[(rho/r)^(n-1) (x, y)/r, (|z|/h)^(n-1) z/h]``, sigma ``1/sqrt(2 omega)``.
 
     Attributes:
         r_m, h_m: Radius r(p) and half height h(p).
         n: Exponent, a natural number; the larger, the steeper the wall.
-        omega: Weight of Eq. (11). The thesis has 1e-8.
+        omega: Weight in Eq. (11); 1e-8 in the thesis.
 
     Raises:
-        ValueError: A number is not positive.
+        ValueError: A parameter is not positive.
     """
 
     r_m: float
@@ -97,16 +97,16 @@ class Cylinder:
 class Ellipsoid:
     """An ellipsoid around the fix, Eq. (22): ``omega ((x^2 + y^2)/alpha^2 + z^2/beta^2)^n``.
 
-    Eq. (22) as printed scales y by beta; the vertical axis is meant. Residual: ``|u|^(n-1) u`` with
+    As printed, Eq. (22) scales y by beta; the vertical axis is meant. Residual: ``|u|^(n-1) u`` with
     ``u = (x/alpha, y/alpha, z/beta)``, sigma ``1/sqrt(2 omega)``.
 
     Attributes:
-        alpha_m, beta_m: Horizontal and vertical semi-axis.
+        alpha_m, beta_m: Horizontal and vertical semi-axes.
         n: Exponent, a natural number; the larger, the steeper the wall.
-        omega: Weight of Eq. (11).
+        omega: Weight in Eq. (11).
 
     Raises:
-        ValueError: A number is not positive.
+        ValueError: A parameter is not positive.
     """
 
     alpha_m: float
@@ -136,17 +136,17 @@ class Ellipsoid:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A pull to the fix, Eq. (14) and (15): ``0.5 ||offset / sigma||^2``; the residual is the offset.
+    """A Gaussian around the fix, Eq. (14) and (15): ``0.5 ||offset / sigma||^2``; the residual is the offset.
 
     Attributes:
-        sigma_m: Standard deviations east, north, up. The same numbers for every fix make Eq. (14), with
-            ``omega = 1 / (2 sigma^2)``; the receiver's own tau make Eq. (15), with omega = 1/2, or
-            ``tau / sqrt(2 omega)`` for another omega.
-        cauchy_k: Makes the pull robust: a Cauchy loss on the length of offset / sigma that bends at k
-            (2.385 keeps 95 % efficiency on one-dimensional Gaussian errors). None is the plain Gaussian.
+        sigma_m: Standard deviations east, north, up. The same numbers for every fix give Eq. (14) with
+            ``omega = 1 / (2 sigma^2)``; the receiver's own tau give Eq. (15) with omega = 1/2, and
+            ``tau / sqrt(2 omega)`` another omega.
+        cauchy_k: Constant of a Cauchy loss on the length of offset / sigma (2.385 keeps 95 % efficiency on
+            one-dimensional Gaussian errors); None for no loss.
 
     Raises:
-        ValueError: A number is not positive.
+        ValueError: A parameter is not positive.
     """
 
     sigma_m: tuple[float, float, float]
@@ -177,8 +177,8 @@ class Gaussian:
         return 0.5 * self.cauchy_k**2 * np.log1p(square / self.cauchy_k**2)
 
 
-def stages(n: int) -> list[int]:
-    """Exponents to solve with in turn: 1, 2, 4, ... and n.
+def exponent_schedule(n: int) -> list[int]:
+    """Return the exponents to solve with in turn: 1, 2, 4, ... and n.
 
     Raises:
         ValueError: n is not positive.
@@ -188,14 +188,14 @@ def stages(n: int) -> list[int]:
 
 
 def _limit(omega: float) -> float:
-    """The unwhitened residual at which a wall becomes straight."""
+    """Return the unwhitened residual at which a wall becomes linear."""
     return WALL_LIMIT / sqrt(2 * omega)
 
 
 def _wall(scale: FloatArray, offset: FloatArray, n: int, limit: float) -> tuple[FloatArray, FloatArray]:
-    """``g(a) u/a`` with ``u = scale * offset``, ``a = |u|``: residual (3,) and Jacobian (3, 3) to the offset.
+    """Return the residual ``g(a) u/a`` (3,), ``u = scale * offset``, ``a = |u|``, and its Jacobian (3, 3).
 
-    ``g(a) = a^n``, and its tangent where that exceeds ``limit``.
+    ``g(a)`` is ``a^n``, or its tangent where that exceeds ``limit``.
     """
     u = scale * offset
     a = sqrt(u @ u)
@@ -209,7 +209,7 @@ def _wall(scale: FloatArray, offset: FloatArray, n: int, limit: float) -> tuple[
 
 
 def _wall_cost(scales: FloatArray, offsets: FloatArray, n: int, omega: float) -> FloatArray:
-    """``omega`` times the sum of ``g(a)^2`` over the walls ``scales`` (W, 3), at offsets (N, 3)."""
+    """Return ``omega`` times the sum of ``g(a)^2`` over the walls ``scales`` (W, 3), at offsets (N, 3)."""
     limit = _limit(omega)
     a = np.linalg.norm(offsets[:, None, :] * scales, axis=2)
     inside = np.minimum(a, limit ** (1 / n))

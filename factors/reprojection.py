@@ -1,7 +1,7 @@
 """Projection factors weighted by reliability, Eq. (12)(13), Kume 2010, and control points.
 
-Poses are ``world_T_camera``, cameras OpenCV's (x right, y down, z forward), pixels those of the undistorted
-(pinhole) image.
+Poses are ``world_T_camera``, the camera frame is OpenCV's (x right, y down, z forward), and pixels are those
+of the undistorted (pinhole) image.
 """
 
 from typing import Literal
@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from factors.custom import POSE3, FloatArray, Linearised, Variable, custom_factor
+from factors.custom import POSE3, FloatArray, Linearization, Variable, custom_factor
 
 Loss = Literal["none", "huber", "cauchy"]
 
@@ -18,14 +18,14 @@ Loss = Literal["none", "huber", "cauchy"]
 def reliability_sigma_px(
     residual_px: FloatArray, landmark: npt.NDArray[np.int64], landmark_count: int, floor_px: float
 ) -> FloatArray:
-    """Reliability sigma_j of each track: its root mean squared reprojection error, Eq. (13), Kume 2010.
+    """Return the reliability sigma_j of each track: its RMS reprojection error, Eq. (13), Kume 2010.
 
-    The floor is not in the thesis: two or three observations can be fitted exactly, and without it their
-    weight ``1/sigma_j^2`` would be infinite.
+    The floor is not in the thesis: two or three observations can be fitted exactly, and their weight
+    ``1/sigma_j^2`` would be infinite.
 
     Args:
         residual_px: (N, 2) reprojection errors.
-        landmark: (N,) row of the landmark that each belongs to.
+        landmark: (N,) landmark of each observation.
         landmark_count: L.
         floor_px: Smallest sigma_j.
 
@@ -47,12 +47,14 @@ def reliability_sigma_px(
 def projection_sigma_px(
     sigma_px: FloatArray, landmark: npt.NDArray[np.int64], frame: npt.NDArray[np.int64]
 ) -> FloatArray:
-    """Sigma of each observation, ``sigma_j sqrt(|P_i|)``: GTSAM's cost becomes Phi_i, Eq. (12), Kume 2010.
+    """Return the sigma of each observation, ``sigma_j sqrt(|P_i|)``.
+
+    With it GTSAM's cost is Phi_i, Eq. (12), Kume 2010.
 
     Args:
         sigma_px: (L,) reliability of each landmark.
-        landmark: (N,) row of the observed landmark.
-        frame: (N,) index of the frame; |P_i| is the number of observations with index i.
+        landmark: (N,) landmark of each observation.
+        frame: (N,) frame of each observation; |P_i| is the number of observations in frame i.
 
     Returns:
         (N,) pixels.
@@ -61,17 +63,17 @@ def projection_sigma_px(
 
 
 def projection_noise(sigma_px: float, loss: Loss = "none", loss_px: float = 1.0) -> gtsam.noiseModel.Base:
-    """Noise model of an observation with a loss that bends at ``loss_px`` pixels, whatever its weight.
+    """Return the noise model of an observation, with a loss whose scale is ``loss_px`` pixels at any weight.
 
-    GTSAM applies a loss to the whitened length ``||e||/sigma``, and sigma holds ``sqrt(|P_i|)``: with one
-    constant for all, a frame of many features would trust every outlier. Both losses obey
+    GTSAM applies a loss to the whitened length ``||e||/sigma``, and sigma contains ``sqrt(|P_i|)``: with one
+    constant for all observations, a frame with many features would trust every outlier. Both losses obey
     ``rho_k(s) = k^2 rho_1(s/k)``, so ``k = loss_px / sigma`` gives
-    ``rho_loss_px(||e||) / (sigma_j^2 |P_i|)``: the loss first, in pixels, then the weights of Eq. (12).
+    ``rho_loss_px(||e||) / (sigma_j^2 |P_i|)``: first the loss in pixels, then the weights of Eq. (12).
 
     Args:
         sigma_px: ``sigma_j sqrt(|P_i|)``, see :func:`projection_sigma_px`.
         loss: ``none``, ``huber`` or ``cauchy``.
-        loss_px: Error in pixels at which the loss departs from the square.
+        loss_px: Error in pixels at which the loss departs from a square.
 
     Raises:
         ValueError: ``loss_px`` is not positive.
@@ -90,10 +92,10 @@ def projection_noise(sigma_px: float, loss: Loss = "none", loss_px: float = 1.0)
 def projection_factor(
     pose_key: int, point_key: int, uv_px: FloatArray, calibration: gtsam.Cal3_S2, noise: gtsam.noiseModel.Base
 ) -> gtsam.GenericProjectionFactorCal3_S2:
-    """A landmark seen in a frame, GTSAM's own factor.
+    """Return GTSAM's own factor for an observation of a landmark.
 
-    Residual (2,): projection minus ``uv_px``. A point behind the camera does not raise: it costs a constant
-    ``2 fx`` pixels in u and v, with zero Jacobians.
+    Residual (2,): projection minus ``uv_px``. A landmark behind the camera has the constant residual ``2 fx``
+    in u and v and zero Jacobians, and raises nothing.
     """
     return gtsam.GenericProjectionFactorCal3_S2(uv_px, noise, pose_key, point_key, calibration, False, False)
 
@@ -105,14 +107,14 @@ def control_point_factor(
     calibration: gtsam.Cal3_S2,
     noise: gtsam.noiseModel.Base,
 ) -> gtsam.CustomFactor:
-    """A point of known world position seen in a frame (how the thesis starts a run, Sec. 4.1, Kume 2010).
+    """Return a factor for an observation of a point of known position, Sec. 4.1, Kume 2010.
 
     Residual (2,): projection minus ``uv_px``. Jacobian: (2, 6) to the pose. Behind the camera as in
     :func:`projection_factor`.
 
     Args:
         pose_key: Key of the frame's pose.
-        uv_px: (2,) where it is seen, in the undistorted image.
+        uv_px: (2,) observed position in the undistorted image.
         world_p_point: (3,) ENU metres.
         calibration: The pinhole camera.
         noise: Of dimension 2, pixels.
@@ -120,7 +122,7 @@ def control_point_factor(
     uv, point = np.array(uv_px, dtype=np.float64), np.array(world_p_point, dtype=np.float64)
     behind = np.full(2, 2 * calibration.fx()), [np.zeros((2, 6))]
 
-    def error(world_T_camera: gtsam.Pose3) -> Linearised:
+    def error(world_T_camera: gtsam.Pose3) -> Linearization:
         if world_T_camera.transformTo(point)[2] <= 0:
             return behind
         jacobian = np.zeros((2, 6), order="F")

@@ -32,7 +32,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from factors.gps import gps_factor
-from factors.penalties import Cylinder, Ellipsoid, Gaussian, stages
+from factors.penalties import Cylinder, Ellipsoid, Gaussian, exponent_schedule
 from vgps.config import Config
 from vgps.model import FixClass
 from vgps.simulate.scene import FIX_ERRORS
@@ -189,7 +189,7 @@ def solve(kind: str, n: int, start: gtsam.Values, staged: bool = True) -> tuple[
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(200)
     parameters.setRelativeErrorTol(1e-10)
-    for exponent in stages(n) if staged else [n]:
+    for exponent in exponent_schedule(n) if staged else [n]:
         optimiser = gtsam.LevenbergMarquardtOptimizer(graph_of(kind, exponent), values, parameters)
         values = optimiser.optimize()
         iterations += optimiser.iterations()

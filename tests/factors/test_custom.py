@@ -62,8 +62,8 @@ def test_jacobians_are_not_looked_at_when_only_the_error_is_asked():
 @pytest.mark.parametrize(
     ("residual", "jacobians", "message"),
     [
-        (np.ones(3), [], "x1: 0 Jacobians for 1 variables"),
-        (np.ones(3), [np.zeros((3, 6)), np.zeros((3, 6))], "2 Jacobians for 1 variables"),
+        (np.ones(3), [], "x1: 0 Jacobians, expected 1"),
+        (np.ones(3), [np.zeros((3, 6)), np.zeros((3, 6))], "2 Jacobians, expected 1"),
         (np.ones(3), [np.zeros((2, 6))], r"a Jacobian has shape \(2, 6\), expected \(3, 6\)"),
         (np.ones(3), [np.zeros((3, 5))], r"a Jacobian has shape \(3, 5\), expected \(3, 6\)"),
         (np.ones(3), [np.zeros(18)], r"a Jacobian has shape \(18,\)"),

@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from factors import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, gps_factor, stages
+from factors import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, exponent_schedule, gps_factor
 
 EXPONENTS = [1, 2, 3, 4, 8, 16, 32]
 metres = st.floats(-200, 200)
@@ -154,7 +154,7 @@ def test_cauchy_by_hand():
         lambda: Ellipsoid(1.0, 1.0, 2, np.inf),
         lambda: Gaussian((1.0, 0.0, 1.0)),
         lambda: Gaussian((1.0, 1.0, 1.0), cauchy_k=0.0),
-        lambda: stages(0),
+        lambda: exponent_schedule(0),
     ],
 )
 def test_impossible_numbers_raise(make):
@@ -166,5 +166,5 @@ def test_impossible_numbers_raise(make):
     ("n", "expected"),
     [(1, [1]), (2, [1, 2]), (3, [1, 2, 3]), (16, [1, 2, 4, 8, 16]), (20, [1, 2, 4, 8, 16, 20])],
 )
-def test_stages(n, expected):
-    assert stages(n) == expected
+def test_exponent_schedule(n, expected):
+    assert exponent_schedule(n) == expected

@@ -32,7 +32,7 @@ def scene(time_offset_prior_s=0.5, antenna_prior_m=0.5, frames=60):
         at, to = gtsam.Pose3(poses[i]), gtsam.Pose3(poses[i + 1])
         fix = at.slerp(0.3, to).transformFrom(TRUE_ANTENNA)
         times = INTERVAL_S * i, INTERVAL_S * (i + 1), INTERVAL_S * (i + 0.3) + TRUE_LAG_S
-        graph.push_back(gps_factor_calibrating(X(i), X(i + 1), TIME_OFFSET, ANTENNA, times, fix, penalty))
+        graph.push_back(gps_factor_calibrating((X(i), X(i + 1)), (TIME_OFFSET, ANTENNA), times, fix, penalty))
     return replace(problem, pose_graph=graph, shared=sensors.shared()), sensors
 
 

@@ -8,7 +8,7 @@ from gtsam.noiseModel import mEstimator
 from gtsam.symbol_shorthand import A, B, L, X
 from synthetic_bundle import ANTENNA, K, drive
 
-from factors import Cylinder, Gaussian, gps_factor, gps_factor_between, gps_factor_calibrating
+from factors import Cylinder, Gaussian, gps_factor, gps_factor_calibrating, gps_factor_interpolated
 from vgps.errors import GeometryError
 from vgps.solver import graph_optimizer as engine
 from vgps.solver.elimination import analyze_sparsity
@@ -70,7 +70,7 @@ def with_fixes() -> Graph:
     robust = Gaussian((0.1, 0.1, 0.2), cauchy_k=1.0)
     for i in range(1, 22, 5):
         between = 0.5 * (antenna[i] + antenna[i + 1])
-        graph.push_back(gps_factor_between(X(i), X(i + 1), 0.5, between, ANTENNA, robust))
+        graph.push_back(gps_factor_interpolated((X(i), X(i + 1)), 0.5, between, ANTENNA, robust))
     return graph, values
 
 
@@ -222,7 +222,7 @@ def test_a_lag_and_a_lever_arm_are_estimated_with_the_poses() -> None:
         at = (float(i), i + 1.0, i + 0.5)
         between = 0.5 * (antenna[i] + antenna[i + 1])
         graph.push_back(
-            gps_factor_calibrating(X(i), X(i + 1), A(0), B(0), at, between, Gaussian((0.01, 0.01, 0.01)))
+            gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), at, between, Gaussian((0.01, 0.01, 0.01)))
         )
     graph.push_back(gtsam.PriorFactorVector(A(0), np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 0.1)))
     graph.push_back(gtsam.PriorFactorVector(B(0), np.zeros(3), gtsam.noiseModel.Isotropic.Sigma(3, 1.0)))
@@ -347,7 +347,7 @@ def test_gtsams_optimiser_eliminates_what_is_seen_first_and_lever_arms_last(monk
     for i in (2, 20):
         at = (float(i), i + 1.0, i + 0.5)
         fix, penalty = values.atPose3(X(i)).translation(), Gaussian((0.1, 0.1, 0.1))
-        graph.push_back(gps_factor_calibrating(X(i), X(i + 1), A(0), B(0), at, fix, penalty))
+        graph.push_back(gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), at, fix, penalty))
     orders = []
     own = optimise_with_gtsam
     monkeypatch.setattr(engine, "optimise_with_gtsam", lambda *a: orders.append(a[2]) or own(*a))

@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
-from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_between, gps_factor_calibrating
+from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_calibrating, gps_factor_interpolated
 from vgps.config import GpsConfig
 from vgps.gps.regions import enlarged, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
@@ -186,9 +186,9 @@ def gps_graph(
         fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
         if sensors.to_estimate:
             times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
-            factor = gps_factor_calibrating(X(a), X(b), TIME_OFFSET, ANTENNA, times, fix, cost)
+            factor = gps_factor_calibrating((X(a), X(b)), (TIME_OFFSET, ANTENNA), times, fix, cost)
         else:
             alpha = float(placement.alpha[row])
-            factor = gps_factor_between(X(a), X(b), alpha, fix, sensors.camera_p_antenna, cost)
+            factor = gps_factor_interpolated((X(a), X(b)), alpha, fix, sensors.camera_p_antenna, cost)
         graph.push_back(factor)
     return graph

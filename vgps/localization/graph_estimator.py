@@ -7,10 +7,10 @@ import numpy as np
 
 from factors import (
     bias_walk_factor,
+    constant_centre_velocity_factor,
     gyro_factor,
     known_points_factor,
     preintegrate_rates,
-    steady_centre_factor,
 )
 from vgps.config import LocalizationConfig
 from vgps.geometry import reprojection_inliers
@@ -110,21 +110,21 @@ class GraphEstimator:
             graph.add(gtsam.PriorFactorVector(_b(k), self._bias(), noise))
             return
         j, t_j = self._frames[-1]
-        graph.add(bias_walk_factor(_b(j), _b(k), t_s - t_j, config.bias_walk_rad_s1p5))
+        graph.add(bias_walk_factor((_b(j), _b(k)), t_s - t_j, config.bias_walk_rad_s1p5))
         turned = self._turned(j, k, t_j, t_s)
         if turned is not None:
             graph.add(turned)
         if len(self._frames) > 1:
             i, t_i = self._frames[-2]
             density = config.acceleration_density_m_s1p5
-            graph.add(steady_centre_factor(_x(i), _x(j), _x(k), t_j - t_i, t_s - t_j, density))
+            graph.add(constant_centre_velocity_factor((_x(i), _x(j), _x(k)), (t_j - t_i, t_s - t_j), density))
 
     def _turned(self, j: int, k: int, t_j: float, t_s: float) -> gtsam.CustomFactor | None:
         if self._gyro is None or not self._gyro.covers(np.array([t_j]), np.array([t_s]))[0]:
             return None
         rates, dts = self._gyro.steps(t_j, t_s)
         rotation = preintegrate_rates(rates, dts, self._bias(), self._config.gyro_density_rad_s0p5)
-        return gyro_factor(_x(j), _x(k), _b(j), rotation, self._mount)
+        return gyro_factor((_x(j), _x(k)), _b(j), rotation, self._mount)
 
     def _bias(self) -> FloatArray:
         return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from factors import stages
+from factors import exponent_schedule
 from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
@@ -59,7 +59,7 @@ def optimise_batch(
     for round_ in range(rounds):
         if round_ == 1:  # maps that were only just merged show time offsets that are none
             estimate, remark = _with_time_offset(estimate, fixes)
-        for n in stages(config.gps.n) if round_ == 0 else [config.gps.n]:
+        for n in exponent_schedule(config.gps.n) if round_ == 0 else [config.gps.n]:
             solved = _solve_round(estimate, fixes, fixed, _Round(round_ == 0, round_ == rounds - 1, n))
             estimate = estimate.after(solved.result)
             iterations += solved.result.report.iterations

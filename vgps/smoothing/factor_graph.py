@@ -188,11 +188,8 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
         a, b, c = middle - 1, middle, middle + 1
         graph.push_back(
             constant_velocity_factor(
-                X(a),
-                X(b),
-                X(c),
-                float(scene.t_s[b] - scene.t_s[a]),
-                float(scene.t_s[c] - scene.t_s[b]),
+                (X(a), X(b), X(c)),
+                (float(scene.t_s[b] - scene.t_s[a]), float(scene.t_s[c] - scene.t_s[b])),
                 config.motion.rotation_density,
                 config.motion.translation_density * speed_scale,
             )

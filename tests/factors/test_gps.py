@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from factors import Cylinder, Ellipsoid, Gaussian, gps_factor, gps_factor_between, gps_factor_calibrating
+from factors import Cylinder, Ellipsoid, Gaussian, gps_factor, gps_factor_calibrating, gps_factor_interpolated
 
 A, B = gtsam.symbol("x", 0), gtsam.symbol("x", 1)
 ANTENNA = np.array([0.1, -0.3, 0.05])
@@ -51,7 +51,7 @@ def test_jacobian_at_a_frame(check_jacobians, penalty, twist, offset):
 def test_jacobians_between_frames(check_jacobians, penalty, twist, motion, alpha, offset):
     values = values_of(pose(twist), pose(twist).compose(pose(motion)))
     fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offset
-    check_jacobians(gps_factor_between(A, B, alpha, fix, ANTENNA, penalty), values)
+    check_jacobians(gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty), values)
 
 
 @pytest.mark.parametrize("penalty", PENALTIES)
@@ -61,7 +61,7 @@ def test_jacobians_on_the_axes_and_between_identical_poses(check_jacobians, pena
     where = gtsam.Pose3.Expmap(np.array([0.4, 0.1, -0.7, 3.0, 4.0, 5.0]))
     fix = where.transformFrom(ANTENNA) - np.array(offset, dtype=float)
     check_jacobians(
-        gps_factor_between(A, B, alpha, fix, ANTENNA, penalty), values_of(where, where), tolerance=1e-5
+        gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty), values_of(where, where), tolerance=1e-5
     )
 
 
@@ -70,7 +70,7 @@ def test_a_fix_exactly_at_a_frame(twist, motion):
     at_a, at_b = pose(twist), pose(twist).compose(pose(motion))
     values, fix = values_of(at_a, at_b), at_a.transformFrom(ANTENNA) - np.array([1.0, 2.0, 3.0])
     for alpha, key in ((0.0, A), (1.0, B)):
-        between = gps_factor_between(A, B, alpha, fix, ANTENNA, PENALTIES[1])
+        between = gps_factor_interpolated((A, B), alpha, fix, ANTENNA, PENALTIES[1])
         alone = gps_factor(key, fix, ANTENNA, PENALTIES[1])
         assert between.error(values) == pytest.approx(alone.error(values), rel=1e-9)
         jacobian, _ = between.linearize(values).jacobian()
@@ -101,7 +101,9 @@ def test_the_pose_between_follows_the_arc():
     at_a = gtsam.Pose3(gtsam.Rot3(), np.array([1.0, 0.0, 0.0]))
     at_b = gtsam.Pose3(gtsam.Rot3.Rz(np.pi / 2), np.array([0.0, 1.0, 0.0]))
     antenna_half_way = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0]) * 1.2
-    factor = gps_factor_between(A, B, 0.5, antenna_half_way, np.array([0.2, 0, 0]), Gaussian((1, 1, 1)))
+    factor = gps_factor_interpolated(
+        (A, B), 0.5, antenna_half_way, np.array([0.2, 0, 0]), Gaussian((1, 1, 1))
+    )
     np.testing.assert_allclose(factor.unwhitenedError(values_of(at_a, at_b)), 0, atol=1e-15)
 
 
@@ -116,7 +118,7 @@ def test_the_offset_is_antenna_minus_fix():
 @pytest.mark.parametrize("alpha", [-0.01, 1.01, np.nan])
 def test_a_fix_outside_the_two_frames_raises(alpha):
     with pytest.raises(ValueError, match="not between the two frames"):
-        gps_factor_between(A, B, alpha, np.zeros(3), ANTENNA, PENALTIES[0])
+        gps_factor_interpolated((A, B), alpha, np.zeros(3), ANTENNA, PENALTIES[0])
 
 
 @pytest.mark.parametrize("fix", [np.zeros(2), np.zeros((3, 1)), np.array([0.0, np.nan, 0.0])])
@@ -152,7 +154,7 @@ def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motio
     values = with_sensors(values_of(pose(twist), pose(twist).compose(pose(motion))), time_offset_s)
     alpha = (0.35 - time_offset_s) / 0.5
     fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offset
-    factor = gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.5, 2.35), fix, penalty)
+    factor = gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.5, 2.35), fix, penalty)
     check_jacobians(factor, values, tolerance=1e-5)
 
 
@@ -160,12 +162,14 @@ def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motio
 def test_a_known_lag_is_a_fix_at_another_time(penalty, twist, motion, alpha):
     poses = pose(twist), pose(twist).compose(pose(motion))
     fix = poses[0].transformFrom(ANTENNA) + np.array([1.0, -2.0, 3.0])
-    between = gps_factor_between(A, B, alpha, fix, ANTENNA, penalty)
-    late = gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.5, 2.0 + 0.5 * alpha + 0.3), fix, penalty)
+    between = gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty)
+    late = gps_factor_calibrating(
+        (A, B), (TIME_OFFSET, LEVER), (2.0, 2.5, 2.0 + 0.5 * alpha + 0.3), fix, penalty
+    )
     expected = between.error(values_of(*poses))
     assert late.error(with_sensors(values_of(*poses), 0.3)) == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
 def test_frames_out_of_order_are_refused():
     with pytest.raises(ValueError, match="earlier one first"):
-        gps_factor_calibrating(A, B, TIME_OFFSET, LEVER, (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])
+        gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])

@@ -24,19 +24,19 @@ def values_of(a, b, c):
 def test_jacobians(check_jacobians, start, ab, bc, dt_ab_s, dt_bc_s):
     a = gtsam.Pose3.Expmap(start)
     values = values_of(a, a.expmap(ab), a.expmap(ab).expmap(bc))
-    check_jacobians(constant_velocity_factor(A, B, C, dt_ab_s, dt_bc_s, 0.5, 2.0), values)
+    check_jacobians(constant_velocity_factor((A, B, C), (dt_ab_s, dt_bc_s), 0.5, 2.0), values)
 
 
 def test_jacobians_between_identical_poses(check_jacobians):
     pose = gtsam.Pose3.Expmap(np.array([0.3, 0.2, 0.1, 1.0, 2.0, 3.0]))
-    check_jacobians(constant_velocity_factor(A, B, C, 0.1, 0.2, 0.5, 2.0), values_of(pose, pose, pose))
+    check_jacobians(constant_velocity_factor((A, B, C), (0.1, 0.2), 0.5, 2.0), values_of(pose, pose, pose))
 
 
 @given(twists, twists, times, times)
 def test_constant_velocity_costs_nothing_at_any_spacing(start, velocity, dt_ab_s, dt_bc_s):
     a = gtsam.Pose3.Expmap(start)
     b, c = a.expmap(velocity * dt_ab_s * 0.5), a.expmap(velocity * (dt_ab_s + dt_bc_s) * 0.5)
-    factor = constant_velocity_factor(A, B, C, dt_ab_s, dt_bc_s, 0.5, 2.0)
+    factor = constant_velocity_factor((A, B, C), (dt_ab_s, dt_bc_s), 0.5, 2.0)
     np.testing.assert_allclose(factor.unwhitenedError(values_of(a, b, c)), 0, atol=1e-9)
 
 
@@ -44,7 +44,7 @@ def test_residual_by_hand():
     # 2 m in 1 s, then 1 m in 0.25 s forwards; no turn, then 0.1 rad about the optical axis
     a, b = gtsam.Pose3(), gtsam.Pose3(gtsam.Rot3(), np.array([0, 0, 2.0]))
     c = b.compose(gtsam.Pose3(gtsam.Rot3.Rz(0.1), np.array([0, 0, 1.0])))
-    factor = constant_velocity_factor(A, B, C, 1.0, 0.25, 0.5, 2.0)
+    factor = constant_velocity_factor((A, B, C), (1.0, 0.25), 0.5, 2.0)
     np.testing.assert_allclose(factor.unwhitenedError(values_of(a, b, c)), [0, 0, 0.4, 0, 0, 2.0], atol=1e-12)
     sigma = np.sqrt(1.25 / 3)
     expected = np.array([0, 0, 0.4 / (0.5 * sigma), 0, 0, 2.0 / (2.0 * sigma)])
@@ -58,7 +58,7 @@ def test_white_acceleration_gives_unit_residuals_at_any_spacing(steps_ab, steps_
     rng = np.random.default_rng(5)
     acceleration = rng.normal(size=(runs, steps_ab + steps_bc)) * density / np.sqrt(step_s)
     position = np.cumsum(np.cumsum(acceleration, axis=1), axis=1) * step_s**2
-    factor = constant_velocity_factor(A, B, C, steps_ab * step_s, steps_bc * step_s, 0.5, density)
+    factor = constant_velocity_factor((A, B, C), (steps_ab * step_s, steps_bc * step_s), 0.5, density)
 
     def at(x):
         return gtsam.Pose3(gtsam.Rot3(), np.array([x, 0, 0]))
@@ -76,4 +76,4 @@ def test_white_acceleration_gives_unit_residuals_at_any_spacing(steps_ab, steps_
 )
 def test_times_and_densities_are_positive(numbers):
     with pytest.raises(ValueError, match="expected positive numbers"):
-        constant_velocity_factor(A, B, C, *numbers)
+        constant_velocity_factor((A, B, C), numbers[:2], *numbers[2:])

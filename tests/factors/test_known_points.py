@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from factors import known_points_factor, steady_centre_factor
+from factors import constant_centre_velocity_factor, known_points_factor
 
 A, B, C = (gtsam.symbol("x", k) for k in range(3))
 K = np.array([[500.0, 0, 320], [0, 480, 240], [0, 0, 1]])
@@ -74,7 +74,7 @@ def test_no_points():
 @given(twists, twists, twists, st.floats(0.02, 2), st.floats(0.02, 2))
 def test_jacobians_of_the_steady_centre(check_jacobians, a, b, c, dt_ab_s, dt_bc_s):
     values = values_of(*(gtsam.Pose3.Expmap(twist) for twist in (a, b, c)))
-    check_jacobians(steady_centre_factor(A, B, C, dt_ab_s, dt_bc_s, 2.0), values)
+    check_jacobians(constant_centre_velocity_factor((A, B, C), (dt_ab_s, dt_bc_s), 2.0), values)
 
 
 def test_turning_costs_nothing_while_the_centre_is_steady():
@@ -82,14 +82,14 @@ def test_turning_costs_nothing_while_the_centre_is_steady():
         gtsam.Pose3(gtsam.Rot3.RzRyRx(0.4 * k, -k, 0.2), np.array([3.0, 1, 0]) * t)
         for k, t in enumerate((0.0, 0.1, 0.35))
     ]
-    factor = steady_centre_factor(A, B, C, 0.1, 0.25, 1.0)
+    factor = constant_centre_velocity_factor((A, B, C), (0.1, 0.25), 1.0)
     np.testing.assert_allclose(factor.unwhitenedError(values_of(*poses)), 0, atol=1e-12)
 
 
 def test_residual_of_the_steady_centre_by_hand():
     # 2 m in 1 s, then 1 m in 0.25 s: 4 - 2 m/s
     poses = [gtsam.Pose3(gtsam.Rot3.Ry(0.3), np.array([x, 0, 0])) for x in (0.0, 2.0, 3.0)]
-    factor = steady_centre_factor(A, B, C, 1.0, 0.25, 2.0)
+    factor = constant_centre_velocity_factor((A, B, C), (1.0, 0.25), 2.0)
     np.testing.assert_allclose(factor.unwhitenedError(values_of(*poses)), [2, 0, 0], atol=1e-12)
     whitened = factor.whitenedError(values_of(*poses))
     np.testing.assert_allclose(whitened, [2 / (2 * np.sqrt(1.25 / 3)), 0, 0])
@@ -97,4 +97,4 @@ def test_residual_of_the_steady_centre_by_hand():
 
 def test_impossible_times():
     with pytest.raises(ValueError, match="positive"):
-        steady_centre_factor(A, B, C, 0.1, 0.0, 1.0)
+        constant_centre_velocity_factor((A, B, C), (0.1, 0.0), 1.0)
