@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from vgps.config import LocalizationConfig
 from vgps.geometry import linearise_projection, project
 from vgps.localization.pose import pose_from_matches
 
+CONFIG = LocalizationConfig(ransac_samples=300, huber_px=1.5)
 K = np.array([[720.0, 0, 320], [0, 700, 150], [0, 0, 1]])
 POSE = np.eye(4)
 POSE[:3, :3] = Rotation.from_euler("xyz", (0.2, -0.4, 0.1)).as_matrix()
@@ -26,7 +28,7 @@ def off(pose):
 
 
 def solve(points, uv, guess=None):
-    return pose_from_matches(K, points, uv, np.ones(len(uv)), 3.0, 300, 1.5, guess)
+    return pose_from_matches(K, points, uv, np.ones(len(uv)), 3.0, CONFIG, guess)
 
 
 def test_the_scene_is_in_view():
@@ -56,10 +58,10 @@ def test_a_good_guess_wins_where_samples_fail():
 def test_the_covariance_is_that_of_the_errors():
     points, uv = scene()
     rng = np.random.default_rng(5)
-    errors = []
+    errors, wide = [], CONFIG.model_copy(update={"huber_px": 50.0})
     for _ in range(300):
         seen = uv + rng.normal(size=uv.shape)
-        found = pose_from_matches(K, points, seen, np.ones(len(uv)), 50.0, 300, 50.0, guess=POSE)
+        found = pose_from_matches(K, points, seen, np.ones(len(uv)), 50.0, wide, guess=POSE)
         local = np.linalg.inv(POSE) @ found.world_T_camera
         errors.append([*Rotation.from_matrix(local[:3, :3]).as_rotvec(), *local[:3, 3]])
     expected = np.sqrt(np.diag(found.covariance))

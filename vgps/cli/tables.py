@@ -6,7 +6,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from vgps.config import LandmarksConfig
+from vgps.config import LandmarksConfig, present_names
 from vgps.gyro_calibration import GyroCalibration
 from vgps.landmarks.info import DatabaseInfo
 
@@ -48,9 +48,11 @@ def database_table(info: DatabaseInfo) -> Table:
         table.add_row(axis, f"{least:.1f} to {greatest:.1f} m")
     defaults = LandmarksConfig().model_dump(mode="json")
     for source in info.sources:
-        # plain JSON: another version's settings may have other names
-        settings = json.loads(source.settings).items()
-        changed = "".join(f", {name} {value}" for name, value in settings if value != defaults.get(name))
+        # plain JSON: another version's settings may be unknown to this one
+        settings, _ = present_names(json.loads(source.settings), LandmarksConfig)
+        changed = "".join(
+            f", {name} {value}" for name, value in settings.items() if value != defaults.get(name)
+        )
         contents = f"{source.frames} frames, {source.landmarks} landmarks{changed}"
         table.add_row(Text(f"from {source.recording}"), Text(contents))
     table.add_row("size", f"{info.file_bytes / 2**20:.1f} MB")

@@ -78,6 +78,10 @@ class LocalizationConfig(SettingsModel):
     """A match is an inlier of a pose if its reprojection error is smaller; twice this for descriptors."""
     ransac_samples: PositiveInt = 200
     """Minimal samples drawn for a pose at most."""
+    ransac_confidence: Share = 0.9999
+    """Sampling stops once a sample without outliers was drawn with this probability."""
+    skip_ransac_share: Share = 0.7
+    """Nothing is sampled if at least this share of the matches agrees with the pose searched around."""
     min_inliers: PositiveInt = 6
     """A frame with fewer inliers has failed (Matsuda 2007)."""
     min_inlier_share: Share = 0.25
@@ -88,6 +92,8 @@ class LocalizationConfig(SettingsModel):
     """Huber's constant: reprojection errors beyond it count linearly."""
     max_rotation_error_deg: PositiveFloat = Field(default=6.0, le=180.0)
     """A pose that is rotated by more than this against the prediction is rejected."""
+    max_velocity_gap_s: PositiveFloat = 0.5
+    """Two tracked frames further apart than this give no velocity."""
     coast_s: PositiveFloat = 3.0
     """Predictions are searched around for this long after the last tracked frame; then recovery begins."""
 
@@ -95,6 +101,8 @@ class LocalizationConfig(SettingsModel):
     """Write each pose as revised by the frames of the next lag_s; otherwise as it came."""
     lag_s: PositiveFloat = 1.0
     """Time span of the frames in the graph."""
+    min_graph_agreement: Share = 0.5
+    """The graph starts anew if fewer of a frame's inliers than this share agree with its pose."""
     gyro_density_rad_s0p5: PositiveFloat = Field(default=0.0005, json_schema_extra={"unit": "rad/s/sqrt(Hz)"})
     """White noise of the gyro's rates."""
     bias_sigma_rad_s: PositiveFloat = 0.02

@@ -24,7 +24,6 @@ from vgps.model import BoolArray, FloatArray
 # moves in rad, m and rad/s from which on factors are linearised anew: less of them leaves an error of their
 # square, which at a focal length of 700 and 5 m from a landmark are some hundredths of a pixel
 _RELINEARISE = {"x": np.repeat([3e-3, 2e-2], 3), "b": np.full(3, 1e-2)}
-_AGREE = 0.5  # with less of a frame's own matches the graph has gone astray
 
 
 class GraphEstimator:
@@ -62,7 +61,7 @@ class GraphEstimator:
             self._begin()
         before = self._motion
         final = self._update(t_s, pose, seen)
-        if final.inlier.sum() < max(self._config.min_inliers, _AGREE * len(seen)):
+        if final.inlier.sum() < max(self._config.min_inliers, self._config.min_graph_agreement * len(seen)):
             # the graph went astray, and its bias with it
             self._motion = before
             self._begin()
@@ -140,7 +139,7 @@ class GraphEstimator:
         if len(self._frames) > 1:
             j, t_j = self._frames[-2]
             last = MotionState(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
-        fresh = motion_between(last, t_s, pose, self._config.max_speed_m_s)
+        fresh = motion_between(last, t_s, pose, self._config)
         self._motion = MotionState(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
         return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
 

@@ -37,7 +37,7 @@ class Localizer:
             gyro = GyroIntegral(recording.gyro)
         self.rotations = RotationPredictor(gyro, mount)
         self._rectifier = Rectifier(camera)
-        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config.max_speed_m_s)
+        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config)
         if config.estimator == "graph":
             self._estimator = GraphEstimator(camera.K, gyro, mount, config)
         recovery = DescriptorRecovery(database.keyframes(), describe, camera.K, config)

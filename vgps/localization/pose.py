@@ -6,14 +6,13 @@ import cv2
 import gtsam
 import numpy as np
 
+from vgps.config import LocalizationConfig
 from vgps.geometry import linearise_projection, reprojection_inliers
 from vgps.model import BoolArray, FloatArray
 
-_CONFIDENCE = 0.9999
 _LEAST = 4  # matches a linear solution needs
-_PLENTY = 0.7  # where such a share of the matches agrees with the guess, nothing is sampled
 _SETTLED = 0.03  # standard deviations: no step worth another
-_MOST_STEPS = 16
+_MOST_STEPS = 16  # a guard: inliers and pose settle within a few
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,7 @@ def pose_from_matches(
     uv_px: FloatArray,
     sigma_px: FloatArray,
     limit_px: float,
-    samples: int,
-    huber_px: float,
+    config: LocalizationConfig,
     guess: FloatArray | None = None,
 ) -> PoseEstimate | None:
     """Robust pose: samples with a linear solution, then least reprojection error over those that agree.
@@ -49,8 +47,7 @@ def pose_from_matches(
         uv_px: (N, 2), undistorted.
         sigma_px: (N,) standard deviations of the matches.
         limit_px: A match agrees with a pose if it is this near.
-        samples: Minimal samples at most.
-        huber_px: Errors beyond this grow linearly.
+        config: Sampling, and Huber's constant.
         guess: (4, 4) a pose that competes with the samples.
 
     Returns:
@@ -61,15 +58,15 @@ def pose_from_matches(
     best, support = guess, 0
     if guess is not None:
         support = int(reprojection_inliers(K, guess, points, uv_px, limit_px).sum())
-    if support < _PLENTY * len(points):
-        sampled = _ransac(K, points, uv_px, limit_px, samples)
+    if support < config.skip_ransac_share * len(points):
+        sampled = _ransac(K, points, uv_px, limit_px, config)
         if sampled is not None and reprojection_inliers(K, sampled, points, uv_px, limit_px).sum() > support:
             best = sampled
-    return None if best is None else _settle(K, best, points, uv_px, sigma_px, limit_px, huber_px)
+    return None if best is None else _settle(K, best, points, uv_px, sigma_px, limit_px, config.huber_px)
 
 
 def _ransac(
-    K: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float, samples: int
+    K: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float, config: LocalizationConfig
 ) -> FloatArray | None:
     # about their own middle: world coordinates of hundreds of metres cost the solver digits
     middle = points.mean(axis=0)
@@ -79,9 +76,9 @@ def _ransac(
             uv_px,
             K,
             None,
-            iterationsCount=samples,
+            iterationsCount=config.ransac_samples,
             reprojectionError=limit_px,
-            confidence=_CONFIDENCE,
+            confidence=config.ransac_confidence,
             flags=cv2.SOLVEPNP_AP3P,
         )
     except cv2.error:  # how OpenCV says that points coincide or lie in a line

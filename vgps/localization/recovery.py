@@ -76,15 +76,7 @@ class DescriptorRecovery:
         config = self._config
         if len(points) < config.min_inliers:
             return None
-        pose = pose_from_matches(
-            self._K,
-            points,
-            uv,
-            np.ones(len(uv)),
-            limit_px=2 * config.ransac_px,
-            samples=config.ransac_samples,
-            huber_px=config.huber_px,
-        )
+        pose = pose_from_matches(self._K, points, uv, np.ones(len(uv)), 2 * config.ransac_px, config)
         if pose is None or pose.inlier.sum() < config.min_inliers:
             return None
         return int(pose.inlier.sum()), pose.world_T_camera

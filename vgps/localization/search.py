@@ -100,9 +100,8 @@ def search_frame(
         seen.world_p_landmark,
         seen.uv_px,
         seen.sigma_px,
-        limit_px=config.ransac_px,
-        samples=config.ransac_samples,
-        huber_px=config.huber_px,
+        config.ransac_px,
+        config,
         guess=world_T_camera,
     )
     if pose is None or pose.inlier.sum() < required_inliers(len(seen), config):
