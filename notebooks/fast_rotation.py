@@ -115,7 +115,7 @@ localizer = Localizer(recording, database, config)
 def compared(k):
     """Templates as stored and as blurred at frame k's true pose, and where and how well they match."""
     views = database.views(truth[k], camera, max_landmarks=config.max_landmarks)
-    motion = MotionState(frames[k].t_s, truth[k], None, np.zeros(3), np.zeros(3))
+    motion = MotionState(t_s=frames[k].t_s, world_T_camera=truth[k])
     blur = exposure_motion_px(
         camera.K, motion, localizer.rotations, frames[k].t_s, fast.exposure_s, views.world_p_landmark
     )

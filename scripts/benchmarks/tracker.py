@@ -19,7 +19,7 @@ from scripts.common.markdown import table
 from scripts.common.stopwatch import stopwatch
 from vgps.config import LocalizationConfig
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization import Localizer, search, tracker
+from vgps.localization import Localizer, landmark_predictor, search
 from vgps.localization.graph_estimator import GraphEstimator
 from vgps.model import Frame, Recording
 from vgps.readers.recording import open_recording
@@ -27,7 +27,7 @@ from vgps.runtime.threads import one_blas_thread
 
 PARTS = {
     "database queries": (LandmarkDatabase, "views"),
-    "rendering templates": (tracker, "render_templates"),
+    "rendering templates": (landmark_predictor, "render_templates"),
     "correlation": (search, "match_templates"),
     "pose estimation": (search, "pose_from_matches"),
     "graph": (GraphEstimator, "add"),

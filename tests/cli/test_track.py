@@ -54,12 +54,12 @@ def test_track_writes_a_run(recording, database, tmp_path, vgps_verb):
     assert np.linalg.norm(poses.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1).max() < 0.1
 
 
-def test_without_a_gyro_it_says_what_is_lost(recording, database, tmp_path, vgps_verb):
+def test_a_missing_gyro_is_reported(recording, database, tmp_path, vgps_verb):
     (recording / "gyro.csv").unlink()
     words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--estimator", "frame")
     code, said, _ = vgps_verb(*words)
     assert code == 0
-    assert "note: there is no gyro: rotation is predicted at constant angular velocity" in said
+    assert "note: no gyro: rotation is predicted at constant angular velocity" in said
     assert "estimator: frame" in (tmp_path / "run" / "config.yaml").read_text()
 
 

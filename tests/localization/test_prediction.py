@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,13 @@ from vgps.localization.prediction import (
     RotationPredictor,
     exposure_motion_px,
     interval_motion_px,
-    predict,
+    predict_pose,
     search_radius_px,
 )
 from vgps.model import GyroLog
 
 K = np.array([[720.0, 0, 320], [0, 720, 150], [0, 0, 1]])
-STILL = MotionState(0.0, np.eye(4), None, np.zeros(3), np.zeros(3))
+STILL = MotionState(t_s=0.0, world_T_camera=np.eye(4))
 
 
 def steady_gyro(rate, mount):
@@ -26,26 +27,26 @@ def steady_gyro(rate, mount):
     return GyroLog(t, np.tile(mount @ rate, (len(t), 1)), Path("gyro.csv"))
 
 
-def test_window_by_hand():
+def test_the_window_of_hand_computed_values():
     # 720 px * 1.5 m/s * 0.1 s / 20 m + 4 px = 5.4 + 4
     np.testing.assert_allclose(search_radius_px(720, np.array([20.0, 108.0]), 1.5, 0.1, 4.0), [9.4, 5.0])
 
 
 @pytest.mark.parametrize("end_s", [0.3, -0.2])
-def test_a_steady_turn_is_the_exponential(end_s):
+def test_a_constant_rate_gives_the_exponential(end_s):
     rate = np.array([0.5, -1.0, 0.3])
     rotations = RotationPredictor(GyroIntegral(steady_gyro(rate, GYRO_R_CAMERA)), GYRO_R_CAMERA)
     expected = Rotation.from_rotvec(rate * end_s).as_matrix()
     np.testing.assert_allclose(rotations.relative_rotation(STILL, 0.0, end_s), expected, atol=1e-12)
 
 
-def test_the_bias_is_taken_off():
+def test_the_bias_is_subtracted():
     rate, bias = np.array([0.5, -1.0, 0.3]), np.array([0.02, 0.01, -0.03])
     log = steady_gyro(rate, GYRO_R_CAMERA)
     rotations = RotationPredictor(
         GyroIntegral(GyroLog(log.t_s, log.rate_rad_s + bias, log.source)), GYRO_R_CAMERA
     )
-    motion = MotionState(0.0, np.eye(4), None, np.zeros(3), bias)
+    motion = replace(STILL, gyro_bias_rad_s=bias)
     np.testing.assert_allclose(
         rotations.relative_rotation(motion, 0.0, 0.2),
         Rotation.from_rotvec(0.2 * rate).as_matrix(),
@@ -53,8 +54,8 @@ def test_the_bias_is_taken_off():
     )
 
 
-def test_without_a_gyro_the_last_rate_goes_on():
-    motion = MotionState(0.0, np.eye(4), None, np.array([0.0, 2.0, 0.0]), np.zeros(3))
+def test_without_a_gyro_the_angular_rate_is_constant():
+    motion = replace(STILL, camera_w_rad_s=np.array([0.0, 2.0, 0.0]))
     for rotations in (RotationPredictor(None, None), RotationPredictor(GyroIntegral(gyro(0.5)), None)):
         assert not rotations.covers(0.0, 0.1)
         np.testing.assert_allclose(
@@ -62,38 +63,40 @@ def test_without_a_gyro_the_last_rate_goes_on():
         )
 
 
-def test_beyond_the_log_the_gyro_does_not_tell():
+def test_the_gyro_does_not_cover_times_beyond_its_log():
     rotations = RotationPredictor(GyroIntegral(gyro(0.5)), GYRO_R_CAMERA)
     assert rotations.covers(0.0, 0.5)
     assert not rotations.covers(0.5, 3.0)
 
 
-def test_the_predicted_pose_is_where_the_camera_goes():
+def test_the_predicted_pose_is_close_to_the_true_one():
     rotations = RotationPredictor(GyroIntegral(gyro(1.0)), GYRO_R_CAMERA)
     before, now = pose_at(0.4), pose_at(0.5)
-    motion = MotionState(0.5, now, (now[:3, 3] - before[:3, 3]) / 0.1, np.zeros(3), np.zeros(3))
-    predicted, true = predict(motion, rotations, 0.6), pose_at(0.6)
+    motion = MotionState(t_s=0.5, world_T_camera=now, world_v_camera=(now[:3, 3] - before[:3, 3]) / 0.1)
+    predicted, true = predict_pose(motion, rotations, 0.6), pose_at(0.6)
     turned = Rotation.from_matrix(predicted[:3, :3].T @ true[:3, :3]).magnitude()
     assert np.degrees(turned) < 0.01
     assert np.linalg.norm(predicted[:3, 3] - true[:3, 3]) < 0.002
 
 
-def test_the_centre_is_extrapolated_not_the_translation_of_world_to_camera():
-    # a camera far from the origin that turns about itself stays where it is
+def test_the_centre_is_extrapolated_and_not_the_translation_of_world_to_camera():
+    # a camera far from the origin that rotates about itself does not move
     pose = np.eye(4)
     pose[:3, 3] = (100, 0, 0)
-    motion = MotionState(0.0, pose, np.zeros(3), np.array([0, 1.0, 0]), np.zeros(3))
-    np.testing.assert_allclose(predict(motion, RotationPredictor(None, None), 0.1)[:3, 3], [100, 0, 0])
+    motion = MotionState(
+        t_s=0.0, world_T_camera=pose, world_v_camera=np.zeros(3), camera_w_rad_s=np.array([0, 1.0, 0])
+    )
+    np.testing.assert_allclose(predict_pose(motion, RotationPredictor(None, None), 0.1)[:3, 3], [100, 0, 0])
 
 
-def test_blur_of_a_turn_by_hand():
+def test_the_blur_of_a_rotation_is_that_computed_by_hand():
     # 0.5 rad/s about y for 0.06 s, seen on the axis: 720 * 2 tan(0.015) px to the left
-    motion = MotionState(0.0, np.eye(4), None, np.array([0, 0.5, 0]), np.zeros(3))
+    motion = replace(STILL, camera_w_rad_s=np.array([0, 0.5, 0]))
     blur = exposure_motion_px(K, motion, RotationPredictor(None, None), 0.0, 0.06, np.array([[0, 0, 10.0]]))
     np.testing.assert_allclose(blur, [[-720 * 2 * np.tan(0.015), 0]], atol=1e-9)
 
 
-def test_blur_of_the_paper_is_the_motion_between_frames_by_the_share_of_the_exposure():
+def test_the_papers_blur_is_the_motion_between_frames_scaled_to_the_exposure():
     last, predicted = np.eye(4), np.eye(4)
     predicted[:3, :3] = Rotation.from_euler("y", 0.05).as_matrix()
     predicted[0, 3] = 0.2

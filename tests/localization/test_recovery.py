@@ -1,20 +1,19 @@
 import numpy as np
 import pytest
-from textured_wall import CAMERA, WallDatabase, exposed, pose_at
+from textured_wall import CAMERA, exposed, pose_at
 
 from vgps.config import LocalizationConfig
-from vgps.landmarks.descriptors import describe
 from vgps.localization.recovery import DescriptorRecovery
 
 
 @pytest.fixture(scope="module")
-def keyframes():
-    return WallDatabase().keyframes()
+def keyframes(database):
+    return database.keyframes()
 
 
 @pytest.mark.parametrize("t_s", [0.2, 1.0])
-def test_the_camera_is_found_without_a_prediction(keyframes, t_s):
-    recovery = DescriptorRecovery(keyframes, describe, CAMERA.K, LocalizationConfig())
+def test_the_first_candidate_is_the_cameras_pose(keyframes, t_s):
+    recovery = DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig())
     found = recovery.candidates(exposed(t_s, 0.01))
     assert found
     assert np.linalg.norm(found[0][:3, 3] - pose_at(t_s)[:3, 3]) < 0.3
@@ -22,14 +21,14 @@ def test_the_camera_is_found_without_a_prediction(keyframes, t_s):
 
 @pytest.mark.parametrize("image", [np.zeros((240, 320), np.float32), np.full((240, 320), 300, np.float32)])
 def test_an_empty_image_has_no_candidates(keyframes, image):
-    assert DescriptorRecovery(keyframes, describe, CAMERA.K, LocalizationConfig()).candidates(image) == []
+    assert DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig()).candidates(image) == []
 
 
 def test_noise_has_no_candidates(keyframes):
     noise = np.random.default_rng(0).uniform(0, 255, (240, 320)).astype(np.float32)
-    assert DescriptorRecovery(keyframes, describe, CAMERA.K, LocalizationConfig()).candidates(noise) == []
+    assert DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig()).candidates(noise) == []
 
 
 def test_a_database_without_keyframes_has_no_candidates():
-    recovery = DescriptorRecovery((), describe, CAMERA.K, LocalizationConfig())
+    recovery = DescriptorRecovery((), CAMERA.K, LocalizationConfig())
     assert recovery.candidates(exposed(0.0, 0.01)) == []

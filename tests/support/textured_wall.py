@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.landmarks.descriptors import describe
 from vgps.landmarks.model import Keyframe, LandmarkViews
-from vgps.model import Camera, Frame, GeodeticPoint, GyroLog
+from vgps.model import Camera, Frame, GeodeticPoint, GyroLog, Recording, Rig
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0)
 METRES = 0.02  # of a pixel of the texture
@@ -30,7 +30,7 @@ WALL = texture()
 
 
 def pose_at(t_s: float, turn_deg_s: float = 40.0) -> np.ndarray:
-    """Steps sideways at 0.8 m/s and towards the wall at 0.3 m/s, and shakes."""
+    """A camera that moves sideways at 0.8 m/s and towards the wall at 0.3 m/s, and shakes."""
     w = np.radians(turn_deg_s)
     angles = [0.08 * w * np.sin(8 * t_s), w / 6 * np.sin(6 * t_s), 0.05 * w * np.sin(5 * t_s + 1)]
     pose = np.eye(4)
@@ -169,3 +169,10 @@ class WallVideo:
             image = exposed(t, self.exposure_s, self.turn_deg_s)
             shown = np.full_like(image, 16) if i in self.black else image
             yield Frame(i, float(t), np.round(shown).astype(np.uint8))
+
+
+def recording_of(video: WallVideo, bias: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Recording:
+    """A recording of the wall with its exposure and a gyro."""
+    rig = Rig(gyro_R_camera=GYRO_R_CAMERA, exposure_s=video.exposure_s)
+    log = gyro(video.count / FPS, bias)
+    return Recording(path=Path("wall"), video=video, camera=CAMERA, rig=rig, gyro=log)

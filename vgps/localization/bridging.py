@@ -1,4 +1,4 @@
-"""Poses of frames in which no landmark was found, between those in which some were."""
+"""Poses of frames that could not be tracked, from the tracked frames around them."""
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -16,19 +16,19 @@ def bridge_gaps(
     gyro_bias_rad_s: FloatArray,
     coast_s: float,
 ) -> FloatArray:
-    """Fill the frames that are not tracked.
+    """Fill in the poses of frames that are not tracked.
 
-    Within a gap the rotation follows the gyro, and what it misses at the far end is spread over the gap;
-    without a gyro it turns evenly. The centre follows a smooth curve through the tracked frames. Before the
-    first and after the last tracked frame the velocity lasts for ``coast_s``, then the camera stands.
+    Within a gap the rotation follows the gyro, its error at the far end spread over the gap; without a gyro
+    the rotation is even. The centre follows a smooth curve through the tracked frames. Before the first and
+    after the last tracked frame the velocity continues for ``coast_s``, then the camera stands still.
 
     Args:
         t_s: (F,) times.
-        world_T_camera: (F, 4, 4); only tracked ones are looked at.
+        world_T_camera: (F, 4, 4); only those of tracked frames are used.
         tracked: (F,) at least one.
         rotations: The gyro.
         gyro_bias_rad_s: (3,).
-        coast_s: See above.
+        coast_s: How long the velocity continues at either end.
 
     Returns:
         (F, 4, 4), tracked frames unchanged.
@@ -39,11 +39,16 @@ def bridge_gaps(
         return out
     out[missing] = np.eye(4)
     out[missing, :3, 3] = _centres(t_s[good], world_T_camera[good, :3, 3], t_s[missing], coast_s)
+    states = [
+        MotionState(t_s=t_s[i], world_T_camera=world_T_camera[i], gyro_bias_rad_s=gyro_bias_rad_s)
+        for i in good
+    ]
     for i in missing:
         after = int(np.searchsorted(good, i))
-        before = good[after - 1] if after > 0 else None
-        following = good[after] if after < len(good) else None
-        out[i, :3, :3] = _rotation(t_s, world_T_camera, before, int(i), following, rotations, gyro_bias_rad_s)
+        if 0 < after < len(good):
+            out[i, :3, :3] = _rotation_between(states[after - 1], t_s[i], states[after], rotations)
+        else:
+            out[i, :3, :3] = _rotation_beyond(states[min(after, len(good) - 1)], t_s[i], rotations)
     return out
 
 
@@ -57,28 +62,23 @@ def _centres(t_s: FloatArray, centres: FloatArray, at_s: FloatArray, coast_s: fl
     return np.asarray(inside + early + late)
 
 
-def _rotation(
-    t_s: FloatArray,
-    poses: FloatArray,
-    before: int | None,
-    at: int,
-    after: int | None,
-    rotations: RotationPredictor,
-    bias: FloatArray,
+def _rotation_beyond(nearest: MotionState, t_s: float, rotations: RotationPredictor) -> FloatArray:
+    """Return the world rotation (3, 3) at a time before the first or after the last tracked frame."""
+    rotation = rotations.relative_rotation(nearest, nearest.t_s, t_s)
+    return np.asarray(nearest.world_T_camera[:3, :3] @ rotation)
+
+
+def _rotation_between(
+    before: MotionState, t_s: float, after: MotionState, rotations: RotationPredictor
 ) -> FloatArray:
-    """World rotation (3, 3) of frame ``at`` from the tracked frames next to it."""
-    if before is None or after is None:
-        near = before if before is not None else after
-        assert near is not None
-        motion = MotionState(t_s[near], poses[near], None, np.zeros(3), bias)
-        return np.asarray(poses[near, :3, :3] @ rotations.relative_rotation(motion, t_s[near], t_s[at]))
-    # without a gyro over the whole gap all of the turn is spread evenly
-    motion = MotionState(t_s[before], poses[before], None, np.zeros(3), bias)
-    whole = rotations.relative_rotation(motion, t_s[before], t_s[after])
-    missed = Rotation.from_matrix((poses[before, :3, :3] @ whole).T @ poses[after, :3, :3]).as_rotvec()
-    known = rotations.covers(t_s[before], t_s[after])
-    part = rotations.relative_rotation(motion, t_s[before], t_s[at]) if known else np.eye(3)
-    rest = part.T @ whole  # the missed turn is said in the axes of the frame after
-    share = (t_s[at] - t_s[before]) / (t_s[after] - t_s[before])
-    spread = Rotation.from_rotvec(share * (rest @ missed)).as_matrix()
-    return np.asarray(poses[before, :3, :3] @ part @ spread)
+    """Return the world rotation (3, 3) at a time between two tracked frames."""
+    start, end = before.world_T_camera[:3, :3], after.world_T_camera[:3, :3]
+    whole = rotations.relative_rotation(before, before.t_s, after.t_s)
+    error = Rotation.from_matrix((start @ whole).T @ end).as_rotvec()
+    # without a gyro over the whole gap all of the rotation is spread evenly
+    covered = rotations.covers(before.t_s, after.t_s)
+    part = rotations.relative_rotation(before, before.t_s, t_s) if covered else np.eye(3)
+    rest = part.T @ whole  # takes the error from the axes of the frame after to those at t_s
+    share = (t_s - before.t_s) / (after.t_s - before.t_s)
+    correction = Rotation.from_rotvec(share * (rest @ error)).as_matrix()
+    return np.asarray(start @ part @ correction)

@@ -1,4 +1,4 @@
-"""(E) as a factor graph over the last frames: landmarks, the gyro with its bias, and a steady centre."""
+"""(E) as a factor graph over the last frames: landmarks, gyro with bias, constant velocity of the centre."""
 
 from typing import SupportsFloat, SupportsIndex, SupportsInt
 
@@ -13,25 +13,23 @@ from factors import (
     preintegrate_rates,
 )
 from vgps.config import LocalizationConfig
-from vgps.geometry import reprojection_inliers
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.frame_estimator import motion_between
-from vgps.localization.pose import PoseEstimate
+from vgps.localization.pose import LandmarkMatches, PoseEstimate
 from vgps.localization.prediction import MotionState
-from vgps.localization.search import LandmarkMatches
-from vgps.model import BoolArray, FloatArray
+from vgps.model import FloatArray
 
-# moves in rad, m and rad/s from which on factors are linearised anew: less of them leaves an error of their
-# square, which at a focal length of 700 and 5 m from a landmark are some hundredths of a pixel
+# changes in rad, m and rad/s beyond which factors are relinearised: smaller ones leave an error of second
+# order, some hundredths of a pixel at a focal length of 700 px and 5 m from a landmark
 _RELINEARISE = {"x": np.repeat([3e-3, 2e-2], 3), "b": np.full(3, 1e-2)}
 
 
 class GraphEstimator:
-    """A fixed-lag smoother over poses and gyro biases; what leaves the lag stays as a Gaussian prior.
+    """A fixed-lag smoother over poses and gyro biases; older ones are marginalised into a Gaussian prior.
 
     Args:
         K: (3, 3).
-        gyro: Integral of the gyro's rates, if there is one that may be used.
+        gyro: Integral of the gyro's rates; None without a usable gyro.
         gyro_R_camera: (3, 3).
         config: Settings.
     """
@@ -48,31 +46,33 @@ class GraphEstimator:
         self._mount = np.eye(3) if gyro_R_camera is None else gyro_R_camera
         self._motion: MotionState | None = None
         self._frame = 0
-        self._begin()
+        self._reset()
 
     @property
     def motion(self) -> MotionState | None:
-        """As in :class:`vgps.localization.tracker.Estimator`."""
+        """See :class:`vgps.localization.tracker.Estimator`."""
         return self._motion
 
-    def add(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches, *, anew: bool) -> PoseEstimate:
-        """As in :class:`vgps.localization.tracker.Estimator`."""
-        if anew:
-            self._begin()
+    def add(self, t_s: float, pose: PoseEstimate, matches: LandmarkMatches, *, restart: bool) -> PoseEstimate:
+        """See :class:`vgps.localization.tracker.Estimator`."""
+        if restart:
+            self._reset()
         before = self._motion
-        final = self._update(t_s, pose, seen)
-        if final.inlier.sum() < max(self._config.min_inliers, self._config.min_graph_agreement * len(seen)):
-            # the graph went astray, and its bias with it
+        final = self._update(t_s, pose, matches)
+        if final.inlier.sum() < max(
+            self._config.min_inliers, self._config.min_graph_agreement * len(matches)
+        ):
+            # the graph has diverged, and its bias with it
             self._motion = before
-            self._begin()
-            final = self._update(t_s, pose, seen)
+            self._reset()
+            final = self._update(t_s, pose, matches)
         return final
 
     def revised(self) -> dict[float, FloatArray]:
-        """Poses (4, 4) by time of the frames in the lag, with what was seen since."""
+        """Return the poses (4, 4) of the frames in the lag by time, revised by later observations."""
         return {t_s: self._values.atPose3(_x(k)).matrix() for k, t_s in self._frames}
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
         params = gtsam.ISAM2Params()
         thresholds = gtsam.ISAM2ThresholdMap()
         for letter, threshold in _RELINEARISE.items():
@@ -83,26 +83,26 @@ class GraphEstimator:
         self._values = gtsam.Values()
         self._frames: list[tuple[int, float]] = []
 
-    def _update(self, t_s: float, pose: PoseEstimate, seen: LandmarkMatches) -> PoseEstimate:
+    def _update(self, t_s: float, pose: PoseEstimate, matches: LandmarkMatches) -> PoseEstimate:
         k = self._frame = self._frame + 1
         graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
         start.insert(_x(k), gtsam.Pose3(pose.world_T_camera))
         start.insert(_b(k), self._bias())
-        graph.add(self._landmarks(k, seen))
-        self._add_motion(graph, k, t_s)
+        graph.add(self._landmark_factor(k, matches))
+        self._add_motion_factors(graph, k, t_s)
         stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {_x(k): t_s, _b(k): t_s}
         self._smoother.update(graph, start, stamps)
         self._values = self._smoother.calculateEstimate()
         self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(_x(i))]
-        return self._read(t_s, k, pose, seen)
+        return self._read(t_s, k, pose, matches)
 
-    def _landmarks(self, k: int, seen: LandmarkMatches) -> gtsam.CustomFactor:
+    def _landmark_factor(self, k: int, matches: LandmarkMatches) -> gtsam.CustomFactor:
         return known_points_factor(
-            _x(k), seen.world_p_landmark, seen.uv_px, seen.sigma_px, self._K, self._config.huber_px
+            _x(k), matches.world_p_landmark, matches.uv_px, matches.sigma_px, self._K, self._config.huber_px
         )
 
-    def _add_motion(self, graph: gtsam.NonlinearFactorGraph, k: int, t_s: float) -> None:
-        """Factors from the frames before to frame k."""
+    def _add_motion_factors(self, graph: gtsam.NonlinearFactorGraph, k: int, t_s: float) -> None:
+        """Add the factors between the frames before and frame k."""
         config = self._config
         if not self._frames:
             noise = gtsam.noiseModel.Isotropic.Sigma(3, config.bias_sigma_rad_s)
@@ -110,15 +110,15 @@ class GraphEstimator:
             return
         j, t_j = self._frames[-1]
         graph.add(bias_walk_factor((_b(j), _b(k)), t_s - t_j, config.bias_walk_rad_s1p5))
-        turned = self._turned(j, k, t_j, t_s)
-        if turned is not None:
-            graph.add(turned)
+        rotation = self._gyro_factor(j, k, t_j, t_s)
+        if rotation is not None:
+            graph.add(rotation)
         if len(self._frames) > 1:
             i, t_i = self._frames[-2]
             density = config.acceleration_density_m_s1p5
             graph.add(constant_centre_velocity_factor((_x(i), _x(j), _x(k)), (t_j - t_i, t_s - t_j), density))
 
-    def _turned(self, j: int, k: int, t_j: float, t_s: float) -> gtsam.CustomFactor | None:
+    def _gyro_factor(self, j: int, k: int, t_j: float, t_s: float) -> gtsam.CustomFactor | None:
         if self._gyro is None or not self._gyro.covers(np.array([t_j]), np.array([t_s]))[0]:
             return None
         rates, dts = self._gyro.steps(t_j, t_s)
@@ -128,23 +128,19 @@ class GraphEstimator:
     def _bias(self) -> FloatArray:
         return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
 
-    def _read(self, t_s: float, k: int, alone: PoseEstimate, seen: LandmarkMatches) -> PoseEstimate:
-        """The newest pose, and the motion for the next prediction.
+    def _read(self, t_s: float, k: int, alone: PoseEstimate, matches: LandmarkMatches) -> PoseEstimate:
+        """Return the newest pose, and keep the state for the next prediction.
 
-        Its covariance is that of the frame alone, an upper bound that costs nothing.
+        The covariance is that of the frame alone, an upper bound that costs nothing.
         """
         pose = np.asarray(self._values.atPose3(_x(k)).matrix(), np.float64)
         bias = np.asarray(self._values.atVector(_b(k)), np.float64)
-        last = self._motion  # of before a new beginning
+        last = self._motion  # after a reset, the frame before it
         if len(self._frames) > 1:
             j, t_j = self._frames[-2]
-            last = MotionState(t_j, self._values.atPose3(_x(j)).matrix(), None, np.zeros(3), bias)
-        fresh = motion_between(last, t_s, pose, self._config)
-        self._motion = MotionState(t_s, pose, fresh.world_v_camera, fresh.camera_w_rad_s, bias)
-        return PoseEstimate(pose, alone.covariance, self._agree(pose, seen))
-
-    def _agree(self, pose: FloatArray, seen: LandmarkMatches) -> BoolArray:
-        return reprojection_inliers(self._K, pose, seen.world_p_landmark, seen.uv_px, self._config.ransac_px)
+            last = MotionState(t_s=t_j, world_T_camera=self._values.atPose3(_x(j)).matrix())
+        self._motion = motion_between(last, t_s, pose, bias, self._config)
+        return PoseEstimate(pose, alone.covariance, matches.inliers(self._K, pose, self._config.ransac_px))
 
 
 def _x(k: int) -> int:

@@ -9,14 +9,14 @@ import numpy as np
 from vgps.model import Float32Array, FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BlurGrids:
-    """Where templates are sampled so that blur is a mean along rows: grids turned into their motions.
+    """Sampling grids of templates with rows along the motion, so that blur is a mean along rows.
 
     Attributes:
         image_R_grid: (N, 2, 2) steps in the image of one column, which is along the motion, and of one row.
-        length_px: (N,) of the motion; 1 for one so short that it leaves a template sharp.
-        height, width: Of every grid, both odd; its middle is the template's.
+        length_px: (N,) length of the motion; 1 where it is too short to blur a template.
+        height, width: Of every grid, both odd; its centre is the template's.
         side: Of the templates, odd.
     """
 
@@ -28,7 +28,7 @@ class BlurGrids:
 
 
 def blur_grids(blur_px: FloatArray, side: int) -> BlurGrids:
-    """The grids that templates of a side need for motions (N, 2) while the shutter is open, pixels (u, v)."""
+    """Return sampling grids for templates of a side, given image motions (N, 2) during the exposure."""
     length = np.linalg.norm(blur_px, axis=1)
     sharp = length <= 1.0
     along = np.where(sharp[:, None], (1.0, 0.0), blur_px / np.maximum(length, 1.0)[:, None])
@@ -37,25 +37,31 @@ def blur_grids(blur_px: FloatArray, side: int) -> BlurGrids:
     length = np.maximum(length, 1.0)
     height = 2 * int(np.ceil(corner)) + 3
     width = 2 * int(np.ceil(corner + length.max(initial=1.0) / 2)) + 3
-    return BlurGrids(np.stack([along, across], axis=2), length, height, width, side)
+    return BlurGrids(
+        image_R_grid=np.stack([along, across], axis=2),
+        length_px=length,
+        height=height,
+        width=width,
+        side=side,
+    )
 
 
 @cache
 def pixel_offsets(height: int, width: int) -> Float32Array:
-    """(2, height * width) columns and rows of a grid's places, counted from its middle."""
+    """Return columns and rows (2, height * width) of a grid's pixels, relative to its centre."""
     row, column = np.mgrid[:height, :width].reshape(2, -1).astype(np.float32)
     return np.stack([column - width // 2, row - height // 2])
 
 
 def blur_along_rows(sampled: Float32Array, grids: BlurGrids) -> Float32Array:
-    """Mean over the motion at every pixel of the templates.
+    """Return templates whose pixels are means over the motion.
 
     Args:
         sampled: (N, height, width) grey values on the grids.
         grids: The grids.
 
     Returns:
-        (N, side, side), upright again.
+        (N, side, side), aligned with the image.
     """
     count, height, width = sampled.shape
     level = sampled.mean(axis=(1, 2), keepdims=True)
@@ -63,7 +69,7 @@ def blur_along_rows(sampled: Float32Array, grids: BlurGrids) -> Float32Array:
     np.cumsum(sampled - level, axis=2, out=integral[:, :, 1:])
     pixels = pixel_offsets(grids.side, grids.side)
     along, across = (grids.image_R_grid[:, :, k].astype(np.float32) @ pixels for k in (0, 1))
-    # the integral at column j reaches to the left border of pixel j
+    # column j of the integral is the sum up to the left border of pixel j
     column = along + np.float32(width / 2)
     row = across + (height // 2 + height * np.arange(count, dtype=np.float32)[:, None])
     length = grids.length_px[:, None].astype(np.float32)

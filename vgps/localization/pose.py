@@ -1,4 +1,4 @@
-"""Pose of one frame from landmarks of known position, (E) of Matsuda 2007: RANSAC, linear, then refined."""
+"""Pose of one frame from matched landmarks, (E) of Matsuda 2007: RANSAC, linear solution, refinement."""
 
 from dataclasses import dataclass
 
@@ -8,21 +8,54 @@ import numpy as np
 
 from vgps.config import LocalizationConfig
 from vgps.geometry import linearise_projection, reprojection_inliers
-from vgps.model import BoolArray, FloatArray
+from vgps.model import BoolArray, FloatArray, IntArray
 
-_LEAST = 4  # matches a linear solution needs
-_SETTLED = 0.03  # standard deviations: no step worth another
-_MOST_STEPS = 16  # a guard: inliers and pose settle within a few
+_MIN_MATCHES = 4  # of the linear solution
+_CONVERGED = 0.03  # step in standard deviations
+_MAX_STEPS = 16  # a guard: inliers and pose converge within a few
+
+
+@dataclass(frozen=True)
+class LandmarkMatches:
+    """Landmarks matched in a frame.
+
+    Attributes:
+        landmark: (N,) ids.
+        world_p_landmark: (N, 3).
+        uv_px: (N, 2) undistorted.
+        sigma_px: (N,) standard deviations, of match and landmark together.
+    """
+
+    landmark: IntArray
+    world_p_landmark: FloatArray
+    uv_px: FloatArray
+    sigma_px: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.landmark)
+
+    def take(self, rows: BoolArray | IntArray) -> "LandmarkMatches":
+        """Return the matches in ``rows``."""
+        return LandmarkMatches(
+            self.landmark[rows], self.world_p_landmark[rows], self.uv_px[rows], self.sigma_px[rows]
+        )
+
+    def inliers(self, K: FloatArray, world_T_camera: FloatArray, limit_px: float) -> BoolArray:
+        """Return which matches (N,) lie within ``limit_px`` of their projections."""
+        return reprojection_inliers(K, world_T_camera, self.world_p_landmark, self.uv_px, limit_px)
+
+
+NO_MATCHES = LandmarkMatches(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """A pose with what supports it.
+    """A pose with its support.
 
     Attributes:
         world_T_camera: (4, 4).
-        covariance: (6, 6) in the camera's tangent, rotation then translation.
-        inlier: (N,) matches that agree.
+        covariance: (6, 6) in the camera's tangent space, rotation then translation.
+        inlier: (N,) whether each match agrees.
     """
 
     world_T_camera: FloatArray
@@ -32,105 +65,90 @@ class PoseEstimate:
 
 def pose_from_matches(
     K: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
-    sigma_px: FloatArray,
-    limit_px: float,
+    matches: LandmarkMatches,
+    inlier_px: float,
     config: LocalizationConfig,
-    guess: FloatArray | None = None,
+    initial: FloatArray | None = None,
 ) -> PoseEstimate | None:
-    """Robust pose: samples with a linear solution, then least reprojection error over those that agree.
+    """Estimate a pose robustly: the best of samples and initial pose, refined on its inliers.
 
     Args:
         K: (3, 3).
-        points: (N, 3) in the world.
-        uv_px: (N, 2), undistorted.
-        sigma_px: (N,) standard deviations of the matches.
-        limit_px: A match agrees with a pose if it is this near.
+        matches: N matches.
+        inlier_px: A match within this distance of its projection is an inlier.
         config: Sampling, and Huber's constant.
-        guess: (4, 4) a pose that competes with the samples.
+        initial: (4, 4) a pose that competes with the samples.
 
     Returns:
-        The pose with most support, or nothing if not even a linear solution exists.
+        The pose with most inliers, or None if there is no linear solution or too few inliers.
     """
-    if len(points) < _LEAST:
+    if len(matches) < _MIN_MATCHES:
         return None
-    best, support = guess, 0
-    if guess is not None:
-        support = int(reprojection_inliers(K, guess, points, uv_px, limit_px).sum())
-    if support < config.skip_ransac_share * len(points):
-        sampled = _ransac(K, points, uv_px, limit_px, config)
-        if sampled is not None and reprojection_inliers(K, sampled, points, uv_px, limit_px).sum() > support:
+    best, support = initial, 0
+    if initial is not None:
+        support = int(matches.inliers(K, initial, inlier_px).sum())
+    if support < config.skip_ransac_share * len(matches):
+        sampled = _ransac(K, matches, inlier_px, config)
+        if sampled is not None and matches.inliers(K, sampled, inlier_px).sum() > support:
             best = sampled
-    return None if best is None else _settle(K, best, points, uv_px, sigma_px, limit_px, config.huber_px)
+    return None if best is None else _refine(K, best, matches, inlier_px, config.huber_px)
 
 
 def _ransac(
-    K: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float, config: LocalizationConfig
+    K: FloatArray, matches: LandmarkMatches, inlier_px: float, config: LocalizationConfig
 ) -> FloatArray | None:
-    # about their own middle: world coordinates of hundreds of metres cost the solver digits
-    middle = points.mean(axis=0)
+    # relative to their mean: world coordinates of hundreds of metres cost the solver precision
+    mean = matches.world_p_landmark.mean(axis=0)
     try:
         ok, rotation, translation, inlier = cv2.solvePnPRansac(
-            points - middle,
-            uv_px,
+            matches.world_p_landmark - mean,
+            matches.uv_px,
             K,
             None,
             iterationsCount=config.ransac_samples,
-            reprojectionError=limit_px,
+            reprojectionError=inlier_px,
             confidence=config.ransac_confidence,
             flags=cv2.SOLVEPNP_AP3P,
         )
-    except cv2.error:  # how OpenCV says that points coincide or lie in a line
+    except cv2.error:  # raised where points coincide or are collinear
         return None
     if not ok or inlier is None or not np.isfinite(translation).all():
         return None
     pose = np.eye(4)
     pose[:3, :3] = cv2.Rodrigues(rotation)[0].T
-    pose[:3, 3] = middle - pose[:3, :3] @ translation[:, 0]
+    pose[:3, 3] = mean - pose[:3, :3] @ translation[:, 0]
     return pose
 
 
-def _settle(
-    K: FloatArray,
-    pose: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
-    sigma_px: FloatArray,
-    limit_px: float,
-    huber_px: float,
+def _refine(
+    K: FloatArray, pose: FloatArray, matches: LandmarkMatches, inlier_px: float, huber_px: float
 ) -> PoseEstimate | None:
-    """Refine, deciding anew at every step which matches agree, until that settles."""
-    inlier = reprojection_inliers(K, pose, points, uv_px, limit_px)
+    """Minimise the reprojection error, selecting the inliers anew at every step, until both converge."""
+    inlier = matches.inliers(K, pose, inlier_px)
     covariance = np.full((6, 6), np.nan)
-    for _ in range(_MOST_STEPS):
-        if inlier.sum() < _LEAST:
+    for _ in range(_MAX_STEPS):
+        if inlier.sum() < _MIN_MATCHES:
             return None
-        pose, covariance, moved = _step(K, pose, points[inlier], uv_px[inlier], sigma_px[inlier], huber_px)
-        before, inlier = inlier, reprojection_inliers(K, pose, points, uv_px, limit_px)
-        if moved < _SETTLED and np.array_equal(before, inlier):
+        pose, covariance, moved = _step(K, pose, matches.take(inlier), huber_px)
+        before, inlier = inlier, matches.inliers(K, pose, inlier_px)
+        if moved < _CONVERGED and np.array_equal(before, inlier):
             break
-    return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _LEAST else None
+    return PoseEstimate(pose, covariance, inlier) if inlier.sum() >= _MIN_MATCHES else None
 
 
 def _step(
-    K: FloatArray,
-    pose: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
-    sigma_px: FloatArray,
-    huber_px: float,
+    K: FloatArray, pose: FloatArray, matches: LandmarkMatches, huber_px: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """One step: the pose after it, the covariance before it, and the step's size in sigmas."""
-    residual, jacobian = linearise_projection(K, pose, points, uv_px)
+    """Return the pose after one Gauss-Newton step, the covariance before it, and its size in sigmas."""
+    residual, jacobian = linearise_projection(K, pose, matches.world_p_landmark, matches.uv_px)
     size = np.sqrt(np.einsum("ni,ni->n", residual, residual))
-    weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / sigma_px**2
+    weight = np.minimum(1.0, huber_px / np.maximum(size, 1e-12)) / matches.sigma_px**2
     weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
     information = weighted.T @ jacobian.reshape(-1, 6)
     information[np.diag_indices(6)] += 1e-9 * np.diag(information) + 1e-9
-    spread = float(weight @ size**2) / max(2 * len(points) - 6, 1)
+    variance_factor = float(weight @ size**2) / max(2 * len(matches) - 6, 1)
     covariance = np.linalg.inv(information)
     step = np.clip(-covariance @ (weighted.T @ residual.ravel()), -10, 10)
     moved = pose @ gtsam.Pose3.Expmap(step).matrix()
     size_in_sigmas = float(np.sqrt(step @ information @ step))
-    return moved, np.asarray(covariance * max(spread, 1.0)), size_in_sigmas
+    return moved, np.asarray(covariance * max(variance_factor, 1.0)), size_in_sigmas

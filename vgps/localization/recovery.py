@@ -1,82 +1,79 @@
-"""A camera without any idea of its pose finds itself by the descriptors of the database's keyframes."""
+"""Relocalization of a camera of unknown pose, by the descriptors of the database's keyframes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from vgps.config import LocalizationConfig
+from vgps.landmarks.descriptors import describe
 from vgps.landmarks.model import Keyframe
-from vgps.localization.pose import pose_from_matches
-from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
+from vgps.localization.pose import NO_MATCHES, LandmarkMatches, PoseEstimate, pose_from_matches
+from vgps.model import BoolArray, Float32Array, FloatArray, IntArray
 
-Describe = Callable[[GrayImage, int], tuple[FloatArray, npt.NDArray[np.uint8]]]
-"""The strongest so many features of an image: positions (N, 2) and descriptors (N, D)."""
-
-_NEIGHBOURS = 6  # a landmark is in several keyframes; the next other one must be among these
+_NEIGHBOURS = 6  # several keyframes hold a landmark; the next best other landmark must be among these
+_INLIER_SCALE = 2.0  # features lie less precisely than templates
 
 
 class DescriptorRecovery:
-    """Asked only while the camera is lost.
+    """Matches a frame's features with those of keyframes.
 
     Args:
         keyframes: Of the database.
-        describe: Features of an image, the same that the keyframes hold.
         K: (3, 3).
         config: Settings.
     """
 
-    def __init__(
-        self, keyframes: Sequence[Keyframe], describe: Describe, K: FloatArray, config: LocalizationConfig
-    ) -> None:
-        self._describe, self._K, self._config = describe, K, config
-        kept = [keyframe for keyframe in keyframes if len(keyframe.landmark)]
-        self._seen = [np.unique(keyframe.landmark) for keyframe in kept]
-        self._landmark = np.concatenate([keyframe.landmark for keyframe in kept] or [np.zeros(0, np.int64)])
-        self._points = np.concatenate([keyframe.world_p_landmark for keyframe in kept] or [np.zeros((0, 3))])
-        self._descriptors = np.concatenate([keyframe.descriptors for keyframe in kept]) if kept else None
+    def __init__(self, keyframes: Sequence[Keyframe], K: FloatArray, config: LocalizationConfig) -> None:
+        self._K, self._config = K, config
+        usable = [keyframe for keyframe in keyframes if len(keyframe.landmark)]
+        self._of_keyframe = [np.unique(keyframe.landmark) for keyframe in usable]
+        self._landmark = np.concatenate([keyframe.landmark for keyframe in usable] or [np.zeros(0, np.int64)])
+        self._points = np.concatenate(
+            [keyframe.world_p_landmark for keyframe in usable] or [np.zeros((0, 3))]
+        )
+        self._descriptors = np.concatenate([keyframe.descriptors for keyframe in usable]) if usable else None
 
     def candidates(self, image: Float32Array) -> list[FloatArray]:
-        """Poses (4, 4) that matches with one keyframe's landmarks agree on, best supported first."""
-        uv, landmark, points = self._match(image)
-        votes = [np.isin(landmark, seen) for seen in self._seen]
+        """Return poses (4, 4) that matches with the landmarks of one keyframe agree on, best supported first.
+
+        Args:
+            image: (H, W) undistorted grey.
+        """
+        matches = self._match(image)
+        votes = [np.isin(matches.landmark, landmarks) for landmarks in self._of_keyframe]
         order = np.argsort([-vote.sum() for vote in votes], kind="stable")
-        found: list[tuple[int, FloatArray]] = []
+        found: list[PoseEstimate] = []
         for k in order[: self._config.recovery_keyframes]:
-            pose = self._pose(points[votes[k]], uv[votes[k]])
+            pose = self._pose(matches.take(votes[k]))
             if pose is not None:
                 found.append(pose)
-        found.sort(key=lambda supported: -supported[0])
-        return [pose for _, pose in found[: self._config.recovery_candidates]]
+        found.sort(key=lambda pose: -int(pose.inlier.sum()))
+        return [pose.world_T_camera for pose in found[: self._config.recovery_candidates]]
 
-    def _match(self, image: Float32Array) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Features of the image with the one landmark that looks like them."""
-        uv, descriptors = self._describe(
-            np.clip(image, 0, 255).astype(np.uint8), self._config.recovery_features
-        )
+    def _match(self, image: Float32Array) -> LandmarkMatches:
+        """Match the image's features with landmarks, one feature per landmark."""
+        gray = np.clip(image, 0, 255).astype(np.uint8)
+        uv, descriptors = describe(gray, self._config.recovery_features)
         if self._descriptors is None or len(self._descriptors) < _NEIGHBOURS or len(uv) == 0:
-            return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros((0, 3))
+            return NO_MATCHES
         neighbours = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(descriptors, self._descriptors, k=_NEIGHBOURS)
         rows = np.array([[match.trainIdx for match in matches] for matches in neighbours])
         distance = np.array([[match.distance for match in matches] for matches in neighbours])
         good = self._distinct(self._landmark[rows], distance)
-        # one feature for a landmark, the most alike: two of them at one point leave a pose undetermined
+        # only the most similar feature of a landmark: two at one point leave a pose undetermined
         order = np.flatnonzero(good)[np.argsort(distance[good, 0], kind="stable")]
         best = rows[order, 0]
         landmark, first = np.unique(self._landmark[best], return_index=True)
-        return uv[order[first]], landmark, self._points[best[first]]
+        return LandmarkMatches(landmark, self._points[best[first]], uv[order[first]], np.ones(len(landmark)))
 
     def _distinct(self, landmark: IntArray, distance: FloatArray) -> BoolArray:
-        """(N,) Lowe's test of the best neighbour (N, k) against the first that is another landmark."""
+        """Return Lowe's ratio test (N,): the best neighbour (N, k) against the best of another landmark."""
         other = np.where(landmark != landmark[:, :1], distance, np.inf).min(axis=1)
         return np.asarray(distance[:, 0] < self._config.recovery_ratio * other)
 
-    def _pose(self, points: FloatArray, uv: FloatArray) -> tuple[int, FloatArray] | None:
-        config = self._config
-        if len(points) < config.min_inliers:
+    def _pose(self, matches: LandmarkMatches) -> PoseEstimate | None:
+        if len(matches) < self._config.min_inliers:
             return None
-        pose = pose_from_matches(self._K, points, uv, np.ones(len(uv)), 2 * config.ransac_px, config)
-        if pose is None or pose.inlier.sum() < config.min_inliers:
-            return None
-        return int(pose.inlier.sum()), pose.world_T_camera
+        pose = pose_from_matches(self._K, matches, _INLIER_SCALE * self._config.ransac_px, self._config)
+        return None if pose is None or pose.inlier.sum() < self._config.min_inliers else pose

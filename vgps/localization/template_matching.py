@@ -1,4 +1,4 @@
-"""Templates found in the image by normalised cross-correlation, (D) of Matsuda 2007."""
+"""Template matching by normalised cross-correlation, (D) of Matsuda 2007."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -9,13 +9,18 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from vgps.model import Float32Array, FloatArray, IntArray
 
-_SMALL = 5  # half side up to which sums over all windows at once are faster than OpenCV one by one
-_LEAST_SPREAD = 1e-2  # of a window's grey values, squared and summed
+_BATCH_RADIUS = 5  # half side up to which all windows at once are faster than OpenCV one by one
+_MIN_ENERGY = 1e-2  # sum of squared deviations of a window's grey values
 
 
 @dataclass(frozen=True)
-class Matches:
-    """Where templates were found: ``uv_px`` (N, 2), ``correlation`` (N,), -1 where there was no place."""
+class TemplateMatches:
+    """Positions of highest correlation.
+
+    Attributes:
+        uv_px: (N, 2).
+        correlation: (N,); -1 where a template was not searched.
+    """
 
     uv_px: FloatArray
     correlation: FloatArray
@@ -27,18 +32,18 @@ def match_templates(
     predicted_px: FloatArray,
     radius_px: FloatArray,
     min_contrast: float = 0.0,
-) -> Matches:
-    """The place of highest normalised cross-correlation in a window around each prediction.
+) -> TemplateMatches:
+    """Find the highest normalised cross-correlation in a window around each prediction.
 
     Args:
         image: (H, W) grey, float32.
         templates: (N, M, M), M odd.
         predicted_px: (N, 2).
         radius_px: (N,) half sides of the windows.
-        min_contrast: Templates with a smaller standard deviation are passed over.
+        min_contrast: Templates with a smaller standard deviation are not searched.
 
     Returns:
-        Positions to a fraction of a pixel, by a parabola through the highest value and its neighbours.
+        Positions with subpixel precision, by a parabola through the highest value and its neighbours.
     """
     count, side = len(templates), templates.shape[1]
     half = side // 2
@@ -50,21 +55,21 @@ def match_templates(
     size = high - low
     contrast = np.std(templates.reshape(count, -1), axis=1)
     possible = (size >= side).all(axis=1) & (contrast >= max(min_contrast, 1e-3))
-    alike = possible & (size == side + 2 * reach[:, None]).all(axis=1)
+    complete = possible & (size == side + 2 * reach[:, None]).all(axis=1)
     top, near = np.zeros((count, 2), np.int64), np.full((count, 3, 3), np.nan, np.float32)
-    for r in np.unique(reach[alike & (reach <= _SMALL)]):
-        rows = np.flatnonzero(alike & (reach == r))
+    for r in np.unique(reach[complete & (reach <= _BATCH_RADIUS)]):
+        rows = np.flatnonzero(complete & (reach == r))
         scores = cross_correlations(_windows(image, low[rows], side + 2 * r), templates[rows])
         best[rows], top[rows], near[rows] = _highest(scores)
-    for i in np.flatnonzero(possible & ~(alike & (reach <= _SMALL))):
+    for i in np.flatnonzero(possible & ~(complete & (reach <= _BATCH_RADIUS))):
         window = image[low[i, 1] : high[i, 1], low[i, 0] : high[i, 0]]
         best[i], top[i], near[i] = _highest_in(window, templates[i])
     found = low + half + top + _peak(near)
-    return Matches(np.where(possible[:, None], found, predicted_px), best)
+    return TemplateMatches(np.where(possible[:, None], found, predicted_px), best)
 
 
 def _highest_in(window: Float32Array, template: Float32Array) -> tuple[float, tuple[int, int], Float32Array]:
-    """As :func:`_highest`, of one template in a window of any size."""
+    """As :func:`_highest`, for one template in a window of any size."""
     score = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(score)
     framed = cv2.copyMakeBorder(score, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=np.nan)
@@ -72,42 +77,42 @@ def _highest_in(window: Float32Array, template: Float32Array) -> tuple[float, tu
 
 
 def _windows(image: Float32Array, low: IntArray, side: int) -> Float32Array:
-    """(N, side, side) parts of the image from their upper left corners (N, 2)."""
+    """Return windows (N, side, side) of the image at upper left corners (N, 2)."""
     return np.asarray(sliding_window_view(image, (side, side))[low[:, 1], low[:, 0]])
 
 
 def cross_correlations(windows: Float32Array, templates: Float32Array) -> Float32Array:
-    """Normalised cross-correlations of templates (N, M, M) everywhere in windows (N, S, S).
+    """Return normalised cross-correlations of templates (N, M, M) at every position in windows (N, S, S).
 
     Returns:
         (N, S - M + 1, S - M + 1).
     """
     count, side = templates.shape[:2]
     places = windows.shape[1] - side + 1
-    # about their middle values sums of squares keep their digits
+    # without their means, sums of squares keep their precision
     windows = windows - windows.mean(axis=(1, 2), keepdims=True)
     templates = templates - templates.mean(axis=(1, 2), keepdims=True)
     stripes = sliding_window_view(windows, side, axis=2).transpose(0, 2, 1, 3).reshape(count, places, -1)
-    # every stripe holds the window's columns u to u + M; M rows of it from v on lie in one piece
+    # a stripe holds columns u to u + M of the window; its rows v to v + M are contiguous
     parts = sliding_window_view(stripes, side**2, axis=2)[:, :, ::side]
     products = np.einsum("nuvk,nk->nvu", parts, templates.reshape(count, -1))
     window = _window_sums(windows.shape[1], side)
     exact = windows.astype(np.float64)
     sums, squares = (window.T @ (values @ window) for values in (exact, exact**2))
     energy = np.einsum("nij,nij->n", templates, templates)[:, None, None]
-    spread = np.maximum(squares - sums**2 / side**2, _LEAST_SPREAD)
+    spread = np.maximum(squares - sums**2 / side**2, _MIN_ENERGY)
     return np.asarray(products / np.sqrt(spread * energy), np.float32)
 
 
 @cache
 def _window_sums(length: int, side: int) -> FloatArray:
-    """(length, length - side + 1) that sum ``side`` values in a row from each place on."""
+    """Return a matrix (length, length - side + 1) that sums ``side`` successive values."""
     place = np.arange(length)[:, None] - np.arange(length - side + 1)
     return ((place >= 0) & (place < side)).astype(np.float64)
 
 
 def _highest(scores: Float32Array) -> tuple[Float32Array, IntArray, Float32Array]:
-    """Of scores (N, H, W) the highest (N,), its place (u, v) (N, 2), and what is around it (N, 3, 3)."""
+    """Return the highest of scores (N, H, W), its position (u, v) (N, 2), and its neighbourhood (N, 3, 3)."""
     count, _, width = scores.shape
     row = np.arange(count)
     v, u = np.divmod(scores.reshape(count, -1).argmax(axis=1), width)
@@ -117,10 +122,10 @@ def _highest(scores: Float32Array) -> tuple[Float32Array, IntArray, Float32Array
 
 
 def _peak(near: Float32Array) -> FloatArray:
-    """(N, 2) how far the top lies from the highest value, each axis by a parabola; 0 at the border.
+    """Return offsets (N, 2) from the highest value to the peak of a parabola per axis; 0 at the border.
 
     Args:
-        near: (N, 3, 3) values around the highest; NaN beyond the border.
+        near: (N, 3, 3) neighbourhood of the highest value; NaN beyond the border.
     """
     middle = near[:, 1, 1].astype(np.float64)
     ends = np.stack([near[:, 1, [0, 2]], near[:, [0, 2], 1]], axis=1).astype(np.float64)

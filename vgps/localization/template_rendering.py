@@ -1,4 +1,4 @@
-"""Templates as the predicted camera will see them: each plane warped to the image, at the fitting level."""
+"""Rendering of templates as a predicted camera sees them: planes warped to the image, at a fitting level."""
 
 from functools import cache
 
@@ -11,11 +11,11 @@ from vgps.landmarks.model import LandmarkViews
 from vgps.localization.motion_blur import BlurGrids, blur_along_rows, blur_grids, pixel_offsets
 from vgps.model import Float32Array, FloatArray
 
-_BLOCK = 60  # so many are sampled at once: what stays in the cache is faster, and OpenCV takes 32,000 lines
+_BATCH = 60  # templates sampled at once: fits the processor's cache, and OpenCV's limit of 32,000 rows
 
 
 def plane_to_image(K: FloatArray, world_T_camera: FloatArray, views: LandmarkViews) -> FloatArray:
-    """(N, 2, 2) how a step of one template pixel (column, row) at level 0 moves in the image (u, v)."""
+    """Return the image motion (u, v) per template pixel (column, row) at level 0, as matrices (N, 2, 2)."""
     rotation = world_T_camera[:3, :3]
     camera_p = (views.world_p_landmark - world_T_camera[:3, 3]) @ rotation
     x, y, z = camera_p[:, 0], camera_p[:, 1], np.maximum(camera_p[:, 2], MIN_DEPTH)
@@ -28,36 +28,36 @@ def plane_to_image(K: FloatArray, world_T_camera: FloatArray, views: LandmarkVie
 def render_templates(
     K: FloatArray, world_T_camera: FloatArray, views: LandmarkViews, blur_px: FloatArray, side: int
 ) -> Float32Array:
-    """Templates warped by their plane's axes to a camera, then blurred by the motion: (B) to (D).
+    """Warp templates by the axes of their planes to a camera, then blur them by the motion: (B) to (D).
 
     Args:
         K: (3, 3).
         world_T_camera: (4, 4) predicted.
-        views: N of them.
-        blur_px: (N, 2) motion in the image while the shutter is open; zero leaves them sharp.
+        views: N views.
+        blur_px: (N, 2) image motion during the exposure; zero leaves them sharp.
         side: Of a template in the image, odd.
 
     Returns:
-        (N, side, side) grey values; a template's middle is the landmark.
+        (N, side, side) grey values, centred on the landmarks.
     """
     image_to_plane = np.asarray(np.linalg.inv(plane_to_image(K, world_T_camera, views)), np.float64)
     out = np.empty((len(views), side, side), np.float32)
-    for begin in range(0, len(views), _BLOCK):
-        rows = slice(begin, begin + _BLOCK)
+    for begin in range(0, len(views), _BATCH):
+        rows = slice(begin, begin + _BATCH)
         grids = blur_grids(blur_px[rows], side)
         grid_to_plane = image_to_plane[rows] @ grids.image_R_grid
-        planes = _planes(views.templates[rows], grid_to_plane, grids)
-        out[rows] = blur_along_rows(_sampled(planes, grid_to_plane, grids), grids)
+        planes = _mosaics(views.templates[rows], grid_to_plane, grids)
+        out[rows] = blur_along_rows(_sample(planes, grid_to_plane, grids), grids)
     return out
 
 
-def _sampled(planes: Float32Array, grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
-    """(N, height, width) grey values of planes (N, C, C) on the grids; edges are repeated."""
+def _sample(planes: Float32Array, grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
+    """Return grey values (N, height, width) of planes (N, C, C) on the grids; edges are repeated."""
     count, size = planes.shape[:2]
     half = np.float32(size // 2)
     grid = pixel_offsets(grids.height, grids.width)
     x, y = (grid_to_plane[:, axis].astype(np.float32) @ grid for axis in (0, 1))
-    # the planes below each other as one picture, whose sides OpenCV repeats, and we what is between them
+    # the planes are stacked into one picture: OpenCV repeats its sides, the clipping the edges in between
     np.clip(y, -half, half, out=y)
     y += half + size * np.arange(count, dtype=np.float32)[:, None]
     x += half
@@ -66,11 +66,11 @@ def _sampled(planes: Float32Array, grid_to_plane: FloatArray, grids: BlurGrids) 
     return np.asarray(out.reshape(count, grids.height, grids.width), np.float32)
 
 
-def _planes(stored: npt.NDArray[np.uint8], grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
-    """(N, C, C) one picture of each plane, a pixel for a pixel of level 0: coarse levels around finer ones.
+def _mosaics(stored: npt.NDArray[np.uint8], grid_to_plane: FloatArray, grids: BlurGrids) -> Float32Array:
+    """Return one picture (N, C, C) per plane at the resolution of level 0, coarse levels around finer ones.
 
-    A level serves where it is no finer than the image; coarser ones reach farther and fill the
-    surroundings, as far as the grids reach.
+    A level is used if it is no finer than the image; coarser ones fill its surroundings as far as the grids
+    reach.
     """
     levels, side = stored.shape[1:3]
     step = np.sqrt(np.abs(np.linalg.det(grid_to_plane)))
@@ -88,15 +88,15 @@ def _planes(stored: npt.NDArray[np.uint8], grid_to_plane: FloatArray, grids: Blu
 
 
 def _enlarged(tiles: npt.NDArray[np.uint8], level: int) -> Float32Array:
-    """Tiles (N, P, P) with ``2**level`` pixels for one, linearly between their middles."""
+    """Return tiles (N, P, P) enlarged by ``2**level``, linearly between pixel centres."""
     if level == 0:
         return tiles.astype(np.float32)
-    by = _between(tiles.shape[1], level)
+    by = _enlargement(tiles.shape[1], level)
     return np.asarray(by @ (tiles.astype(np.float32) @ by.T), np.float32)
 
 
 @cache
-def _between(side: int, level: int) -> Float32Array:
-    """(M, side) weights of a row's pixels at ``2**level`` places for one."""
+def _enlargement(side: int, level: int) -> Float32Array:
+    """Return the weights (M, side) of a row's pixels at ``2**level`` positions per pixel."""
     at = np.arange((side - 1) * 2**level + 1) / 2**level
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(side))), np.float32)

@@ -75,7 +75,7 @@ def correlations(
         if not len(views):
             out.append([np.nan, np.nan])
             continue
-        motion = MotionState(frame.t_s, pose, None, np.zeros(3), np.zeros(3))
+        motion = MotionState(t_s=frame.t_s, world_T_camera=pose)
         exposure_s = recording.rig.exposure_s or 0.0
         blur = exposure_motion_px(
             camera.K, motion, localizer.rotations, frame.t_s, exposure_s, views.world_p_landmark

@@ -1,0 +1,82 @@
+from itertools import islice
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from textured_wall import ORIGIN, WallVideo, pose_at, recording_of
+
+from vgps.config import Config, LocalizationConfig
+from vgps.errors import GeometryError, VideoError
+from vgps.localization import localize
+from vgps.solution import FrameState
+from vgps.writers.run_folder import write_run
+
+SMALL = {"max_landmarks": 60, "first_landmarks": 30}
+
+
+def with_tracker(**changes):
+    """All settings, with some of the tracker's for a small database."""
+    return Config(localization=LocalizationConfig(**changes, **SMALL))
+
+
+def errors(poses, t_s):
+    true = np.array([pose_at(t) for t in t_s])
+    angle = Rotation.from_matrix(poses[:, :3, :3].transpose(0, 2, 1) @ true[:, :3, :3]).magnitude()
+    return np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1), np.degrees(angle)
+
+
+@pytest.mark.parametrize("estimator", ["frame", "graph"])
+def test_a_shaking_camera_is_tracked_from_an_unknown_pose(database, estimator):
+    solution = localize(recording_of(WallVideo(15)), database, with_tracker(estimator=estimator))
+    position, rotation = errors(solution.world_T_camera, solution.t_s)
+    assert set(solution.state) == {FrameState.TRACKED}
+    assert position.max() < 0.08
+    assert rotation.max() < 0.5
+    assert solution.world_origin == ORIGIN
+    assert not solution.warnings
+    # every observation lies at its landmark's projection, within the limit of an inlier
+    seen = solution.observations
+    pose = solution.world_T_camera[seen.frame]
+    away = solution.landmarks.world_p_landmark[seen.landmark] - pose[:, :3, 3]
+    camera_p = (away[:, None] @ pose[:, :3, :3])[:, 0]
+    uv = camera_p[:, :2] / camera_p[:, 2:] * 300 + (160, 120)
+    assert np.linalg.norm(uv - seen.uv_px, axis=1).max() < 4.5
+
+
+@pytest.mark.parametrize("estimator", ["frame", "graph"])
+def test_black_frames_are_bridged_and_reported(database, estimator):
+    black = tuple(range(5, 13))
+    solution = localize(recording_of(WallVideo(18, black=black)), database, with_tracker(estimator=estimator))
+    bridged = {i for i, state in enumerate(solution.state) if state == FrameState.BRIDGED}
+    assert bridged == set(black)
+    position, rotation = errors(solution.world_T_camera, solution.t_s)
+    assert position.max() < 0.15
+    assert rotation.max() < 0.5
+    assert np.isnan(solution.sigma_position_m[6]).all()
+    assert "8 of 18 frames" in solution.warnings[0]
+    assert "5 to 12 (0.50 to 1.20 s)" in solution.warnings[0]
+
+
+def test_a_video_of_another_place_is_refused(database):
+    video = WallVideo(3, black=(0, 1, 2))
+    with pytest.raises(GeometryError, match=r"wall.mp4.*landmarks.*expected 6"):
+        localize(recording_of(video), database, with_tracker())
+
+
+def test_a_run_folder_is_written(database, tmp_path):
+    solution = localize(recording_of(WallVideo(4, black=(2,))), database, with_tracker())
+    write_run(solution, tmp_path / "run")
+    assert (tmp_path / "run" / "poses.tum").read_text().count("\n") >= 4
+    rows = (tmp_path / "run" / "poses.csv").read_text().splitlines()
+    assert "bridged" in rows[3]
+    assert "tracked" in rows[2]
+
+
+def test_a_fault_of_the_video_is_passed_on(database):
+    class Broken(WallVideo):
+        def frames(self):
+            yield from islice(super().frames(), 2)
+            raise VideoError("cannot be decoded", file=self.path)
+
+    with pytest.raises(VideoError, match=r"wall\.mp4: cannot be decoded"):
+        localize(recording_of(Broken(5)), database, with_tracker())
