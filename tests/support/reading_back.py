@@ -39,3 +39,15 @@ class Logged:
         return [
             t.total_seconds() for b in batches for t in b.column(b.schema.names.index("time")).to_pylist()
         ]
+
+    def frames(self, entity: str) -> list[int]:
+        batches = [
+            c.to_record_batch() for c in self._chunks if str(c.entity_path) == entity and not c.is_static
+        ]
+        return [frame for b in batches for frame in b.column(b.schema.names.index("frame")).to_pylist()]
+
+
+def packed(colour: tuple[int, ...]) -> int:
+    """The colour as rerun stores it."""
+    red, green, blue, alpha = colour
+    return red << 24 | green << 16 | blue << 8 | alpha

@@ -1,4 +1,4 @@
-"""Which colour means what."""
+"""The meaning of colours."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_errors_go_from_green_over_yellow_to_red() -> None:
 
 
 @pytest.mark.parametrize("fix_class", list(FixClass))
-def test_a_verdict_other_than_used_shows_whatever_the_class(fix_class: FixClass) -> None:
+def test_a_verdict_other_than_used_has_its_own_colour(fix_class: FixClass) -> None:
     assert colours.of_fix(fix_class, Verdict.USED) == colours.CLASS[fix_class]
     others = {colours.of_fix(fix_class, verdict) for verdict in Verdict if verdict is not Verdict.USED}
     assert others == {colours.REJECTED, colours.DOWN_CLASSED, colours.NOT_USED}

@@ -11,8 +11,8 @@ import rerun as rr
 from reading_back import Logged
 
 from vgps.readers.video import VideoFile
-from vgps.viewer.columns import Sheet
-from vgps.viewer.video import _frame_of, log_video
+from vgps.viewer.run_stream import RunStream
+from vgps.viewer.video import _picture_of_frame, log_video
 
 FRAMES = 12
 
@@ -35,13 +35,13 @@ def write_clip(path: Path, codec: str, pix_fmt: str = "yuv420p", rotation: int =
 def logged(video: VideoFile, folder: Path) -> Logged:
     stream = rr.RecordingStream("test")
     stream.save(folder / "video.rrd")
-    log_video(Sheet(stream, video.times_s), "video", video)
+    log_video(RunStream(stream, video.times_s), "video", video)
     stream.flush()
     stream.disconnect()
     return Logged(folder / "video.rrd")
 
 
-def test_an_mp4_goes_in_byte_for_byte(tmp_path: Path) -> None:
+def test_an_mp4_is_embedded_byte_for_byte(tmp_path: Path) -> None:
     clip = write_clip(tmp_path / "clip.mp4", "libx264")
     found = logged(VideoFile(clip), tmp_path)
     ((blob,),) = found.rows("/video", "AssetVideo:blob")
@@ -66,7 +66,7 @@ def packets(path: Path) -> list[bytes]:
 
 
 @pytest.mark.parametrize(("name", "codec", "rotation"), [("a.avi", "mjpeg", 0), ("b.mp4", "libx264", 90)])
-def test_what_the_viewer_cannot_show_goes_in_as_upright_pictures(
+def test_what_the_viewer_cannot_show_is_embedded_as_upright_pictures(
     tmp_path: Path, name: str, codec: str, rotation: int
 ) -> None:
     clip = write_clip(tmp_path / name, codec, "yuvj420p" if codec == "mjpeg" else "yuv420p", rotation)
@@ -83,15 +83,15 @@ def test_what_the_viewer_cannot_show_goes_in_as_upright_pictures(
     assert np.median(frame.to_ndarray(format="gray")) == pytest.approx(np.median(last), abs=3)
 
 
-def test_frames_find_their_picture() -> None:
+def test_each_frame_gets_its_picture() -> None:
     stamps = np.array([0, 100, 200, 300]) * 1_000_000
-    np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.11, 0.19, 0.3]), stamps), [0, 1, 2, 3])
-    np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.19, 0.31]), stamps), [0, 2, 3])
-    np.testing.assert_array_equal(_frame_of(np.array([0.0, 0.5]), stamps[:1]), [0, 0])
+    np.testing.assert_array_equal(_picture_of_frame(np.array([0.0, 0.11, 0.19, 0.3]), stamps), [0, 1, 2, 3])
+    np.testing.assert_array_equal(_picture_of_frame(np.array([0.0, 0.19, 0.31]), stamps), [0, 2, 3])
+    np.testing.assert_array_equal(_picture_of_frame(np.array([0.0, 0.5]), stamps[:1]), [0, 0])
 
 
 def test_a_video_whose_first_picture_is_damaged_is_shown_from_the_next_on(tmp_path: Path) -> None:
-    """Its own MP4 would not play; the reader gets over the damage."""
+    """Its own MP4 would not play; the reader tolerates the damage."""
     clip = write_clip(tmp_path / "clip.mp4", "libx264", options={"g": "1", "bf": "0"})
     with av.open(str(clip)) as container:
         first = next(packet for packet in container.demux(video=0) if packet.size)

@@ -1,4 +1,4 @@
-"""A run to look at: video, scene, factor graph, plots and map in one rerun recording; needs rerun-sdk."""
+"""A run in the rerun viewer: video, scene, factor graph, plots and map on one timeline."""
 
 from pathlib import Path
 
@@ -19,17 +19,17 @@ def inspect_run(
 
     Args:
         solution: The run.
-        recording: What it was made from, for its video; without it the features are shown on black.
+        recording: The recording of the run, for its video; without it the features are shown on black.
         save: ``.rrd`` file to write, for `rerun F.rrd`.
-        screenshot: ``.png`` file to write, drawn without a window.
+        screenshot: ``.png`` file to write, drawn without a window. With neither file a window opens.
 
     Returns:
-        What could not be shown, a line each. With neither file a window opens.
+        What could not be shown, a line each.
 
     Raises:
-        ViewerError: There is no display for a window, or nothing that can draw.
+        ViewerError: There is no display for a window, or no graphics driver to draw with.
         RunFolderError: A file cannot be written.
     """
-    from vgps.viewer.recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
+    from vgps.viewer.rerun_recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
 
     return show(solution, recording, save, screenshot)

@@ -1,4 +1,4 @@
-"""How the viewer is laid out."""
+"""The layout of the viewer."""
 
 import numpy as np
 import rerun as rr
@@ -7,26 +7,27 @@ import rerun.blueprint as rrb
 from vgps.model import FloatArray
 from vgps.solution import Solution
 from vgps.viewer import plots
-from vgps.viewer.chase import CHASE, chase_size_m
+from vgps.viewer.chase_camera import CHASE, chase_scale_m
 from vgps.viewer.colours import BAD_PX
-from vgps.viewer.columns import TIME
-from vgps.viewer.features import FEATURES, REPROJECTIONS, RESIDUALS
+from vgps.viewer.features import FEATURES, MAGNIFICATION, REPROJECTIONS, RESIDUALS
+from vgps.viewer.geo_map import MAP
 from vgps.viewer.graph import GRAPH
-from vgps.viewer.map_view import MAP
+from vgps.viewer.run_stream import TIME
 from vgps.viewer.scene import IMAGE, WORLD, extent_m
+from vgps.viewer.summary import SUMMARY
 
 _BACKGROUND = (24, 26, 32)
 
 
 def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> rrb.Blueprint:
-    """Video and plots on the left, scene, graph, map and verdicts on the right.
+    """Lay out video and plots on the left, scene, graph, map and verdicts on the right.
 
     Args:
-        solution: The run; it says from where the scene is seen at first.
+        solution: The run; it determines the first view of the scene.
         has_map: Whether there is anything on the map.
-        for_picture: Leave out the menu and the panel that tells of what is selected.
+        for_picture: Leave out the menu and the selection panel.
     """
-    tabs: list[rrb.View] = [_text_view(plots.SUMMARY, "Summary")]
+    tabs: list[rrb.View] = [rrb.TextDocumentView(origin=SUMMARY, name="Summary")]
     if has_map:
         tabs.insert(0, rrb.MapView(origin=MAP, name="Map"))
     if solution.fixes is not None:
@@ -37,7 +38,7 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
             rrb.Vertical(
                 rrb.Horizontal(_scene_view(solution), _chase_view(solution), column_shares=[4, 3]),
                 rrb.Horizontal(
-                    rrb.GraphView(origin=GRAPH, name="Factor graph, sampled, around this time"),
+                    rrb.GraphView(origin=GRAPH, name="Factor graph around this time, a sample"),
                     rrb.Tabs(*tabs),
                     column_shares=[1, 1],
                 ),
@@ -55,17 +56,17 @@ def blueprint(solution: Solution, has_map: bool, for_picture: bool = False) -> r
 
 
 def _video_view() -> rrb.View:
-    name = f"Features: green 0 px, red {BAD_PX:g} px of reprojection error; lines ten times as long"
+    name = f"Reprojection error: green 0, red {BAD_PX:g} px; lines {MAGNIFICATION:g} times as long"
     return rrb.Spatial2DView(origin=IMAGE, contents="$origin/**", name=name)
 
 
 def _scene_view(solution: Solution) -> rrb.View:
-    eye, target = eye_above(solution)
+    eye, target = scene_viewpoint(solution)
     return _view_3d("Scene, ENU metres", eye, target, 0.05 * extent_m(solution))
 
 
 def _chase_view(solution: Solution) -> rrb.View:
-    return _view_3d("Around the camera", None, None, chase_size_m(solution), follow=CHASE)
+    return _view_3d("From behind the camera", None, None, chase_scale_m(solution.trajectory), follow=CHASE)
 
 
 def _view_3d(
@@ -88,10 +89,10 @@ def _view_3d(
     )
 
 
-def eye_above(solution: Solution) -> tuple[FloatArray, FloatArray]:
-    """Where the scene is first seen from, and which point is in the middle: (3,) and (3,), metres.
+def scene_viewpoint(solution: Solution) -> tuple[FloatArray, FloatArray]:
+    """Return the first viewpoint (3,) of the scene and the point (3,) that it looks at, metres.
 
-    From above and aside, so that the path's longest direction runs across the picture.
+    It is above and beside the path, whose longest direction runs across the picture.
     """
     centres = solution.world_T_camera[:, :3, 3]
     middle = (centres.min(axis=0) + centres.max(axis=0)) / 2.0
@@ -116,13 +117,16 @@ def _plot_grid(solution: Solution) -> rrb.Container:
         return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=axis_y, plot_legend=legend)
 
     views: list[rrb.View | rrb.Container] = [
-        rrb.Tabs(plot(plots.ERROR, "Reprojection [px]"), plot(plots.COUNT, "Features")),
-        rrb.Tabs(plot(plots.SIGMA, "Sigma [m]"), plot(plots.SIGMA_ROTATION, "Sigma [deg]")),
-        plot(plots.ENERGY, "Terms: video and GPS"),
+        rrb.Tabs(plot(plots.ERROR, "Reprojection error [px]"), plot(plots.COUNT, "Features")),
+        rrb.Tabs(
+            plot(plots.SIGMA, "Standard deviation [m]"),
+            plot(plots.SIGMA_ROTATION, "Standard deviation [deg]"),
+        ),
+        plot(plots.ENERGY, "Terms of the cost"),
     ]
     if solution.fixes is not None:
-        room_for_legend = rrb.ScalarAxis(range=(0.0, 1.8 * plots.MOST_RATIO))
-        views.insert(0, plot(plots.RATIO, "Fixes: residual over region", room_for_legend))
+        room_for_legend = rrb.ScalarAxis(range=(0.0, 1.8 * plots.MAX_RATIO))
+        views.insert(0, plot(plots.RATIO, "Fixes: residual / region", room_for_legend))
     return rrb.Grid(*views, grid_columns=2)
 
 
@@ -137,7 +141,3 @@ def _log_view() -> rrb.View:
             ]
         ),
     )
-
-
-def _text_view(origin: str, name: str) -> rrb.View:
-    return rrb.TextDocumentView(origin=origin, name=name)

@@ -1,4 +1,4 @@
-"""Which colour means what; RGBA, 0 to 255."""
+"""The meaning of colours; RGBA, 0 to 255."""
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +28,14 @@ CLASS: dict[FixClass, Colour] = {
     FixClass.UNKNOWN: (200, 200, 200, 255),
 }
 BAD_PX = 2.0
-"""Reprojection error that is wholly red."""
+"""Reprojection error that is drawn red."""
 GOOD_SIGMA_PX, BAD_SIGMA_PX = 0.3, 1.5
-"""Reliability sigma_j, Eq. (13), that is wholly green, and wholly red."""
+"""Reliability sigma_j, Eq. (13), Kume 2010, that is drawn green, and red."""
 _SCALE = np.array([[60, 220, 90], [250, 220, 40], [255, 40, 40]], dtype=float)
 
 
 def of_fix(fix_class: FixClass, verdict: Verdict) -> Colour:
-    """A fix's colour: its class's where it was used as what it says, else its verdict's."""
+    """Return the colour of a fix: of its class if it was used as such, otherwise of its verdict."""
     if verdict is Verdict.USED:
         return CLASS[fix_class]
     return {
@@ -46,13 +46,13 @@ def of_fix(fix_class: FixClass, verdict: Verdict) -> Colour:
 
 
 def green_to_red(values: FloatArray, good: float, bad: float) -> Colours:
-    """(N, 3) green at ``good``, yellow half way, red at ``bad`` and beyond, grey for NaN."""
-    place = np.clip((values - good) / (bad - good), 0.0, 1.0)
-    known = np.nan_to_num(place)
-    mixed = np.stack([np.interp(known, [0.0, 0.5, 1.0], channel) for channel in _SCALE.T], axis=-1)
-    return np.rint(np.where(np.isfinite(place)[:, None], mixed, 128.0)).astype(np.uint8)
+    """Return (N, 3) colours: green at ``good`` over yellow to red from ``bad`` on, grey for NaN."""
+    share = np.clip((values - good) / (bad - good), 0.0, 1.0)
+    mixed = [np.interp(np.nan_to_num(share), [0.0, 0.5, 1.0], channel) for channel in _SCALE.T]
+    known = np.isfinite(share)[:, None]
+    return np.rint(np.where(known, np.stack(mixed, axis=-1), 128.0)).astype(np.uint8)
 
 
-def faint(colour: Colour, alpha: int) -> Colour:
-    """The same colour, seen through."""
+def translucent(colour: Colour, alpha: int) -> Colour:
+    """Return the same colour with another alpha."""
     return (*colour[:3], alpha)

@@ -1,4 +1,4 @@
-"""Numbers along the run, the verdicts as a log, and the run in words."""
+"""Plots along the run, and the verdicts on the fixes as a log."""
 
 import numpy as np
 import rerun as rr
@@ -6,115 +6,85 @@ import rerun as rr
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
-from vgps.viewer.columns import Sheet
-from vgps.viewer.measures import ReprojectedObservations, gps_terms, judged, per_frame, video_terms
+from vgps.viewer.residuals import (
+    ReprojectedObservations,
+    gps_results,
+    gps_terms,
+    reprojection_errors,
+    video_terms,
+)
+from vgps.viewer.run_stream import RunStream
 from vgps.writers.tables import region_ratios
 
-PLOTS, VERDICTS, SUMMARY = "plots", "verdicts", "summary"
+PLOTS, VERDICTS = "plots", "verdicts"
 ERROR, COUNT, ENERGY, RATIO, SIGMA, SIGMA_ROTATION = (
     f"{PLOTS}/{name}"
     for name in ("reprojection_px", "features", "energy", "residual_over_region", "sigma_m", "sigma_deg")
 )
-MOST_RATIO = 3.0
-"""Residual ratios of rejected fixes are drawn at most this high; their true values are in the verdicts."""
+MAX_RATIO = 3.0
+"""Residual ratios of rejected fixes are clipped to this in the plot; the verdicts state them in full."""
 _AXES = (("east", (255, 90, 90, 255)), ("north", (90, 220, 90, 255)), ("up", (90, 150, 255, 255)))
 
 
-def log_plots(sheet: Sheet, solution: Solution, seen: ReprojectedObservations) -> None:
-    """Numbers of every frame, and of every fix at its own time, less the lag."""
-    rms, largest = per_frame(seen, len(solution.t_s))
-    _line(sheet, f"{ERROR}/rms", rms, (60, 220, 90, 255), "root mean square")
-    _line(sheet, f"{ERROR}/largest", largest, (255, 90, 60, 255), "largest")
-    _line(sheet, f"{COUNT}/seen", seen.per_frame.astype(float), colours.PATH, "features used in D")
-    _line(sheet, f"{ENERGY}/video", video_terms(solution, seen), colours.PATH, "video: Phi of a frame (12)")
+def log_plots(stream: RunStream, solution: Solution, observations: ReprojectedObservations) -> None:
+    """Log numbers of every frame, and of every fix at its time less the time offset."""
+    rms, largest = reprojection_errors(observations)
+    features = observations.per_frame.astype(float)
+    _log_line(stream, f"{ERROR}/rms", rms, (60, 220, 90, 255), "rms")
+    _log_line(stream, f"{ERROR}/largest", largest, (255, 90, 60, 255), "largest")
+    _log_line(stream, f"{COUNT}/seen", features, colours.PATH, "features used in stage D")
+    terms = video_terms(solution, observations)
+    _log_line(stream, f"{ENERGY}/video", terms, colours.PATH, "video: Phi of a frame, Eq. (12)")
     for k, (name, colour) in enumerate(_AXES):
-        _line(sheet, f"{SIGMA}/{name}", solution.sigma_position_m[:, k], colour, name)
+        _log_line(stream, f"{SIGMA}/{name}", solution.sigma_position_m[:, k], colour, name)
         sigma = np.degrees(solution.sigma_rotation_rad[:, k])
-        _line(sheet, f"{SIGMA_ROTATION}/{name}", sigma, colour, f"about {name}")
+        _log_line(stream, f"{SIGMA_ROTATION}/{name}", sigma, colour, f"about {name}")
     if solution.fixes is not None and solution.gps is not None:
-        _log_fix_plots(sheet, solution)
-        _log_verdicts(sheet, solution)
+        _log_fix_plots(stream, solution)
+        _log_verdicts(stream, solution)
 
 
-def log_summary(sheet: Sheet, solution: Solution, notes: tuple[str, ...]) -> None:
-    """The run in words: counts, energies, warnings, what could not be shown, and what the colours mean."""
-    sheet.static(SUMMARY, rr.TextDocument(summary(solution, notes), media_type="text/markdown"))
-
-
-def summary(solution: Solution, notes: tuple[str, ...] = ()) -> str:
-    """The run in markdown."""
-    report, table = solution.report, solution.fixes
-    terms = [
-        f"| {term} | {report.cost_before[term]:.6g} | {report.cost_after.get(term, np.nan):.6g} |"
-        for term in report.cost_before
-    ]
-    verdicts = "no GPS" if table is None else ", ".join(f"{table.verdict.count(v)} {v}" for v in Verdict)
-    told = [f"- {line}" for line in (*solution.warnings, *notes)] or ["- nothing"]
-    return "\n".join(
-        [
-            f"## {solution.recording or 'a run'}",
-            f"{len(solution.t_s)} frames, {len(solution.landmarks.sigma_px)} landmarks, "
-            f"{len(solution.observations.frame)} observations; fixes: {verdicts}.",
-            "",
-            "| term of the energy | before D | after D |",
-            "|---|---|---|",
-            *terms,
-            "",
-            f"{report.iterations} iterations; {report.stop_reason}.",
-            "",
-            "### To know",
-            *told,
-            "",
-            "### Colours",
-            "- path: blue; bridged frames: orange; path before D: violet",
-            f"- features: green at 0 px of reprojection error, red from {colours.BAD_PX:g} px; "
-            "white: where the map puts them",
-            f"- landmarks: green at sigma_j = {colours.GOOD_SIGMA_PX:g} px, "
-            f"red from {colours.BAD_SIGMA_PX:g} px",
-            "- fixes that were used: rtk_fix green, rtk_float yellow, ppp teal, dgps blue, sbas violet, "
-            "single pink; rejected: red; down-classed: magenta; not used: grey",
-            "- factor graph: x poses, l landmarks, gps fixes; a sample around the time shown; select a node "
-            "for its factors and residuals",
-        ]
-    )
-
-
-def _line(sheet: Sheet, path: str, values: FloatArray, colour: colours.Colour, name: str) -> None:
-    sheet.static(path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.5]))
-    sheet.series(path, values)
-
-
-def _dots(
-    sheet: Sheet, path: str, t_s: FloatArray, values: FloatArray, colour: colours.Colour, name: str
-) -> None:
-    sheet.static(path, rr.SeriesPoints(colors=[colour], names=[name], markers="circle", marker_sizes=[3.0]))
-    sheet.series(path, values, t_s)
-
-
-def _log_fix_plots(sheet: Sheet, solution: Solution) -> None:
-    _, table = judged(solution)
+def _log_fix_plots(stream: RunStream, solution: Solution) -> None:
+    _, table = gps_results(solution)
     t_s = solution.fix_times_s
     rejected: BoolArray = np.array([verdict is Verdict.REJECTED for verdict in table.verdict], bool)
-    of_r, of_h = region_ratios(table)
+    ratio_r, ratio_h = region_ratios(table)
     used = table.used
-    _dots(sheet, f"{RATIO}/r", t_s[used], of_r[used], (60, 220, 90, 255), "horizontal / r")
-    _dots(sheet, f"{RATIO}/h", t_s[used], of_h[used], (90, 150, 255, 255), "vertical / h")
-    worst = np.minimum(np.maximum(of_r, of_h), MOST_RATIO)[rejected]
-    name = f"rejected: the larger, up to {MOST_RATIO:g}"
-    _dots(sheet, f"{RATIO}/rejected", t_s[rejected], worst, colours.REJECTED, name)
-    _line(sheet, f"{RATIO}/border", np.ones(len(solution.t_s)), (150, 150, 150, 255), "border")
-    terms = gps_terms(solution)
-    _dots(sheet, f"{ENERGY}/gps", t_s, terms, (250, 190, 40, 255), "GPS: omega Psi of a fix")
+    _log_dots(stream, f"{RATIO}/r", (60, 220, 90, 255), "horizontal / r")
+    stream.send_series(f"{RATIO}/r", ratio_r[used], t_s[used])
+    _log_dots(stream, f"{RATIO}/h", (90, 150, 255, 255), "vertical / h")
+    stream.send_series(f"{RATIO}/h", ratio_h[used], t_s[used])
+    _log_dots(stream, f"{RATIO}/rejected", colours.REJECTED, f"rejected: the larger, at most {MAX_RATIO:g}")
+    larger = np.minimum(np.maximum(ratio_r, ratio_h), MAX_RATIO)
+    stream.send_series(f"{RATIO}/rejected", larger[rejected], t_s[rejected])
+    _log_line(
+        stream, f"{RATIO}/border", np.ones(len(solution.t_s)), (150, 150, 150, 255), "edge of the region"
+    )
+    _log_dots(stream, f"{ENERGY}/gps", (250, 190, 40, 255), "GPS: omega Psi of a fix")
+    stream.send_series(f"{ENERGY}/gps", gps_terms(solution), t_s)
 
 
-def _log_verdicts(sheet: Sheet, solution: Solution) -> None:
-    log, table = judged(solution)
+def _log_verdicts(stream: RunStream, solution: Solution) -> None:
+    log, table = gps_results(solution)
     levels = {Verdict.REJECTED: "ERROR", Verdict.DOWN_CLASSED: "WARN", Verdict.NOT_USED: "DEBUG"}
-    sheet.at_times(
+    stream.send_times(
         VERDICTS,
         solution.fix_times_s,
         rr.TextLog.columns(
             text=[f"fix {row}, {log.fix_class[row]}: {reason}" for row, reason in enumerate(table.reason)],
             level=[levels.get(verdict, "INFO") for verdict in table.verdict],
         ),
+    )
+
+
+def _log_line(stream: RunStream, path: str, values: FloatArray, colour: colours.Colour, name: str) -> None:
+    """Log a line over the frames (F,)."""
+    stream.log_static(path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.5]))
+    stream.send_series(path, values)
+
+
+def _log_dots(stream: RunStream, path: str, colour: colours.Colour, name: str) -> None:
+    """Log the look of a series of dots."""
+    stream.log_static(
+        path, rr.SeriesPoints(colors=[colour], names=[name], markers="circle", marker_sizes=[3.0])
     )

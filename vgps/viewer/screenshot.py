@@ -1,4 +1,4 @@
-"""A picture of what the viewer shows, without a window."""
+"""A picture of the viewer, drawn without a window."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from vgps.errors import ViewerError
-from vgps.viewer.columns import TIME
+from vgps.viewer.run_stream import TIME
 
 _SIZE = "1400x875"
 _START_S, _DRAW_S, _PAUSE_S = 60.0, 90.0, 2.0
@@ -24,27 +24,26 @@ _REMEDY = (
 
 
 def take_screenshot(recording: Path, out: Path, t_s: float) -> None:
-    """Draw a recording at the time ``t_s`` on the video's clock into the PNG ``out``.
+    """Draw a recording at the time ``t_s`` of the video as the PNG ``out``.
 
     Raises:
-        ViewerError: The viewer cannot draw here, or does not answer.
+        ViewerError: The viewer cannot draw on this machine, or does not answer.
     """
     with _headless_viewer() as (client, process):
         try:
             client.open(str(recording))
             client.set_time(TIME, duration=t_s, play_state="paused")
-            _draw_until_settled(client, out)
+            _draw_until_stable(client, out)
         except NO_ANSWER as error:
-            said = (
-                "ended" if process.poll() is not None else f"does not answer ({str(error).splitlines()[0]})"
-            )
-            raise ViewerError(f"the viewer {said}", file=out, remedy=_REMEDY) from error
+            ended = process.poll() is not None
+            state = "ended" if ended else f"does not answer ({str(error).splitlines()[0]})"
+            raise ViewerError(f"the viewer {state}", file=out, remedy=_REMEDY) from error
     if not out.is_file():
         raise ViewerError("the viewer drew nothing", file=out, remedy=_REMEDY)
 
 
-def _draw_until_settled(client: ViewerClient, out: Path) -> None:
-    """Draw until two pictures in a row are alike: the viewer does not say when video and clouds are there."""
+def _draw_until_stable(client: ViewerClient, out: Path) -> None:
+    """Draw until two successive pictures are equal: the viewer does not say when it has loaded everything."""
     before, until = b"", time.monotonic() + _DRAW_S
     while time.monotonic() < until:
         time.sleep(_PAUSE_S)
@@ -58,7 +57,7 @@ def _draw_until_settled(client: ViewerClient, out: Path) -> None:
 
 @contextlib.contextmanager
 def _headless_viewer() -> Iterator[tuple[ViewerClient, "subprocess.Popen[bytes]"]]:
-    """A viewer without a window, and the connection to it; ended with the block."""
+    """Start a viewer without a window; yield a connection to it and its process, and end it afterwards."""
     port = _free_port()
     command = [sys.executable, "-m", "rerun_cli", "--headless", "--hide-welcome-screen"]
     process = subprocess.Popen(
@@ -70,29 +69,29 @@ def _headless_viewer() -> Iterator[tuple[ViewerClient, "subprocess.Popen[bytes]"
         start_new_session=True,
     )
     try:
-        yield _connected(port, process), process
+        yield _wait_for_viewer(port, process), process
     finally:
-        # rerun_cli is a launcher: the viewer itself is its child, in the same group
+        # rerun_cli is a launcher: the viewer is its child, in the same process group
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGTERM)
         process.wait()
 
 
-def _connected(port: int, process: "subprocess.Popen[bytes]") -> ViewerClient:
+def _wait_for_viewer(port: int, process: "subprocess.Popen[bytes]") -> ViewerClient:
     until = time.monotonic() + _START_S
     while time.monotonic() < until and process.poll() is None:
         with contextlib.suppress(*NO_ANSWER):
-            return answering_viewer(port)
+            return connect(port)
         time.sleep(0.3)
-    said = "ended at once" if process.poll() is not None else f"did not start within {_START_S:g} s"
-    raise ViewerError(f"the viewer {said}", remedy=_REMEDY)
+    state = "ended at once" if process.poll() is not None else f"did not start within {_START_S:g} s"
+    raise ViewerError(f"the viewer {state}", remedy=_REMEDY)
 
 
-def answering_viewer(port: int) -> ViewerClient:
-    """The viewer that listens at ``port`` of this machine.
+def connect(port: int) -> ViewerClient:
+    """Connect to the viewer that listens on ``port`` of this machine.
 
     Raises:
-        RuntimeError, OSError: None does, or it has no picture to draw on.
+        RuntimeError, OSError: There is none, or it cannot draw.
     """
     client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     client.get_state()

@@ -1,4 +1,4 @@
-"""A run into one rerun recording: to a window, a file or a picture."""
+"""A run as a rerun recording: in a window, a file or a picture."""
 
 import os
 import shutil
@@ -14,26 +14,27 @@ from vgps.errors import VgpsError, ViewerError
 from vgps.model import Recording
 from vgps.solution import Solution, Verdict
 from vgps.viewer.blueprint import blueprint
-from vgps.viewer.chase import log_chase
-from vgps.viewer.columns import Sheet
+from vgps.viewer.chase_camera import log_chase_camera
 from vgps.viewer.features import log_features
+from vgps.viewer.geo_map import log_map
 from vgps.viewer.graph import log_graph
-from vgps.viewer.map_view import log_map
-from vgps.viewer.measures import observations
-from vgps.viewer.plots import log_plots, log_summary
+from vgps.viewer.plots import log_plots
+from vgps.viewer.residuals import reproject
+from vgps.viewer.run_stream import RunStream
 from vgps.viewer.scene import IMAGE, log_scene
-from vgps.viewer.screenshot import NO_ANSWER, answering_viewer, take_screenshot
+from vgps.viewer.screenshot import NO_ANSWER, connect, take_screenshot
+from vgps.viewer.summary import log_summary
 from vgps.viewer.video import log_video
 from vgps.writers.atomic import new_file
 
 _APPLICATION, _PORT = "vgps", 9876
-_REMEDY = "write a file with --save F.rrd, which rerun opens, or a picture with --screenshot F.png"
+_REMEDY = "write a file with --save F.rrd for rerun F.rrd, or a picture with --screenshot F.png"
 
 
 def show(
     solution: Solution, recording: Recording | None, save: Path | None, screenshot: Path | None
 ) -> tuple[str, ...]:
-    """As :func:`vgps.viewer.inspect_run`."""
+    """Do what :func:`vgps.viewer.inspect_run` documents."""
     notes: tuple[str, ...] = ()
     if save is None and screenshot is None:
         notes = _open_window(solution, recording)
@@ -44,47 +45,47 @@ def show(
         with new_file(screenshot) as picture, tempfile.TemporaryDirectory(prefix="vgps-") as folder:
             file = Path(folder) / "run.rrd"
             notes = write(file, solution, recording, for_picture=True)
-            take_screenshot(file, picture, shown_time_s(solution))
+            take_screenshot(file, picture, screenshot_time_s(solution))
     return notes
 
 
 def write(
     file: Path, solution: Solution, recording: Recording | None, for_picture: bool = False
 ) -> tuple[str, ...]:
-    """Write a run as a ``.rrd`` file; returns what could not be shown."""
+    """Write a run as a ``.rrd`` file; return what could not be shown."""
     stream = rr.RecordingStream(_APPLICATION)
     stream.save(file)
-    notes = fill(stream, solution, recording, for_picture)
+    notes = log_run(stream, solution, recording, for_picture)
     stream.flush()
     stream.disconnect()
     return notes
 
 
-def fill(
+def log_run(
     stream: rr.RecordingStream, solution: Solution, recording: Recording | None, for_picture: bool = False
 ) -> tuple[str, ...]:
-    """Log everything to a stream, layout first; returns what could not be shown."""
-    sheet, seen, notes = Sheet(stream, solution.t_s), observations(solution), list[str]()
-    on_earth = solution.world_origin if solution.georeferenced else None
-    stream.send_blueprint(blueprint(solution, on_earth is not None, for_picture))
-    log_scene(sheet, solution)
-    log_chase(sheet, solution)
-    log_plots(sheet, solution, seen)
-    log_graph(sheet, solution, seen)
-    if on_earth is not None:
-        log_map(sheet, solution, on_earth)
-    log_features(sheet, seen)
+    """Log everything to a stream, the layout first; return what could not be shown."""
+    run, observations, notes = RunStream(stream, solution.t_s), reproject(solution), list[str]()
+    world_origin = solution.world_origin if solution.georeferenced else None
+    stream.send_blueprint(blueprint(solution, world_origin is not None, for_picture))
+    log_scene(run, solution)
+    log_chase_camera(run, solution.trajectory)
+    log_plots(run, solution, observations)
+    log_graph(run, solution, observations)
+    if world_origin is not None:
+        log_map(run, solution, world_origin)
+    log_features(run, observations)
     if recording is not None:
         try:
-            notes.extend(log_video(sheet, f"{IMAGE}/video", recording.video))
+            notes.extend(log_video(run, f"{IMAGE}/video", recording.video))
         except VgpsError as error:
             notes.append(f"the video is not shown: {error}")
-    log_summary(sheet, solution, tuple(notes))
+    log_summary(run, solution, tuple(notes))
     return tuple(notes)
 
 
-def shown_time_s(solution: Solution) -> float:
-    """The time of the picture: the first rejected fix within the video, else the middle of the run."""
+def screenshot_time_s(solution: Solution) -> float:
+    """Return the time of the first rejected fix within the video, or the middle of the run without one."""
     table = solution.fixes
     if table is not None and solution.gps is not None:
         rejected = [
@@ -100,7 +101,7 @@ def shown_time_s(solution: Solution) -> float:
 def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, ...]:
     _check_display()
     stream = rr.RecordingStream(_APPLICATION)
-    # the viewer comes with the SDK, in the same environment, which need not be on the PATH
+    # the SDK installs the viewer in the same environment, which need not be on the PATH
     beside = shutil.which("rerun", path=sysconfig.get_path("scripts"))
     try:
         rr.spawn(
@@ -110,19 +111,19 @@ def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, 
             port=_PORT,
             recording=stream,
         )
-        answering_viewer(_PORT)
+        connect(_PORT)
     except NO_ANSWER as error:
         raise ViewerError(
-            f"the viewer does not start ({str(error).splitlines()[0]})", remedy=_REMEDY
+            f"the viewer did not start ({str(error).splitlines()[0]})", remedy=_REMEDY
         ) from error
     stream.connect_grpc(f"rerun+http://127.0.0.1:{_PORT}/proxy")
-    notes = fill(stream, solution, recording)
+    notes = log_run(stream, solution, recording)
     stream.flush()
     return notes
 
 
 def _check_display() -> None:
-    """Raise ViewerError where no window can open."""
+    """Raise ViewerError if no window can be opened."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError(
             "no display to open a window on",

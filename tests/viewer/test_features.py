@@ -1,0 +1,27 @@
+"""Features, read back from a saved recording."""
+
+import numpy as np
+from reading_back import Logged
+
+from vgps.camera import distort
+from vgps.solution import Solution
+
+
+def test_features_are_where_the_video_shows_them_and_coloured_by_their_error(
+    logged: Logged, solution: Solution
+) -> None:
+    frames = logged.rows("/world/camera/image/features", "Points2D:positions")
+    assert [len(points) for points in frames] == [3] * 6
+    observations = solution.observations
+    shown = distort(solution.camera, observations.uv_px[observations.frame == 0])
+    np.testing.assert_allclose(sorted(frames[0]), sorted(shown.tolist()), rtol=1e-5)
+    tints = [row for row in logged.rows("/world/camera/image/features", "Points2D:colors") if len(row) == 3]
+    assert sum(tint >> 8 == 0xFADC28 for tint in tints[0]) == 1  # one pixel of error: yellow
+    assert all(tint >> 8 == 0x3CDC5A for tint in tints[1])
+
+
+def test_residual_lines_are_ten_times_as_long(logged: Logged) -> None:
+    lines = logged.rows("/world/camera/image/residuals_x10", "LineStrips2D:strips")
+    lengths = [np.linalg.norm(np.subtract(end, begin)) for begin, end in lines[0]]
+    # one error of a pixel, in the distorted image
+    assert sorted(np.round(lengths, 1))[:2] == [0.0, 0.0] and 9.0 < max(lengths) < 11.0
