@@ -61,6 +61,16 @@ def test_readme_quotes_the_measured_accuracy() -> None:
     assert len(cells) == 5 and not measured["dirty"]
 
 
+def test_walk_of_contributing_names_files_that_exist() -> None:
+    walk = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("## A stranger's walk")[1]
+    files = set(re.findall(r"`([\w/]+\.(?:py|md))`", walk))
+    elsewhere = ("factors/", "scripts/", "tests/")
+    gone = [
+        file for file in files if not (ROOT / ("" if file.startswith(elsewhere) else "vgps") / file).exists()
+    ]
+    assert len(files) > 20 and not gone
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
 def test_names_in_code_blocks_exist(document: Path) -> None:
     for block in blocks(document.read_text(encoding="utf-8"), "python"):
