@@ -96,7 +96,7 @@ def test_damaged_run_or_truth_is_an_error_that_names_the_file(tmp_path: Path) ->
         evaluate(tmp_path / "run", tmp_path / "bad.tum")
     with pytest.raises(TrajectoryError, match=r"absent\.tum"):
         evaluate(tmp_path / "run", tmp_path / "absent.tum")
-    with pytest.raises(RunFolderError, match="is no folder"):
+    with pytest.raises(RunFolderError, match="not a folder"):
         evaluate(tmp_path / "absent", tmp_path / "truth.tum")
     (tmp_path / "run/solution.json").write_text('{"world_origin": null, "georeferenced": true}')
     with pytest.raises(RunFolderError, match=r"solution\.json: is damaged \('camera_p_antenna'\)"):

@@ -109,8 +109,8 @@ def test_a_missing_key_is_named(tmp_path):
         ("", "the file is empty"),
         ("# nothing\n", "no fields"),
         ("- 1\n- 2\n", "no fields"),
-        ("model: [pinhole\nwidth: 3", "line 2: no YAML"),
-        ("model: \x01", "no YAML"),
+        ("model: [pinhole\nwidth: 3", "line 2: not YAML"),
+        ("model: \x01", "not YAML"),
         ("video_start_utc: 2011-19-26T12:00:00", "month must be in"),
     ],
 )

@@ -160,7 +160,7 @@ def test_kalibrs_chain_of_one_camera(read):
         ({"cam0": {**KALIBR, "resolution": [float("nan"), 480]}}, r"key width: nan"),
         ({"cam0": {k: v for k, v in KALIBR.items() if k != "distortion_coeffs"}}, r"distortion_coeffs: None"),
         ({"cam0": [1, 2]}, r"key cam0: no fields"),
-        ({"cam0": KALIBR, "cam1": KALIBR}, r"2 cameras \(cam0, cam1\); expected one; keep the camera"),
+        ({"cam0": KALIBR, "cam1": KALIBR}, r"2 cameras \(cam0, cam1\); expected one; keep only the camera"),
     ],
 )
 def test_a_bad_chain_is_told_in_one_line(read, content, message):

@@ -246,7 +246,7 @@ def test_a_camera_that_never_had_a_fix_goes_on_without_and_says_so(folder, telli
     telling(telemetry(device("HERO9", shutter(0), gps5([ROW] * 4, 0, 9999, 0))))
     with caplog.at_level(logging.WARNING):
         assert open_recording(folder / "GX010042.MP4").gps is None
-    assert "never had a fix; going on without GPS" in caplog.text
+    assert "never had a fix; continuing without GPS" in caplog.text
     # but who names it is told
     with pytest.raises(GpsLogError, match=r"no fix with a position \(4 of 4 GPS samples had no fix\)"):
         open_recording(folder / "GX010042.MP4", gps="GX010042.MP4")

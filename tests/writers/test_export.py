@@ -66,7 +66,7 @@ def test_an_unknown_format_names_those_there_are(run: Path, tmp_path: Path) -> N
 
 
 def test_what_is_no_run_leaves_no_file(tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match="is no folder"):
+    with pytest.raises(RunFolderError, match="not a folder"):
         export(tmp_path / "absent", "ply", tmp_path / "out.ply")
     assert list(tmp_path.iterdir()) == []
 

@@ -335,7 +335,7 @@ def test_a_missing_piece_is_named(solution: Solution, tmp_path: Path, name: str)
 
 
 def test_no_folder_at_all_is_told(tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match="is no folder"):
+    with pytest.raises(RunFolderError, match="not a folder"):
         read_run(tmp_path / "absent")
 
 

@@ -1,4 +1,4 @@
-"""``camera.yaml`` and ``rig.yaml``; other programs' calibrations are in ``calibration_formats.py``.
+"""``camera.yaml`` and ``rig.yaml``; ``calibration_formats.py`` reads other programs' calibrations.
 
 camera.yaml: ``model`` (pinhole, opencv, fisheye, tsai), ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy``
 in pixels, ``distortion`` (opencv: k1, k2, p1, p2[, k3[, k4, k5, k6]]; fisheye: k1..k4; tsai: kappa1 [mm^-2],
@@ -8,7 +8,7 @@ Table 2, Kume 2010: ``focal_mm``, ``ccd_mm: [width, height]``, ``scale`` (s_x), 
 
 rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude
 [deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``,
-``exposure_s``, ``video_start_s``. Of a calibrated gyro it may also say, for the reader's eye alone, how well:
+``exposure_s``, ``video_start_s``. For information only, the standard deviations of a calibrated gyro:
 ``gyro_rotation_sigma_deg``, ``gyro_time_offset_sigma_s``, ``gyro_bias_sigma_rad_s``.
 """
 
@@ -32,7 +32,7 @@ Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
 Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
 _COEFFICIENTS = {"pinhole": {0}, "opencv": {4, 5, 8}, "fisheye": {4}, "tsai": {2}}
-_ORTHOGONAL = 1e-3  # how far rounding may take a printed matrix from a rotation
+_ORTHOGONAL = 1e-3  # tolerance for the rounding of a printed rotation
 
 
 class _Fields(BaseModel):
@@ -66,7 +66,7 @@ class _TsaiFields(_Fields):
     kappa: tuple[FiniteFloat, FiniteFloat]
 
     def camera(self) -> Camera:
-        """Eq. (4) and (6), Kume 2010: a pixel is ccd_x / (scr_x s_x) wide and ccd_y / scr_y high."""
+        """Return the camera, Eq. (4) and (6), Kume 2010: pixels are ccd_x / (scr_x s_x) by ccd_y / scr_y."""
         pixel = (self.ccd_mm[0] / self.width / self.scale, self.ccd_mm[1] / self.height)
         fx, fy = self.focal_mm / pixel[0], self.focal_mm / pixel[1]
         return Camera(
@@ -102,11 +102,11 @@ F = TypeVar("F", bound=_Fields)
 def read_camera(path: str | Path) -> Camera:
     """Read ``camera.yaml``, OpenCV's FileStorage, Kalibr's ``camchain.yaml`` or COLMAP's ``cameras.txt``.
 
-    The content tells which. COLMAP's principal point is moved by half a pixel to this project's pixels.
+    The content tells which. COLMAP's principal point is shifted by half a pixel to the pixels used here.
 
     Raises:
-        CalibrationError: missing file, no known format, a missing, unknown or impossible field, a number of
-            coefficients that the lens model does not have, or several cameras.
+        CalibrationError: The file is missing or of no known format, a field is missing, unknown or
+            impossible, the number of coefficients does not fit the lens model, or there are several cameras.
     """
     path = Path(path)
     content = camera_from_text(read_bytes(path, CalibrationError), path)
@@ -129,7 +129,7 @@ def read_camera(path: str | Path) -> Camera:
             "missing" if camera.model == "tsai" else f"given for model {camera.model}",
             file=path,
             place="key pixel_mm",
-            expected="the size of a pixel on the sensor for model tsai only",
+            expected="the size of a pixel on the sensor, for model tsai only",
         )
     return camera
 
@@ -138,8 +138,8 @@ def read_rig(path: str | Path) -> Rig:
     """Read ``rig.yaml``; a naive ``video_start_utc`` is UTC.
 
     Raises:
-        CalibrationError: missing file, no YAML, an unknown or impossible field, a ``gyro_R_camera`` that is
-            no rotation.
+        CalibrationError: The file is missing or not YAML, a field is unknown or impossible, or
+            ``gyro_R_camera`` is not a rotation.
     """
     path = Path(path)
     fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
@@ -156,7 +156,7 @@ def read_rig(path: str | Path) -> Rig:
 
 
 def rig_beside(file: str | Path) -> Rig:
-    """The ``rig.yaml`` beside a truth, which names its origin and clock; an empty one if there is none.
+    """Read the ``rig.yaml`` beside a truth, with its origin and clock; an empty rig if there is none.
 
     Raises:
         CalibrationError: As `read_rig`.
@@ -171,7 +171,7 @@ def _mapping(path: Path, *, may_be_empty: bool = False) -> dict[str, Any]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         raise CalibrationError(
-            f"no YAML ({getattr(error, 'problem', None) or 'unreadable'})",
+            f"not YAML ({getattr(error, 'problem', None) or 'unreadable'})",
             file=path,
             place=f"line {mark.line + 1}" if mark else None,
             expected="text with lines of the form 'key: value'",
@@ -215,7 +215,7 @@ def _utc(instant: datetime | None, path: Path) -> datetime | None:
 
 
 def _rotation(rows: tuple[Vector3, Vector3, Vector3], path: Path) -> FloatArray:
-    """The rotation nearest to a printed matrix."""
+    """Return the rotation nearest to a printed matrix."""
     matrix = np.array(rows)
     # entries beyond 2 are far from a rotation, and their squares may overflow
     off = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.abs(matrix).max() <= 2 else np.inf

@@ -1,8 +1,8 @@
-"""Calibrations as other programs write them, turned into the fields of ``camera.yaml``; found by content.
+"""Other programs' calibrations, converted to the fields of ``camera.yaml``; the content tells the format.
 
 OpenCV's FileStorage (YAML, XML or JSON), Kalibr's ``camchain.yaml`` and COLMAP's ``cameras.txt``. Each file
-has to hold one camera. An OpenCV file is taken as a fisheye's where it says ``fisheye_model: 1`` or its
-``distortion_model`` is fisheye or equidistant.
+must have one camera. An OpenCV file is a fisheye's if it has ``fisheye_model: 1`` or a ``distortion_model``
+fisheye or equidistant.
 """
 
 import re
@@ -31,12 +31,12 @@ _DISTORTION = (
 )  # fmt: skip
 _WIDTH, _HEIGHT = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
 _SIZE = ("image_size", "imageSize", "resolution")
-_LENS_LENGTHS = (4, 5, 8)  # of OpenCV's model; longer ones are kept where what follows is zero
+_LENS_LENGTHS = (4, 5, 8)  # of OpenCV's model; longer lists are cut if the rest is zero
 _KALIBR = {
     "radtan": "opencv", "equidistant": "fisheye", "none": "pinhole",
 }  # fmt: skip
 _COLMAP_ROW = re.compile(r"\s*\d+\s+[A-Z][A-Z_0-9]+\s+\d+\s+\d+(\s+\S+)+\s*")
-# model, its parameters in order, and how our lens model's coefficients follow from those after the pinhole's
+# lens model here, number of focal lengths, and the coefficients after the principal point: given (k) or zero
 _COLMAP = {
     "SIMPLE_PINHOLE": ("pinhole", 1, ""),
     "PINHOLE": ("pinhole", 2, ""),
@@ -48,14 +48,15 @@ _COLMAP = {
     "RADIAL_FISHEYE": ("fisheye", 1, "kk00"),
     "OPENCV_FISHEYE": ("fisheye", 2, "kkkk"),
 }
-_COLMAP_CENTRE_PX = 0.5  # COLMAP puts the centre of the first pixel there, OpenCV at 0
+_COLMAP_CENTRE_PX = 0.5  # the centre of COLMAP's first pixel; OpenCV's is at 0
 
 
 def camera_from_text(data: bytes, path: Path) -> dict[str, Any] | None:
-    """The fields of ``camera.yaml`` from OpenCV's or COLMAP's format; None if the file is neither.
+    """Return the fields of ``camera.yaml`` from OpenCV's or COLMAP's format; None if the file is neither.
 
     Raises:
-        CalibrationError: damaged, without a matrix or a size, an unknown lens model, several cameras.
+        CalibrationError: The file is damaged, has no matrix or size, an unknown lens model or several
+            cameras.
     """
     if _is_file_storage(data):
         return _from_opencv(data.decode("utf-8", errors="replace"), path)
@@ -68,10 +69,10 @@ def camera_from_text(data: bytes, path: Path) -> dict[str, Any] | None:
 
 
 def camera_from_kalibr(content: dict[str, Any], path: Path) -> dict[str, Any] | None:
-    """The fields of ``camera.yaml`` from Kalibr's camera chain; None if the mapping is none.
+    """Return the fields of ``camera.yaml`` from Kalibr's camera chain; None if the mapping is not one.
 
     Raises:
-        CalibrationError: a missing or malformed key, a lens model that is not known, several cameras.
+        CalibrationError: A key is missing or malformed, the lens model unknown, or there are several cameras.
     """
     cameras = [key for key in content if re.fullmatch(r"cam\d+", key)]
     if not cameras:
@@ -111,7 +112,7 @@ def _check_one(cameras: list[str], path: Path) -> None:
             f"{len(cameras)} cameras ({', '.join(cameras[:5])}{', ...' if len(cameras) > 5 else ''})",
             file=path,
             expected="one",
-            remedy="keep the camera of this video alone",
+            remedy="keep only the camera of this video",
         )
 
 
@@ -187,13 +188,13 @@ def _from_opencv(text: str, path: Path) -> dict[str, Any]:
 
 
 def _shortened(distortion: list[float]) -> list[float]:
-    """Without the zeros of terms that the lens model here does not have (12 or 14 coefficients)."""
+    """Drop zero coefficients that the lens model here does not have (12 or 14 coefficients)."""
     longest = _LENS_LENGTHS[-1]
     return distortion if any(distortion[longest:]) else distortion[:longest]
 
 
 def _matrix(storage: Any, names: tuple[str, ...], path: Path) -> FloatArray | None:
-    """The first of the names that is there; a truncated file ends in one that is there and is no matrix."""
+    """Return the first matrix among the names; in a truncated file the last name may have no matrix."""
     name = next((name for name in names if not storage.getNode(name).empty()), None)
     if name is None:
         return None

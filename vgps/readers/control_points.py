@@ -1,4 +1,4 @@
-"""``control_points.csv``: points of known position and where frames show them."""
+"""``control_points.csv``: points of known position and their observations in frames."""
 
 from pathlib import Path
 
@@ -17,8 +17,8 @@ def read_control_points(path: str | Path) -> ControlPoints:
     """Read ``frame, u_px, v_px`` and ``east_m, north_m, up_m`` or ``latitude_deg, longitude_deg, height_m``.
 
     Raises:
-        RecordingError: missing or empty file, missing column, a cell that is no finite number, a frame that
-            is no index.
+        RecordingError: The file is missing or empty, a column is missing, a cell is not a finite number, or a
+            frame is not an index.
     """
     path = Path(path)
     table = read_table(path, RecordingError)

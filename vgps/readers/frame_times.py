@@ -1,4 +1,4 @@
-"""``frame_times.csv``: presentation times measured elsewhere, for a video or a folder of images."""
+"""``frame_times.csv``: externally measured presentation times of a video or a folder of images."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ FRAME_TIMES = "frame_times.csv"
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Times of frames: ``t_s`` (F,) increasing, on the file's own clock; ``files`` (F,) names, if given."""
+    """Times of frames: ``t_s`` (F,) increasing, on the file's clock; ``files`` (F,) image names, if given."""
 
     t_s: FloatArray
     files: tuple[str, ...] | None
@@ -25,7 +25,7 @@ def read_frame_times(path: Path) -> FrameTimes:
     """Read columns ``frame,t_s`` (frames 0, 1, 2, ...) or ``file,t_s``.
 
     Raises:
-        VideoError: missing column, frame left out, a time that is not finite or does not increase.
+        VideoError: A column or a frame is missing, or a time is not finite or does not increase.
     """
     table = read_table(path, VideoError)
     t_s = table.numbers(table.require("t_s"))

@@ -1,7 +1,7 @@
-"""GoPro's metadata track, GPMF: nested keys, lengths and values, one payload a second beside the video.
+"""GoPro's metadata track, GPMF: nested keys, lengths and values, about one payload a second.
 
-The format is described at https://github.com/gopro/gpmf-parser: a key of four letters, a type, the size of a
-structure and their number, then big-endian data padded to four bytes. Type 0 holds more of the same.
+Format, https://github.com/gopro/gpmf-parser: a key of four letters, a type, the size and the number of
+structures, then big-endian data padded to four bytes. Type 0 contains nested entries.
 """
 
 import re
@@ -29,7 +29,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A key with its data: ``kind`` the type's letter ("" for nested), ``size`` of a structure in bytes."""
+    """A key with its data: ``kind`` is the type's letter ("" if nested), ``size`` bytes of a structure."""
 
     key: str
     kind: str
@@ -40,13 +40,13 @@ class Entry:
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """What one payload says of one sensor.
+    """The samples of one sensor in one payload.
 
     Attributes:
-        stamp_s: Time of its first sample (STMP), seconds on the camera's clock; NaN if there is none.
-        samples: (n, k) scaled values; (n,) structures of one value too are (n, 1).
-        about: The other entries of the sensor's stream: fix, dilution, axes.
-        start_s, duration_s: When the video's container shows the payload, from the first frame on.
+        stamp_s: Time of the first sample (STMP), seconds on the camera's clock; NaN if unknown.
+        samples: (n, k) scaled values.
+        about: The other entries of the sensor's stream: fix, DOP, axes.
+        start_s, duration_s: Time of the payload in the container, from the first frame.
     """
 
     stamp_s: float
@@ -58,7 +58,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Packet:
-    """A payload and when the container shows it, seconds from the video's first frame on."""
+    """A payload with its time in the container, seconds from the video's first frame."""
 
     data: bytes
     start_s: float
@@ -67,13 +67,13 @@ class Packet:
 
 @dataclass(frozen=True)
 class Telemetry:
-    """What a GoPro video says of itself.
+    """The metadata of a GoPro video.
 
     Attributes:
         path: The video.
         device: The camera's name (DVNM), "" if it gives none.
         sensors: Blocks of every sensor, payload after payload, by key (``GPS5``, ``GYRO``, ``SHUT``...).
-        damaged: How many payloads were cut short or malformed; what stood before the damage is kept.
+        damaged: Number of truncated or malformed payloads; entries before the damage are kept.
     """
 
     path: Path
@@ -83,7 +83,7 @@ class Telemetry:
 
 
 def parse(data: bytes) -> Iterator[Entry]:
-    """The entries of a payload or of a nested entry, in order.
+    """Yield the entries of a payload or of a nested entry, in order.
 
     Raises:
         ValueError: An entry reaches beyond the data.
@@ -96,7 +96,7 @@ def parse(data: bytes) -> Iterator[Entry]:
             return  # padding at the end
         length = size * count
         if at + length > len(data):
-            raise ValueError(f"{key!r} claims {length} bytes, {len(data) - at} are left")
+            raise ValueError(f"{key!r} has {length} bytes, expected at most {len(data) - at}")
         yield Entry(
             key=key.decode("latin-1"),
             kind=chr(kind) if kind else "",
@@ -108,13 +108,14 @@ def parse(data: bytes) -> Iterator[Entry]:
 
 
 def numbers(entry: Entry, structure: str = "") -> FloatArray:
-    """(count, k) values of an entry as they stand, unscaled.
+    """Return the (count, k) unscaled values of an entry.
 
     Args:
-        entry: Of a numeric type, or of type "?" with its ``structure``, a letter per value.
+        entry: An entry of a numeric type, or of type "?".
+        structure: For type "?", one letter per value.
 
     Raises:
-        ValueError: The type is none of numbers, or the structure has another size.
+        ValueError: The type is not numeric, or the structure has another size.
     """
     letters = _REPEATED.sub(lambda match: match[1] * int(match[2]), structure)
     letters = letters if entry.kind == "?" else entry.kind
@@ -130,7 +131,7 @@ def numbers(entry: Entry, structure: str = "") -> FloatArray:
 
 
 def first_number(about: dict[str, Entry], key: str, default: float) -> float:
-    """The first number of an entry; the default where there is no such entry or no number in it."""
+    """Return the first number of an entry; the default if there is no such entry or number."""
     try:
         values = numbers(about[key]) if key in about else np.zeros((0, 1))
     except ValueError:
@@ -139,7 +140,7 @@ def first_number(about: dict[str, Entry], key: str, default: float) -> float:
 
 
 def packets(video: Path) -> list[Packet]:
-    """The packets of a video's GPMF track in order; none if it has no such track.
+    """Return the packets of a video's GPMF track in order; none if it has no such track.
 
     Raises:
         RecordingError: The video cannot be read.
@@ -151,7 +152,7 @@ def packets(video: Path) -> list[Packet]:
                 return []
             for stream in container.streams:
                 if stream.index != track.index:
-                    stream.discard = Discard.all  # so that the pictures are not read from the disk
+                    stream.discard = Discard.all  # avoids reading the images from disk
             first = _first_frame_s(container)
             return [
                 Packet(
@@ -172,7 +173,7 @@ def _is_gpmf(stream: Any) -> bool:
 
 
 def _first_frame_s(container: Any) -> float:
-    """When the container shows the first frame; an edit list may put it off zero."""
+    """Return the container's time of the first frame, which an edit list may shift from zero."""
     stream = next(iter(container.streams.video), None)
     if stream is None or stream.start_time is None:
         return 0.0
@@ -180,9 +181,9 @@ def _first_frame_s(container: Any) -> float:
 
 
 def read_gpmf(video: str | Path) -> Telemetry:
-    """All that the sensors of a GoPro video say; no sensors if the video is no GoPro's.
+    """Read the sensors of a GoPro video; no sensors if it is not a GoPro's.
 
-    Streams that hold no numbers are left out.
+    Streams without numbers are omitted.
 
     Raises:
         RecordingError: The video cannot be read.
@@ -191,7 +192,7 @@ def read_gpmf(video: str | Path) -> Telemetry:
 
 
 def collect(video: Path, payloads: list[Packet]) -> Telemetry:
-    """What the payloads of a video say, see `read_gpmf`."""
+    """Return the telemetry of a video's payloads, see `read_gpmf`."""
     sensors: dict[str, list[Block]] = {}
     device, damaged = "", 0
     for packet in payloads:
@@ -208,7 +209,7 @@ def collect(video: Path, payloads: list[Packet]) -> Telemetry:
 
 
 def _add(sensors: dict[str, list[Block]], entries: list[Entry], packet: Packet) -> None:
-    """Add a stream; its last entry holds the samples, those before it say how they are meant."""
+    """Add a stream, whose last entry has the samples and the others describe them."""
     if not entries:
         return
     *about, last = entries
@@ -217,7 +218,7 @@ def _add(sensors: dict[str, list[Block]], entries: list[Entry], packet: Packet) 
     try:
         values = numbers(last, structure)
     except ValueError:
-        return  # text, or a type of another maker
+        return  # text, or an unknown type
     if "SCAL" in known:
         scale = numbers(known["SCAL"]).ravel()
         if len(scale) not in {1, values.shape[1]} or not scale.all():

@@ -1,4 +1,4 @@
-"""When the samples of a GoPro's sensors were taken, on the video's clock."""
+"""Times of the samples of a GoPro's sensors, on the video's clock."""
 
 from itertools import pairwise
 
@@ -7,20 +7,20 @@ import numpy as np
 from vgps.model import FloatArray
 from vgps.readers.gpmf import Block
 
-_TOLERANCE_S = 0.5  # between a stamp and its packet's time; beyond it the stamps begin anew (joined clips)
+_TOLERANCE_S = 0.5  # between a stamp and its packet's time; beyond it the stamps restart (joined clips)
 
 
 def sample_times(sensor: list[Block], first_frame: Block | None = None) -> FloatArray:
-    """(N,) times of all samples of a sensor, seconds from the video's first frame on.
+    """Return (N,) times of all samples of a sensor, seconds from the video's first frame.
 
-    STMP stamps the first sample of a payload, the others lie evenly up to the next payload's stamp, those of
-    the last payload at the rate before it. Where stamps are missing, or begin anew, the samples are spread
-    over the time for which the container shows the payload: right to a few tenths of a second.
+    STMP stamps the first sample of a payload; the others are spaced evenly up to the next payload's stamp, in
+    the last payload at the rate before it. Where stamps are missing or restart, the samples are spread over
+    the payload's time in the container, which is accurate to a few tenths of a second.
 
     Args:
         sensor: Its blocks, in order.
-        first_frame: The first block of a stream with a sample per frame (SHUT): its stamp is the first
-            frame's. Without it the stamps are laid on the containers' times, on the whole.
+        first_frame: The first block of a stream with one sample per frame (SHUT), whose stamp is that of the
+            first frame. Without it the stamps are aligned with the container's times by their median.
     """
     counts = [len(block.samples) for block in sensor]
     stamps = np.array([block.stamp_s for block in sensor])
@@ -39,7 +39,7 @@ def sample_times(sensor: list[Block], first_frame: Block | None = None) -> Float
 
 
 def _steps(sensor: list[Block], firsts: FloatArray, counts: list[int]) -> list[float]:
-    """Time between the samples of each payload: up to the next one; before a gap and at the end as before."""
+    """Return the sample interval of each payload; before a gap and at the end, that of the payload before."""
     steps: list[float] = []
     step = sensor[0].duration_s / max(counts[0], 1)
     for index, (block, following) in enumerate(pairwise(sensor)):

@@ -17,10 +17,11 @@ def read_gyro(path: str | Path, *, video_start_s: float = 0.0) -> GyroLog:
         video_start_s: The first frame's time on the file's clock; subtracted.
 
     Returns:
-        Samples in strict order of time; samples with a NaN or at the time of another are left out.
+        Samples in strict order of time, without those that have a NaN or the time of another.
 
     Raises:
-        GyroLogError: missing or empty file, missing column, a cell that is no number, fewer than two samples.
+        GyroLogError: The file is missing or empty, a column is missing, a cell is not a number, or there are
+            fewer than two samples.
     """
     path = Path(path)
     table = read_table(path, GyroLogError)

@@ -1,4 +1,4 @@
-"""A folder of images with their times, as a video."""
+"""A folder of images with their times, read as a video."""
 
 import logging
 import re
@@ -20,8 +20,8 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
 class ImageFolder:
     """Images in order of their names (numbers by value) with the times of ``frame_times.csv``.
 
-    With a column ``file`` the table names the images; with ``frame`` it numbers the sorted ones from 0.
-    An image that cannot be decoded is a black frame, told in ``warnings`` and in the log.
+    A column ``file`` names the images; a column ``frame`` numbers the sorted ones from 0. An image that
+    cannot be decoded becomes a black frame, with an entry in ``warnings`` and in the log.
     """
 
     def __init__(self, path: str | Path, frame_times: str | Path | None = None) -> None:
@@ -29,10 +29,10 @@ class ImageFolder:
 
         Args:
             path: The folder.
-            frame_times: The table; by default ``frame_times.csv`` in the folder, or else beside it.
+            frame_times: The table; by default ``frame_times.csv`` in the folder or beside it.
 
         Raises:
-            VideoError: no images, no times, an image without time or the reverse.
+            VideoError: There are no images or no times, or their numbers differ.
         """
         self.path = Path(path)
         times = read_frame_times(_table(self.path, frame_times))
@@ -52,14 +52,14 @@ class ImageFolder:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the last pass over the frames could not decode, in words."""
+        """What the last pass over the frames could not decode, as sentences."""
         return self._warnings
 
     def frames(self) -> Iterator[Frame]:
-        """All frames in order, decoded ahead in a thread of its own.
+        """Yield all frames in order, decoded ahead in a separate thread.
 
         Raises:
-            VideoError: an image of another size than the first.
+            VideoError: An image has another size than the first.
         """
         return ahead(self._frames)
 
@@ -89,7 +89,7 @@ class ImageFolder:
 
 
 def list_images(folder: Path) -> list[Path]:
-    """The images of a folder in order of their names, digits by value."""
+    """Return the images of a folder in order of their names, numbers in them by value."""
     images = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file()]
     return sorted(
         images, key=lambda file: [(int(part) if part.isdigit() else -1, part) for part in _parts(file)]

@@ -1,6 +1,6 @@
-"""GPS time to UTC.
+"""Conversion of GPS time to UTC.
 
-GPS time runs ahead of UTC by the leap seconds inserted since 1980: IERS Bulletin C,
+GPS time is ahead of UTC by the leap seconds inserted since 1980: IERS Bulletin C,
 https://hpiers.obspm.fr/iers/bul/bulc/Leap_Second.dat (TAI - UTC, less the 19 s between TAI and GPS).
 """
 
@@ -13,7 +13,7 @@ from vgps.readers.fixes import unix_day_s
 
 GPS_EPOCH_S = unix_day_s(date(1980, 1, 6))
 WEEK_S = 7 * 86400.0
-# the first day on which one more second applies, from 1 s on
+# first days with one more leap second, from 1 s on
 _STEPS = """
     1981-07-01 1982-07-01 1983-07-01 1985-07-01 1988-01-01 1990-01-01 1991-01-01 1992-07-01 1993-07-01
     1994-07-01 1996-01-01 1997-07-01 1999-01-01 2006-01-01 2009-01-01 2012-07-01 2015-07-01 2017-01-01
@@ -23,8 +23,8 @@ _GPS_S = _UTC_S + np.arange(1, len(_UTC_S) + 1)
 
 
 def utc_from_gps(gps_s: FloatArray) -> FloatArray:
-    """UTC, seconds from 1970 without leap seconds, of GPS time written as such seconds. Shape is kept.
+    """Return UTC of GPS time, both as seconds from 1970 without leap seconds, in the same shape.
 
-    The leap second itself falls on the first second of the next day.
+    The leap second itself becomes the first second of the next day.
     """
     return gps_s - np.searchsorted(_GPS_S, gps_s, side="right")

@@ -1,4 +1,4 @@
-"""Decoded pictures to luminance, and the thread that decodes ahead."""
+"""Luminance of decoded images, and decoding ahead in a thread."""
 
 import contextlib
 import queue
@@ -13,14 +13,14 @@ import numpy.typing as npt
 from vgps.model import GrayImage
 
 T = TypeVar("T")
-_AHEAD = 8  # frames decoded ahead of the one being worked on: 8 MB each at 4K
+_AHEAD = 8  # frames decoded ahead: 8 MB each at 4K
 
 
 def luma(picture: av.VideoFrame) -> GrayImage:
-    """Luminance of a decoded picture, upright, (H, W) uint8.
+    """Return the luminance of a decoded image, upright, (H, W) uint8.
 
-    Takes the Y plane as it is stored (more than 8 bits are cut to the upper 8); colour without a Y plane is
-    converted. The rotation flag is applied.
+    This is the stored Y plane (the upper 8 bits); colour without a Y plane is converted. The rotation flag is
+    applied.
     """
     gray = _y_plane(picture) if _has_y_plane(picture.format) else _converted(picture)
     turns = quarter_turns(picture)
@@ -28,12 +28,12 @@ def luma(picture: av.VideoFrame) -> GrayImage:
 
 
 def quarter_turns(picture: av.VideoFrame) -> int:
-    """How often the rotation flag turns the stored picture by 90 degrees, counterclockwise, 0..3."""
+    """Return the rotation flag in counterclockwise quarter turns, 0..3."""
     return round(picture.rotation / 90) % 4
 
 
 def upright_size(picture: av.VideoFrame) -> tuple[int, int]:
-    """Width and height as shown, pixels."""
+    """Return width and height after the rotation flag, pixels."""
     size = (picture.width, picture.height)
     return size[::-1] if quarter_turns(picture) % 2 else size
 
@@ -41,7 +41,7 @@ def upright_size(picture: av.VideoFrame) -> tuple[int, int]:
 def _has_y_plane(form: av.VideoFormat) -> bool:
     first, *others = form.components
     alone = first.is_luma and first.plane == 0 and all(other.plane != 0 for other in others)
-    # p010 and its like store their bits at the upper end; only the plain formats are read directly
+    # p010 and similar formats store their bits at the upper end; only plain formats are read directly
     depth = first.bits == 8 or (8 < first.bits <= 16 and form.name.startswith(("yuv", "gray")))
     return bool(alone and depth and not form.has_palette)
 
@@ -61,7 +61,7 @@ def _converted(picture: av.VideoFrame) -> GrayImage:
 
 
 def ahead(produce: Callable[[], Generator[T]], depth: int = _AHEAD) -> Iterator[T]:
-    """Run a generator in a thread of its own, a few items ahead; abandoning the iterator ends the thread."""
+    """Run a generator a few items ahead in a separate thread, which ends when the iterator is closed."""
     items: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue(depth)
     stop = threading.Event()
 

@@ -33,25 +33,25 @@ def open_recording(
     control_points: PathLike | None = None,
     with_gps: bool = True,
 ) -> Recording:
-    """Open a recording; the video is looked through, its frames are not decoded yet.
+    """Open a recording; the video is indexed, its frames are not decoded yet.
 
     Args:
         path: A folder with ``video.mp4`` (.mov, .avi, or a folder of images with ``frame_times.csv``),
             ``camera.yaml`` (or a calibration of OpenCV's, Kalibr's or COLMAP's: ``camera.yml``, ``.xml``,
             ``.json``, ``camchain.yaml``, ``cameras.txt``) and, optional, ``rig.yaml``, ``gps.*``,
-            ``gyro.csv``, ``control_points.csv``; or a video, or a folder of images, with the others beside
+            ``gyro.csv``, ``control_points.csv``; or a video or folder of images with the other files beside
             it.
-        gps, camera, rig, control_points: Other files than these; a path, or a name inside the folder.
-        with_gps: Whether a GPS log is looked for at all.
+        gps, camera, rig, control_points: Other files to use; a path, or a name inside the folder.
+        with_gps: Whether to look for a GPS log.
 
     Returns:
-        The recording, every stream on the video's clock. What no file gives, a GoPro's video does: its GPS,
-        gyro, gyro_R_camera and the median exposure.
+        The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
+        gyro_R_camera and median exposure where no file gives them.
 
     Raises:
-        RecordingError: no video, or a file that is named and missing.
-        VideoError, CalibrationError, GpsLogError, GyroLogError: from the readers; a camera of another size
-            than the video; several GPS logs and none named; no fix during the video.
+        RecordingError: There is no video, or a named file is missing.
+        VideoError, CalibrationError, GpsLogError, GyroLogError: From the readers; also if the camera's size
+            is not the video's, there are several GPS logs and none is named, or no fix is during the video.
     """
     path = Path(path)
     folder, source = _place(path)
@@ -60,7 +60,7 @@ def open_recording(
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig()
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
-        # times measured elsewhere are on the clock of gyro.csv
+        # frame_times.csv is on the clock of gyro.csv
         mount = replace(mount, video_start_s=video.start_s)
     telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
     gyro = _gyro(folder, mount, telemetry)
@@ -78,23 +78,23 @@ def open_recording(
 
 
 def find_gps_logs(folder: PathLike) -> list[Path]:
-    """The GPS logs of a folder: ``gps.*`` and ``gps_*`` whose content is one."""
+    """Return the GPS logs of a folder: ``gps.*`` and ``gps_*`` with such content."""
     files = sorted(file for file in Path(folder).iterdir() if file.is_file())
     named = [file for file in files if file.stem == "gps" or file.name.startswith("gps_")]
     return [file for file in named if gps_format(file) is not None or file.stem == "gps"]
 
 
 def find_rig(path: PathLike, rig: PathLike | None = None) -> Path | None:
-    """The rig.yaml that `open_recording` reads, if there is one.
+    """Return the rig.yaml that `open_recording` reads, if there is one.
 
     Raises:
-        RecordingError: no video, or ``rig`` is named and missing.
+        RecordingError: There is no video, or the named ``rig`` is missing.
     """
     return _given(_place(Path(path))[0], rig, "rig.yaml")
 
 
 def _place(path: Path) -> tuple[Path, Path]:
-    """The folder in which the other files are, and the video or the folder of images."""
+    """Return the folder of the other files, and the video or folder of images."""
     if path.is_file():
         return path.parent, path
     if not path.is_dir():
@@ -111,7 +111,7 @@ def _place(path: Path) -> tuple[Path, Path]:
         return path, videos[0]
     inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and list_images(sub))
     if list_images(path):
-        # a folder of images itself: its companions stand in it, or beside it
+        # a folder of images: the other files are in it, or beside it
         inside = any((path / name).is_file() for name in ("camera.yaml", "rig.yaml"))
         return (path if inside else path.parent), path
     if len(inner) == 1:
@@ -132,7 +132,7 @@ def _opened(path: Path) -> VideoFile | ImageFolder:
 
 
 def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
-    """The file that is named, else the first of the defaults that is there."""
+    """Return the named file, or else the first of the defaults that exists."""
     if name is None:
         return next((folder / default for default in defaults if (folder / default).is_file()), None)
     for file in (folder / name, Path(name)):
@@ -146,8 +146,8 @@ def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
         raise RecordingError(
             "no camera.yaml",
             file=folder,
-            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion), or name another "
-            "program's with --camera",
+            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion), or name that of "
+            "another program with --camera",
         )
     camera = read_camera(file)
     if (camera.width, camera.height) != (video.width, video.height):
@@ -181,11 +181,11 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
 
 
 def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
-    """What belongs to the video itself: a GoPro's GPS within it, a drone's subtitles beside it."""
+    """Return the video's own log, if any: a GoPro's GPS in it, or a drone's subtitles beside it."""
     if gps_stream(telemetry) is not None:
         if read_gopro_gps(telemetry).fixes:
             return [video.path]
-        log.warning("%s: the camera's GPS never had a fix; going on without GPS", video.path)
+        log.warning("%s: the camera's GPS never had a fix; continuing without GPS", video.path)
     beside = [video.path.with_suffix(suffix) for suffix in (".srt", ".SRT")]
     return [file for file in beside if gps_format(file) == "srt"][:1]
 
@@ -201,7 +201,7 @@ def _gyro(folder: Path, rig: Rig, telemetry: Telemetry) -> GyroLog | None:
 
 
 def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
-    """The rig with what a GoPro knows and no file says."""
+    """Return the rig completed with a GoPro's metadata."""
     exposures = gopro_exposures(telemetry)
     if rig.exposure_s is None and exposures is not None:
         rig = replace(rig, exposure_s=float(np.median(exposures[1])))

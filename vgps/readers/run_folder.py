@@ -1,4 +1,4 @@
-"""A run folder read back into the Solution that it was written from."""
+"""Run folders, read back into the Solution from which they were written."""
 
 import json
 import math
@@ -30,7 +30,7 @@ from vgps.solution import (
 SCHEMA_VERSION = 1  # of the files of a run folder; files without a version are of this one
 Arrays = Mapping[str, npt.NDArray[Any]]
 _REMEDY = "run vgps smooth again"
-# what zipfile and NumPy raise on damaged bytes; RuntimeError: a member that claims to be encrypted or newer
+# raised by zipfile and NumPy on damaged bytes; RuntimeError: a member marked as encrypted or newer
 _BAD_ARCHIVE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -46,10 +46,10 @@ _BAD_ARCHIVE = (
 def read_run(path: Path) -> Solution:
     """Read a run folder: arrays from ``measurements.npz``, the rest from ``solution.json``, ``config.yaml``.
 
-    The files derived from these (``poses.tum``, ``gps.csv``, ...) are not looked at.
+    The files derived from these (``poses.tum``, ``gps.csv``, ...) are not read.
 
     Raises:
-        RunFolderError: One of the three is missing, damaged, or does not fit the others.
+        RunFolderError: One of the three is missing, damaged, of a later schema, or does not fit the others.
     """
     summary = read_summary(path)
     file = path / "measurements.npz"
@@ -69,17 +69,17 @@ def read_summary(path: Path) -> dict[str, Any]:
     """Read ``solution.json`` of a run folder.
 
     Raises:
-        RunFolderError: There is no such folder or file, or it is damaged.
+        RunFolderError: There is no such folder or file, or it is damaged or of a later schema.
     """
     if not path.is_dir():
-        raise RunFolderError("is no folder", file=path, expected="a run folder, as vgps smooth writes it")
+        raise RunFolderError("not a folder", file=path, expected="a run folder, as vgps smooth writes it")
     file = path / "solution.json"
     try:
         summary = json.loads(_bytes(file))
     except ValueError as error:
         raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=_REMEDY) from error
     if not isinstance(summary, dict):
-        raise RunFolderError("holds no table", file=file, expected="a JSON object", remedy=_REMEDY)
+        raise RunFolderError("not a JSON object", file=file, remedy=_REMEDY)
     _check_schema(summary.get("schema_version"), file)
     return summary
 
@@ -130,7 +130,7 @@ def _read_config(file: Path) -> dict[str, Any]:
     except yaml.YAMLError as error:
         raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=_REMEDY) from error
     if not isinstance(config, dict):
-        raise RunFolderError("holds no table", file=file, expected="a YAML mapping", remedy=_REMEDY)
+        raise RunFolderError("not a YAML mapping", file=file, remedy=_REMEDY)
     try:
         return present_names(config, Config)[0]
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Delimited text with named columns, the common ground of the CSV readers."""
+"""Delimited text with named columns, read by all CSV readers."""
 
 import csv
 from collections import Counter
@@ -13,7 +13,7 @@ from vgps.model import FloatArray, IntArray
 
 
 def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
-    """The file's content; raises ``error`` where it is missing, unreadable or empty."""
+    """Return the file's content; raise ``error`` if it is missing, unreadable or empty."""
     try:
         data = path.read_bytes()
     except OSError as problem:
@@ -36,11 +36,11 @@ class Table:
 
     Attributes:
         path: The file.
-        error: What to raise about it.
+        error: Class of the errors to raise.
         columns: Column names, lower case, without spaces, in the file's order.
         cells: (N,) rows, each as long as ``columns``.
         line: (N,) line of the file (from 1) of each row.
-        short_lines: Lines with too few cells, left out.
+        short_lines: Lines omitted for having too few cells.
     """
 
     path: Path
@@ -51,11 +51,11 @@ class Table:
     short_lines: tuple[int, ...]
 
     def find(self, *names: str) -> str | None:
-        """The first of the names that is a column."""
+        """Return the first of the names that is a column, if any."""
         return next((name for name in names if name in self.columns), None)
 
     def require(self, *names: str) -> str:
-        """The first of the names that is a column; raises ``error`` with a likely misspelling if none."""
+        """Return the first of the names that is a column, or raise ``error`` with a likely misspelling."""
         found = self.find(*names)
         if found is not None:
             return found
@@ -71,19 +71,19 @@ class Table:
 
     @property
     def header_line(self) -> int:
-        """Line of the column names, as far as messages need it."""
+        """Line of the column names, for messages."""
         return max(1, int(self.line[0]) - 1) if len(self.line) else 1
 
     def text(self, name: str) -> list[str]:
-        """(N,) cells of a column."""
+        """Return the (N,) cells of a column."""
         index = self.columns.index(name)
         return [row[index] for row in self.cells]
 
     def numbers(self, name: str, *, lenient: bool = False) -> FloatArray:
-        """(N,) numbers of a column, empty cells as NaN.
+        """Return the (N,) numbers of a column, empty cells as NaN.
 
         Raises:
-            VgpsError: of the table's class where a cell is not a number, unless ``lenient`` (then NaN).
+            VgpsError: Of the table's class; a cell is not a number. If ``lenient``, such a cell is NaN.
         """
         return np.array([self._number(cell, row, name, lenient) for row, cell in enumerate(self.text(name))])
 
@@ -104,10 +104,10 @@ class Table:
 def read_table(path: Path, error: type[VgpsError]) -> Table:
     """Read delimited text whose first line names the columns.
 
-    Commas, semicolons or tabs separate; ``#`` starts a comment line.
+    Cells are separated by commas, semicolons or tabs; ``#`` starts a comment line.
 
     Raises:
-        VgpsError: of the given class, where the file is missing, empty or has no line of column names.
+        VgpsError: Of the given class; the file is missing, empty or has no line of column names.
     """
     text = read_bytes(path, error).decode("utf-8-sig", errors="replace").replace("\0", "")
     numbered = [
@@ -123,7 +123,7 @@ def read_table(path: Path, error: type[VgpsError]) -> Table:
     twice = [name for name, count in Counter(columns).items() if count > 1 and name]
     if twice:
         raise error(f"column {twice[0]} appears twice", file=path, place=f"line {numbered[0][0]}")
-    # a quoted line break would merge rows; then the pairing below stops at the shorter list
+    # a quoted line break merges rows; the pairing then ends with the shorter list
     paired = [
         (number, [cell.strip() for cell in row])
         for (number, _), row in zip(numbered[1:], rows[1:], strict=False)

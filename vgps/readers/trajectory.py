@@ -16,11 +16,11 @@ def read_trajectory(path: str | Path, *, video_start_s: float = 0.0) -> Trajecto
     """Read ``truth.tum`` or ``poses.tum``; quaternions are normalised.
 
     Args:
-        path: The file; ``#`` starts a comment, blanks or commas separate.
+        path: The file; ``#`` starts a comment, blanks or commas separate numbers.
         video_start_s: The first frame's time on the file's clock; subtracted.
 
     Raises:
-        TrajectoryError: missing or empty file, a line that is no pose, a time that does not increase.
+        TrajectoryError: The file is missing or empty, a line is not a pose, or a time does not increase.
     """
     path = Path(path)
     text = read_bytes(path, TrajectoryError).decode("utf-8-sig", errors="replace")

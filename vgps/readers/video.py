@@ -1,4 +1,4 @@
-"""A video file: exact presentation times, and its frames' luminance one to one with them."""
+"""Video files: exact presentation times, and the luminance of exactly one frame per time."""
 
 import contextlib
 import logging
@@ -19,13 +19,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Slots:
-    """Where each frame belongs.
+    """The times of the frames and which packets hold them.
 
     Attributes:
         t_s: (F,) times since the first frame.
-        index: Frame of a presentation stamp; None where only the decoder's order tells.
-        packets: How many packets hold these frames; what follows is damaged.
-        cut: Whether the file announces more frames than it holds.
+        index: Frame of each presentation stamp; None if only the decoder's order tells the frame.
+        packets: Number of packets that hold these frames; what follows is damaged.
+        cut: Whether the file declares more frames than it has.
     """
 
     t_s: FloatArray
@@ -37,16 +37,16 @@ class _Slots:
 class VideoFile:
     """The frames of a video, each with its own presentation time.
 
-    Times come from the packets' presentation stamps (reordered B-frames, variable rate), seconds since the
-    first frame; a ``frame_times.csv`` overrides them. ``frames()`` yields exactly one frame per time: one
-    that cannot be decoded is black, and is told in ``warnings`` and in the log.
+    Times are the packets' presentation stamps (B-frames reordered, variable rates kept), seconds since the
+    first frame; a ``frame_times.csv`` overrides them. ``frames()`` yields exactly one frame per time; one
+    that cannot be decoded is black, with an entry in ``warnings`` and in the log.
     """
 
     def __init__(self, path: str | Path, frame_times: str | Path | None = None) -> None:
-        """Look through the file without decoding more than its first frame.
+        """Index the file, decoding only its first frame.
 
         Raises:
-            VideoError: missing, not a video, no frames, or another number of frames than ``frame_times``.
+            VideoError: The file is missing, not a video, has no frames, or not as many as ``frame_times``.
         """
         self.path = Path(path)
         self._warnings: tuple[str, ...] = ()
@@ -69,14 +69,14 @@ class VideoFile:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the last whole pass over the frames could not decode, in words."""
+        """What the last complete pass over the frames could not decode, as sentences."""
         return self._warnings
 
     def frames(self) -> Iterator[Frame]:
-        """All frames in order of presentation, decoded ahead in a thread of its own.
+        """Yield all frames in order of presentation, decoded ahead in a separate thread.
 
         Raises:
-            VideoError: the picture's size changes within the video.
+            VideoError: The image size changes within the video.
         """
         return ahead(self._frames)
 
@@ -90,7 +90,7 @@ class VideoFile:
                 continue
             if upright_size(picture) != (self.width, self.height):
                 raise VideoError(
-                    f"a picture of {upright_size(picture)}",
+                    f"an image of {upright_size(picture)}",
                     file=self.path,
                     place=f"frame {index}",
                     expected=f"{self.width} x {self.height} as at the start",
@@ -103,7 +103,7 @@ class VideoFile:
             following = index + 1
         lost.extend(range(following, len(t_s)))
         yield from (Frame(missing, float(t_s[missing]), black) for missing in range(following, len(t_s)))
-        self._tell(lost, doubtful, extra)
+        self._warn(lost, doubtful, extra)
 
     def _pictures(self) -> Generator[av.VideoFrame]:
         with _video_errors(self.path), av.open(str(self.path)) as container:
@@ -112,16 +112,16 @@ class VideoFile:
             for number, packet in enumerate(_packets(container, stream)):
                 if number >= self._slots.packets:
                     break
-                # a damaged packet costs its own frame only
+                # a damaged packet costs only its own frame
                 with contextlib.suppress(av.error.FFmpegError):
                     yield from stream.codec_context.decode(packet)
             with contextlib.suppress(av.error.FFmpegError):
                 yield from stream.codec_context.decode(None)
 
-    def _tell(self, lost: list[int], doubtful: list[int], extra: int) -> None:
+    def _warn(self, lost: list[int], doubtful: list[int], extra: int) -> None:
         notes = []
         if self._slots.cut:
-            notes.append(f"the file is cut short after {len(self.times_s)} frames")
+            notes.append(f"the file is truncated after {len(self.times_s)} frames")
         if lost:
             notes.append(
                 f"{len(lost)} of {len(self.times_s)} frames cannot be decoded, first frame {lost[0]}"
@@ -129,7 +129,7 @@ class VideoFile:
         if doubtful:
             notes.append(f"{len(doubtful)} frames are damaged, first frame {doubtful[0]}")
         if extra:
-            notes.append(f"{extra} decoded pictures have no time of their own and were left out")
+            notes.append(f"{extra} decoded images without a time of their own were skipped")
         self._warnings = tuple(notes)
         for note in notes:
             log.warning("%s: %s", self.path, note)
@@ -157,7 +157,7 @@ def _stream(container: av.container.InputContainer, path: Path) -> av.VideoStrea
 def _packets(
     container: av.container.InputContainer, stream: av.VideoStream
 ) -> Iterator["av.Packet[av.VideoStream]"]:
-    """Packets that hold a frame: neither the flush at the end nor AVI's empty repeats."""
+    """Yield packets that hold a frame, without the final flush and AVI's empty repeats."""
     with contextlib.suppress(av.error.InvalidDataError, av.error.EOFError):
         yield from (packet for packet in container.demux(stream) if packet.size > 0)
 
@@ -165,14 +165,14 @@ def _packets(
 def _slots(container: av.container.InputContainer, path: Path, times: FrameTimes | None) -> _Slots:
     stream = _stream(container, path)
     packets = list(_packets(container, stream))
-    # a file cut in the middle of a packet: the frames up to there
+    # a file truncated within a packet: keep the frames before
     while packets and packets[-1].is_corrupt:
         packets.pop()
     cut = stream.frames > len(packets)
     shown = [packet for packet in packets if not packet.is_discard]
     if not shown:
         raise VideoError("no frames", file=path, expected="a video with frames")
-    # AVI stamps packets in order of decoding, so there only the order of the decoder's output tells the frame
+    # AVI stamps packets in decoding order, so that only the order of the decoder's output tells the frame
     in_order = container.format.name == "avi" or any(packet.pts is None for packet in shown)
     stamps = sorted(
         {stamp for packet in shown if (stamp := packet.dts if in_order else packet.pts) is not None}
