@@ -9,7 +9,7 @@ import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
 from vgps.solution import Verdict
@@ -46,14 +46,12 @@ def main() -> None:
     add_seeds(parser, 1)
     given = parser.parse_args()
     with parser.refusals():
-        results = parser.results(given)
-        print(header(COLUMNS))
+        results, table = parser.results(given), LiveTable(*COLUMNS)
         for seed in range(given.seeds):
             for gps in given.logs:
                 found = one_run(given.recording, gps, seed)
                 results.add(**found)
-                cells = [f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()]
-                print(row(cells), flush=True)
+                table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import vgps
 from scripts.common.colmap_peer import AdjustmentResult, adjust, map_images
 from scripts.common.colmap_problem import centre_priors, make_problem
 from scripts.common.command import ScriptParser
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from scripts.common.results import Results
 from scripts.common.stopwatch import stopwatch
@@ -71,7 +71,7 @@ def compare(engines: dict[str, Engine], within: float, repeats: int, results: Re
     target = (1.0 + within) * min(costs.values())
     print(f"target: cost {target:.6g}\n")
     names = ("engine", "lowest cost", "cost timed", "iterations", "wall [s]", "CPU [s]")
-    print(header((*names, "wall per step [s]", "CPU per step [s]", "wall ratio", "CPU ratio")))
+    table = LiveTable(*names, "wall per step [s]", "CPU per step [s]", "wall ratio", "CPU ratio")
     reference: tuple[float, float] | None = None
     for name, engine in engines.items():
         steps, reached = max(ends[name].iterations, 1), costs[name] <= target
@@ -91,7 +91,7 @@ def compare(engines: dict[str, Engine], within: float, repeats: int, results: Re
         figures = [wall_s, cpu_s, wall_s / steps, cpu_s / steps, wall_s / reference[0], cpu_s / reference[1]]
         note = "" if reached else " (target not reached)"
         begin = (f"{name}{note}", f"{costs[name]:.6g}", f"{cost_of(runs[0]):.6g}", str(steps))
-        print(row((*begin, *(f"{x:.3g}" for x in figures))), flush=True)
+        table.add(*begin, *(f"{x:.3g}" for x in figures))
 
 
 def end_to_end(run: Solution, folder: Path, given: argparse.Namespace, results: Results) -> None:
@@ -101,6 +101,7 @@ def end_to_end(run: Solution, folder: Path, given: argparse.Namespace, results: 
     """
     recording = vgps.open_recording(folder, with_gps=False)
     truth = read_truth(folder)
+    table = LiveTable("method", "frames posed", "mean error [m]", "max [m]", "wall [s]", "of which")
     taken = recording.video.times_s[:: given.every][: given.limit]
 
     def add(method: str, found: Trajectory, seconds: dict[str, float]) -> None:
@@ -112,11 +113,11 @@ def end_to_end(run: Solution, folder: Path, given: argparse.Namespace, results: 
         results.add(engine=method, **figures, wall_s=wall_s, steps_s=seconds)
         errors = (f"{size.mean():.3f}", f"{size.max():.3f}") if len(size) else ("-", "-")
         steps = ", ".join(f"{step} {s:.1f}" for step, s in seconds.items())
-        print(row((method, f"{len(size)} of {len(taken)}", *errors, f"{wall_s:.1f}", steps)))
+        table.add(method, f"{len(size)} of {len(taken)}", *errors, f"{wall_s:.1f}", steps)
 
     priors = centre_priors(run, given.every, all_fixes=True)
     found, seconds = map_images(recording, given.every, given.limit, priors, given.seed)
-    print("\n" + header(("method", "frames posed", "mean error [m]", "max [m]", "wall [s]", "of which")))
+    print()
     same = np.isin(run.t_s, taken)
     ours = Trajectory(run.t_s[same], run.world_T_camera[same])
     add("vgps on all frames, evaluated on these; seconds as the run noted", ours, dict(run.seconds))

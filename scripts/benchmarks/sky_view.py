@@ -19,7 +19,7 @@ import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from scripts.common.scenes import half_size, shortened
 from vgps.config import Config
@@ -158,7 +158,7 @@ def main() -> None:
     columns = ("recording", "seed", "multipath [m]", "growth, median (largest)")
     with parser.refusals():
         results = parser.results(given)
-        print(header((*columns, "mean error without [m]", "with [m]", "rejected without, with")))
+        table = LiveTable(*columns, "mean error without [m]", "with [m]", "rejected without, with")
         for seed in range(given.seeds):
             for case in cases(seed, given):
                 found = measure(case, seed)
@@ -170,7 +170,7 @@ def main() -> None:
                     f"{found['mean_with_m']:.3f}",
                     f"{found['rejected_without']}, {found['rejected_with']}",
                 )
-                print(row((case.name, str(seed), multipath_m, *cells)), flush=True)
+                table.add(case.name, str(seed), multipath_m, *cells)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from scripts.common.command import ScriptParser
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from scripts.common.recordings import true_poses
 from scripts.common.stopwatch import stopwatch
 from vgps.config import GpsConfig
@@ -280,7 +280,7 @@ def main() -> None:
     print(f"{len(replay.true)} frames, {observations} observations\n")
     results.summarise(frames=len(replay.true), observations=observations)
     columns = ("median update [s]", "largest [s]", "last error [m]", "mean error [m]", "")
-    print(header(("stage C", *columns)))
+    table = LiveTable("stage C", *columns)
     for name, method in methods.items():
         result = run(method, replay, fed)
         figures = {}
@@ -289,7 +289,7 @@ def main() -> None:
             figures |= {"last_m": result.errors_m[-1], "mean_m": statistics.mean(result.errors_m)}
         results.add(method=name, updates=len(result.seconds), **figures, failure=result.failure)
         cells = [f"{x:.3f}" for x in figures.values()] or [""] * 4
-        print(row((name, *cells, result.failure)), flush=True)
+        table.add(name, *cells, result.failure)
 
 
 if __name__ == "__main__":

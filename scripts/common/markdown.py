@@ -18,6 +18,18 @@ def table(columns: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join([header(columns), *map(row, rows)])
 
 
+class LiveTable:
+    """A table on standard output, row by row as it comes; its header appears with the first row."""
+
+    def __init__(self, *columns: str) -> None:
+        self._begin = f"{header(columns)}\n"
+
+    def add(self, *cells: str) -> None:
+        """Print a row."""
+        print(self._begin + row(cells), flush=True)
+        self._begin = ""
+
+
 def mean_and_range(values: Sequence[float], digits: int = 3, middle: float | None = None) -> str:
     """Return ``mean (least-most)``, or the value alone if there is only one; ``middle`` replaces the mean."""
     middle = sum(values) / len(values) if middle is None else middle

@@ -1,21 +1,25 @@
-"""A scripted run through the Python API, as a pattern for one's own."""
+"""Smooth a recording from Python, with settings of one's own, and count the fixes outside their regions."""
 
-import sys
+import argparse
 from pathlib import Path
 
 import vgps
 
 
-def main(recording: str, run: str, seed: str = "0") -> None:
-    """Smooth a recording with another seed and more features, write the run, print its worst fixes."""
-    config = vgps.Config(seed=int(seed))
-    more = config.tracking.model_copy(update={"max_features": 500})
-    solution = vgps.smooth(vgps.open_recording(recording), config.model_copy(update={"tracking": more}))
-    vgps.write_run(solution, Path(run))
+def main() -> None:
+    """Smooth with another seed and more features than the default, and write the run."""
+    parser = argparse.ArgumentParser(prog="python -m scripts.examples.smooth_recording", description=__doc__)
+    parser.add_argument("recording", help="recording folder")
+    parser.add_argument("run", type=Path, help="run folder that is written")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    config = vgps.Config.model_validate({"seed": given.seed, "tracking": {"max_features": 500}})
+    solution = vgps.smooth(vgps.open_recording(given.recording), config)
+    vgps.write_run(solution, given.run)
     if solution.fixes is not None:
         outside = [reason for reason in solution.fixes.reason if "outside its region" in reason]
         print(f"{len(outside)} of {len(solution.fixes.reason)} fixes lie outside their regions")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 import vgps
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from vgps.config import Config, Region, read_config
 from vgps.evaluation import match_times
@@ -148,18 +148,17 @@ def main() -> None:
     given = arguments(parser)
     columns = ("seed", "quantity", "mean error", "NEES: mean, median", "% within 2 sigma, by axis")
     runs: list[Ratios] = []
+    table = LiveTable(*columns, "all (honest: 95)")
 
     def show(rows: list[dict[str, Any]]) -> None:
         for one_row in rows:
             results.add(**one_row)
-            error = (
-                f"{one_row['error_m']:.3f} m" if "error_m" in one_row else f"{one_row['error_deg']:.3f} deg"
-            )
-            print(row((str(one_row["seed"]), one_row["quantity"], error, *cells(one_row))), flush=True)
+            name, unit = ("error_m", "m") if "error_m" in one_row else ("error_deg", "deg")
+            begin = (str(one_row["seed"]), one_row["quantity"], f"{one_row[name]:.3f} {unit}")
+            table.add(*begin, *cells(one_row))
 
     with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
         results = parser.results(given)
-        print(header((*columns, "all (honest: 95)")))
         seeds = range(given.first_seed, given.first_seed + given.seeds)
         for run in pool.map(one, seeds, [given] * given.seeds):
             runs.append(run)

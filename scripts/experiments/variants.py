@@ -17,7 +17,7 @@ import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
-from scripts.common.markdown import header, row
+from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from vgps.config import Config
 from vgps.errors import VgpsError
@@ -170,11 +170,10 @@ def main() -> None:
     columns += ["NEES per axis", "fixes rejected, down-classed", "time offset [s]"]
     cases = product(given.only, given.logs, range(given.seeds))
     with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
-        results = parser.results(given)
-        print(header(columns), flush=True)
+        results, table = parser.results(given), LiveTable(*columns)
         for found in pool.map(measure, cases, repeat(given.recording)):
             results.add(**found)
-            print(row(cells(found)), flush=True)
+            table.add(*cells(found))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint, GpsLog, Recording
+from vgps.readers.fixes import counted
 from vgps.simulate.scene import FIX_ERRORS, FixErrors
 from vgps.simulate.sensors import unit_gauss_markov
 
@@ -85,7 +86,7 @@ def outage(seconds: float, recording: Recording, log: GpsLog, rng: np.random.Gen
     sides = [int((inside & side).sum()) for side in (log.t_s < middle_s, log.t_s > middle_s)]
     if min(sides) < _LEAST_FIXES:
         raise GpsLogError(
-            f"an outage of {seconds:g} s leaves {sides[0]} fixes before it and {sides[1]} after it",
+            f"an outage of {seconds:g} s leaves {counted(sides[0], 'fix')} before it and {sides[1]} after it",
             file=log.source,
             expected=f"at least {_LEAST_FIXES} on either side",
         )
