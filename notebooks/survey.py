@@ -30,13 +30,13 @@ import numpy as np
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
 import vgps
-from vgps.config import read_survey
+from vgps.config import SurveyConfig, read_survey
 from vgps.model import FixClass
 from vgps.simulate import SCENES, FixErrors
 from vgps.simulate.receiver_errors import fit_gauss_markov
 from vgps.simulate.scene import FIX_ERRORS
 from vgps.simulate.sensors import SimulatedFixes, gauss_markov, nmea
-from vgps.survey import SurveyOptions, region, survey_logs
+from vgps.survey import region, survey_logs
 from vgps.survey.output import write_survey
 
 plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
@@ -223,6 +223,6 @@ plt.show()
 # it.
 
 # %%
-write_survey(survey, SurveyOptions(), scratch / "receiver.yaml")
+write_survey(survey, SurveyConfig(), scratch / "receiver.yaml")
 for name, size in read_survey(scratch / "receiver.yaml").items():
     print(f"{name}: {{r_m: {size.r_m}, h_m: {size.h_m}}}")

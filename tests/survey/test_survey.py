@@ -4,12 +4,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pydantic import ValidationError
 
-from vgps.config import read_survey
+from vgps.config import SurveyConfig, read_survey
 from vgps.errors import GpsLogError
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass, GeodeticPoint
-from vgps.survey import SurveyOptions, least_ellipsoid, region, survey_logs
+from vgps.survey import least_ellipsoid, region, survey_logs
 from vgps.survey.output import as_tables, plot_survey, write_survey
 from vgps.survey.regions import correlation_time, outside
 
@@ -83,7 +84,7 @@ def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
         csv_log(tmp_path / "a.csv", fix, ["rtk_fix"] * 200),
         csv_log(tmp_path / "b.csv", float_, ["rtk_float"] * 200),
     ]
-    options = SurveyOptions(speed_m_s=1.2, vertical_speed_m_s=0.3, frame_rate=15.0)
+    options = SurveyConfig(speed_m_s=1.2, vertical_speed_m_s=0.3, frame_rate=15.0)
     found = survey_logs(logs, options)
     assert np.abs(np.subtract(found.truth, ORIGIN)).max() < 0.01
     by_class = {one.fix_class: one for one in found.classes}
@@ -103,7 +104,7 @@ def test_without_a_fix_the_truth_must_be_given(tmp_path):
     log = csv_log(tmp_path / "a.csv", np.ones((30, 3)), ["rtk_float"] * 30)
     with pytest.raises(GpsLogError, match="--truth"):
         survey_logs([log])
-    found = survey_logs([log], SurveyOptions(truth=ORIGIN))
+    found = survey_logs([log], truth=ORIGIN)
     assert found.classes[0].r_m == pytest.approx(np.sqrt(2.0), abs=1e-3)
     assert "30 epochs are worth" in found.warnings[-1]
 
@@ -114,10 +115,20 @@ def test_a_receiver_that_moves_is_told(tmp_path):
         survey_logs([csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)])
 
 
+def test_the_limits_of_a_survey_are_settings(tmp_path):
+    walk = np.arange(60)[:, None] * [0.1, 0.0, 0.0]
+    log = csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)
+    with pytest.raises(GpsLogError, match="moved"):
+        survey_logs([log])
+    few = survey_logs([log], SurveyConfig(max_spread_m=2.0))
+    assert len(few.warnings) == 1
+    assert not survey_logs([log], SurveyConfig(max_spread_m=2.0, min_independent_epochs=0.5)).warnings
+
+
 @pytest.mark.parametrize("options", [{"drop": 1.0}, {"drop": -0.1}, {"frame_rate": 0.0}])
 def test_impossible_options_are_refused(options):
-    with pytest.raises(GpsLogError):
-        SurveyOptions(**options)
+    with pytest.raises(ValidationError):
+        SurveyConfig(**options)
 
 
 def test_the_real_receiver(data_dir):

@@ -11,9 +11,9 @@ from cyclopts.validators import Number
 from vgps.config import Config, GpsModel, read_config
 
 
-def finite_and_not_negative(_: Any, value: float) -> None:
+def finite_and_not_negative(_: Any, value: float | None) -> None:
     """Raise ValueError for an option that is negative, infinite or NaN."""
-    if not (math.isfinite(value) and value >= 0.0):
+    if value is not None and not (math.isfinite(value) and value >= 0.0):
         raise ValueError("Must be a finite number >= 0.")
 
 

@@ -9,9 +9,10 @@ from rich.console import Console
 
 from vgps.cli.app import app, print_line, print_note
 from vgps.cli.options import NotNegative
+from vgps.config import read_config
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
-from vgps.survey import SurveyOptions, survey_logs
+from vgps.survey import survey_logs
 from vgps.survey.output import as_tables, check_files, plot_survey, write_survey
 
 
@@ -26,9 +27,9 @@ class Motion:
         frame_rate: Frame rate of later recordings [Hz].
     """
 
-    speed: NotNegative = 0.0
-    vertical_speed: NotNegative = 0.0
-    frame_rate: float = 30.0
+    speed: NotNegative | None = None
+    vertical_speed: NotNegative | None = None
+    frame_rate: float | None = None
 
 
 _STILL = Motion()
@@ -39,9 +40,10 @@ def survey(
     *logs: Path,
     out: Path,
     truth: str | None = None,
-    drop: float = 0.05,
+    drop: float | None = None,
     motion: Motion = _STILL,
     plot: Path | None = None,
+    config: Path | None = None,
 ) -> None:
     """Estimate the error region of each fix class from logs of a receiver that stood still.
 
@@ -50,23 +52,24 @@ def survey(
         out: YAML file to write, for `vgps smooth --survey`.
         truth: Position of the antenna, LATITUDE,LONGITUDE,HEIGHT in degrees and metres; by default the mean
             of the RTK-fix epochs.
-        drop: Share of the worst epochs to ignore, horizontally and vertically each.
+        drop: Share of the worst epochs to ignore, horizontally and vertically each; by default 0.05.
         motion: Motion of later recordings.
         plot: Picture of the scatter; by default beside the YAML file.
+        config: YAML file with settings that replace the defaults.
     """
-    options = SurveyOptions(
+    resolved = read_config(config).with_survey(
         drop=drop,
-        truth=None if truth is None else _position(truth),
         speed_m_s=motion.speed,
         vertical_speed_m_s=motion.vertical_speed,
         frame_rate=motion.frame_rate,
     )
+    settings, position = resolved.survey, None if truth is None else _position(truth)
     picture = plot or out.with_suffix(".png")
     check_files(out, picture)
-    result = survey_logs(logs, options)
-    write_survey(result, options, out)
+    result = survey_logs(logs, settings, position)
+    write_survey(result, settings, out)
     plot_survey(result, picture)
-    for table in as_tables(result, options):
+    for table in as_tables(result, settings):
         Console().print(table)
     for warning in result.warnings:
         print_note(warning)

@@ -19,6 +19,7 @@ from vgps.config.smoothing import (
     SensorsConfig,
     WindowConfig,
 )
+from vgps.config.survey import SurveyConfig
 from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "SettingsModel",
     "SkyConfig",
     "StartConfig",
+    "SurveyConfig",
     "TrackingConfig",
     "WindowConfig",
     "present_names",

@@ -34,7 +34,7 @@ def read_settings(path: Path, model: type[Settings]) -> Settings:
     except PydanticCustomError as error:
         raise ConfigError(str(error), file=path, remedy="keep one of the two") from error
     except ValidationError as error:
-        raise _as_config_error(error, path, model) from error
+        raise as_config_error(error, model, file=path) from error
     for text in notes:
         log.warning("%s: %s", path, text)
     return found
@@ -54,11 +54,38 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
         try:
             regions[FixClass(name)] = Region.model_validate(sizes)
         except ValidationError as error:
-            raise _as_config_error(error, path, Region, (name,)) from error
+            raise as_config_error(error, Region, (name,), path) from error
     if not regions:
         known = ", ".join(FixClass)
         raise ConfigError("no fix class in it", file=path, expected=f"one of {known}, each with r_m and h_m")
     return regions
+
+
+def as_config_error(
+    error: ValidationError,
+    model: type[SettingsModel],
+    place: tuple[str, ...] = (),
+    file: Path | None = None,
+) -> ConfigError:
+    """Return the first of pydantic's errors as one line: the key, what was found, what was expected.
+
+    Args:
+        error: What pydantic found.
+        model: The settings, whose names are suggested instead of an unknown key.
+        place: Where in the file the settings stand.
+        file: The file, if there is one.
+    """
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in (*place, *first["loc"]))
+    if first["type"] == "extra_forbidden":
+        return ConfigError("unknown key", file=file, place=f"key {key}", remedy=_correction(key, model))
+    if first["type"] == "missing":
+        return ConfigError("is missing", file=file, place=f"key {key}")
+    if first["type"] == "value_error":
+        return ConfigError(str(first["ctx"]["error"]), file=file, place=f"key {key}")
+    expected = first["msg"].removeprefix("Input should be ")
+    found = f"found {first['input']!r}"[:80]
+    return ConfigError(found, file=file, place=f"key {key}", expected=expected[:1].lower() + expected[1:])
 
 
 def setting_names(model: type[SettingsModel], place: str = "") -> Iterator[str]:
@@ -83,22 +110,6 @@ def _read_yaml(path: Path) -> Mapping[str, Any]:
     if not isinstance(data, dict):
         raise ConfigError(f"found a {type(data).__name__}", file=path, expected="a mapping of keys to values")
     return data
-
-
-def _as_config_error(
-    error: ValidationError, path: Path, model: type[SettingsModel], place: tuple[str, ...] = ()
-) -> ConfigError:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in (*place, *first["loc"]))
-    if first["type"] == "extra_forbidden":
-        return ConfigError("unknown key", file=path, place=f"key {key}", remedy=_correction(key, model))
-    if first["type"] == "missing":
-        return ConfigError("is missing", file=path, place=f"key {key}")
-    if first["type"] == "value_error":
-        return ConfigError(str(first["ctx"]["error"]), file=path, place=f"key {key}")
-    expected = first["msg"].removeprefix("Input should be ")
-    found = f"found {first['input']!r}"[:80]
-    return ConfigError(found, file=path, place=f"key {key}", expected=expected[:1].lower() + expected[1:])
 
 
 def _correction(key: str, model: type[SettingsModel]) -> str:

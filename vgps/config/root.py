@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-from pydantic import NonNegativeInt
+from pydantic import NonNegativeInt, ValidationError
 
 from vgps.config.base import SettingsModel
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
@@ -12,7 +12,7 @@ from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.landmarks import LandmarksConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
-from vgps.config.reading import read_settings, read_survey
+from vgps.config.reading import as_config_error, read_settings, read_survey
 from vgps.config.smoothing import (
     BatchConfig,
     DriftConfig,
@@ -21,6 +21,7 @@ from vgps.config.smoothing import (
     SensorsConfig,
     WindowConfig,
 )
+from vgps.config.survey import SurveyConfig
 from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 
 
@@ -57,6 +58,7 @@ class Config(SettingsModel):
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     landmarks: LandmarksConfig = LandmarksConfig()
     localization: LocalizationConfig = LocalizationConfig()
+    survey: SurveyConfig = SurveyConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> Self:
         """Return the configuration with another GPS model or the regions of a survey file.
@@ -79,10 +81,23 @@ class Config(SettingsModel):
         """Return the configuration with another seed, if one is given."""
         return self if seed is None else self.model_copy(update={"seed": seed})
 
+    def with_survey(self, **changes: float | None) -> Self:
+        """Return the configuration with those settings of a survey that are not None.
+
+        Raises:
+            ConfigError: A number is out of its range.
+        """
+        return self._with("survey", **changes)
+
     def _with(self, section: str, **changes: Any) -> Self:
         """Return the configuration with the settings of a section that are not None."""
         given = {name: value for name, value in changes.items() if value is not None}
-        return self.model_copy(update={section: getattr(self, section).model_copy(update=given)})
+        present = getattr(self, section)
+        try:
+            changed = type(present).model_validate({**dict(present), **given})
+        except ValidationError as error:
+            raise as_config_error(error, type(self), (section,)) from error
+        return self.model_copy(update={section: changed})
 
 
 def read_config(path: Path | None) -> Config:

@@ -5,8 +5,9 @@ from pathlib import Path
 import yaml
 from rich.table import Table
 
+from vgps.config import SurveyConfig
 from vgps.errors import GpsLogError, RunFolderError
-from vgps.survey.survey import Survey, SurveyOptions
+from vgps.survey.survey import Survey
 from vgps.writers.atomic import check_file, new_file
 
 _PICTURES = ("png", "jpg", "jpeg", "webp", "svg", "pdf")
@@ -40,7 +41,7 @@ def _format(picture: Path) -> str:
     return picture.suffix.removeprefix(".").lower()
 
 
-def write_survey(survey: Survey, options: SurveyOptions, out: Path) -> None:
+def write_survey(survey: Survey, config: SurveyConfig, out: Path) -> None:
     """Write the regions per class as YAML, to a tenth of a millimetre; beside them how they came about."""
     document: dict[str, object] = {
         str(one.fix_class): {
@@ -55,14 +56,14 @@ def write_survey(survey: Survey, options: SurveyOptions, out: Path) -> None:
         for one in survey.classes
     }
     truth = dict(zip(("latitude_deg", "longitude_deg", "height_m"), survey.truth, strict=True))
-    document["survey"] = {"drop": options.drop, "truth": truth, "warnings": list(survey.warnings)}
+    document["survey"] = {"drop": config.drop, "truth": truth, "warnings": list(survey.warnings)}
     with new_file(out) as scratch:
         scratch.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
 
 
-def as_tables(survey: Survey, options: SurveyOptions) -> list[Table]:
+def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
     """Tables 4 and 5 of Kume 2010, in metres."""
-    dropped = f"worst {100 * options.drop:g} % dropped"
+    dropped = f"worst {100 * config.drop:g} % dropped"
     cylinders = Table(
         "class", "epochs", "independent", "all: horiz / vert [m]", f"{dropped}: r / h [m]", title="Cylinders"
     )

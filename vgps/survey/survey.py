@@ -7,38 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.config import SurveyConfig
 from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import FixClass, FloatArray, GeodeticPoint, GpsLog
 from vgps.readers.gps import read_gps_log
 from vgps.survey.regions import ClassSurvey, correlation_time, least_ellipsoid, outside, region
-
-_FEW = 20.0  # independent epochs below which a region is a guess
-_STANDING_M = 1.0  # half of the RTK-fix epochs of a receiver that stands lie nearer to their mean
-
-
-@dataclass(frozen=True, kw_only=True)
-class SurveyOptions:
-    """How a survey is made.
-
-    Attributes:
-        drop: Share of the worst epochs dropped, horizontally and vertically on their own.
-        truth: Where the antenna stood; absent means the mean of the RTK-fix epochs.
-        speed_m_s, vertical_speed_m_s: Of the later recordings, for users who snap fixes to frames.
-        frame_rate: Of the later recordings: half a frame of motion is added to r and h.
-    """
-
-    drop: float = 0.05
-    truth: GeodeticPoint | None = None
-    speed_m_s: float = 0.0
-    vertical_speed_m_s: float = 0.0
-    frame_rate: float = 30.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.drop < 1.0:
-            raise GpsLogError(f"drop is {self.drop}", expected="a share from 0 to below 1")
-        if not self.frame_rate > 0.0:
-            raise GpsLogError(f"frame rate is {self.frame_rate}", expected="a positive number")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,22 +36,25 @@ class Survey:
     warnings: tuple[str, ...] = field(default=())
 
 
-def survey_logs(paths: Sequence[Path], options: SurveyOptions | None = None) -> Survey:
+def survey_logs(
+    paths: Sequence[Path], config: SurveyConfig | None = None, truth: GeodeticPoint | None = None
+) -> Survey:
     """Survey a receiver from logs taken while it stood still in one place.
 
     Args:
         paths: GPS logs of any format that the readers know.
-        options: What to drop, and the truth if it is known.
+        config: What to leave out; the defaults if none is given.
+        truth: Where the antenna stood; by default the mean of the RTK-fix epochs.
 
     Raises:
         GpsLogError: A log cannot be read, no truth is to be had, or the receiver moved.
     """
-    options = options or SurveyOptions()
+    config = config or SurveyConfig()
     logs = [read_gps_log(path) for path in paths]
     if not logs:
         raise GpsLogError("no log given", expected="one or more GPS logs of a receiver that stands still")
     classes = tuple(name for log in logs for name in log.fix_class)
-    truth = options.truth or _mean_of_fixes(logs)
+    truth = truth or _mean_of_fixes(logs, config.max_spread_m)
     errors = np.concatenate(
         [to_enu(truth, log.latitude_deg, log.longitude_deg, log.height_m) for log in logs]
     )
@@ -88,9 +65,9 @@ def survey_logs(paths: Sequence[Path], options: SurveyOptions | None = None) -> 
         rows = np.array([other == name for other in classes])
         if name is FixClass.UNKNOWN or not rows.any():
             continue
-        surveyed = _survey_class(name, rows, t_s, errors, starts, options)
+        surveyed = _survey_class(name, rows, t_s, errors, starts, config)
         found.append(surveyed)
-        if surveyed.independent < _FEW:
+        if surveyed.independent < config.min_independent_epochs:
             warnings.append(
                 f"{name}: {surveyed.epochs} epochs are worth {surveyed.independent:.0f} independent ones "
                 f"(the error stays alike for {surveyed.correlation_s:.0f} s): survey longer, at other hours"
@@ -105,7 +82,7 @@ def survey_logs(paths: Sequence[Path], options: SurveyOptions | None = None) -> 
     )
 
 
-def _mean_of_fixes(logs: Sequence[GpsLog]) -> GeodeticPoint:
+def _mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float) -> GeodeticPoint:
     rows = [np.array([name is FixClass.RTK_FIX for name in log.fix_class]) for log in logs]
     if not any(row.any() for row in rows):
         raise GpsLogError(
@@ -124,7 +101,7 @@ def _mean_of_fixes(logs: Sequence[GpsLog]) -> GeodeticPoint:
     local = to_enu(origin, *place.T)
     mean = local.mean(axis=0)
     spread = float(np.median(np.linalg.norm(local - mean, axis=1)))
-    if spread > _STANDING_M:
+    if spread > max_spread_m:
         raise GpsLogError(
             f"half of the RTK-fix epochs lie more than {spread:.1f} m from their mean: the receiver moved",
             file=logs[0].source,
@@ -140,10 +117,10 @@ def _survey_class(
     t_s: FloatArray,
     errors: FloatArray,
     starts: np.ndarray,
-    options: SurveyOptions,
+    config: SurveyConfig,
 ) -> ClassSurvey:
     own = errors[rows]
-    r_m, h_m = region(own, options.drop)
+    r_m, h_m = region(own, config.drop)
     ellipsoid = least_ellipsoid(own, outside(own, r_m, h_m))
     # the error's memory ends with a log
     times = [correlation_time(t_s[a:b][rows[a:b]], errors[a:b][rows[a:b]]) for a, b in pairwise(starts)]
@@ -151,12 +128,12 @@ def _survey_class(
     correlation_s = float(np.average(times, weights=weights))
     step = float(np.median(np.diff(t_s[rows]))) if len(own) > 1 else 0.0
     independent = len(own) * min(step / correlation_s, 1.0) if correlation_s > 0.0 else float(len(own) > 0)
-    half_frame_s = 0.5 / options.frame_rate
+    half_frame_s = 0.5 / config.frame_rate
     return ClassSurvey(
         fix_class=name,
         epochs=len(own),
-        r_m=r_m + options.speed_m_s * half_frame_s,
-        h_m=h_m + options.vertical_speed_m_s * half_frame_s,
+        r_m=r_m + config.speed_m_s * half_frame_s,
+        h_m=h_m + config.vertical_speed_m_s * half_frame_s,
         largest_m=region(own, 0.0),
         ellipsoid=ellipsoid,
         correlation_s=correlation_s,
