@@ -1,4 +1,5 @@
 import re
+from pathlib import Path
 
 import pytest
 import yaml
@@ -7,6 +8,8 @@ from pydantic import ValidationError
 from vgps.config import Config, OutlierConfig, WindowConfig, read_config, read_survey
 from vgps.errors import ConfigError
 from vgps.model import FixClass
+
+V0_1 = Path(__file__).parent / "settings_0_1"  # all defaults of version 0.1, under the names of then
 
 
 def written(path, text):
@@ -140,3 +143,13 @@ def test_values_cannot_be_changed_or_invented():
 def test_a_section_of_the_same_name_as_an_old_setting_is_taken_as_it_is():
     window = WindowConfig(length_frames=20)
     assert Config(window=window).window == window
+
+
+def test_the_whole_configuration_of_a_run_of_0_1_gives_the_same_settings(caplog):
+    assert read_config(V0_1 / "config.yaml") == Config()
+    assert len(caplog.messages) > 10
+
+
+def test_the_whole_file_of_the_tracker_of_0_1_gives_the_same_settings(caplog):
+    assert read_config(V0_1 / "track.yaml") == Config()
+    assert all("is now called localization." in text for text in caplog.messages)

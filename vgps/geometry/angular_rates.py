@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from vgps.model import BoolArray, FloatArray, GyroLog
 
 _GAP = 5.0  # a gap is this many sample intervals without a sample
-_MIN_STEPS = 4
+_MIN_STEPS = 4  # of the integration over an interval, however short
 
 
 class GyroIntegral:

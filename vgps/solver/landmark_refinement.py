@@ -17,8 +17,8 @@ from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import factorize_landmarks
 
 _MIN_LOSS = 1e-3  # cost that a step must add for a landmark before it is refined by itself
-_START_DAMPING = 1e-3
-_ITERATIONS = 4
+_START_DAMPING = 1e-3  # relative to the diagonal
+_ITERATIONS = 4  # a guard: a landmark has three unknowns, and the next step of all refines it further
 
 
 def anchor_frames(problem: BundleProblem) -> IntArray:

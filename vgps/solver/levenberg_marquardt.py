@@ -17,7 +17,7 @@ from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 LIGHT_DAMPING = (
     1e-2  # up to this a step is nearly a Gauss-Newton step: if it gains nothing, it is at a minimum
 )
-_STEP_FRACTIONS = (1.0, 0.5, 0.25)
+_STEP_FRACTIONS = (1.0, 0.5, 0.25)  # of a step with a poor gain that are tried
 _POOR_GAIN_RATIO = 0.25  # below this ratio of actual to predicted decrease, shorter steps are tried
 _MAX_SMALL_STEPS = 3  # steps below the tolerance in succession that end the search even under heavy damping
 
