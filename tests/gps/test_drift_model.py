@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -44,24 +46,23 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
         away = 3.0 * np.sqrt(np.log1p(away2 / 9.0))
         return np.concatenate([away, change.ravel(), parameters[3:4], held])
 
-    ours = of.fit(of.approach(ALL, 0.3), loss)
+    ours = of.fit(of.fit_coarse_to_fine(ALL, 0.3), loss)
     reference = least_squares(residual, ours, xtol=1e-9, ftol=1e-9, max_nfev=25)
     assert of._cost(ours, loss) == pytest.approx(2.0 * reference.cost, rel=2e-3)
 
 
 @pytest.mark.parametrize("time_offset_s", [-0.4, 0.37])
-def test_a_lag_is_found_where_the_path_turns(time_offset_s):
+def test_a_time_offset_is_found_where_the_path_turns(time_offset_s):
     t_s = np.arange(1.05, 18.0)
     fixes = fixes_at(t_s - time_offset_s, 0.5, 0.7)
     stamped = type(fixes)(t_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
     of = flexible(trajectory(path(T_S)), stamped)
     rows = np.ones(len(t_s), dtype=bool)
-    parameters = of.settle(of.approach(rows, 0.1), rows, of.regions())
+    parameters = of.refine(of.fit_coarse_to_fine(rows, 0.1), rows, of.regions())
     assert of.time_offset_s(parameters) == pytest.approx(time_offset_s, abs=0.02)
-    assert of.lag_sigma(parameters, Loss(of.regions(), rows, 3.0)) < 0.3
 
 
-def test_a_straight_path_at_constant_speed_does_not_show_the_lag():
+def test_a_straight_path_at_constant_speed_does_not_show_the_time_offset():
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
     straight = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
     fixes = type(fixes)(
@@ -70,10 +71,14 @@ def test_a_straight_path_at_constant_speed_does_not_show_the_lag():
         *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
     )
     of = flexible(trajectory(straight), fixes)
-    assert of.lag_sigma(of.start, Loss(of.regions(), ALL, 3.0)) > 0.9
+    # fixes 0.37 s late lie 1.85 m behind, which a shift of the start explains as well
+    of = flexible(trajectory(straight), replace(fixes, t_s=fixes.t_s + 0.37))
+    parameters = of.refine(of.start, ALL, of.regions())
+    assert abs(of.time_offset_s(parameters)) < 0.05
+    np.testing.assert_allclose(of.offsets(parameters), 0.0, atol=0.01)
 
 
-def test_without_a_prior_the_lag_is_held():
+def test_without_a_prior_the_time_offset_is_held():
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
     of = flexible(drifting(), fixes, time_offset_sigma_s=0.0)
-    assert of.time_offset_s(of.approach(ALL, 0.3)) == 0.0
+    assert of.time_offset_s(of.fit_coarse_to_fine(ALL, 0.3)) == 0.0

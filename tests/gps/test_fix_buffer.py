@@ -37,7 +37,7 @@ def test_verdicts_stay_with_their_fixes_when_others_come_between():
     assert fix_buffer.number.tolist() == [0, 3, 1, 4, 2]
     assert fix_buffer.assessment.rejected.tolist() == [False, False, True, False, False]
     assert np.isnan(fix_buffer.assessment.own[[1, 3]]).all()
-    fix_buffer.forget(float(fixes.t_s[2]))
+    fix_buffer.discard_before(float(fixes.t_s[2]))
     assert fix_buffer.number.tolist() == [1, 4, 2] and fix_buffer.assessment.rejected.tolist() == [
         True,
         False,
@@ -50,12 +50,12 @@ def test_news_are_fixes_within_the_last_interval_or_late_ones_once():
     _, _, _, fixes = scene()
     t_s = float(fixes.t_s[3])
     fix_buffer = FixBuffer(rows_of(fixes, [3]), ANTENNA, Config())
-    assert fix_buffer.news(t_s - 0.1, t_s) and not fix_buffer.news(t_s, t_s + 0.1)
+    assert fix_buffer.has_new(t_s - 0.1, t_s) and not fix_buffer.has_new(t_s, t_s + 0.1)
     fix_buffer.add(rows_of(fixes, [1]), now_s=t_s)
-    assert fix_buffer.news(t_s, t_s + 0.1) and not fix_buffer.news(t_s, t_s + 0.1)
+    assert fix_buffer.has_new(t_s, t_s + 0.1) and not fix_buffer.has_new(t_s, t_s + 0.1)
     unusable = replace(rows_of(fixes, [2]), used=np.array([False]))
     fix_buffer.add(unusable, now_s=t_s)
-    assert not fix_buffer.news(t_s, t_s + 0.1)
+    assert not fix_buffer.has_new(t_s, t_s + 0.1)
 
 
 def test_after_forgetting_few_fixes_do_not_change_the_clock():
@@ -64,7 +64,7 @@ def test_after_forgetting_few_fixes_do_not_change_the_clock():
     fix_buffer = FixBuffer(lagging, ANTENNA, Config())
     fix_buffer.update_time_offset(Trajectory(t_s, poses))
     before = fix_buffer.sensors.time_offset_s
-    fix_buffer.forget(float(lagging.t_s[5]))
+    fix_buffer.discard_before(float(lagging.t_s[5]))
     fix_buffer.update_time_offset(Trajectory(t_s[20:], poses[20:]))
     assert fix_buffer.sensors.time_offset_s == before
 
@@ -74,10 +74,10 @@ def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
     fix_buffer = FixBuffer(rows_of(fixes, [0, 2, 4]), ANTENNA, Config())
     judged = fix_buffer.snapshot()
     fix_buffer.add(rows_of(fixes, [1, 3]), now_s=9.0)
-    fix_buffer.forget(float(fixes.t_s[1]))
+    fix_buffer.discard_before(float(fixes.t_s[1]))
     judged.assessment = FixAssessment(np.array([0.9, 0.1, 0.8]), np.zeros(3))
     judged.sensors = replace(judged.sensors, time_offset_s=0.25)
-    fix_buffer.take(judged)
+    fix_buffer.update_from(judged)
     assert fix_buffer.number.tolist() == [3, 1, 4, 2] and fix_buffer.sensors.time_offset_s == 0.25
     np.testing.assert_array_equal(fix_buffer.assessment.own, [np.nan, 0.1, np.nan, 0.8])
 

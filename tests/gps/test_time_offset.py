@@ -6,11 +6,15 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import SensorsConfig
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import least_gain, time_offset_by_differences, update_time_offset
+from vgps.gps.time_offset import best_time_offset, least_gain, neighbour_pairs, update_time_offset
 
 BELIEVED = TimeOffset(0.0, 0.5)
 NONE = np.zeros(3)
 SENSORS = Sensors.known(NONE)
+
+
+def by_differences(camera_path, fixes, antenna, prior):
+    return best_time_offset(neighbour_pairs(camera_path, fixes, antenna, prior), prior)
 
 
 def late(time_offset_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
@@ -37,13 +41,13 @@ def wander(seed, n=19):
 
 @pytest.mark.parametrize("time_offset_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
 def test_a_lag_is_found_under_a_bias_that_wanders(time_offset_s):
-    found = time_offset_by_differences(trajectory(path(T_S)), late(time_offset_s, wander(0)), NONE, BELIEVED)
+    found = by_differences(trajectory(path(T_S)), late(time_offset_s, wander(0)), NONE, BELIEVED)
     assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
 
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]
-    found = [time_offset_by_differences(trajectory(path(T_S)), log, NONE, BELIEVED) for log in logs]
+    found = [by_differences(trajectory(path(T_S)), log, NONE, BELIEVED) for log in logs]
     scatter = np.std([one.time_offset_s for one in found])
     assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
 
@@ -51,7 +55,7 @@ def test_the_sigma_is_the_scatter_over_many_logs():
 def test_one_jump_of_the_receiver_does_not_matter():
     offset = wander(1)
     offset[9:] += [6.0, 4.0, 0.0]
-    found = time_offset_by_differences(trajectory(path(T_S)), late(0.37, offset), NONE, BELIEVED)
+    found = by_differences(trajectory(path(T_S)), late(0.37, offset), NONE, BELIEVED)
     assert abs(found.time_offset_s - 0.37) < 0.1
 
 
@@ -77,9 +81,7 @@ def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
 
 
 def test_too_few_fixes_tell_nothing():
-    found = time_offset_by_differences(
-        trajectory(path(T_S)), late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED
-    )
+    found = by_differences(trajectory(path(T_S)), late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
     assert found == BELIEVED
 
 

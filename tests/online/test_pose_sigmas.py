@@ -40,7 +40,7 @@ class Drive:
         one, place = np.ones(1), np.zeros((1, 3))
         size = 0.07 * one, 0.05 * one, 2.4 * one, 6.5 * one, place
         more = Fixes(self.t_s[-1:] - 0.03, place, *size, one > 0, 10.0 * one)
-        self.fixes, _ = self.fixes.joined(more)
+        self.fixes, _ = self.fixes.merged(more)
 
     def frame(self, fixes=True, moved=0.01, tracked=True):
         frame = len(self.t_s)

@@ -1,8 +1,8 @@
-"""A path of known shape that may stretch, turn and shift slowly, fitted to fixes: the energy (11) in small.
+"""A path whose scale and rotation drift slowly, fitted to fixes: the energy (11) with few parameters.
 
-What a camera alone gets wrong changes slowly: the scale and the heading of its path, and the place of its
-start. Here only these move, and the clock between video and GPS, so that a whole recording is fitted to its
-fixes in milliseconds and thousands of hypotheses about fixes can be tried where stage D would try one.
+The errors of a camera alone change slowly: scale and rotation of its path, and the position of its start.
+Here only these vary, and the time offset between video and GPS, so that a whole recording is fitted to its
+fixes in milliseconds, and thousands of hypotheses about fixes can be tested where stage D would test one.
 """
 
 from dataclasses import dataclass
@@ -31,8 +31,10 @@ _SMALL = 1e-4  # relative decrease of the cost that ends a fit
 
 @dataclass(frozen=True)
 class Loss:
-    """How fixes pull: Cauchy's loss of their distance in units of ``region_m`` (M, 3), which bends at
-    ``width``; only those of ``rows`` (M,) take part."""
+    """Cauchy's loss of the fixes' offsets in units of ``region_m`` (M, 3), of scale ``width``.
+
+    Only the fixes ``rows`` (M,) take part.
+    """
 
     region_m: FloatArray
     rows: BoolArray
@@ -40,18 +42,18 @@ class Loss:
 
 
 class DriftModel:
-    """Steps scaled and turned by what is interpolated between knots; knots change as a random walk.
+    """Steps scaled and rotated by values interpolated between knots, which change as a random walk.
 
-    Parameters (4 + 4 K,): shift of the start [m] (3,), lag of the fixes behind the video [s], then log scale
-    and rotation vector of every knot. The antenna is compared with a fix at the fix's time minus the lag.
+    Parameters (4 + 4 K,): shift of the start [m] (3,), time offset of the fixes [s], then log scale and
+    rotation vector of every knot. The antenna is compared with a fix at the fix's time minus the offset.
 
     Args:
         path: F >= 2 frames.
-        fixes: All of them may lie anywhere; what lies outside the path's time is extrapolated.
+        fixes: They may lie anywhere; outside the path's time it is extrapolated.
         camera_p_antenna: (3,) metres.
         config: How fast scale and rotation may drift.
-        time_offset_sigma_s: Prior standard deviation of the lag; 0 holds it.
-        attached: The start hangs on a path that is held: it stays, and bends there as elsewhere.
+        time_offset_sigma_s: Prior standard deviation of the time offset; 0 holds it at 0.
+        attached: The start continues a path that is held: it stays, and may bend there as elsewhere.
     """
 
     def __init__(
@@ -67,14 +69,14 @@ class DriftModel:
         self.knots = 2 + min(int(len(poses) / config.knot_frames), _MAX_KNOTS)
         at = np.linspace(0, len(poses) - 1, self.knots)
         frames = np.arange(len(poses))
-        # (F, K) how much each knot counts in each frame
+        # (F, K) weight of each knot in each frame
         self._share = np.stack([np.interp(frames, at, row) for row in np.eye(self.knots)], axis=1)
         self._counted = self._share[:-1].nonzero()  # the two knots of every step
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
         self._sigma = sigma * np.sqrt(max((at[1] - at[0]) / config.knot_frames, 1e-9))
-        self._lag_sigma_s = time_offset_sigma_s
+        self._time_offset_sigma_s = time_offset_sigma_s
         self._shift_sigma_m = _HELD_M if attached else np.inf
         # (K or K - 1, K) changes from knot to knot
         self._changes = np.diff(np.eye(self.knots), axis=0)
@@ -90,11 +92,11 @@ class DriftModel:
         return np.zeros(_KNOTS + 4 * self.knots)
 
     def time_offset_s(self, parameters: FloatArray) -> float:
-        """The fixes' lag."""
+        """Return the time offset of the fixes."""
         return float(parameters[_CLOCK])
 
     def bent(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The path (F, 4, 4), and the scale (F,) by which each frame's view grew."""
+        """Return the bent path (F, 4, 4), and the scale (F,) by which each frame's view grew."""
         by_frame = self._share @ parameters[_KNOTS:].reshape(-1, 4)
         scale = np.exp(np.clip(by_frame[:, 0], -5.0, 5.0))
         rotation = Rotation.from_rotvec(by_frame[:, 1:]).as_matrix()
@@ -107,7 +109,7 @@ class DriftModel:
         return out, scale
 
     def offsets(self, parameters: FloatArray) -> FloatArray:
-        """(M, 3) antenna minus fix, metres."""
+        """Return antenna minus fix (M, 3), metres."""
         return self._offsets(self.bent(parameters)[0], self.time_offset_s(parameters))
 
     def _offsets(self, bent: FloatArray, time_offset_s: float) -> FloatArray:
@@ -115,7 +117,8 @@ class DriftModel:
         return antenna_at(bent, placement, self._antenna) - self._fixes.world_p_fix
 
     def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
-        """Parameters that minimise ``sum rho(|offset / region|) + sum |change per knot / sigma|^2``.
+        """Return the parameters that minimise ``sum rho(|offset / region|) + sum |change per knot /
+        sigma|^2``.
 
         Iteratively reweighted Gauss-Newton; a step that does not help is halved.
         """
@@ -135,10 +138,10 @@ class DriftModel:
                 break
         return parameters
 
-    def approach(self, rows: BoolArray, finest_m: float) -> FloatArray:
-        """Parameters fitted to fixes as if each were as coarse as the path is wrong, then finer and finer.
+    def fit_coarse_to_fine(self, rows: BoolArray, finest_m: float) -> FloatArray:
+        """Fit the fixes as if each were as coarse as the path is wrong, then finer and finer.
 
-        So neither a fine class nor the path's first errors decide which fixes count.
+        So neither a fine class nor the initial errors of the path decide which fixes count.
 
         Args:
             rows: (M,) fixes that take part.
@@ -152,43 +155,39 @@ class DriftModel:
             coarse /= _FINER
         return parameters
 
-    def settle(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> FloatArray:
-        """Parameters fitted to fixes for what their regions (M, 3) say, from an approach."""
+    def refine(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> FloatArray:
+        """Fit the fixes ``rows`` with their regions (M, 3), from a coarse fit."""
         return self.fit(parameters, Loss(regions, rows, _LOSS_WIDTH))
 
     def cost(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> float:
-        """What :meth:`settle` minimises."""
+        """Return the cost that :meth:`refine` minimises."""
         return self._cost(parameters, Loss(regions, rows, _LOSS_WIDTH))
 
     def regions(self, coarse_m: float = 0.0) -> FloatArray:
-        """(M, 3) sizes of the fixes' regions, made coarser by ``coarse_m``."""
+        """Return the sizes (M, 3) of the fixes' regions, made coarser by ``coarse_m``."""
         fixes = self._fixes
         return np.hypot(np.stack([fixes.r_m, fixes.r_m, fixes.h_m], axis=1), coarse_m)
 
-    def bending(self, parameters: FloatArray) -> float:
-        """What bending, shift and lag cost: the sum of squares in sigmas."""
+    def prior_cost(self, parameters: FloatArray) -> float:
+        """Return the cost of bending, shift and time offset: the sum of squares in sigmas."""
         change = self._changes @ parameters[_KNOTS:].reshape(-1, 4) / self._sigma
         shift = parameters[_SHIFT] / self._shift_sigma_m
-        lag = parameters[_CLOCK] / self._lag_sigma_s if self._lag_sigma_s else 0.0
-        return float(np.sum(change**2) + np.sum(shift**2) + lag**2)
-
-    def lag_sigma(self, parameters: FloatArray, loss: Loss) -> float:
-        """Standard deviation of the lag [s], everything else free."""
-        hessian, _ = self._normal(parameters, loss)
-        unit = np.zeros(len(hessian))
-        unit[_CLOCK] = 1.0
-        return float(np.sqrt(cho_solve(cho_factor(hessian), unit)[_CLOCK]))
+        offset = parameters[_CLOCK] / self._time_offset_sigma_s if self._time_offset_sigma_s else 0.0
+        return float(np.sum(change**2) + np.sum(shift**2) + offset**2)
 
     def _cost(self, parameters: FloatArray, loss: Loss) -> float:
         away2 = self._away2(self.offsets(parameters), loss)
-        return float((loss.width**2 * np.log1p(away2 / loss.width**2)).sum()) + self.bending(parameters)
+        return float((loss.width**2 * np.log1p(away2 / loss.width**2)).sum()) + self.prior_cost(parameters)
 
     def _away2(self, offset: FloatArray, loss: Loss) -> FloatArray:
         return np.where(loss.rows, np.sum((offset / loss.region_m) ** 2, axis=1), 0.0)
 
     def _normal(self, parameters: FloatArray, loss: Loss) -> tuple[FloatArray, FloatArray]:
-        """Reweighted normal equations; the rotations' curvature and the lever arm's turning are left out,
-        which changes the way to the minimum and not the minimum."""
+        """Return the reweighted normal equations.
+
+        The rotations' curvature and the rotation of the lever arm are left out, which changes the iterates
+        and not the minimum.
+        """
         bent, _ = self.bent(parameters)
         offset = self._offsets(bent, self.time_offset_s(parameters))
         weight = np.where(loss.rows, 1.0 / (1.0 + self._away2(offset, loss) / loss.width**2), 0.0)
@@ -201,22 +200,22 @@ class DriftModel:
         gradient[own] += self._walk @ parameters[own]
         hessian[_SHIFT, _SHIFT] += np.eye(3) / self._shift_sigma_m**2
         gradient[_SHIFT] += parameters[_SHIFT] / self._shift_sigma_m**2
-        if self._lag_sigma_s:
-            hessian[_CLOCK, _CLOCK] += self._lag_sigma_s**-2
-            gradient[_CLOCK] += parameters[_CLOCK] * self._lag_sigma_s**-2
+        if self._time_offset_sigma_s:
+            hessian[_CLOCK, _CLOCK] += self._time_offset_sigma_s**-2
+            gradient[_CLOCK] += parameters[_CLOCK] * self._time_offset_sigma_s**-2
         else:
             hessian[_CLOCK], hessian[:, _CLOCK], gradient[_CLOCK] = 0.0, 0.0, 0.0
             hessian[_CLOCK, _CLOCK] = 1.0
-        # where no fix tells anything the path stays as it is
+        # where no fix determines the path it stays as it is
         hessian[np.diag_indices_from(hessian)] += 1e-9 * (1.0 + np.diagonal(hessian))
         return hessian, gradient
 
     def _jacobian(self, bent: FloatArray, time_offset_s: float) -> FloatArray:
-        """(M, 3, 4 + 4 K) of the offsets."""
+        """Return the Jacobian (M, 3, 4 + 4 K) of the offsets."""
         steps = np.diff(bent[:, :3, 3], axis=0)
         zero = np.zeros(len(steps))
         x, y, z = steps.T
-        # a step's derivative to log scale and to a turn w: the step itself, and w x step
+        # a step's derivative by log scale and by a rotation w: the step itself, and w x step
         by_own = np.stack(
             [steps, *np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(0, 2, 1)], axis=1
         )
@@ -232,7 +231,7 @@ class DriftModel:
         return J
 
     def _before(self, frame: IntArray, by_own: FloatArray) -> FloatArray:
-        """(M, K, 12) sums over all steps before each of some frames (M,), by how much each knot counts."""
+        """Return sums (M, K, 12) over all steps before each of the frames (M,), weighted by knot."""
         order = np.argsort(frame, kind="stable")
         step, knot = self._counted
         since = np.searchsorted(frame[order], step, side="right")  # the first frame that comes after the step

@@ -1,4 +1,4 @@
-"""The fixes of a sequence as they come: where they belong in time, what is made of them, and their clock."""
+"""The fixes of a recording as they come: in order of time, with their assessment and their time offset."""
 
 import copy
 
@@ -12,7 +12,7 @@ from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_MANY = 30  # fixes that may change what is believed of the clock
+_MIN_FIXES = 30  # that may change the time offset found by earlier ones
 
 
 class FixBuffer:
@@ -20,9 +20,9 @@ class FixBuffer:
 
     Attributes:
         fixes: By their own clock.
-        number: (M,) how many fixes had been added before each: its name, while rows move.
-        assessment: Of all fixes, as far as they have been judged.
-        sensors: The lag of the fixes as the path so far shows it, and the lever arm.
+        number: (M,) how many fixes had been added before each: its identity, while rows move.
+        assessment: Of all fixes, as far as they have been assessed.
+        sensors: The time offset of the fixes as the path so far shows it, and the lever arm.
     """
 
     def __init__(self, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> None:
@@ -33,47 +33,47 @@ class FixBuffer:
         self.sensors = Sensors.begin(camera_p_antenna, config.sensors)
         self._added = len(fixes)
         self._late = False
-        self._forgot = False
+        self._discarded = False
 
     def add(self, more: Fixes, now_s: float) -> None:
-        """Fixes of any time; those of before ``now_s`` come late."""
-        self.fixes, order = self.fixes.joined(more)
+        """Add fixes of any time; those from before ``now_s`` count as late."""
+        self.fixes, order = self.fixes.merged(more)
         self.number = np.append(self.number, self._added + np.arange(len(more)))[order]
         self._added += len(more)
-        self.assessment = self.assessment.joined(FixAssessment.none(len(more)), order)
+        self.assessment = self.assessment.merged(FixAssessment.none(len(more)), order)
         self._late |= bool((more.used & (more.t_s <= now_s)).any())
 
-    def forget(self, before_s: float) -> None:
-        """Let go of older fixes, and of what was made of them."""
+    def discard_before(self, before_s: float) -> None:
+        """Discard older fixes and their assessment."""
         keep: BoolArray = self.fixes.t_s >= before_s
         if keep.all():
             return
         self.fixes, self.number = self.fixes.where(keep), self.number[keep]
         self.assessment = self.assessment.where(keep)
-        self._forgot = True
+        self._discarded = True
 
     def snapshot(self) -> "FixBuffer":
-        """A copy that can judge while this one goes on taking fixes."""
+        """Return a copy that can be assessed while fixes are added to this one."""
         return copy.copy(self)
 
-    def take(self, judged: "FixBuffer") -> None:
-        """What a snapshot found of the clock and of the fixes that this one still holds."""
-        self.sensors = judged.sensors
+    def update_from(self, snapshot: "FixBuffer") -> None:
+        """Take over what a snapshot found of the time offset and of the fixes that this one still holds."""
+        self.sensors = snapshot.sensors
         found = FixAssessment.none(len(self.number))
-        _, own, its = np.intersect1d(self.number, judged.number, return_indices=True)
-        found.own[own], found.lower[own] = judged.assessment.own[its], judged.assessment.lower[its]
+        _, own, its = np.intersect1d(self.number, snapshot.number, return_indices=True)
+        found.own[own], found.lower[own] = snapshot.assessment.own[its], snapshot.assessment.lower[its]
         self.assessment = self.assessment.updated(found)
 
-    def news(self, since_s: float, until_s: float) -> bool:
-        """Whether a usable fix came to lie after ``since_s`` and by ``until_s``, or came late since this was
-        asked last."""
+    def has_new(self, since_s: float, until_s: float) -> bool:
+        """Return whether a usable fix lies after ``since_s`` and by ``until_s``, or came late since the
+        last call."""
         t_s = self.fixes.t_s
         found = self._late or bool((self.fixes.used & (t_s > since_s) & (t_s <= until_s)).any())
         self._late = False
         return found
 
     def believed(self, until_s: float) -> Fixes:
-        """The fixes so far, as they are judged, at the times at which they were true."""
+        """Return the fixes until a time as they are assessed, in time."""
         return self.assessment.applied(self._in_time).until(until_s)
 
     @property
@@ -87,11 +87,11 @@ class FixBuffer:
         as after an outage, agree with some offset by chance.
         """
         config = self._config.sensors
-        if self._forgot or bool((self.fixes.used & (self.fixes.t_s < path.t_s[0])).any()):
+        if self._discarded or bool((self.fixes.used & (self.fixes.t_s < path.t_s[0])).any()):
             inside = self.fixes.used & (self.fixes.t_s >= path.t_s[0]) & (self.fixes.t_s <= path.t_s[-1])
-            if inside.sum() < _MANY:
+            if inside.sum() < _MIN_FIXES:
                 return
-            config = config.model_copy(update={"lag_s": self.sensors.time_offset_s})
+            config = config.model_copy(update={"time_offset_s": self.sensors.time_offset_s})
         believed = self.assessment.applied(self.fixes)
         self.sensors, _ = update_time_offset(self.sensors, path, believed, config)
 

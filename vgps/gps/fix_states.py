@@ -1,9 +1,9 @@
-"""What each fix of a log may be, and how likely that is: a hidden Markov model of the receiver.
+"""A hidden Markov model of the receiver: what each fix of a log may be, and how likely that is.
 
 A fix is what its class says, or what the class below says (a wrong integer ambiguity leaves an RTK-fix with
-an RTK-float's error), or an outlier anywhere within tens of metres. What is wrong may last: a wrong ambiguity
-or a reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing
-else are likelier one misfortune than six.
+an RTK-float's error), or an outlier anywhere within tens of metres. An error may last: a wrong ambiguity or a
+reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing else
+are more likely one error than six.
 """
 
 from math import gamma
@@ -26,18 +26,18 @@ _LASTS_AS = {
 def state_probabilities(
     offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
 ) -> tuple[FloatArray, float]:
-    """Probability of what each fix is, by all of them (forward and backward), and the log's own likelihood.
+    """Return the probability of each fix's states given all fixes, by the forward-backward algorithm.
 
     The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
     survey drops its worst epochs, so a small share of a class lies in a cylinder of a larger size. An outlier
-    lies anywhere within ``outlier_radius_m`` of the antenna. What lasts is as far off as the fix before was,
-    to what the classes of the two allow.
+    lies anywhere within ``outlier_radius_m`` of the antenna. An error that lasts is that of the fix before,
+    up to the regions of the two.
 
     Args:
         offset: (M, 3) antenna minus fix, metres.
         fixes: In order of time, each with a region.
         config: Priors, and the exponent and weight of the cylinder.
-        tolerance_m: How far off the path itself may be.
+        tolerance_m: Error of the path itself.
 
     Returns:
         (M, 5), columns OWN, LOWER, OUTLIER, STILL_LOWER, STILL_OUTLIER, and the log of the density of all
@@ -50,8 +50,8 @@ def state_probabilities(
     change = _transitions(prior, config.outliers.persistence)
     forward, size = np.empty_like(density), np.empty(len(density))
     reached = prior[0]
-    for k, seen in enumerate(density):
-        reached = (reached if k == 0 else reached @ change[k - 1]) * seen
+    for k, likelihood in enumerate(density):
+        reached = (reached if k == 0 else reached @ change[k - 1]) * likelihood
         size[k] = reached.sum()
         reached = forward[k] = reached / size[k]
     backward = np.ones_like(density)
@@ -61,7 +61,7 @@ def state_probabilities(
 
 
 def _prior(fixes: Fixes, config: Config) -> FloatArray:
-    """(M, 5) where nothing is known of the fix before."""
+    """Return the prior (M, 5) of each fix's states, whatever the fix before was."""
     lower = np.where(np.isfinite(fixes.lower_r_m), config.outliers.lower_share, 0.0)
     bad = np.full(len(fixes), config.outliers.outlier_share)
     none = np.zeros(len(fixes))
@@ -69,10 +69,10 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
 
 
 def _transitions(prior: FloatArray, persistence: float) -> FloatArray:
-    """(M - 1, 5, 5) probabilities from the state of one fix to that of the next."""
+    """Return the transition probabilities (M - 1, 5, 5) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
     for state, still in _LASTS_AS.items():
-        # a class without one below it cannot go on as that
+        # a class that has none below it cannot go on in that state
         possible = prior[1:, LOWER] > 0.0 if still == STILL_LOWER else True
         share = np.where(possible, persistence, 0.0)
         change[:, state] *= (1.0 - share)[..., None]
@@ -81,7 +81,7 @@ def _transitions(prior: FloatArray, persistence: float) -> FloatArray:
 
 
 def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float) -> FloatArray:
-    """(M, 5) of the offset [1/m^3], given the state."""
+    """Return the log density (M, 5) of the offset [1/m^3] in each state."""
     own = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
     with np.errstate(invalid="ignore"):  # no class below, no density
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
@@ -96,17 +96,17 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
 def _log_class_density(
     offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
 ) -> FloatArray:
-    judge = config.outliers
+    settings = config.outliers
     core = _log_density(offset, r_m, h_m, config, tolerance_m)
-    tail = _log_density(offset, judge.tail_size * r_m, judge.tail_size * h_m, config, tolerance_m)
-    both = np.logaddexp(core + np.log(1.0 - judge.tail_share), tail + np.log(judge.tail_share))
+    tail = _log_density(offset, settings.tail_size * r_m, settings.tail_size * h_m, config, tolerance_m)
+    both = np.logaddexp(core + np.log(1.0 - settings.tail_share), tail + np.log(settings.tail_share))
     return np.asarray(both)
 
 
 def _log_density(
     offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
 ) -> FloatArray:
-    """(M,) log of the cylinder's density [1/m^3]; NaN without a region."""
+    """Return the log (M,) of the cylinder's density [1/m^3], NaN without a region."""
     n, omega = config.gps.n, config.gps.omega
     r, h = np.hypot(r_m, tolerance_m), np.hypot(h_m, tolerance_m)
     horizontal, vertical = np.hypot(offset[:, 0], offset[:, 1]) / r, np.abs(offset[:, 2]) / h

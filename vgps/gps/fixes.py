@@ -1,4 +1,4 @@
-"""GPS fixes as the smoother sees them: where, at what time between frames, and with which penalty."""
+"""GPS fixes in the world: position, time between frames, and the penalty on the antenna's offset."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -45,19 +45,19 @@ class Fixes:
         return len(self.t_s)
 
     def until(self, t_s: float) -> "Fixes":
-        """Those taken by the time ``t_s``."""
+        """Return those taken by the time ``t_s``."""
         return self.where(self.t_s <= t_s)
 
     def earlier(self, time_offset_s: float) -> "Fixes":
-        """At their times less a lag."""
+        """Return the same fixes in time: at their time stamps less a time offset."""
         return replace(self, t_s=self.t_s - time_offset_s)
 
     def where(self, mask: BoolArray) -> "Fixes":
-        """Those that ``mask`` (M,) names."""
+        """Return those of ``mask`` (M,)."""
         return Fixes(**{column.name: getattr(self, column.name)[mask] for column in fields(self)})
 
-    def joined(self, more: "Fixes") -> tuple["Fixes", IntArray]:
-        """With more fixes, in order of time, and (M + N,) the row that each had in both together."""
+    def merged(self, more: "Fixes") -> tuple["Fixes", IntArray]:
+        """Return these with more fixes in order of time, and the row (M + N,) of each in both together."""
         order = np.argsort(np.concatenate([self.t_s, more.t_s]), kind="stable")
         columns = {
             column.name: np.concatenate([getattr(self, column.name), getattr(more, column.name)])[order]
@@ -67,13 +67,13 @@ class Fixes:
 
     @classmethod
     def none(cls) -> "Fixes":
-        """No fix at all."""
+        """Return no fix at all."""
         n, points = np.zeros(0), np.zeros((0, 3))
         return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool), n)
 
 
 def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> Fixes:
-    """The fixes of a log with their regions; those of a class without one are not used.
+    """Return the fixes of a log with their regions; those of a class without one are not used.
 
     Args:
         log: As read.
@@ -92,8 +92,13 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
 
 @dataclass(frozen=True)
 class Placement:
-    """Between which frames each fix lies: ``frame`` (M,) the one before it, ``alpha`` (M,) in [0, 1], and
-    ``inside`` (M,) whether it lies within the video at all."""
+    """Between which frames each fix lies.
+
+    Attributes:
+        frame: (M,) the frame before it.
+        alpha: (M,) share of the interval to the next frame, in [0, 1].
+        inside: (M,) whether it lies within the video at all.
+    """
 
     frame: IntArray
     alpha: FloatArray
@@ -101,7 +106,7 @@ class Placement:
 
 
 def place(frame_t_s: FloatArray, fix_t_s: FloatArray, beyond: bool = False) -> Placement:
-    """Put fixes between frames by their own time.
+    """Return between which frames fixes lie by their time.
 
     Args:
         frame_t_s: (F,) strictly increasing, F >= 2.
@@ -115,9 +120,9 @@ def place(frame_t_s: FloatArray, fix_t_s: FloatArray, beyond: bool = False) -> P
 
 
 def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatArray) -> FloatArray:
-    """(M, 3) antenna in the world at the fixes' times; straight between the frames' antennas.
+    """Return the antenna (M, 3) in the world at the fixes' times, straight between the frames' antennas.
 
-    Over one frame interval this differs from the interpolation on SE(3) by the sagitta of the arc alone.
+    Over one frame interval this differs from interpolation on SE(3) by the sagitta of the arc alone.
 
     Args:
         poses: (F, 4, 4) world_T_camera.
@@ -130,7 +135,7 @@ def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatA
 
 
 def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> Penalty:
-    """What an offset from fix ``row`` costs under the configured model.
+    """Return the penalty on an offset from fix ``row`` under the configured model.
 
     Args:
         fixes: All fixes.
@@ -154,7 +159,7 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
 
 
 def taking_part(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -> BoolArray:
-    """(M,) fixes with ``used`` set and within the frames, if the model takes any."""
+    """Return which fixes (M,) are used and within the frames, if the model takes any."""
     if config.model == "none" or len(frame_t_s) < 2:
         return np.zeros(len(fixes), dtype=bool)
     return np.asarray(fixes.used & place(frame_t_s, fixes.t_s).inside)
@@ -167,10 +172,11 @@ def gps_graph(
     config: GpsConfig,
     n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """The GPS term of the energy (11) over frames with keys ``x0..``, a factor for each fix that takes part.
+    """Return the GPS term of the energy (11) over frames with keys ``x0..``, a factor per fix that takes
+    part.
 
     Args:
-        fixes: At their times less the lag known so far; those that :func:`taking_part` names.
+        fixes: In time, as far as the time offset is known; those of :func:`taking_part` count.
         frame_t_s: (F,) times of the frames.
         sensors: Lever arm, and what is to be estimated with the poses.
         config: The model; none gives an empty graph.

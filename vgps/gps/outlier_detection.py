@@ -1,10 +1,11 @@
-"""Which fixes to believe: the probability of each, by what the path and all the others say.
+"""Outlier detection: the probability that each fix is what its class says, given the path and all others.
 
 Nothing is gated on a first guess: all fixes are fitted together by a path that can bend only as a camera
-drifts, first as if each were as coarse as the path is wrong, then finer and finer until classes count for
-what they say. Where the way from fix to fix is not the camera's, the fixes between two such places are left
-out for a trial. The likeliest end counts, by :mod:`vgps.gps.fix_states`. A verdict holds until it is
-asked for again: later frames and fixes may reverse it.
+drifts, first as if each were as coarse as the path is wrong, then finer and finer until each class counts
+with its region. Where the displacement between two fixes is not the camera's, the fixes between two such
+places are left out for a trial. The likeliest fit counts, by :mod:`vgps.gps.fix_states`. A verdict holds
+until
+the next assessment: later frames and fixes may reverse it.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,28 +28,31 @@ _MOST_JUMPS = 8
 @dataclass(frozen=True)
 class FixAssessment:
     """Probabilities (M,) that a fix is what its class says (``own``), or what the class below says
-    (``lower``); the rest is the probability of an outlier. NaN where a fix was not judged."""
+    (``lower``).
+
+    The rest is the probability of an outlier. NaN where a fix was not assessed.
+    """
 
     own: FloatArray
     lower: FloatArray
 
     @classmethod
     def none(cls, count: int) -> "FixAssessment":
-        """Nothing judged yet."""
+        """Return the assessment of fixes that were not assessed yet."""
         return cls(np.full(count, np.nan), np.full(count, np.nan))
 
     @property
     def rejected(self) -> BoolArray:
-        """(M,) more likely an outlier than anything else."""
+        """(M,) whether each is more likely an outlier than anything else."""
         return np.asarray(1.0 - self.own - self.lower > np.maximum(self.own, self.lower))
 
     @property
     def lowered(self) -> BoolArray:
-        """(M,) most likely what the class below says."""
+        """(M,) whether each is most likely what the class below says."""
         return np.asarray((self.lower > self.own) & ~self.rejected)
 
     def applied(self, fixes: Fixes) -> Fixes:
-        """The fixes with the regions they deserve, outliers not used."""
+        """Return the fixes with the regions that their verdicts give them, outliers not used."""
         low = self.lowered
         return replace(
             fixes,
@@ -58,36 +62,36 @@ class FixAssessment:
             used=fixes.used & ~self.rejected,
         )
 
-    def joined(self, more: "FixAssessment", order: IntArray) -> "FixAssessment":
-        """With the judgement of more fixes, in the order of :meth:`Fixes.joined`."""
+    def merged(self, more: "FixAssessment", order: IntArray) -> "FixAssessment":
+        """Return this with the assessment of more fixes, in the order of :meth:`Fixes.merged`."""
         own, lower = np.concatenate([self.own, more.own]), np.concatenate([self.lower, more.lower])
         return FixAssessment(own[order], lower[order])
 
     def where(self, mask: BoolArray) -> "FixAssessment":
-        """Of those that ``mask`` (M,) names."""
+        """Return the assessment of the fixes ``mask`` (M,)."""
         return FixAssessment(self.own[mask], self.lower[mask])
 
     def updated(self, newer: "FixAssessment") -> "FixAssessment":
-        """With what a newer one judged."""
+        """Return this with what a newer assessment covers."""
         rows = np.isfinite(newer.own)
         return FixAssessment(np.where(rows, newer.own, self.own), np.where(rows, newer.lower, self.lower))
 
 
 def detects_outliers(config: Config) -> bool:
-    """Whether fixes are judged: Cauchy's loss does without."""
+    """Return whether fixes are assessed: Cauchy's loss does without."""
     return config.outliers.enabled and config.gps.model not in {"none", "cauchy"}
 
 
 def probabilities(
     offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
 ) -> FixAssessment:
-    """What each fix is, given where the antenna was (:mod:`vgps.gps.fix_states`).
+    """Assess fixes by where the antenna was (:mod:`vgps.gps.fix_states`).
 
     Args:
         offset: (M, 3) antenna minus fix, metres; NaN gives NaN.
-        fixes: In order of time; those without a region are not judged.
+        fixes: In order of time; those without a region are not assessed.
         config: Priors, and the exponent and weight of the cylinder.
-        tolerance_m: How far off the path itself may be.
+        tolerance_m: Error of the path itself.
     """
     found = FixAssessment.none(len(fixes))
     rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
@@ -100,57 +104,64 @@ def probabilities(
 def detect_outliers(
     path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> FixAssessment:
-    """Judge the fixes within a path's time, the path free to bend as a camera drifts.
+    """Assess the fixes within a path's time, the path free to bend as a camera drifts.
 
     Args:
         path: In the world, roughly.
-        fixes: All; those outside the path's time, or without a region, are not judged.
+        fixes: In time; those outside the path's time, or without a region, are not assessed.
         camera_p_antenna: (3,) metres.
         config: Priors, drift.
     """
-    judged = fixes.used & place(path.t_s, fixes.t_s).inside
-    if judged.sum() < 2:
+    inside = fixes.used & place(path.t_s, fixes.t_s).inside
+    if inside.sum() < 2:
         return FixAssessment.none(len(fixes))
     sigmas_s = {0.0, config.sensors.time_offset_prior_s}  # the clock is right, or not
     models = [
-        DriftModel(path, fixes.where(judged), camera_p_antenna, config.drift, time_offset_sigma_s)
+        DriftModel(path, fixes.where(inside), camera_p_antenna, config.drift, time_offset_sigma_s)
         for time_offset_sigma_s in sorted(sigmas_s)
     ]
-    found = _judge(models, fixes.where(judged), _tolerance(path, models[0].knots, config), config)
+    found = _assess(models, fixes.where(inside), _tolerance(path, models[0].knots, config), config)
     out = FixAssessment.none(len(fixes))
-    out.own[judged], out.lower[judged] = found.own, found.lower
+    out.own[inside], out.lower[inside] = found.own, found.lower
     return out
 
 
-def _judge(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
-    """At the likeliest of several ends: from the path as it is, and from coarse fits to all fixes; then from
-    fits without runs of fixes that are believed though they are suspect."""
+def _assess(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
+    """Assess fixes at the likeliest of several fits.
+
+    They start from the path as it is, and from coarse fits to all fixes; then from fits without runs of fixes
+    that are believed though they are suspect.
+    """
     everything = np.ones(len(fixes), dtype=bool)
 
-    def likelier(than: "_End | None", starts: Callable[[DriftModel], Iterable[FloatArray]]) -> "_End":
+    def likelier(than: "_Fit | None", starts: Callable[[DriftModel], Iterable[FloatArray]]) -> "_Fit":
         ends = [
-            _settled(model, start, fixes, tolerance_m, config) for model in models for start in starts(model)
+            _alternated(model, start, fixes, tolerance_m, config)
+            for model in models
+            for start in starts(model)
         ]
         return min([than, *ends] if than else ends, key=lambda end: end.energy)
 
-    best = likelier(None, lambda model: (model.start, model.approach(everything, tolerance_m)))
+    best = likelier(None, lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m)))
     believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
-    runs = suspects(models[0].offsets(models[0].start), believed, fixes, tolerance_m)
+    runs = suspect_runs(models[0].offsets(models[0].start), believed, fixes, tolerance_m)
     if runs:
-        best = likelier(best, lambda model: (model.approach(believed & ~run, tolerance_m) for run in runs))
+        best = likelier(
+            best, lambda model: (model.fit_coarse_to_fine(believed & ~run, tolerance_m) for run in runs)
+        )
     return probabilities(best.offset, fixes, config, tolerance_m)
 
 
-def suspects(
+def suspect_runs(
     offset: FloatArray, believed: BoolArray, fixes: Fixes, tolerance_m: float = 0.0
 ) -> list[BoolArray]:
-    """Runs of fixes (M,) that a receiver may have shifted together: between places where the offset jumps.
+    """Return runs of fixes (M,) that may share an error: between places where the offset jumps.
 
     Args:
         offset: (M, 3) antenna minus fix, metres, by the path as it is.
         believed: (M,) fixes that are looked at.
         fixes: In order of time.
-        tolerance_m: How far the path itself may go wrong from one fix to the next.
+        tolerance_m: Error of the path itself from one fix to the next.
     """
     rows = np.flatnonzero(believed)
     step, r, h = np.diff(offset[rows], axis=0), fixes.r_m[rows], fixes.h_m[rows]
@@ -164,28 +175,28 @@ def suspects(
     return [np.isin(np.arange(len(offset)), run) for run in runs if 2 <= len(run) <= len(rows) // 2]
 
 
-class _End(NamedTuple):
-    """Minus the log of everything's likelihood, but for a constant, and the offsets (M, 3) there."""
+class _Fit(NamedTuple):
+    """Minus the log of the likelihood of path and fixes, but for a constant, and the offsets (M, 3) there."""
 
     energy: float
     offset: FloatArray
 
 
-def _settled(
+def _alternated(
     model: DriftModel, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
-) -> _End:
-    """Judge and fit in turn until the verdicts stay."""
+) -> _Fit:
+    """Assess and fit in turn until the verdicts stay."""
     found = probabilities(model.offsets(parameters), fixes, config, tolerance_m)
     for _ in range(_ROUNDS):
         believed = found.applied(fixes)
         regions = np.stack([believed.r_m, believed.r_m, believed.h_m], axis=1)
-        parameters = model.settle(parameters, believed.used, regions)
+        parameters = model.refine(parameters, believed.used, regions)
         before, found = found, probabilities(model.offsets(parameters), fixes, config, tolerance_m)
         if np.array_equal(before.rejected, found.rejected) and np.array_equal(before.lowered, found.lowered):
             break
     offset = model.offsets(parameters)
     _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
-    return _End(0.5 * model.bending(parameters) - log_likelihood, offset)
+    return _Fit(0.5 * model.prior_cost(parameters) - log_likelihood, offset)
 
 
 def _tolerance(path: Trajectory, knots: int, config: Config) -> float:

@@ -1,7 +1,8 @@
-"""The region of every fix: its class's, and larger where the log says that this fix is worse than its class.
+"""The region of every fix: that of its class, enlarged where the log says that the fix is worse than its
+class.
 
 A survey is made in good conditions, and r(p) and h(p) hold there (future work of Kume 2010: accuracy from
-more than the fix class). Nothing makes a region smaller: receivers think too well of themselves.
+more than the fix class). Nothing makes a region smaller: receivers are too confident.
 """
 
 import numpy as np
@@ -11,11 +12,11 @@ from vgps.model import FixClass, FloatArray, GpsLog
 
 INSIDE_PLANE, INSIDE_LINE = float(np.sqrt(-2.0 * np.log(0.05))), 1.96
 """Sigmas within which 95 % of Gaussian errors lie, in a plane and along a line."""
-UNKNOWNS = 4  # place and clock: so many satellites leave nothing over
+UNKNOWNS = 4  # position and clock: with so many satellites none is left to check the others
 
 
 def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
-    """(M,) radius and (M,) half height of every fix by its class, NaN for a class without a region."""
+    """Return radius (M,) and half height (M,) of every fix by its class, NaN for a class without a region."""
     regions = config.regions
     r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
     h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
@@ -25,10 +26,11 @@ def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[Fl
 def enlarged(
     r_m: FloatArray, h_m: FloatArray, log: GpsLog, config: QualityConfig
 ) -> tuple[FloatArray, FloatArray]:
-    """Regions (M,) and (M,) of the log's fixes, larger where DOP, satellites, age or sigmas ask for it.
+    """Return radius (M,) and half height (M,) of the log's fixes, enlarged by DOP, satellites, age and
+    sigmas.
 
-    In this order: times :func:`geometry_factor`; plus what the corrections lost since they were fresh; and at
-    least what holds 95 % of errors of the receiver's own sigmas.
+    In this order: times :func:`geometry_factor`; plus the error of corrections that are no longer fresh; and
+    at least the region of 95 % of the errors of the receiver's own sigmas.
     """
     if not config.enlarge:
         return r_m, h_m
@@ -42,7 +44,7 @@ def enlarged(
 
 
 def geometry_factor(hdop: FloatArray, satellites: FloatArray, config: QualityConfig) -> FloatArray:
-    """(M,) how much worse the satellites stand than in a survey, at least 1.
+    """Return how much worse (M,) the geometry of the satellites is than in a survey, at least 1.
 
     An error grows with the dilution of precision; where the log has none, with the root of the satellites
     that are left over to check the others.

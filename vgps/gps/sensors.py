@@ -1,4 +1,4 @@
-"""What of the GPS may be unknown beside its fixes: its clock's lag behind the video, and the lever arm."""
+"""What may be unknown of the GPS beside its fixes: the time offset of its clock, and the lever arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,14 +24,14 @@ class TimeOffset:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Clock and lever arm, with standard deviations before the optimiser saw anything.
+    """Time offset and lever arm, with their priors.
 
     Attributes:
         time_offset_s: Positions are this much older than their time stamps say.
         camera_p_antenna: (3,) metres.
-        prior_time_offset: What is believed of the lag; a sigma of 0 holds it.
-        prior_antenna: (3,) what is believed of the lever arm.
-        antenna_sigma_m: How much; 0 holds it.
+        prior_time_offset: Prior of the time offset; a sigma of 0 holds it.
+        prior_antenna: (3,) prior of the lever arm.
+        antenna_sigma_m: Its standard deviation; 0 holds it.
     """
 
     time_offset_s: float
@@ -42,18 +42,18 @@ class Sensors:
 
     @classmethod
     def known(cls, camera_p_antenna: FloatArray, time_offset_s: float = 0.0) -> "Sensors":
-        """Nothing to estimate."""
+        """Return sensors with nothing to estimate."""
         return cls(time_offset_s, camera_p_antenna, TimeOffset(time_offset_s, 0.0), camera_p_antenna)
 
     @classmethod
     def begin(cls, camera_p_antenna: FloatArray, config: SensorsConfig) -> "Sensors":
-        """The lag as configured, held so far; the lever arm, to be estimated if that is asked for."""
+        """Return the time offset as configured, held so far, and the lever arm, estimated if asked for."""
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
         return replace(cls.known(camera_p_antenna, config.time_offset_s), antenna_sigma_m=antenna_sigma_m)
 
-    def with_time_offset(self, lag: TimeOffset) -> "Sensors":
-        """From another lag on."""
-        return replace(self, time_offset_s=lag.time_offset_s, prior_time_offset=lag)
+    def with_time_offset(self, prior: TimeOffset) -> "Sensors":
+        """Return the same with another prior of the time offset, and starting from it."""
+        return replace(self, time_offset_s=prior.time_offset_s, prior_time_offset=prior)
 
     @property
     def to_estimate(self) -> bool:
@@ -61,25 +61,26 @@ class Sensors:
         return self.prior_time_offset.sigma_s > 0.0 or self.antenna_sigma_m > 0.0
 
     def shared(self) -> dict[int, FloatArray]:
-        """Start of the shared vectors: how much the lag (1,) is still to change, and the antenna (3,)."""
+        """Return the start of the shared vectors: the change of the time offset (1,), and the antenna
+        (3,)."""
         return {TIME_OFFSET: np.zeros(1), ANTENNA: self.camera_p_antenna} if self.to_estimate else {}
 
     def priors(self) -> gtsam.NonlinearFactorGraph:
-        """What was believed before."""
+        """Return the prior factors."""
         graph = gtsam.NonlinearFactorGraph()
         if self.to_estimate:
-            lag = gtsam.noiseModel.Isotropic.Sigma(1, self.prior_time_offset.sigma_s or _HELD)
+            offset = gtsam.noiseModel.Isotropic.Sigma(1, self.prior_time_offset.sigma_s or _HELD)
             antenna = gtsam.noiseModel.Isotropic.Sigma(3, self.antenna_sigma_m or _HELD)
             graph.push_back(
                 gtsam.PriorFactorVector(
-                    TIME_OFFSET, np.array([self.prior_time_offset.time_offset_s - self.time_offset_s]), lag
+                    TIME_OFFSET, np.array([self.prior_time_offset.time_offset_s - self.time_offset_s]), offset
                 )
             )
             graph.push_back(gtsam.PriorFactorVector(ANTENNA, self.prior_antenna, antenna))
         return graph
 
     def moved(self, shared: Mapping[int, FloatArray]) -> "Sensors":
-        """With what the optimiser found."""
+        """Return the sensors as the optimiser found them."""
         if not shared:
             return self
         time_offset_s = self.time_offset_s + (

@@ -1,8 +1,8 @@
-"""How much of the sky the scene hides from the antenna, and what that costs a fix.
+"""How much of the sky the scene hides from the antenna, and how much worse that makes a fix.
 
 Future work of Kume 2010: multipath, estimated from the reconstructed scene. The landmarks around the antenna
 give the height of the horizon in every direction, and the satellites behind it count as lost: their signals
-come weakened, or by way of a wall.
+arrive weakened, or reflected by a wall.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ def under_sky(
     satellites: FloatArray,
     config: GpsConfig,
 ) -> Fixes:
-    """The fixes with regions as large as the hidden share of their sky asks for.
+    """Return the fixes with regions enlarged by the hidden share of their sky.
 
     Args:
         fixes: With the regions of their classes, by their own clock; those outside the video keep theirs.
@@ -46,7 +46,7 @@ def under_sky(
 
 
 def hidden_factor(share: FloatArray, satellites: FloatArray, quality: QualityConfig) -> FloatArray:
-    """(M,) how much larger a region becomes, at least 1, where a share (M,) of the sky is hidden.
+    """Return how much larger (M,) a region becomes, at least 1, where a share (M,) of the sky is hidden.
 
     An error grows with the root of the satellites that are left over to check the others; of those used, or
     as many as are good, the ones in the hidden share are not left.
@@ -56,7 +56,7 @@ def hidden_factor(share: FloatArray, satellites: FloatArray, quality: QualityCon
 
 
 def hidden_share(world_p_antenna: FloatArray, world_p_landmark: FloatArray, sky: SkyConfig) -> FloatArray:
-    """(M,) share of the sky above the elevation mask that lies below the horizon.
+    """Return the share (M,) of the sky above the elevation mask that lies below the horizon.
 
     By solid angle: between the elevations e and 90 degrees lies a share 1 - sin(e) of the half sphere.
     """
@@ -69,12 +69,12 @@ def hidden_share(world_p_antenna: FloatArray, world_p_landmark: FloatArray, sky:
 
 
 def horizon_sin(antenna: FloatArray, points: FloatArray, sky: SkyConfig) -> FloatArray:
-    """(sectors,) sine of the horizon's elevation in sectors of azimuth, from east over north; 0 if open.
+    """Return the sine (sectors,) of the horizon's elevation in sectors of azimuth, from east over north; 0 if
+    open.
 
     A sector's horizon is the highest that ``min_landmarks`` of its landmarks reach: single ones may be
     triangulated wrongly. Landmarks further away than ``max_distance_m`` are left out, for the same reason,
-    and those
-    nearer than ``min_distance_m``: they may be of the vehicle itself.
+    and those nearer than ``min_distance_m``: they may be of the vehicle itself.
 
     Args:
         antenna: (3,) ENU metres.
@@ -85,8 +85,8 @@ def horizon_sin(antenna: FloatArray, points: FloatArray, sky: SkyConfig) -> Floa
     flat = np.hypot(away[:, 0], away[:, 1])
     rows = np.flatnonzero((away[:, 2] > 0.0) & (flat > sky.min_distance_m) & (flat < sky.max_distance_m))
     height = away[rows, 2] / np.hypot(flat[rows], away[rows, 2])
-    turn = np.arctan2(away[rows, 1], away[rows, 0]) / (2.0 * np.pi) % 1.0
-    sector = np.minimum((turn * sky.sectors).astype(np.int64), sky.sectors - 1)
+    azimuth = np.arctan2(away[rows, 1], away[rows, 0]) / (2.0 * np.pi) % 1.0
+    sector = np.minimum((azimuth * sky.sectors).astype(np.int64), sky.sectors - 1)
     order = np.lexsort((-height, sector))
     begin = np.searchsorted(sector[order], np.arange(sky.sectors + 1))
     at = begin[:-1] + sky.min_landmarks - 1

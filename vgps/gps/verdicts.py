@@ -17,11 +17,11 @@ def fix_table(
     camera_p_antenna: FloatArray,
     config: Config,
 ) -> FixTable:
-    """The table behind ``gps.csv``.
+    """Return the table behind ``gps.csv``.
 
     Args:
         log: The fixes as read.
-        fixes: The same fixes in the world.
+        fixes: The same fixes in the world, in time.
         assessment: Of these.
         trajectory: The result.
         camera_p_antenna: (3,) metres.
@@ -32,7 +32,7 @@ def fix_table(
     residual[~placement.inside] = np.nan
     believed = assessment.applied(fixes)
     found = verdicts_of(assessment)
-    lasts = _as_before(residual, fixes, assessment.rejected)
+    lasts = _repeats_error(residual, fixes, assessment.rejected)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
         why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
@@ -64,15 +64,15 @@ def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> s
 
 
 def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
-    """What was made of each fix (M,) that took part."""
+    """Return the verdict on each fix (M,) that took part."""
     return [
         Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
         for rejected, lowered in zip(assessment.rejected, assessment.lowered, strict=True)
     ]
 
 
-def _as_before(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:
-    """(M,) whether a rejected fix is as far off as the one before it, which was rejected too: one error."""
+def _repeats_error(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:
+    """Return whether each rejected fix (M,) has the error of the one before it, which was rejected too."""
     step, r, h = np.diff(residual, axis=0), fixes.r_m, fixes.h_m
     with np.errstate(invalid="ignore"):  # no residual, no region
         near = (np.hypot(step[:, 0], step[:, 1]) <= r[1:] + r[:-1]) & (np.abs(step[:, 2]) <= h[1:] + h[:-1])

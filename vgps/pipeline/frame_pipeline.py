@@ -143,7 +143,7 @@ class FramePipeline:
             if builder is not None:
                 part = retire_before(builder.local_map, horizon_s, self._retention)
                 gone += [part] if builder.started else []
-        self.fix_buffer.forget(horizon_s)
+        self.fix_buffer.discard_before(horizon_s)
         return [part for part in gone if len(part.poses)]
 
     def _grow_start(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
@@ -219,7 +219,7 @@ class FramePipeline:
         local_map, start = builder.local_map, self._config.start
         with self.timer.measure("align"):
             found = align_to_control(local_map, self._control_poses, start.min_control_travel_m)
-            if found is None and self.fix_buffer.news(float(self.t_s[-2]), float(self.t_s[-1])):
+            if found is None and self.fix_buffer.has_new(float(self.t_s[-2]), float(self.t_s[-1])):
                 antenna = self.sensors.prior_antenna
                 found = align_to_fixes(local_map, self.fix_buffer.fixes, antenna, self._config)
             if found is None:

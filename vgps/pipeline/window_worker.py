@@ -83,7 +83,7 @@ class WindowWorker:
     def _outcome(
         self, local_map: LocalMap, refined: LocalMap, fix_buffer: FixBuffer, warnings: tuple[str, ...]
     ) -> WindowOutcome:
-        self._fix_buffer.take(fix_buffer)
+        self._fix_buffer.update_from(fix_buffer)
         inlier_px = self._context.config.tracking.inlier_px
         reconciliation = reconcile(refined, local_map, self._context.K, inlier_px)
         return WindowOutcome(local_map, reconciliation, warnings)

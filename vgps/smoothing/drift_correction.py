@@ -96,11 +96,11 @@ def bend_path(
     everything = np.ones(len(fixes), dtype=bool)
     in_step = model_with(0.0)
     regions = in_step.regions()
-    found = in_step.settle(in_step.approach(everything, _FINEST_M), everything, regions)
+    found = in_step.refine(in_step.fit_coarse_to_fine(everything, _FINEST_M), everything, regions)
     if not config.sensors.time_offset_prior_s:
         return in_step.bent(found)
     # a time offset must explain the fixes better: on a straight any offset does as well as none
     late = model_with(config.sensors.time_offset_prior_s)
-    shifted = late.settle(found, everything, regions)
+    shifted = late.refine(found, everything, regions)
     gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
     return in_step.bent(found if gain <= config.sensors.significance_sigmas**2 else shifted)
