@@ -4,7 +4,7 @@ from typing import ClassVar
 import pytest
 from pydantic import ValidationError
 
-from vgps.config import SettingsModel, present_names
+from vgps.config import Config, SettingsModel, present_names
 
 
 class Engine(SettingsModel):
@@ -61,3 +61,10 @@ def test_an_old_name_is_logged_as_a_warning(caplog):
 
 def test_sections_are_the_fields_that_are_settings_themselves():
     assert Car.sections() == {"engine": Engine}
+
+
+def test_a_copy_refuses_settings_that_do_not_exist():
+    config = Config()
+    assert config.sensors.model_copy(update={"time_offset_s": 0.2}).time_offset_s == 0.2
+    with pytest.raises(AttributeError, match="SensorsConfig has no setting lag_s"):
+        config.sensors.model_copy(update={"lag_s": 0.2})

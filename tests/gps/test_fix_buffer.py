@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 from synthetic_bundle import ANTENNA
+from synthetic_fixes import fixes_at
 from synthetic_map import scene
 
 from vgps.config import Config
@@ -67,6 +68,20 @@ def test_after_forgetting_few_fixes_do_not_change_the_clock():
     fix_buffer.discard_before(float(lagging.t_s[5]))
     fix_buffer.update_time_offset(Trajectory(t_s[20:], poses[20:]))
     assert fix_buffer.sensors.time_offset_s == before
+
+
+def test_after_discarding_fixes_the_time_offset_found_by_them_is_the_prior():
+    """Forty fixes on a straight at constant speed show no time offset: the one found before stays."""
+    t_s = 0.1 * np.arange(60)
+    east = np.tile(np.eye(4), (60, 1, 1))
+    east[:, 0, 3] = 5.0 * t_s
+    position = np.stack([5.0 * (t_s[5:50] + 0.05), np.zeros(45), np.zeros(45)], axis=1)
+    fixes = replace(fixes_at(t_s[5:50] + 0.05, 0.1, 0.1), world_p_fix=position)
+    fix_buffer = FixBuffer(fixes, np.zeros(3), Config())
+    fix_buffer.sensors = replace(fix_buffer.sensors, time_offset_s=0.4)
+    fix_buffer.discard_before(float(fixes.t_s[3]))
+    fix_buffer.update_time_offset(Trajectory(t_s, east))
+    assert fix_buffer.sensors.time_offset_s == 0.4
 
 
 def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():

@@ -5,7 +5,7 @@ Settings that were renamed or moved are read under their old names too, see `Set
 
 import logging
 from collections.abc import Mapping
-from typing import Any, ClassVar, TypeGuard
+from typing import Any, ClassVar, Self, TypeGuard
 
 from pydantic import BaseModel, ConfigDict, model_validator
 from pydantic_core import PydanticCustomError
@@ -23,6 +23,17 @@ class SettingsModel(BaseModel):
 
     basic: ClassVar[tuple[str, ...]] = ()
     """Settings that a user is likely to change; the reference shows them first."""
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with some settings changed; pydantic's own would take names that do not exist.
+
+        Raises:
+            AttributeError: There is no such setting.
+        """
+        unknown = set(update or ()) - set(type(self).model_fields)
+        if unknown:
+            raise AttributeError(f"{type(self).__name__} has no setting {', '.join(sorted(unknown))}")
+        return super().model_copy(update=update, deep=deep)
 
     @classmethod
     def sections(cls) -> dict[str, "type[SettingsModel]"]:
