@@ -68,11 +68,11 @@ def update_time_offset(
             "this was corrected",
         )
     held = sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0))
-    if shown or config.estimate_time_offset == "auto":
+    if shown or not fixes.used.any():
         return held, ()
     return held, (
-        "the motion does not show the lag between the clocks of video and GPS (standard deviation "
-        f"{found.sigma_s:.2f} s): it was held at {config.time_offset_s:g} s; curves or braking would show it",
+        "the motion does not show the time offset between video and GPS (standard deviation "
+        f"{found.sigma_s:.2f} s): it was held at {config.time_offset_s:g} s; turns or braking would show it",
     )
 
 
