@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 import rerun as rr
@@ -32,10 +33,10 @@ def write_clip(path: Path, codec: str, pix_fmt: str = "yuv420p", rotation: int =
     return path
 
 
-def logged(video: VideoFile, folder: Path) -> Logged:
+def logged(video: VideoFile, folder: Path, still_s: float | None = None) -> Logged:
     stream = rr.RecordingStream("test")
     stream.save(folder / "video.rrd")
-    log_video(RunStream(stream, video.times_s), "video", video)
+    log_video(RunStream(stream, video.times_s), "video", video, still_s=still_s)
     stream.flush()
     stream.disconnect()
     return Logged(folder / "video.rrd")
@@ -81,6 +82,21 @@ def test_what_the_viewer_cannot_show_is_embedded_as_upright_pictures(
     assert (frame.width, frame.height) == (video.width, video.height)
     last = list(video.frames())[-1].gray
     assert np.median(frame.to_ndarray(format="gray")) == pytest.approx(np.median(last), abs=3)
+
+
+@pytest.mark.parametrize("ffmpeg", [None, "/usr/bin/ffmpeg"])
+def test_a_still_is_decoded_here_if_the_viewer_lacks_ffmpeg(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ffmpeg: str | None
+) -> None:
+    monkeypatch.setattr("vgps.viewer.video.shutil.which", lambda name: ffmpeg)
+    video = VideoFile(write_clip(tmp_path / "clip.mp4", "libx264"))
+    found = logged(video, tmp_path, still_s=0.55)
+    assert len(found.rows("/video", "AssetVideo:blob")) == (1 if ffmpeg else 0)
+    stills = found.rows("/video", "EncodedImage:blob")
+    assert len(stills) == (0 if ffmpeg else 1)
+    for ((blob),) in stills:
+        gray = cv2.imdecode(np.asarray(blob, np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert np.median(gray) == pytest.approx(np.median(list(video.frames())[5].gray), abs=3)
 
 
 def test_each_frame_gets_its_picture() -> None:

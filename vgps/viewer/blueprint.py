@@ -101,7 +101,8 @@ def scene_viewpoint(solution: Solution) -> tuple[FloatArray, FloatArray]:
     across = np.array([along[1], -along[0], 0.0])
     across *= -1.0 if across[1] > 0 else 1.0  # from the south rather than from the north
     span = max(2.0, float(np.ptp(flat @ along)))
-    return middle + span * (0.75 * across + (0.0, 0.0, 0.75)), middle
+    across[2] = 1.0  # as far above the path as beside it
+    return middle + span * across, middle
 
 
 def _plot_grid(solution: Solution) -> rrb.Container:
@@ -119,8 +120,8 @@ def _plot_grid(solution: Solution) -> rrb.Container:
     views: list[rrb.View | rrb.Container] = [
         rrb.Tabs(plot(plots.ERROR, "Reprojection error [px]"), plot(plots.COUNT, "Features")),
         rrb.Tabs(
-            plot(plots.SIGMA, "Standard deviation [m]"),
-            plot(plots.SIGMA_ROTATION, "Standard deviation [deg]"),
+            plot(plots.SIGMA, "Std. dev. [m]"),
+            plot(plots.SIGMA_ROTATION, "Std. dev. [deg]"),
         ),
         plot(plots.ENERGY, "Terms of the cost"),
     ]

@@ -44,30 +44,41 @@ def show(
     if screenshot is not None:
         with new_file(screenshot) as picture, tempfile.TemporaryDirectory(prefix="vgps-") as folder:
             file = Path(folder) / "run.rrd"
-            notes = write(file, solution, recording, for_picture=True)
-            take_screenshot(file, picture, screenshot_time_s(solution))
+            t_s = screenshot_time_s(solution)
+            notes = write(file, solution, recording, picture_s=t_s)
+            take_screenshot(file, picture, t_s)
     return notes
 
 
 def write(
-    file: Path, solution: Solution, recording: Recording | None, for_picture: bool = False
+    file: Path, solution: Solution, recording: Recording | None, picture_s: float | None = None
 ) -> tuple[str, ...]:
-    """Write a run as a ``.rrd`` file; return what could not be shown."""
+    """Write a run as a ``.rrd`` file; return what could not be shown.
+
+    Args:
+        file: The file.
+        solution: The run.
+        recording: Its recording, if it still exists.
+        picture_s: The file is for a picture at this time only.
+    """
     stream = rr.RecordingStream(_APPLICATION)
     stream.save(file)
-    notes = log_run(stream, solution, recording, for_picture)
+    notes = log_run(stream, solution, recording, picture_s)
     stream.flush()
     stream.disconnect()
     return notes
 
 
 def log_run(
-    stream: rr.RecordingStream, solution: Solution, recording: Recording | None, for_picture: bool = False
+    stream: rr.RecordingStream,
+    solution: Solution,
+    recording: Recording | None,
+    picture_s: float | None = None,
 ) -> tuple[str, ...]:
-    """Log everything to a stream, the layout first; return what could not be shown."""
+    """Log everything to a stream, the layout first; arguments and result as in `write`."""
     run, observations, notes = RunStream(stream, solution.t_s), reproject(solution), list[str]()
     world_origin = solution.world_origin if solution.georeferenced else None
-    stream.send_blueprint(blueprint(solution, world_origin is not None, for_picture))
+    stream.send_blueprint(blueprint(solution, world_origin is not None, for_picture=picture_s is not None))
     log_scene(run, solution)
     log_chase_camera(run, solution.trajectory)
     log_plots(run, solution, observations)
@@ -77,7 +88,7 @@ def log_run(
     log_features(run, observations)
     if recording is not None:
         try:
-            notes.extend(log_video(run, f"{IMAGE}/video", recording.video))
+            notes.extend(log_video(run, f"{IMAGE}/video", recording.video, still_s=picture_s))
         except VgpsError as error:
             notes.append(f"the video is not shown: {error}")
     log_summary(run, solution, tuple(notes))

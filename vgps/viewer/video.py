@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from vgps.model import FloatArray, IntArray, Video
+from vgps.model import FloatArray, Frame, IntArray, Video
 from vgps.readers.luma import quarter_turns
 from vgps.readers.video import VideoFile
 from vgps.viewer.run_stream import RunStream
@@ -20,12 +20,18 @@ _CHUNK_FRAMES = 100
 _JPEG_QUALITY = 80
 
 
-def log_video(stream: RunStream, path: str, video: Video) -> tuple[str, ...]:
+def log_video(stream: RunStream, path: str, video: Video, *, still_s: float | None = None) -> tuple[str, ...]:
     """Log the video at an entity path, one picture per frame.
 
     H.264, HEVC and AV1 are not encoded again: the MP4 is embedded, packets of other containers are remuxed
     into one. What the viewer cannot show (another codec, a rotation flag, damage, a folder of images) is
     decoded and its luminance embedded as JPEG.
+
+    Args:
+        stream: Where to.
+        path: The entity.
+        video: The video.
+        still_s: Only the frame at this time is needed; it is decoded here if the viewer lacks ffmpeg.
 
     Returns:
         Notes for the user, a line each.
@@ -38,6 +44,10 @@ def log_video(stream: RunStream, path: str, video: Video) -> tuple[str, ...]:
         _log_pictures(stream, path, video)
         return ()
     contents, codec = remuxed
+    without_ffmpeg = codec in _NEEDS_FFMPEG and shutil.which("ffmpeg") is None
+    if without_ffmpeg and still_s is not None:
+        _log_still(stream, path, video, still_s)
+        return ()
     asset = rr.AssetVideo(contents=contents, media_type="video/mp4")
     try:
         stamps = np.asarray(asset.read_frame_timestamps_nanos())
@@ -54,7 +64,7 @@ def log_video(stream: RunStream, path: str, video: Video) -> tuple[str, ...]:
             timestamp=[rr.components.VideoTimestamp(nanoseconds=t) for t in chosen]
         ),
     )
-    if codec in _NEEDS_FFMPEG and shutil.which("ffmpeg") is None:
+    if without_ffmpeg:
         return (f"the viewer needs ffmpeg to show {codec} video: install it (apt install ffmpeg)",)
     return ()
 
@@ -113,10 +123,23 @@ def _log_pictures(stream: RunStream, path: str, video: Video) -> None:
     for frame in video.frames():
         if frame.index >= len(stream.t_s):
             break
-        _, jpeg = cv2.imencode(".jpg", frame.gray, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        jpegs.append(jpeg.tobytes())
+        jpegs.append(_jpeg(frame))
         t_s.append(float(stream.t_s[frame.index]))
         if len(jpegs) == _CHUNK_FRAMES:
             send()
     if jpegs:
         send()
+
+
+def _log_still(stream: RunStream, path: str, video: Video, t_s: float) -> None:
+    """Log the frame at a time as a grey JPEG."""
+    index = max(0, int(np.searchsorted(stream.t_s, t_s, side="right")) - 1)
+    for frame in video.frames():
+        if frame.index == index:
+            stream.log_static(path, rr.EncodedImage(contents=_jpeg(frame), media_type="image/jpeg"))
+            return
+
+
+def _jpeg(frame: Frame) -> bytes:
+    _, jpeg = cv2.imencode(".jpg", frame.gray, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return jpeg.tobytes()
