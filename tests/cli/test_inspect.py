@@ -55,3 +55,17 @@ def test_a_missing_run_is_one_line(vgps_verb, tmp_path: Path):
     code, _, err = vgps_verb("inspect", tmp_path / "nothing", "--save", tmp_path / "run.rrd")
     assert code == 2 and err.count("\n") == 1 and "nothing" in err
     assert not (tmp_path / "run.rrd").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "suffix"), [("--save", "a.txt", ".rrd"), ("--screenshot", "a.jpg", ".png")]
+)
+def test_a_name_with_another_suffix_is_refused_before_the_work(
+    vgps_verb, solution, tmp_path, option, name, suffix
+):
+    write_run(solution, tmp_path / "run")
+    code, _, err = vgps_verb("inspect", tmp_path / "run", option, tmp_path / name)
+    assert code == 2 and err.endswith(
+        f"{name}: has the wrong suffix; expected a name that ends in {suffix}\n"
+    )
+    assert [file.name for file in tmp_path.iterdir()] == ["run"]

@@ -83,8 +83,10 @@ def test_a_run_without_landmarks(solution: Solution, tmp_path: Path) -> None:
 
 
 def test_a_file_that_cannot_be_written_is_an_error(solution: Solution, tmp_path: Path) -> None:
+    folder = tmp_path / "run.rrd"
+    folder.mkdir()
     with pytest.raises(RunFolderError, match="is a folder"):
-        inspect_run(solution, save=tmp_path)
+        inspect_run(solution, save=folder)
 
 
 def test_the_screenshot_is_of_the_first_rejected_fix(solution: Solution) -> None:

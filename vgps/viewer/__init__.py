@@ -28,7 +28,7 @@ def inspect_run(
 
     Raises:
         ViewerError: There is no display for a window, or no graphics driver to draw with.
-        RunFolderError: A file cannot be written.
+        RunFolderError: A file cannot be written, or has another suffix.
     """
     from vgps.viewer.rerun_recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
 

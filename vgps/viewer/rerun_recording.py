@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from vgps.errors import VgpsError, ViewerError
+from vgps.errors import RunFolderError, VgpsError, ViewerError
 from vgps.model import Recording
 from vgps.solution import Solution, Verdict
 from vgps.viewer.blueprint import blueprint
@@ -35,6 +35,8 @@ def show(
     solution: Solution, recording: Recording | None, save: Path | None, screenshot: Path | None
 ) -> tuple[str, ...]:
     """Do what :func:`vgps.viewer.inspect_run` documents."""
+    _check_suffix(save, ".rrd")
+    _check_suffix(screenshot, ".png")
     notes: tuple[str, ...] = ()
     if save is None and screenshot is None:
         notes = _open_window(solution, recording)
@@ -131,6 +133,11 @@ def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, 
     notes = log_run(stream, solution, recording)
     stream.flush()
     return notes
+
+
+def _check_suffix(file: Path | None, suffix: str) -> None:
+    if file is not None and file.suffix.lower() != suffix:
+        raise RunFolderError("has the wrong suffix", file=file, expected=f"a name that ends in {suffix}")
 
 
 def _check_display() -> None:
