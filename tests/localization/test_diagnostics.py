@@ -5,7 +5,9 @@ import pytest
 from textured_wall import WallVideo, recording_of
 
 from vgps.config import LocalizationConfig
-from vgps.localization.diagnostics import loss_warnings, sensor_warnings
+from vgps.localization.diagnostics import loss_warnings, sensor_warnings, speed_warnings
+from vgps.localization.pose import NO_MATCHES, LandmarkMatches
+from vgps.localization.tracker import TrackedFrame
 
 RECORDING = recording_of(WallVideo(5))
 
@@ -68,3 +70,60 @@ def test_many_intervals_are_cut_short():
 
 def test_nothing_lost_gives_no_warning():
     assert loss_warnings(np.ones(4, bool), np.arange(4) / 10) == ()
+
+
+def frames_at(**north_m):
+    """Frames at 10 Hz, all lost but those named: ``s3`` is a start, ``f4`` followed, with positions."""
+    frames = []
+    for k in range(8):
+        start, followed = north_m.get(f"s{k}"), north_m.get(f"f{k}")
+        tracked = start is not None or followed is not None
+        pose = np.eye(4)
+        pose[2, 3] = start if start is not None else followed if followed is not None else np.nan
+        points = pose[:3, 3] + np.array([[0, 0, 20.0]])
+        matches = LandmarkMatches(np.array([1]), points, np.zeros((1, 2)), np.ones(1))
+        frames.append(
+            TrackedFrame(
+                t_s=k / 10,
+                world_T_camera=pose,
+                covariance=np.eye(6),
+                tracked=tracked,
+                recovered=start is not None,
+                observations=matches if tracked else NO_MATCHES,
+                correlation=0.9,
+            )
+        )
+    return frames
+
+
+def speed_warning(**north_m):
+    return speed_warnings(frames_at(**north_m), 700.0, LocalizationConfig())
+
+
+def test_a_loss_at_high_speed_names_the_speed_and_the_settings():
+    # 16 m in 0.4 s are 40 m/s; in a tenth of a second a landmark 20 m away moves by 140 px
+    (warning,) = speed_warning(s0=0.0, s4=16.0, f5=20.0, f6=24.0, f7=28.0)
+    assert warning == (
+        "the camera was lost in the frame after 1 of its starts, where windows are for "
+        "localization.max_speed_m_s = 15 m/s, while it moved at up to 40 m/s: set "
+        "localization.max_speed_m_s to 50 and localization.max_window_px to 140 with --config"
+    )
+
+
+def test_a_loss_without_any_later_pose_is_reported_with_a_condition():
+    (warning,) = speed_warning(s0=0.0)
+    assert warning.startswith("frame 1 was lost right after a start")
+    assert "if the camera was faster, raise it with --config" in warning
+
+
+@pytest.mark.parametrize(
+    "north_m",
+    [
+        {"s0": 0.0, "s4": 4.0, "f5": 5.0, "f6": 6.0, "f7": 7.0},  # 10 m/s: lost for another reason
+        {"s0": 0.0, "s4": 400.0, "f5": 404.0, "f6": 408.0, "f7": 412.0},  # 1,000 m/s: a false pose
+        {"s0": 0.0, "f1": 4.0, "s4": 16.0, "f5": 20.0, "f6": 24.0, "f7": 28.0},  # lost at known velocity
+        {"s0": 0.0, "s1": 4.0, "s6": 24.0, "f7": 28.0},  # known from two starts in a row
+    ],
+)
+def test_other_losses_are_not_put_down_to_speed(north_m):
+    assert speed_warning(**north_m) == ()

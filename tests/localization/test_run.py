@@ -3,11 +3,12 @@ from itertools import islice
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from textured_wall import ORIGIN, WallVideo, pose_at, recording_of
+from textured_wall import ORIGIN, WallVideo, picture, pose_at, recording_of
 
 from vgps.config import Config, LocalizationConfig
 from vgps.errors import GeometryError, VideoError
 from vgps.localization import localize
+from vgps.model import Frame
 from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
 
@@ -80,3 +81,18 @@ def test_a_fault_of_the_video_is_passed_on(database):
 
     with pytest.raises(VideoError, match=r"wall\.mp4: cannot be decoded"):
         localize(recording_of(Broken(5)), database, with_tracker())
+
+
+def test_a_camera_lost_for_its_speed_is_reported_with_the_setting_to_change(database):
+    class Fast(WallVideo):
+        def frames(self):
+            # from -3 m to 3 m in 0.2 s; the frame between shows nothing, as if it were beyond the windows
+            for k, x in enumerate((-3.0, None, 3.0)):
+                pose = np.eye(4)
+                pose[0, 3] = x or 0.0
+                image = np.full((240, 320), 16.0) if x is None else picture(pose)
+                yield Frame(k, k / 10, np.round(image).astype(np.uint8))
+
+    solution = localize(recording_of(Fast(3)), database, with_tracker(recovery_pause_s=0.0))
+    assert solution.state.count(FrameState.TRACKED) == 2
+    assert "moved at up to 30 m/s: set localization.max_speed_m_s to 40" in solution.warnings[-1]

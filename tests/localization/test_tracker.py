@@ -6,6 +6,7 @@ from textured_wall import CAMERA, picture, pose_at
 from vgps.config import LocalizationConfig
 from vgps.localization.frame_estimator import FrameEstimator
 from vgps.localization.landmark_predictor import LandmarkPredictor
+from vgps.localization.pose import NO_MATCHES, PoseEstimate
 from vgps.localization.prediction import RotationPredictor
 from vgps.localization.tracker import LandmarkTracker
 
@@ -24,14 +25,15 @@ class KnownPoses:
         return self.poses
 
 
-def tracker(database, recovery, **changes):
+def tracker(database, recovery, estimator=None, **changes):
     config = LocalizationConfig(max_landmarks=60, first_landmarks=30, **changes)
 
     def views(pose, count):
         return database.views(pose, CAMERA, max_landmarks=count)
 
     predictor = LandmarkPredictor(CAMERA.K, views, ROTATIONS, 0.0, config)
-    return LandmarkTracker(CAMERA.K, predictor, ROTATIONS, FrameEstimator(config), recovery, config)
+    estimator = estimator or FrameEstimator(config.max_velocity_gap_s)
+    return LandmarkTracker(CAMERA.K, predictor, ROTATIONS, estimator, recovery, config)
 
 
 def off_m(frame, pose):
@@ -94,3 +96,34 @@ def test_a_pose_that_is_rotated_too_far_from_the_prediction_is_refused(database,
     tracked.add(0.0, picture(start))
     recovery.poses = []
     assert tracked.add(0.1, picture(rotated)).tracked is followed
+
+
+def at_east(x):
+    """A camera in front of the wall."""
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+@pytest.mark.parametrize("speed_m_s", [10.0, 25.0, 40.0, 60.0])
+def test_a_fast_camera_is_followed_from_its_start(database, speed_m_s):
+    estimator = FrameEstimator(0.5)
+    recovery = KnownPoses(at_east(-4.0))
+    tracked = tracker(database, recovery, estimator)
+    for k in range(5):  # at 60 m/s it moves 2 m or 60 px between frames
+        pose = at_east(-4.0 + speed_m_s * k / 30)
+        frame = tracked.add(k / 30, picture(pose))
+        recovery.poses = []
+        assert frame.tracked and frame.recovered == (k == 0)
+        assert off_m(frame, pose) < 0.05
+        if k > 0:
+            np.testing.assert_allclose(estimator.motion.world_v_camera, [speed_m_s, 0, 0], atol=1.5)
+
+
+def test_a_false_velocity_is_refuted_by_the_next_frame(database):
+    estimator = FrameEstimator(0.5)
+    for t_s, x in ((0.0, -5.0), (0.1, 0.0)):  # the first pose is false: 50 m/s
+        estimator.add(t_s, PoseEstimate(at_east(x), np.eye(6), np.zeros(0, bool)), NO_MATCHES, restart=True)
+    frame = tracker(database, KnownPoses(), estimator).add(0.2, picture(at_east(0.1)))
+    assert frame.tracked and not frame.recovered
+    assert off_m(frame, at_east(0.1)) < 0.05

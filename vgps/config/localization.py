@@ -45,7 +45,7 @@ class LocalizationConfig(SettingsModel):
     min_contrast: PositiveFloat = 3.0
     """Blurred templates with a smaller standard deviation of grey values (0 to 255) are not searched."""
     max_speed_m_s: PositiveFloat = 15.0
-    """V_max of Eq. (6) where the velocity is unknown; poses that would need a higher speed are rejected."""
+    """V_max of Eq. (6) where the velocity is unknown, that is in the frame after a start."""
     speed_error_m_s: PositiveFloat = 1.5
     """V_max of Eq. (6) where the velocity is known: the error of its prediction."""
     rotation_error_px: PositiveFloat = 4.0
@@ -55,7 +55,7 @@ class LocalizationConfig(SettingsModel):
     fixed_window_px: PositiveInt = 12
     """Half the side of the search window if window is fixed."""
     max_window_px: PositiveInt = 48
-    """Upper bound of half the side of any search window."""
+    """Upper bound of half the side of a search window; the last attempt at unknown velocity goes beyond."""
     retry_widening: float = Field(default=2.5, ge=1.0)
     """Factor on the windows and on the limits of a pose when a frame that failed is searched again."""
     refine_window_px: PositiveInt = 3

@@ -1,11 +1,16 @@
-"""Warnings of localization: missing sensors and lost frames."""
+"""Warnings of localization: missing sensors, lost frames, and a camera too fast after a start."""
+
+from collections.abc import Sequence
+from math import ceil
 
 import numpy as np
 
 from vgps.config import LocalizationConfig
+from vgps.localization.tracker import TrackedFrame
 from vgps.model import BoolArray, FloatArray, Recording
 
 _MAX_LISTED = 5  # intervals of lost frames
+_MAX_CREDIBLE_M_S = 100.0  # a higher speed between two poses means that one of them is false
 _NO_GYRO = (
     "rotation is predicted at constant angular velocity, windows are wider, quick rotations may lose track"
 )
@@ -52,3 +57,57 @@ def loss_warnings(tracked: BoolArray, t_s: FloatArray) -> tuple[str, ...]:
         f"{len(lost)} of {len(tracked)} frames show too few landmarks and are bridged: "
         f"{', '.join(intervals[:_MAX_LISTED])}{more}",
     )
+
+
+def speed_warnings(
+    frames: Sequence[TrackedFrame], focal_px: float, config: LocalizationConfig
+) -> tuple[str, ...]:
+    """Return a warning if the camera was lost right after a start, where its velocity is still unknown.
+
+    The speed is that from the start to the next tracked frame. There is no warning if it is within
+    ``max_speed_m_s``, as the frame was then lost for another reason.
+
+    Args:
+        frames: Every frame of the video.
+        focal_px: Focal length.
+        config: Settings.
+    """
+    tracked = [i for i, frame in enumerate(frames) if frame.tracked]
+    fastest, window_px, count, undecided = 0.0, 0.0, 0, -1
+    for before, start, after in zip([-1, *tracked], tracked, [*tracked[1:], -1], strict=False):
+        t_s = frames[start].t_s
+        known = before >= 0 and t_s - frames[before].t_s <= config.max_velocity_gap_s
+        if not frames[start].recovered or known or start + 1 in (after, len(frames)):
+            continue
+        if after < 0:
+            undecided = start + 1
+            continue
+        speed = _distance_m(frames[start], frames[after]) / (frames[after].t_s - t_s)
+        if config.max_speed_m_s < speed <= _MAX_CREDIBLE_M_S:
+            interval_s = frames[start + 1].t_s - t_s
+            needed_px = focal_px * speed * interval_s / _median_depth_m(frames[start])
+            fastest, window_px, count = max(fastest, speed), max(window_px, needed_px), count + 1
+    searched = f"where windows are for localization.max_speed_m_s = {config.max_speed_m_s:g} m/s"
+    if count:
+        remedy = f"localization.max_speed_m_s to {5 * ceil(fastest / 4)}"
+        if window_px > config.max_window_px:
+            remedy += f" and localization.max_window_px to {ceil(window_px)}"
+        return (
+            f"the camera was lost in the frame after {count} of its starts, {searched}, while it moved at "
+            f"up to {fastest:.0f} m/s: set {remedy} with --config",
+        )
+    if undecided >= 0:
+        return (
+            f"frame {undecided} was lost right after a start, {searched}: if the camera was faster, "
+            "raise it with --config",
+        )
+    return ()
+
+
+def _distance_m(one: TrackedFrame, other: TrackedFrame) -> float:
+    return float(np.linalg.norm(one.world_T_camera[:3, 3] - other.world_T_camera[:3, 3]))
+
+
+def _median_depth_m(frame: TrackedFrame) -> float:
+    pose = frame.world_T_camera
+    return float(np.median((frame.observations.world_p_landmark - pose[:3, 3]) @ pose[:3, 2]))

@@ -3,7 +3,6 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.config import LocalizationConfig
 from vgps.localization.pose import LandmarkMatches, PoseEstimate
 from vgps.localization.prediction import MotionState
 from vgps.model import FloatArray
@@ -13,11 +12,11 @@ class FrameEstimator:
     """Keeps the last pose and the velocity between the last two, Eq. (5), Matsuda 2007.
 
     Args:
-        config: When two poses give a velocity.
+        max_velocity_gap_s: Two frames further apart give no velocity.
     """
 
-    def __init__(self, config: LocalizationConfig) -> None:
-        self._config = config
+    def __init__(self, max_velocity_gap_s: float) -> None:
+        self._max_gap_s = max_velocity_gap_s
         self._motion: MotionState | None = None
 
     @property
@@ -28,7 +27,7 @@ class FrameEstimator:
     def add(self, t_s: float, pose: PoseEstimate, matches: LandmarkMatches, *, restart: bool) -> PoseEstimate:
         """See :class:`vgps.localization.tracker.Estimator`."""
         bias = np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
-        self._motion = motion_between(self._motion, t_s, pose.world_T_camera, bias, self._config)
+        self._motion = motion_between(self._motion, t_s, pose.world_T_camera, bias, self._max_gap_s)
         return PoseEstimate(pose.world_T_camera, pose.covariance, np.ones(len(matches), bool))
 
     def revised(self) -> dict[float, FloatArray]:
@@ -41,19 +40,18 @@ def motion_between(
     t_s: float,
     world_T_camera: FloatArray,
     gyro_bias_rad_s: FloatArray,
-    config: LocalizationConfig,
+    max_gap_s: float,
 ) -> MotionState:
     """Return the state at a pose, its velocities from the last state.
 
-    They are unknown without a last state, across a long interval, and beyond ``config.max_speed_m_s``.
+    They are unknown without a last state and across a long interval. There is no upper limit: a velocity
+    from a false pose is refuted by the next frame, which the tracker then searches without it.
     """
     unknown = MotionState(t_s=t_s, world_T_camera=world_T_camera, gyro_bias_rad_s=gyro_bias_rad_s)
-    if last is None or t_s - last.t_s > config.max_velocity_gap_s:
+    if last is None or t_s - last.t_s > max_gap_s:
         return unknown
     dt = t_s - last.t_s
     velocity = (world_T_camera[:3, 3] - last.world_T_camera[:3, 3]) / dt
-    if np.linalg.norm(velocity) > config.max_speed_m_s:
-        return unknown
     rotation = Rotation.from_matrix(last.world_T_camera[:3, :3].T @ world_T_camera[:3, :3])
     return MotionState(
         t_s=t_s,

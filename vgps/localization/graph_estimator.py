@@ -139,7 +139,7 @@ class GraphEstimator:
         if len(self._frames) > 1:
             j, t_j = self._frames[-2]
             last = MotionState(t_s=t_j, world_T_camera=self._values.atPose3(_x(j)).matrix())
-        self._motion = motion_between(last, t_s, pose, bias, self._config)
+        self._motion = motion_between(last, t_s, pose, bias, self._config.max_velocity_gap_s)
         return PoseEstimate(pose, alone.covariance, matches.inliers(self._K, pose, self._config.ransac_px))
 
 

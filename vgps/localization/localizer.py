@@ -38,7 +38,7 @@ class Localizer:
             gyro = GyroIntegral(recording.gyro)
         self.rotations = RotationPredictor(gyro, mount)
         self._rectifier = Rectifier(camera)
-        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config)
+        self._estimator: FrameEstimator | GraphEstimator = FrameEstimator(config.max_velocity_gap_s)
         if config.estimator == "graph":
             self._estimator = GraphEstimator(camera.K, gyro, mount, config)
 

@@ -9,7 +9,7 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization.bridging import bridge_gaps
-from vgps.localization.diagnostics import loss_warnings
+from vgps.localization.diagnostics import loss_warnings, speed_warnings
 from vgps.localization.localizer import Localizer
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
@@ -77,7 +77,12 @@ def localize(
         gray=gray,
         world_T_camera=world_T_camera,
         seconds=seconds.by_stage,
-        warnings=(*video_warnings, *localizer.warnings, *loss_warnings(found, t_s)),
+        warnings=(
+            *video_warnings,
+            *localizer.warnings,
+            *loss_warnings(found, t_s),
+            *speed_warnings(frames, recording.camera.fx, settings),
+        ),
     )
     return to_solution(recording, database.world_origin, config, track)
 

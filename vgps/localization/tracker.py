@@ -1,6 +1,7 @@
 """The tracker of Matsuda 2007: predict, select landmarks, re-blur, match, estimate; relocalize if lost."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -93,8 +94,8 @@ class LandmarkTracker:
         """
         motion = self._estimator.motion
         if motion is not None and t_s - motion.t_s <= self._config.coast_s:
-            for widen in (1.0, self._config.retry_widening):
-                result = self._follow(t_s, image, motion, widen)
+            for state, widen in self._attempts(motion):
+                result = self._follow(t_s, image, state, widen)
                 if result.pose is not None:
                     return self._accept(t_s, result.pose, result, restart=False)
         result = SearchResult(None, NO_MATCHES, 0.0)
@@ -127,6 +128,23 @@ class LandmarkTracker:
             correlation=result.correlation,
         )
 
+    def _attempts(self, motion: MotionState) -> Iterator[tuple[MotionState, float]]:
+        """Yield states to follow from and the widening of their windows, until a search succeeds.
+
+        A velocity beyond ``max_speed_m_s`` may come from a false pose, so the frame is also searched without
+        it. While the velocity is unknown the last attempt is widened once more, for fast cameras.
+        """
+        widening = self._config.retry_widening
+        yield motion, 1.0
+        yield motion, widening
+        if motion.world_v_camera is not None:
+            if np.linalg.norm(motion.world_v_camera) <= self._config.max_speed_m_s:
+                return
+            motion = replace(motion, world_v_camera=None)
+            yield motion, 1.0
+            yield motion, widening
+        yield motion, widening**2
+
     def _follow(self, t_s: float, image: Float32Array, motion: MotionState, widen: float) -> SearchResult:
         """Search for a few landmarks around the prediction, Eq. (6), then for all around the pose found."""
         predicted = predict_pose(motion, self._rotations, t_s)
@@ -136,7 +154,7 @@ class LandmarkTracker:
             uv, _ = project(self._K, start, expected.views.world_p_landmark)
             first = expected.take(spread_over_image(uv.T, image.shape[::-1], self._config.first_landmarks))
         radius = widen * self._predictor.radius_px(t_s, motion, start, first.views)
-        result = self._search(image, start, first, radius)
+        result = self._search(image, start, first, radius, max(1.0, widen / self._config.retry_widening))
         if result.pose is None or not self._plausible(
             result.pose.world_T_camera, predicted, t_s - motion.t_s, widen
         ):
@@ -168,9 +186,14 @@ class LandmarkTracker:
         return closer if better else result
 
     def _search(
-        self, image: Float32Array, pose: FloatArray, expected: ExpectedLandmarks, radius: FloatArray
+        self,
+        image: Float32Array,
+        pose: FloatArray,
+        expected: ExpectedLandmarks,
+        radius: FloatArray,
+        limit_scale: float = 1.0,
     ) -> SearchResult:
-        radius = np.minimum(radius, self._config.max_window_px)
+        radius = np.minimum(radius, limit_scale * self._config.max_window_px)
         return search_frame(image, self._K, pose, expected, radius, self._config)
 
     def _plausible(self, pose: FloatArray, predicted: FloatArray, dt: float, widen: float) -> bool:
@@ -179,6 +202,7 @@ class LandmarkTracker:
         cosine = (np.trace(pose[:3, :3].T @ predicted[:3, :3]) - 1) / 2
         rotation_deg = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
         distance_m = float(np.linalg.norm(pose[:3, 3] - predicted[:3, 3]))
-        if rotation_deg > config.max_rotation_error_deg * widen:
+        # only the speed of the camera may be far from its prediction
+        if rotation_deg > config.max_rotation_error_deg * min(widen, config.retry_widening):
             return False
         return distance_m <= config.max_speed_m_s * dt * widen
