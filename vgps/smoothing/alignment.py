@@ -1,4 +1,4 @@
-"""Put a map of unknown scale, heading and place into the world by GPS fixes: the start of Kume 2010."""
+"""Alignment of a map of unknown scale, heading and position with GPS fixes: the start of Kume 2010."""
 
 from dataclasses import dataclass
 
@@ -29,11 +29,11 @@ def align(
     camera_p_antenna: FloatArray,
     config: StartConfig,
 ) -> Alignment | None:
-    """Similarity from map to world that puts the antenna into the fixes' regions, or nothing yet.
+    """Return the similarity from map to world that puts the antenna into the fixes' regions, if they suffice.
 
     Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and position, with a loss that
-    forgives single wrong fixes, and the belief that the camera is upright, which decides the roll where the
-    fixes lie too near to a straight line to show it.
+    forgives single wrong fixes, and a prior that the camera is upright, which decides the roll where the
+    fixes lie too close to a straight line to show it.
 
     Args:
         map_T_camera: (M, 4, 4) camera poses in the map at the fixes' times.
@@ -69,8 +69,10 @@ def align(
 
 
 def _roll_sigma_rad(spread: FloatArray, region_m: FloatArray) -> float:
-    """How well fixes determine the rotation about their own main axis: their size against their distance
-    from it. Regions count as uniform distributions, of sigma r / sqrt(3)."""
+    """Return how well fixes determine the rotation about their own main axis, by their distances from it.
+
+    Regions count as uniform distributions, of sigma r / sqrt(3).
+    """
     axis = _main_axis(spread)
     lever = np.linalg.norm(spread - np.outer(spread @ axis, axis), axis=1)
     sigma = region_m.mean(axis=1) / np.sqrt(3.0)
@@ -93,7 +95,7 @@ def _main_axis(spread: FloatArray) -> FloatArray:
 
 
 def _travel(world_p_fix: FloatArray, cell_m: float) -> float:
-    """How far the fixes spread, single wrong ones forgiven; where the camera stood counts once."""
+    """Return how far the fixes spread, robust to single wrong ones; where the camera stood counts once."""
     places = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
     if len(places) < _PLACES:  # beside a stop, wrong fixes might be half of them
         places = world_p_fix
@@ -101,15 +103,16 @@ def _travel(world_p_fix: FloatArray, cell_m: float) -> float:
 
 
 def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArray | None:
-    """Start of the search: the paths' main directions on each other and the camera as level as can be."""
+    """Return the start of the search: main directions of the paths aligned, and the camera level."""
     centres = map_T_camera[:, :3, 3]
     first, last = slice(None, max(1, len(centres) // 3)), slice(-max(1, len(centres) // 3), None)
-    map_way = centres[last].mean(axis=0) - centres[first].mean(axis=0)
-    world_way = np.median(world_p_fix[last], axis=0) - np.median(world_p_fix[first], axis=0)
-    if min(np.linalg.norm(map_way), np.linalg.norm(world_way)) < 1e-9:
+    map_direction = centres[last].mean(axis=0) - centres[first].mean(axis=0)
+    world_direction = np.median(world_p_fix[last], axis=0) - np.median(world_p_fix[first], axis=0)
+    if min(np.linalg.norm(map_direction), np.linalg.norm(world_direction)) < 1e-9:
         return None
-    scale = float(np.linalg.norm(world_way) / np.linalg.norm(map_way))
-    forward, world_forward = map_way / np.linalg.norm(map_way), world_way / np.linalg.norm(world_way)
+    scale = float(np.linalg.norm(world_direction) / np.linalg.norm(map_direction))
+    forward = map_direction / np.linalg.norm(map_direction)
+    world_forward = world_direction / np.linalg.norm(world_direction)
     up = _across(-map_T_camera[:, :3, 1].mean(axis=0), forward)
     if np.linalg.norm(up) < 0.3:  # the camera looks along its own up axis: straight down or up
         up = _across(-map_T_camera[:, :3, 2].mean(axis=0), forward)

@@ -1,18 +1,18 @@
-"""How far the poses may be off: errors drawn for every track and every fix, and sent through the optimum.
+"""Covariance of the poses: errors drawn for every track and every fix, and propagated to the optimum.
 
-The curvature of the energy does not say it. A feature that slips does so over many frames, so its
+The curvature of the energy does not give it. A feature that slips does so over many frames, so its
 observations are far from independent; and a cylinder has no curvature in its middle, while the receiver's
 error is there. So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and their spread is
 the covariance:
 
-- a **track** errs as one: its own misfit, all of it, with a random sign (the wild bootstrap with a cluster
-  per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered Errors,
-  2008). How large its error is, the misfit says; sigmas of pixels only weigh it, as in the estimate;
-- a **fix** errs as its class's region says, of which it leaves a twentieth outside, and its error stays alike
-  for the class's correlation time: a Gauss-Markov process;
-- every other factor errs by its own sigma.
+- a **track** has one error: its own residuals, all of them, with a random sign (the wild bootstrap with a
+  cluster per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered
+  Errors, 2008). The residuals give its size; pixel sigmas only weigh it, as in the estimate;
+- a **fix** has an error of the size of its class's region, which holds 95 %, and keeps it for the class's
+  correlation time: a Gauss-Markov process;
+- every other factor has an error of its own sigma.
 
-What all tracks have in common, such as a wrong calibration or a scene that moves as one, is not seen.
+Errors that all tracks share, of a wrong calibration or a scene that moves as one, are not included.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ from vgps.solver.schur_complement import pose_scores
 
 @dataclass(frozen=True)
 class ErrorSources:
-    """The factors on poses by what errs in them.
+    """The factors on poses by the source of their errors.
 
     Attributes:
         gps: A factor for each fix that takes part, in order, its residual (3,).
@@ -52,12 +52,12 @@ class ErrorSources:
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
-    """Covariances of poses and shared vectors at an optimum.
+    """Return the covariances of poses and shared vectors at an optimum.
 
     Args:
         problem: At its optimum; its pose graph is both parts of ``sources``.
-        sources: Whose errors are drawn.
-        draws: Their number K; a standard deviation is known to 1 / sqrt(2 K) of itself.
+        sources: Of the errors that are drawn.
+        draws: Number of draws K; standard deviations are then known to 1 / sqrt(2 K) of themselves.
         seed: Of the draws.
 
     Raises:
@@ -88,7 +88,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
 def _track_draws(
     linear: Linearization, structure: SparsityStructure, draws: int, rng: np.random.Generator
 ) -> FloatArray:
-    """(6 n_free, K) gradients when every track's misfit keeps or changes its sign."""
+    """Return gradients (6 n_free, K) when every track's residuals keep or change their sign."""
     signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))
     total = np.zeros((POSE_DIM * structure.n_free, draws))
     for part in linear.chunks:
@@ -110,7 +110,7 @@ def _pose_factor_draws(
     draws: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """(6 n_free + shared, K) gradients of drawn errors of fixes and of all other factors."""
+    """Return gradients (6 n_free + shared, K) of drawn errors of fixes and of all other factors."""
     own, _ = whitened_jacobian(problem, sources.others, values, structure)
     total: FloatArray = own.T @ rng.standard_normal((own.shape[0], draws))
     if sources.gps.size() == 0:
@@ -124,9 +124,9 @@ def _pose_factor_draws(
 def _residual_by_fix(
     problem: BundleProblem, by_pose: sparse.csr_array, sources: ErrorSources, structure: SparsityStructure
 ) -> FloatArray:
-    """(M, 3, 3) whitened residuals by the fixes' own place, up to the sign.
+    """Return the derivative (M, 3, 3) of the whitened residuals by the fixes' positions, up to the sign.
 
-    Moving both frames alike moves the antenna against the fix: the translations' Jacobians say it all.
+    Moving both frames alike moves the antenna against the fix: it is the sum of the translations' Jacobians.
     """
     result = np.zeros((sources.gps.size(), 3, 3))
     for row in range(len(result)):
@@ -140,11 +140,11 @@ def _residual_by_fix(
 
 
 def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray:
-    """(M, 3, K) drawn errors east, north, up: a Gauss-Markov process through fixes whose errors last alike.
+    """Draw errors (M, 3, K) east, north, up: a Gauss-Markov process through fixes of one correlation time.
 
     The correlation time is the time after which an error counts as a new one, the integral of its
-    autocorrelation to both sides; the process forgets to 1/e in half of it. Its size is each fix's own: a fix
-    whose region was enlarged errs with its class, only more.
+    autocorrelation to both sides; the process decays to 1/e in half of it. Its size is each fix's own: a fix
+    whose region was enlarged shares the error of its class, only larger.
     """
     white = rng.standard_normal((len(fixes), 3, draws))
     unit = np.empty_like(white)
@@ -159,6 +159,6 @@ def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray
 
 
 def region_sigmas(fixes: Fixes) -> FloatArray:
-    """(M, 3) standard deviations east, north, up of errors of which the region holds 95 %."""
+    """Return standard deviations (M, 3) east, north, up of errors of which the region holds 95 %."""
     horizontal, vertical = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
     return np.stack([horizontal, horizontal, vertical], axis=1)

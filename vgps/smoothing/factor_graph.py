@@ -33,14 +33,15 @@ _POSITION_LIMIT = 1e5  # in map units: points further away are rounding
 
 @dataclass(frozen=True)
 class Scene:
-    """What stages C and D optimise: frames with their times and poses, features, and what ties them.
+    """What stages C and D optimise: frames with their times and poses, features, and constraints.
 
     Attributes:
         t_s: (F,) times of the frames.
         poses: (F, 4, 4) world_T_camera.
         points: (L, 3) positions of the features that have one.
         observations: Of these features in these frames.
-        zero_motions: Frames held to another one because nothing moved; indices within the range.
+        zero_motions: Frames held to another one because nothing moved; indices within these frames.
+        controls: Observations of known points.
     """
 
     t_s: FloatArray
@@ -69,15 +70,17 @@ def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations)
     known &= np.isfinite(local_map.poses[log.frame - local_map.first_frame, 0, 0])
     ids, row = np.unique(log.landmark[known], return_inverse=True)
     observations = Observations(log.frame[known] - first, row, log.uv_px[known])
-    ties = tuple(
-        ZeroMotion(tie.frame - first, tie.key - first, tie.key_T_frame, tie.sigma)
-        for tie in local_map.zero_motions
-        if tie.key >= first
+    constraints = tuple(
+        ZeroMotion(held.frame - first, held.key - first, held.key_T_frame, held.sigma)
+        for held in local_map.zero_motions
+        if held.key >= first
     )
     rows = slice(first - local_map.first_frame, None)
     poses = local_map.poses[rows]
     known_points = controls.between(first, first + len(poses) - 1)
-    return Scene(local_map.t_s[rows], poses, local_map.points[ids], observations, ties, known_points), ids
+    return Scene(
+        local_map.t_s[rows], poses, local_map.points[ids], observations, constraints, known_points
+    ), ids
 
 
 def select_observations(
@@ -90,8 +93,8 @@ def select_observations(
     together.
 
     Returns:
-        The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) pixels,
-        NaN for features that have no observation left.
+        The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) in pixels,
+        NaN for features without an observation left.
     """
     config = context.config
     problem = _bare_problem(scene, context.K)
@@ -134,7 +137,7 @@ def build_problem(
     fixed: BoolArray | None = None,
     shared: Mapping[int, FloatArray] | None = None,
 ) -> BundleProblem:
-    """The energy (11): reprojection weighted by (12)(13), and ``pose_graph`` for everything else.
+    """Return the energy (11): reprojection weighted by (12)(13), and ``pose_graph`` for everything else.
 
     Args:
         scene: Selected observations.
@@ -142,14 +145,14 @@ def build_problem(
         pose_graph: Fixes, motion and priors.
         context: Calibration, weights and loss.
         fixed: (F,) frames to hold.
-        shared: Start of what all frames share.
+        shared: Start of the vectors that all frames share.
     """
     observations, config, K = scene.observations, context.config, context.K
     if config.batch.weight == "per_frame":
         sigma = projection_sigma_px(sigma_px, observations.landmark, observations.frame)
     else:
         sigma = sigma_px[observations.landmark]
-    # the loss judges errors in pixels, before any weighting between video and GPS
+    # the robust loss is in pixels, before any weighting between video and GPS
     sigma = sigma * config.batch.video_sigma_scale
     robust_k = whitened_robust_k(config.batch.robust_px, np.ones_like(sigma), sigma)
     return BundleProblem(
@@ -169,7 +172,7 @@ def build_problem(
 
 
 def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsam.NonlinearFactorGraph:
-    """Ties for frames without observations: standing frames to their view, others by constant velocity.
+    """Return factors for frames without observations: zero motion for standing ones, else constant velocity.
 
     Args:
         scene: Selected observations.
@@ -179,11 +182,11 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
     graph = gtsam.NonlinearFactorGraph()
     frames = len(scene.t_s)
     held = np.bincount(scene.observations.frame, minlength=frames) > 0
-    for tie in scene.zero_motions:
-        noise = gtsam.noiseModel.Diagonal.Sigmas(tie.sigma)
-        relative = gtsam.Pose3(tie.key_T_frame)
-        graph.push_back(gtsam.BetweenFactorPose3(X(tie.key), X(tie.frame), relative, noise))
-        held[tie.frame] = True
+    for constraint in scene.zero_motions:
+        noise = gtsam.noiseModel.Diagonal.Sigmas(constraint.sigma)
+        relative, key, frame = gtsam.Pose3(constraint.key_T_frame), constraint.key, constraint.frame
+        graph.push_back(gtsam.BetweenFactorPose3(X(key), X(frame), relative, noise))
+        held[frame] = True
     for middle in _middles_around(np.flatnonzero(~held), frames):
         a, b, c = middle - 1, middle, middle + 1
         graph.push_back(
@@ -198,7 +201,7 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
 
 
 def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
-    """Middle frames of all triples that hold one of ``frames``."""
+    """Return the middle frames of all triples that contain one of ``frames``."""
     middles = np.unique((frames[:, None] + np.array([-1, 0, 1])).ravel())
     return [int(middle) for middle in middles if 1 <= middle <= count - 2]
 
@@ -234,7 +237,7 @@ def _known_points(controls: ControlObservations, context: SmoothingContext) -> g
 
 
 def _upright(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:
-    """One belief in an upright camera, shared out over some frames: how it is mounted is one unknown."""
+    """Return one prior of an upright camera, spread over some frames: its mounting is one unknown."""
     graph = gtsam.NonlinearFactorGraph()
     rows = np.unique(np.linspace(0, frames - 1, _LEVEL_FRAMES).astype(int))
     sigmas = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg]) * np.sqrt(len(rows))

@@ -1,8 +1,8 @@
-"""The camera's calibration refined with the poses, on request: where stage D and the calibration take turns.
+"""Refinement of the camera's calibration, alternating with stage D, on request.
 
 Stage D is solved for poses and landmarks with the calibration held; then a Gauss-Newton step in the
-calibration is taken in which poses and landmarks follow, as far as the linearised optimum says; and so on
-until the steps are small against their standard deviations.
+calibration is taken in which poses and landmarks follow as the linearised optimum predicts; and so on until
+the steps are small against their standard deviations.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,13 +30,13 @@ _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that giv
 
 @dataclass(frozen=True)
 class RefinedCamera:
-    """A calibration that was estimated.
+    """An estimated calibration.
 
     Attributes:
         camera: The lens model of the one given, with other numbers.
         sigma: Standard deviations by name: ``focal`` (relative, of fx and fy together), ``cx``, ``cy`` [px],
             and where the lens has them ``k1``, ``k2``.
-        steps: Taken.
+        steps: Number of steps.
         settled: Whether the last step was small against its standard deviations.
     """
 
@@ -46,7 +46,7 @@ class RefinedCamera:
     settled: bool
 
     def note(self, given: Camera) -> str:
-        """What was changed, in words."""
+        """Return a warning that says what was changed."""
         found = self.camera
         words = (
             f"the calibration was refined: fx {given.fx:.1f} -> {found.fx:.1f} px "
@@ -86,7 +86,7 @@ def refine_camera(
 
 
 def _changed(camera: Camera, delta: FloatArray) -> Camera:
-    """The camera with its logarithmic focal length, principal point and first coefficients moved."""
+    """Return the camera with log focal length, principal point and first coefficients changed."""
     scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
     coefficients[: len(delta) - 3] += delta[3:]
     return replace(
@@ -104,20 +104,20 @@ def _parameters(camera: Camera) -> int:
 
 
 def _sigmas(config: IntrinsicsConfig) -> FloatArray:
-    """(5,) what is believed of each of the parameters."""
+    """Return the prior standard deviations (5,) of the parameters."""
     rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
     return np.array([config.focal_sigma, *rest])
 
 
 def _difference(camera: Camera, given: Camera) -> FloatArray:
-    """What has been changed so far."""
+    """Return the change so far."""
     ends = np.array(camera.distortion) - np.array(given.distortion)
     moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
     return np.array(moved[: _parameters(camera)])
 
 
 def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """The scene with its observations undistorted by another camera; those that it cannot see stay."""
+    """Return the scene with its observations undistorted by another camera; those it cannot see stay."""
     old, controls = scene.observations, scene.controls
 
     def again(uv_px: FloatArray) -> FloatArray:
@@ -131,9 +131,9 @@ def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
 def _step(
     problem: BundleProblem, camera: Camera, given: Camera, config: IntrinsicsConfig
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow it.
+    """Return step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow.
 
-    What all frames share beside it, a lag or a lever arm, is held meanwhile.
+    Time offset and lever arm are held meanwhile.
     """
     structure, size = analyze_sparsity(problem), _parameters(camera)
     linear = linearize(problem, all_pose_values(problem), structure)
@@ -141,7 +141,7 @@ def _step(
     own, gradient = np.zeros((size, size)), np.zeros(size)
     by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
     for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([_beyond_points(part, J[k]) for k in range(size)])
+        reduced = np.stack([_without_points(part, J[k]) for k in range(size)])
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
         coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
         own += np.einsum("kin,min->km", J, reduced)
@@ -150,9 +150,9 @@ def _step(
     V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
     factor, pose_gradient = factorize_pose_system(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
-    belief = 1.0 / _sigmas(config)[:size] ** 2
-    information = own - V.T @ follow[:, :-1] + np.diag(belief)
-    gradient = gradient - V.T @ follow[:, -1] + belief * _difference(camera, given)
+    prior = 1.0 / _sigmas(config)[:size] ** 2
+    information = own - V.T @ follow[:, :-1] + np.diag(prior)
+    gradient = gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
     poses = np.zeros((len(moves), 6))
@@ -166,7 +166,7 @@ def _step(
 
 
 def _by_camera(problem: BundleProblem, part: LinearizedChunk, camera: Camera, size: int) -> FloatArray:
-    """(p, 2, n) whitened Jacobians of a chunk's residuals by the calibration, through prediction and lens."""
+    """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
     here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
@@ -184,14 +184,14 @@ def _by_camera(problem: BundleProblem, part: LinearizedChunk, camera: Camera, si
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
 
 
-def _beyond_points(part: LinearizedChunk, r: FloatArray) -> FloatArray:
-    """(2, n) what is left of residuals r once the points have moved to meet them."""
+def _without_points(part: LinearizedChunk, r: FloatArray) -> FloatArray:
+    """Return what remains of residuals r (2, n) after the points have moved to reduce them."""
     points = factorize_landmarks(part, 0.0)
     step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
 
 
 def _moved(part: LinearizedChunk, J: FloatArray, delta: FloatArray) -> LinearizedChunk:
-    """The chunk's linearisation after a step of the calibration."""
+    """Return the chunk's linearisation after a step of the calibration."""
     shift = np.einsum("kin,k->in", J, delta)
     return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

@@ -1,9 +1,9 @@
-"""The balance between video and GPS, estimated from how well the fixes fit: variance components.
+"""Variance components: the balance between video and GPS, estimated from how well the fixes fit.
 
-Both groups' sigmas cannot be right when the fixes' misfit is not what their regions say. The fixes' sizes
-come from a survey, so the video's scale gives way: Förstner's update of a variance component (Förstner 1979,
-Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten), ``s^2 <- s^2 * misfit``, with a prior for
-the few independent errors that a log holds.
+If the fixes' misfit is not what their regions predict, the sigmas of video and GPS cannot both be right. The
+regions come from a survey, so the video's scale is adapted: Förstner's update of a variance component
+(Förstner 1979, Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten), ``s^2 <- s^2 * misfit``,
+with a prior for the few independent errors that a log contains.
 """
 
 import numpy as np
@@ -22,13 +22,13 @@ def balanced(
     fixes: Fixes,
     camera_p_antenna: FloatArray,
 ) -> float:
-    """The video's sigma scale for the next round, from the fixes' misfit in this one.
+    """Return the video's sigma scale for the next round, from the fixes' misfit in this one.
 
     Args:
-        config: What was believed of the scale, and how firmly.
+        config: The prior of the scale, and its weight.
         scale: Of this round.
         path: The result so far.
-        fixes: At their times less the lag.
+        fixes: In time.
         camera_p_antenna: (3,) metres.
     """
     batch = config.batch
@@ -39,7 +39,7 @@ def balanced(
 
 
 def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> float:
-    """The fixes' squared misfit over the one expected from their regions, drawn towards 1 where they are few.
+    """Return the fixes' squared misfit over that expected from their regions, drawn towards 1 where few.
 
     Geodesy's variance factor after an adjustment; covariances are scaled by it as well. Arguments are those
     of :func:`balanced`; it is 1 without fixes.
@@ -56,7 +56,7 @@ def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_ant
 
 
 def independent_epochs(fixes: Fixes) -> FloatArray:
-    """(M,) how much of an independent error each fix brings: its distance from the one before, at most 1."""
+    """Return how independent (M,) each fix's error is of the one before: their time apart, at most 1."""
     apart = np.diff(fixes.t_s, prepend=-np.inf)
     return np.asarray(np.minimum(apart / fixes.correlation_s, 1.0))
 
