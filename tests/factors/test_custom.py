@@ -33,10 +33,10 @@ def test_equals_the_built_in_between_factor():
     ours = custom_factor(noise, [Variable(X1, POSE3), Variable(X2, POSE3)], error)
     built_in = gtsam.BetweenFactorPose3(X1, X2, measured, noise)
     assert ours.error(values) == pytest.approx(built_in.error(values), rel=1e-12)
-    for mine, theirs in zip(
+    for mine, reference in zip(
         ours.linearize(values).jacobian(), built_in.linearize(values).jacobian(), strict=True
     ):
-        np.testing.assert_allclose(mine, theirs, atol=1e-11)
+        np.testing.assert_allclose(mine, reference, atol=1e-11)
 
 
 def test_points_and_scalars_are_variables_too():

@@ -34,10 +34,10 @@ def values_of(*poses):
 
 def assert_same_linearisation(factor, other, values):
     assert factor.error(values) == pytest.approx(other.error(values), rel=1e-12)
-    for mine, theirs in zip(
+    for mine, reference in zip(
         factor.linearize(values).jacobian(), other.linearize(values).jacobian(), strict=True
     ):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(mine, reference, rtol=1e-12, atol=1e-12)
 
 
 @given(st.sampled_from(PENALTIES), twists, arrays(np.float64, 3, elements=st.floats(-5, 5)))

@@ -4,11 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vgps.solver.band_matrix import POSE_DIM, BandMatrix, NotPositiveDefiniteError
-from vgps.solver.landmark_groups import LandmarkGroup
 
 
 def random_matrix(poses: int, reach: int, seed: int) -> np.ndarray:
-    """(6 poses, 6 poses) positive definite, poses coupled up to ``reach`` apart."""
+    """Return a positive definite (6 poses, 6 poses) matrix that couples poses up to ``reach`` apart."""
     rng = np.random.default_rng(seed)
     n = POSE_DIM * poses
     A = rng.normal(size=(n, n))
@@ -27,7 +26,7 @@ def as_band(A: np.ndarray, rows: int) -> BandMatrix:
     return band
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(1, 60), st.integers(0, 20), st.integers(0, 1000), st.integers(0, 7))
 def test_factor_solves_and_inverts(poses: int, reach: int, seed: int, spare: int) -> None:
     A = random_matrix(poses, reach, seed)
@@ -55,19 +54,7 @@ def test_blocks_on_the_diagonal_add_up_and_touch_nothing_else() -> None:
     np.testing.assert_array_equal(band.ab[outside], 0.0)
 
 
-@pytest.mark.parametrize("frames", [[2, 3, 4], [0, 3, 9]])
-def test_square_of_a_group_lands_on_its_frames(frames: list[int]) -> None:
-    Z = np.random.default_rng(0).normal(size=(6, 18))
-    band = BandMatrix.zeros(60, 61)
-    LandmarkGroup(np.array(frames), 2, 5).subtract_square(np.append(np.full(5, np.nan), Z.ravel()), band)
-    columns = (6 * np.array(frames)[:, None] + np.arange(6)).ravel()
-    expected = np.zeros((60, 60))
-    expected[np.ix_(columns, columns)] = -Z.T @ Z
-    i, j = np.tril_indices(60)
-    np.testing.assert_allclose(band.ab[i - j, j], expected[i, j], atol=1e-13)
-
-
-def test_matrix_without_a_factor() -> None:
+def test_indefinite_matrix_is_refused_at_its_column() -> None:
     A = random_matrix(4, 1, 0)
     A[13, 13] = -1.0
     with pytest.raises(NotPositiveDefiniteError) as caught:
@@ -75,7 +62,7 @@ def test_matrix_without_a_factor() -> None:
     assert caught.value.column == 13
 
 
-def test_pivot_that_is_only_rounding() -> None:
+def test_pivot_of_rounding_size_is_refused() -> None:
     A = np.diag(np.full(12, 4.0))
     A[7, 7] = 1e-15
     with pytest.raises(NotPositiveDefiniteError) as caught:

@@ -1,4 +1,4 @@
-"""Two laps of the same street: landmarks seen again after a long time, which no band holds."""
+"""Two laps of the same street: landmarks observed again after a long time make a band full."""
 
 from dataclasses import replace
 
@@ -6,24 +6,23 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
-from synthetic_bundle import K, visible
+from synthetic_bundle import TIGHT, K, drive, total_cost, visible, with_loss
 
 from vgps.solver import elimination
+from vgps.solver.band_matrix import BandMatrix
 from vgps.solver.block_matrix import BlockSparseMatrix
-from vgps.solver.bundle_adjustment import SolverSettings, solve
-from vgps.solver.cost import cost_terms
+from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyze_sparsity
 from vgps.solver.graph_optimizer import optimise_graph
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 
-TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 LAP = 72  # frames
 
 
 def ring(laps: int) -> np.ndarray:
-    """(F, 4, 4) poses on a circle of 30 m, looking ahead and out; the second lap a little to the side."""
+    """Return poses (F, 4, 4) on a circle of 30 m, looking ahead and out; the second lap is 0.4 m wider."""
     angle = 2 * np.pi * np.arange(laps * LAP) / LAP
     radius = 30.0 + 0.4 * (np.arange(laps * LAP) // LAP)
     poses = np.tile(np.eye(4), (laps * LAP, 1, 1))
@@ -35,7 +34,7 @@ def ring(laps: int) -> np.ndarray:
 
 
 def two_laps(landmarks: int = 260, seed: int = 0) -> BundleProblem:
-    """Each point is seen for some frames of the first lap, most also in the second; held by a few fixes."""
+    """Return a problem with fixes whose landmarks are observed in one lap, and most of them in both."""
     rng = np.random.default_rng(seed)
     poses = ring(2)
     points, rows = np.zeros((landmarks, 3)), []
@@ -73,63 +72,67 @@ def two_laps(landmarks: int = 260, seed: int = 0) -> BundleProblem:
     )
 
 
+def force_band(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 1e30)
+
+
 @pytest.fixture
-def tiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tiles are looked into however small the problem is."""
+def blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks are used, however small the problem is."""
     monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
     monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
 
 
-def total(problem: BundleProblem) -> float:
-    return sum(cost_terms(problem).values())
-
-
-def test_the_second_lap_makes_tiles_of_the_band(tiled: None) -> None:
+def test_second_lap_is_cheaper_in_blocks(blocks: None, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
     structure = analyze_sparsity(problem)
     assert structure.blocks is not None and isinstance(structure.empty(), BlockSparseMatrix)
     assert structure.half_bandwidth > 6 * LAP
-    band = elimination._band_structure(problem, structure.free, [])
+    force_band(monkeypatch)
+    band = analyze_sparsity(problem)
+    assert band.blocks is None and isinstance(band.empty(), BandMatrix)
     assert structure.flops < 0.5 * band.flops and structure.bytes < band.bytes
 
 
-def test_two_laps_end_where_gtsam_ends(tiled: None) -> None:
+def test_minimum_of_two_laps_is_that_of_gtsam(blocks: None) -> None:
     problem = two_laps()
-    ours, theirs = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
-    assert ours.solver == "schur" and ours.converged
-    assert total(ours.problem) == pytest.approx(total(theirs.problem), rel=1e-8)
-    np.testing.assert_allclose(ours.problem.world_T_camera, theirs.problem.world_T_camera, rtol=0, atol=1e-6)
-    assert total(ours.problem) < 0.1 * total(problem)
+    result, reference = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
+    assert result.solver == "schur" and result.converged
+    assert total_cost(result.problem) == pytest.approx(total_cost(reference.problem), rel=1e-8)
+    np.testing.assert_allclose(
+        result.problem.world_T_camera, reference.problem.world_T_camera, rtol=0, atol=1e-6
+    )
+    assert total_cost(result.problem) < 0.1 * total_cost(problem)
 
 
-def test_tiles_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
-    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 1e30)
+    force_band(monkeypatch)
     assert analyze_sparsity(problem).blocks is None
     band = solve(problem, replace(TIGHT, max_iterations=3))
     monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
     monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
     assert analyze_sparsity(problem).blocks is not None
-    tiles = solve(problem, replace(TIGHT, max_iterations=3))
-    np.testing.assert_allclose(tiles.problem.world_T_camera, band.problem.world_T_camera, atol=1e-9)
-    np.testing.assert_allclose(tiles.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
+    in_blocks = solve(problem, replace(TIGHT, max_iterations=3))
+    np.testing.assert_allclose(in_blocks.problem.world_T_camera, band.problem.world_T_camera, atol=1e-9)
+    np.testing.assert_allclose(in_blocks.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
 
 
-def test_held_frames_and_robust_losses_in_tiles(tiled: None) -> None:
+def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
     problem = two_laps()
     held = np.zeros(2 * LAP, dtype=bool)
     held[[0, 1, 40, 80, 81]] = True
     start = problem.world_T_camera.copy()
     start[held] = ring(2)[held]
     problem = replace(problem, world_T_camera=start, fixed=held)
-    problem = replace(problem, robust="huber", robust_k=np.full(len(problem.frame), 1.5))
+    problem = with_loss(problem, "huber", 1.5)
     assert analyze_sparsity(problem).blocks is not None
-    ours, theirs = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
-    assert total(ours.problem) == pytest.approx(total(theirs.problem), rel=1e-8)
-    np.testing.assert_array_equal(ours.problem.world_T_camera[held], problem.world_T_camera[held])
+    result, reference = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
+    assert total_cost(result.problem) == pytest.approx(total_cost(reference.problem), rel=1e-8)
+    np.testing.assert_array_equal(result.problem.world_T_camera[held], problem.world_T_camera[held])
 
 
-def test_covariances_in_tiles_are_gtsams_marginals(tiled: None) -> None:
+def test_covariances_in_blocks_equal_gtsams_marginals(blocks: None) -> None:
     problem = solve(two_laps(), TIGHT).problem
     assert analyze_sparsity(problem).blocks is not None
     marginals = gtsam.Marginals(*to_graph(problem))
@@ -139,8 +142,37 @@ def test_covariances_in_tiles_are_gtsams_marginals(tiled: None) -> None:
     np.testing.assert_allclose((found - expected) / size[:, :, None] / size[:, None, :], 0.0, atol=1e-6)
 
 
-def test_the_graph_interface_takes_loops_too(tiled: None) -> None:
+def test_graph_interface_uses_blocks(blocks: None) -> None:
     problem = two_laps()
     found = optimise_graph(*to_graph(problem), TIGHT)
     assert found.solver == "schur"
-    assert found.error_after == pytest.approx(total(solve(problem, TIGHT, "gtsam").problem), rel=1e-8)
+    assert found.error_after == pytest.approx(total_cost(solve(problem, TIGHT, "gtsam").problem), rel=1e-8)
+
+
+def test_short_drive_is_stored_as_a_band() -> None:
+    problem, _ = drive(frames=20, landmarks=100)
+    structure = analyze_sparsity(problem)
+    assert structure.blocks is None
+    span = max(np.ptp(problem.frame[problem.landmark == row]) for row in np.unique(problem.landmark))
+    assert structure.half_bandwidth == 6 * (span + 1) - 1
+
+
+def test_held_frames_are_not_numbered() -> None:
+    problem, _ = drive(frames=6, landmarks=30)
+    structure = analyze_sparsity(replace(problem, fixed=np.isin(np.arange(6), [0, 3])))
+    np.testing.assert_array_equal(structure.free, [-1, 0, 1, -1, 2, 3])
+    assert structure.n_free == 4
+
+
+def test_limits_apply_to_operations_and_to_memory() -> None:
+    structure = analyze_sparsity(drive(frames=12, landmarks=60)[0])
+    assert structure.fits(structure.flops, structure.bytes)
+    assert not structure.fits(0.99 * structure.flops, structure.bytes)
+    assert not structure.fits(structure.flops, 0.99 * structure.bytes)
+
+
+def test_pose_factor_between_distant_frames_widens_the_band() -> None:
+    problem, _ = drive(frames=30, landmarks=100)
+    graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
+    graph.add(gtsam.BetweenFactorPose3(X(0), X(29), gtsam.Pose3(), gtsam.noiseModel.Unit.Create(6)))
+    assert analyze_sparsity(replace(problem, pose_graph=graph)).half_bandwidth == 6 * 30 - 1

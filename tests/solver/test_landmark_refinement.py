@@ -19,7 +19,7 @@ from vgps.solver.landmark_refinement import (
 MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
 
 
-def test_costs_of_landmarks_add_up_to_the_whole():
+def test_costs_of_landmarks_add_up_to_that_of_the_video():
     problem, _ = drive(20, 200, seed=1, disturbed=0.3)
     costs = landmark_costs(problem, analyze_sparsity(problem))
     assert costs.sum() == pytest.approx(video_cost(problem), rel=1e-12)
@@ -31,7 +31,7 @@ def test_costs_of_landmarks_add_up_to_the_whole():
         assert costs[one] == pytest.approx(own.sum(), rel=1e-12)
 
 
-def test_carried_points_look_the_same_to_their_frames():
+def test_points_keep_their_place_in_the_camera_frame():
     problem, poses = drive(20, 200, seed=1)
     anchor = anchor_frames(problem)
     assert all(anchor[i] == problem.frame[problem.landmark == i].max() for i in np.unique(problem.landmark))
@@ -46,7 +46,7 @@ def test_carried_points_look_the_same_to_their_frames():
         np.testing.assert_allclose(after_camera, 2.0 * before_camera, atol=1e-12)
 
 
-def test_a_point_settles_where_it_is_triangulated_and_the_others_stay():
+def test_landmark_is_refined_to_its_triangulation_and_the_others_stay():
     problem, _ = drive(20, 200, seed=1)
     problem = replace(problem, robust="none", robust_k=None, sigma_px=np.ones(len(problem.frame)))
     seen = np.bincount(problem.landmark, minlength=200)
@@ -65,7 +65,7 @@ def test_a_point_settles_where_it_is_triangulated_and_the_others_stay():
     np.testing.assert_array_equal(found[~which], away[~which])
 
 
-def test_a_settled_point_is_never_worse():
+def test_cost_of_a_refined_landmark_never_rises():
     problem, _ = drive(20, 200, seed=2, disturbed=1.0)
     away = problem.world_p_landmark + np.random.default_rng(0).normal(
         0.0, 30.0, problem.world_p_landmark.shape
@@ -79,8 +79,8 @@ def test_a_settled_point_is_never_worse():
     assert gain == pytest.approx(before.sum() - after.sum(), rel=1e-9)
 
 
-def test_a_few_hopeless_points_do_not_hold_back_the_poses():
-    """Points near their rays, but a hundred times too far: the linear model of their depth is worthless."""
+def test_a_few_bad_landmarks_do_not_hold_back_the_poses():
+    """Landmarks a hundred times too far along their rays: the linear model of their depth is worthless."""
     problem, _ = drive(40, 400, seed=3, disturbed=0.5)
     bad = np.arange(0, 400, 20)
     away = problem.world_p_landmark.copy()
@@ -92,7 +92,7 @@ def test_a_few_hopeless_points_do_not_hold_back_the_poses():
     assert spoilt.report.iterations <= 5 * clean.report.iterations
 
 
-def test_a_step_that_suits_no_point_carries_all_of_them():
+def test_bad_steps_are_replaced_by_the_motion_of_the_frames():
     problem, poses = drive(20, 200, seed=1)
     after = poses.copy()
     after[:, :3, 3] += [3.0, 0.0, 0.0]

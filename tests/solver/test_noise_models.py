@@ -13,7 +13,7 @@ positive = st.floats(1e-3, 1e3)
 
 
 @given(positive, positive)
-def test_constants_of_losses_are_found_again(sigma: float, k: float) -> None:
+def test_constants_of_losses_are_recovered(sigma: float, k: float) -> None:
     inner = noiseModel.Isotropic.Sigma(2, sigma)
     for name, loss in (("huber", mEstimator.Huber), ("cauchy", mEstimator.Cauchy)):
         found = read_noise_model(noiseModel.Robust.Create(loss.Create(k), inner))
@@ -30,20 +30,20 @@ def test_models_without_a_loss() -> None:
 
 
 OTHERS = {
-    "unlike coordinates": noiseModel.Diagonal.Sigmas(np.array([1.0, 2.0])),
-    "coordinates that hang together": noiseModel.Gaussian.Covariance(np.array([[1.0, 0.5], [0.5, 1.0]])),
+    "unequal sigmas": noiseModel.Diagonal.Sigmas(np.array([1.0, 2.0])),
+    "correlated coordinates": noiseModel.Gaussian.Covariance(np.array([[1.0, 0.5], [0.5, 1.0]])),
     "a hard constraint": noiseModel.Constrained.All(2),
     "three coordinates": noiseModel.Isotropic.Sigma(3, 2.0),
     "another loss": noiseModel.Robust.Create(mEstimator.Tukey.Create(4.0), PIXEL),
-    "each coordinate by itself": noiseModel.Robust.Create(
+    "one weight per coordinate": noiseModel.Robust.Create(
         mEstimator.Huber.Create(1.3, mEstimator.Huber.ReweightScheme.Scalar), PIXEL
     ),
-    "a loss around unlike coordinates": noiseModel.Robust.Create(
+    "a loss around unequal sigmas": noiseModel.Robust.Create(
         mEstimator.Huber.Create(1.3), noiseModel.Diagonal.Sigmas(np.array([1.0, 2.0]))
     ),
 }
 
 
 @pytest.mark.parametrize("model", OTHERS.values(), ids=OTHERS)
-def test_what_the_engine_has_no_numbers_for(model: gtsam.noiseModel.Base) -> None:
+def test_model_that_cannot_be_read(model: gtsam.noiseModel.Base) -> None:
     assert read_noise_model(model) is None

@@ -1,16 +1,20 @@
 """A short drive with tracked points, fixes and motion factors: bundle problems with a known truth."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.model import FloatArray
-from vgps.solver.problem import BundleProblem
+from vgps.solver.cost import cost_terms
+from vgps.solver.levenberg_marquardt import SolverSettings
+from vgps.solver.problem import BundleProblem, RobustLoss
 
 K = (500.0, 510.0, 320.0, 240.0)
 ANTENNA = np.array([0.1, -0.6, 0.3])  # camera_p_antenna
+TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
 
 
 def true_poses(frames: int) -> FloatArray:
@@ -23,7 +27,7 @@ def true_poses(frames: int) -> FloatArray:
 
 
 def antenna_fix(frame: int, share: float, world_p_fix: FloatArray, sigma_m: float) -> gtsam.CustomFactor:
-    """A fix at its own time, ``share`` of the way from a frame to the next, in Python."""
+    """A Python factor for a fix between two frames, at ``share`` of the interval."""
     lever = ANTENNA.reshape(3, 1)
 
     def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: Sequence | None) -> FloatArray:
@@ -33,8 +37,8 @@ def antenna_fix(frame: int, share: float, world_p_fix: FloatArray, sigma_m: floa
             R = pose.rotation().matrix()
             residual = residual + weight * (pose.translation() + R @ ANTENNA)
             if jacobians is not None:
-                turned = -R @ gtsam.Rot3.Hat(lever.ravel())
-                jacobians[i] = np.asfortranarray(weight * np.hstack([turned, R]))
+                by_rotation = -R @ gtsam.Rot3.Hat(lever.ravel())
+                jacobians[i] = np.asfortranarray(weight * np.hstack([by_rotation, R]))
         return residual
 
     noise = gtsam.noiseModel.Isotropic.Sigma(3, sigma_m)
@@ -42,7 +46,7 @@ def antenna_fix(frame: int, share: float, world_p_fix: FloatArray, sigma_m: floa
 
 
 def constant_velocity(frame: int, sigma_m: float) -> gtsam.CustomFactor:
-    """Three frames in a line at equal distances."""
+    """A Python factor for three frames in a line at equal distances."""
 
     def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: Sequence | None) -> FloatArray:
         residual = np.zeros(3)
@@ -61,10 +65,10 @@ def constant_velocity(frame: int, sigma_m: float) -> gtsam.CustomFactor:
 def pose_factors(poses: FloatArray, rng: np.random.Generator) -> gtsam.NonlinearFactorGraph:
     graph = gtsam.NonlinearFactorGraph()
     frames = len(poses)
-    turn = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))
+    loose = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))
     for i in range(frames - 1):
         motion = gtsam.Pose3(poses[i]).between(gtsam.Pose3(poses[i + 1]))
-        graph.add(gtsam.BetweenFactorPose3(X(i), X(i + 1), motion, turn))
+        graph.add(gtsam.BetweenFactorPose3(X(i), X(i + 1), motion, loose))
     for i in range(frames - 2):
         graph.add(constant_velocity(i, 0.5))
     antenna = poses[:, :3, 3] + poses[:, :3, :3] @ ANTENNA
@@ -77,7 +81,7 @@ def pose_factors(poses: FloatArray, rng: np.random.Generator) -> gtsam.Nonlinear
 def visible(
     poses: FloatArray, world_p_landmark: FloatArray, first: int, last: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Frames of first..last that see the point inside the image, and where."""
+    """Return the frames of first..last whose image contains the point, and its position in each."""
     frames = np.arange(max(first, 0), min(last, len(poses) - 1) + 1)
     R, t = poses[frames, :3, :3], poses[frames, :3, 3]
     p = np.einsum("fji,fj->fi", R, world_p_landmark - t)
@@ -90,14 +94,14 @@ def visible(
 def drive(
     frames: int = 40, landmarks: int = 300, seed: int = 0, outliers: float = 0.0, disturbed: float = 1.0
 ) -> tuple[BundleProblem, FloatArray]:
-    """A disturbed problem, and its true poses; tracks of 3 to 25 frames.
+    """Return a problem with a disturbed start, and its true poses; tracks have 3 to 25 frames.
 
     Args:
         frames: F.
-        landmarks: L, those without three views in the image left out of the observations.
-        seed: Of everything random.
+        landmarks: L; those in fewer than three images have no observations.
+        seed: Seed of all random numbers.
         outliers: Share of the observations displaced by up to 60 px.
-        disturbed: Scale of the start's errors: 0.2 deg, 0.1 m, points 0.3 m.
+        disturbed: Scale of the errors of the start: 0.2 deg, 0.1 m, landmarks 0.3 m.
     """
     rng = np.random.default_rng(seed)
     poses = true_poses(frames)
@@ -130,3 +134,69 @@ def drive(
         pose_graph=pose_factors(poses, rng),
     )
     return problem, poses
+
+
+def total_cost(problem: BundleProblem) -> float:
+    return sum(cost_terms(problem).values())
+
+
+def keep_observations(problem: BundleProblem, keep: FloatArray) -> BundleProblem:
+    """Return the problem with some of its observations and all of its pose factors."""
+    return replace(problem.select_observations(keep), pose_graph=problem.pose_graph, shared=problem.shared)
+
+
+def with_loss(problem: BundleProblem, loss: RobustLoss, k: float = 1.0) -> BundleProblem:
+    return replace(problem, robust=loss, robust_k=np.full(len(problem.frame), k))
+
+
+def one_point(world_p: list[float], uv: list[float], **changes: object) -> BundleProblem:
+    """Return a problem of one camera at the origin that observes one landmark."""
+    arrays = {
+        "world_T_camera": np.eye(4)[None],
+        "world_p_landmark": np.array([world_p]),
+        "frame": np.array([0]),
+        "landmark": np.array([0]),
+        "uv_px": np.array([uv]),
+        "sigma_px": np.array([2.0]),
+    }
+    return BundleProblem(K=K, **(arrays | changes))
+
+
+def views(problem: BundleProblem) -> np.ndarray:
+    """Return the number of observations of each observation's landmark, (N,)."""
+    return np.bincount(problem.landmark)[problem.landmark]
+
+
+def interrupted_tracks() -> BundleProblem:
+    """Return a drive of which frames 15 to 22 observe nothing."""
+    problem, _ = drive()
+    problem = keep_observations(problem, (problem.frame < 15) | (problem.frame > 22))
+    return keep_observations(problem, views(problem) >= 3)
+
+
+def held_frames() -> BundleProblem:
+    """Return a drive whose first twelve frames and frame 30 are held, the former at their true poses."""
+    problem, poses = drive()
+    start = problem.world_T_camera.copy()
+    start[:12] = poses[:12]
+    return replace(problem, world_T_camera=start, fixed=np.isin(np.arange(40), [*range(12), 30]))
+
+
+def sparse_tracks() -> BundleProblem:
+    """Return a drive half of whose landmarks are observed in every third frame only."""
+    problem, _ = drive()
+    problem = keep_observations(problem, (problem.landmark % 2 == 0) | (problem.frame % 3 == 0))
+    return keep_observations(problem, views(problem) >= 3)
+
+
+def wrong_sign_factor() -> gtsam.NonlinearFactorGraph:
+    """Return a factor with the wrong sign of its Jacobian: no step of the linear model lowers the cost."""
+
+    def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list | None) -> np.ndarray:
+        if jacobians is not None:
+            jacobians[0] = np.asfortranarray(np.hstack([np.zeros((3, 3)), -np.eye(3)]))
+        return values.atPose3(this.keys()[0]).translation() - 10.0
+
+    graph = gtsam.NonlinearFactorGraph()
+    graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(3), [X(0)], error))
+    return graph

@@ -31,7 +31,7 @@ class GraphResult:
         reason: Why the optimiser stopped.
         converged: Whether a tolerance was reached.
         solver: ``schur`` for this package's engine, or ``gtsam``.
-        why_gtsam: Why the engine could not be used; empty if it was.
+        fallback_reason: Why the engine could not be used; empty if it was.
         seconds: Wall time, including the reading of the graph.
     """
 
@@ -42,7 +42,7 @@ class GraphResult:
     reason: str
     converged: bool
     solver: Solver
-    why_gtsam: str
+    fallback_reason: str
     seconds: float
 
 
@@ -55,7 +55,7 @@ def optimise_graph(
     behind a camera has GTSAM's constant residual and no Jacobian. Their noise is isotropic, without a loss or
     with Huber's or Cauchy's. GTSAM linearises every other factor: priors, motion, fixes, factors in Python.
     A graph that is no such bundle problem, or whose poses are coupled too densely, goes to GTSAM's optimiser
-    with landmarks first in the ordering; ``why_gtsam`` gives the reason.
+    with landmarks first in the ordering; ``fallback_reason`` gives the reason.
 
     Args:
         graph: Poses are ``Pose3``, world_T_camera; any keys.
@@ -89,7 +89,7 @@ def optimise_graph(
         reason=end.reason,
         converged=end.converged,
         solver="gtsam" if why else "schur",
-        why_gtsam=why,
+        fallback_reason=why,
         seconds=time.perf_counter() - begin,
     )
 
