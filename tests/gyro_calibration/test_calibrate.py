@@ -6,7 +6,7 @@ from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, on
 
 from vgps.config import GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError
-from vgps.gyro_calibration import calibrate_from_turns
+from vgps.gyro_calibration import calibrate_from_rotations
 from vgps.model import GyroLog
 
 CONFIG = GyroCalibrationConfig()
@@ -19,7 +19,7 @@ def noisy(rates, seconds=15.0, seed=0):
 
 
 def test_mount_clock_and_bias_are_found_within_what_is_said_of_them():
-    found = calibrate_from_turns(*noisy(rich), CONFIG)
+    found = calibrate_from_rotations(*noisy(rich), CONFIG)
     assert apart_deg(found.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.15
     assert abs(found.mount.time_offset_s - MOUNT.time_offset_s) < 4 * found.time_offset_sigma_s < 0.005
     assert (np.abs(found.mount.bias_rad_s - MOUNT.bias_rad_s) < 4 * found.bias_sigma_rad_s).all()
@@ -30,7 +30,7 @@ def test_mount_clock_and_bias_are_found_within_what_is_said_of_them():
 
 
 def test_what_goes_into_the_rig():
-    fields = calibrate_from_turns(*noisy(rich), CONFIG).rig_fields()
+    fields = calibrate_from_rotations(*noisy(rich), CONFIG).rig_fields()
     assert set(fields) == {
         "gyro_R_camera",
         "gyro_rotation_sigma_deg",
@@ -44,10 +44,10 @@ def test_what_goes_into_the_rig():
 
 def test_what_is_not_known_is_not_written_and_said():
     strict = replace_config(max_offset_sigma_s=1e-7, max_bias_sigma_deg_s=1e-5)
-    found = calibrate_from_turns(*noisy(rich), strict)
+    found = calibrate_from_rotations(*noisy(rich), strict)
     assert not found.offset_known and not found.bias_known
     assert set(found.rig_fields()) == {"gyro_R_camera", "gyro_rotation_sigma_deg"}
-    assert [note.split(" is known")[0] for note in found.notes] == ["the offset of the clocks", "the bias"]
+    assert [note.split(" is only known")[0] for note in found.notes] == ["the clock offset", "the bias"]
 
 
 def replace_config(**changes):
@@ -59,21 +59,21 @@ def test_a_motion_that_repeats_itself_leaves_the_offset_open():
         phase = 2 * np.pi * t_s / 0.5
         return np.stack([np.sin(phase), np.cos(phase), np.sin(phase + 0.7)], axis=-1)
 
-    found = calibrate_from_turns(*noisy(periodic), CONFIG)
+    found = calibrate_from_rotations(*noisy(periodic), CONFIG)
     assert not found.offset_known and "gyro_time_offset_s" not in found.rig_fields()
     assert any("repeats itself" in note for note in found.notes)
 
 
 def test_a_wrong_focal_length_is_said():
     turns, gyro = noisy(rich)
-    found = calibrate_from_turns(turns, replace(gyro, rate_rad_s=1.08 * gyro.rate_rad_s), CONFIG)
+    found = calibrate_from_rotations(turns, replace(gyro, rate_rad_s=1.08 * gyro.rate_rad_s), CONFIG)
     assert found.scale == pytest.approx(1 / 1.08, abs=0.01)
     assert any("check the focal length" in note for note in found.notes)
 
 
 def test_turning_about_one_axis_alone_is_refused_with_the_remedy():
-    with pytest.raises(GeometryError, match=r"about one axis alone .* pan, tilt and roll"):
-        calibrate_from_turns(*noisy(one_axis), CONFIG)
+    with pytest.raises(GeometryError, match=r"about one axis only .* pan, tilt and roll"):
+        calibrate_from_rotations(*noisy(one_axis), CONFIG)
 
 
 def still(t_s):
@@ -86,14 +86,14 @@ def steady(t_s):
 
 @pytest.mark.parametrize("rates", [still, steady])
 def test_no_motion_and_steady_motion_are_refused(rates):
-    with pytest.raises(GeometryError, match="stood still, or turned steadily"):
-        calibrate_from_turns(*noisy(rates), CONFIG)
+    with pytest.raises(GeometryError, match="stood still or rotated steadily"):
+        calibrate_from_rotations(*noisy(rates), CONFIG)
 
 
 def test_a_gyro_of_another_motion_is_refused():
     turns, _ = noisy(rich)
     with pytest.raises(GyroLogError, match=r"gyro\.csv: the rates of gyro and video correlate to 0\.\d\d"):
-        calibrate_from_turns(turns, gyro_log(lambda t: rich(1.7 * t + 3.0)[:, ::-1] ** 3, 15.0), CONFIG)
+        calibrate_from_rotations(turns, gyro_log(lambda t: rich(1.7 * t + 3.0)[:, ::-1] ** 3, 15.0), CONFIG)
 
 
 def test_mirrored_axes_are_refused():
@@ -101,27 +101,27 @@ def test_mirrored_axes_are_refused():
     turns, gyro = noisy(rich)
     mirrored = replace(gyro, rate_rad_s=gyro.rate_rad_s * [1, 1, -1])
     with pytest.raises(GyroLogError, match="correlate"):
-        calibrate_from_turns(turns, mirrored, CONFIG)
+        calibrate_from_rotations(turns, mirrored, CONFIG)
 
 
 def test_a_log_of_another_time_is_refused():
     turns, gyro = noisy(rich)
     with pytest.raises(GyroLogError, match="video_start_s"):
-        calibrate_from_turns(turns, replace(gyro, t_s=gyro.t_s + 500.0), CONFIG)
+        calibrate_from_rotations(turns, replace(gyro, t_s=gyro.t_s + 500.0), CONFIG)
 
 
 def test_too_short_a_video_is_refused():
     turns, gyro = noisy(rich)
     short = turns.only(np.arange(len(turns)) < 20)
-    with pytest.raises(GeometryError, match="20 intervals with a rotation"):
-        calibrate_from_turns(short, gyro, CONFIG)
+    with pytest.raises(GeometryError, match="20 intervals have a rotation"):
+        calibrate_from_rotations(short, gyro, CONFIG)
 
 
 def test_a_gap_in_the_log_costs_its_intervals_alone():
     turns, gyro = noisy(rich)
     kept = (gyro.t_s < 4.0) | (gyro.t_s > 6.0)
     gappy = GyroLog(gyro.t_s[kept], gyro.rate_rad_s[kept], gyro.source)
-    found = calibrate_from_turns(turns, gappy, CONFIG)
+    found = calibrate_from_rotations(turns, gappy, CONFIG)
     assert apart_deg(found.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.2
     assert 40 <= found.missed <= 46 and found.intervals + found.missed == len(turns)
 
@@ -129,7 +129,7 @@ def test_a_gap_in_the_log_costs_its_intervals_alone():
 def test_another_unit_than_radians_is_said():
     turns, gyro = noisy(rich)
     degrees = replace(gyro, rate_rad_s=np.degrees(gyro.rate_rad_s))
-    with pytest.raises(GyroLogError, match=r"turns 57\.\d times as far as the video; .*rad/s, not deg/s"):
-        calibrate_from_turns(turns, degrees, CONFIG)
-    with pytest.raises(GyroLogError, match=r"turns 0\.0175 times .* check the unit"):
-        calibrate_from_turns(turns, replace(gyro, rate_rad_s=np.radians(gyro.rate_rad_s)), CONFIG)
+    with pytest.raises(GyroLogError, match=r"rotates 57\.\d times as far as the video; .*rad/s, not deg/s"):
+        calibrate_from_rotations(turns, degrees, CONFIG)
+    with pytest.raises(GyroLogError, match=r"rotates 0\.0175 times .* check the unit"):
+        calibrate_from_rotations(turns, replace(gyro, rate_rad_s=np.radians(gyro.rate_rad_s)), CONFIG)

@@ -126,7 +126,7 @@ def test_fixes_far_off_do_not_shrink_the_picture_and_are_counted(solution, tmp_p
     far[3] += [0.0, 50_000.0, 0.0]
     run = replace(solution, fixes=replace(solution.fixes, world_p_fix=far))
     assert (outside_picture(solution), outside_picture(run)) == (0, 1)
-    assert "1 fix lie outside" in page_of(run, tmp_path)
+    assert "1 fixes lie outside" in page_of(run, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def test_without_a_fix_the_truth_must_be_given(tmp_path):
         survey_logs([log])
     found = survey_logs([log], truth=ORIGIN)
     assert found.classes[0].r_m == pytest.approx(np.sqrt(2.0), abs=1e-3)
-    assert "30 epochs are worth" in found.warnings[-1]
+    assert "30 epochs count as" in found.warnings[-1]
 
 
 def test_a_receiver_that_moves_is_told(tmp_path):

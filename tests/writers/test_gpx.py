@@ -97,6 +97,6 @@ def test_kml_is_drawn_at_its_height_only_with_a_geoid(timed, tmp_path):
     assert first == pytest.approx(expected)
 
 
-def test_a_run_without_a_place_on_the_globe_is_refused(solution, tmp_path):
-    with pytest.raises(RunFolderError, match="no place on the globe"):
+def test_a_run_without_georeference_is_refused(solution, tmp_path):
+    with pytest.raises(RunFolderError, match="not georeferenced"):
         write_gpx(replace(solution, georeferenced=False), tmp_path / "x.gpx")

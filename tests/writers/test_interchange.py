@@ -156,6 +156,6 @@ def test_kml_parses_and_has_the_path_and_every_fix(solution, tmp_path):
 
 
 @pytest.mark.parametrize("to", ["geojson", "kml"])
-def test_without_a_place_on_the_globe_there_is_no_map(solution, tmp_path, to):
-    with pytest.raises(RunFolderError, match="no place on the globe"):
+def test_without_georeference_there_is_no_map(solution, tmp_path, to):
+    with pytest.raises(RunFolderError, match="not georeferenced"):
         exported(replace(solution, georeferenced=False), tmp_path, to, "x")

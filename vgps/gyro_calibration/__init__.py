@@ -1,6 +1,6 @@
-"""A gyro's rotation on the camera, the offset of its clock and its bias, from a video and its rates."""
+"""Calibration of a gyro on a camera: rotation, clock offset and bias, from a video and the gyro's rates."""
 
-from vgps.gyro_calibration.calibrate import GyroCalibration, calibrate_from_turns, calibrate_gyro
+from vgps.gyro_calibration.calibrate import GyroCalibration, calibrate_from_rotations, calibrate_gyro
 from vgps.gyro_calibration.fit import Mount
 
-__all__ = ["GyroCalibration", "Mount", "calibrate_from_turns", "calibrate_gyro"]
+__all__ = ["GyroCalibration", "Mount", "calibrate_from_rotations", "calibrate_gyro"]

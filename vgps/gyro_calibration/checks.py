@@ -1,4 +1,4 @@
-"""What must be in the motion, and in the log, for a gyro to be calibrated; what is missing is told."""
+"""Checks that a recording's motion and log allow a gyro to be calibrated."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from vgps.gyro_calibration.fit import Fit
 from vgps.model import FloatArray, GyroLog
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_REMEDY = "pan, tilt and roll the camera, a few seconds each, slowly and not steadily"
+_REMEDY = "pan, tilt and roll the camera for a few seconds each, slowly and unevenly"
 
 
 def check_motion(
@@ -19,18 +19,18 @@ def check_motion(
     log: GyroLog,
     config: GyroCalibrationConfig,
 ) -> None:
-    """Check that gyro and video tell of the same motion, and that there is enough of it.
+    """Check that gyro and video recorded the same motion, and enough of it.
 
     Args:
         gyro_rates, camera_rates: (N, 3) mean rates over the intervals between frames, rad/s, each in its own
             axes.
-        guess: The offset of the clocks at which they agree best.
-        log: For what is told.
-        config: Least motion and agreement.
+        guess: The clock offset at which they agree best.
+        log: For the messages.
+        config: Required motion and agreement.
 
     Raises:
-        GyroLogError: The gyro covers too few intervals, or tells of another motion, or in another unit.
-        GeometryError: The camera stood still, or turned steadily.
+        GyroLogError: The gyro covers too few intervals, or recorded another motion or unit.
+        GeometryError: The camera stood still or rotated steadily.
     """
     if len(gyro_rates) < config.min_intervals:
         found = f"the gyro covers {len(gyro_rates)} intervals between frames"
@@ -38,7 +38,7 @@ def check_motion(
     varies = float(np.degrees(np.linalg.norm(gyro_rates.std(axis=0))))
     if varies < config.min_rate_deg_s:
         raise GeometryError(
-            f"the gyro's rate varies by {varies:.2f} deg/s: the camera stood still, or turned steadily",
+            f"the gyro's rate varies by {varies:.2f} deg/s: the camera stood still or rotated steadily",
             expected=f"at least {config.min_rate_deg_s:g} deg/s",
             remedy=_REMEDY,
         )
@@ -59,7 +59,7 @@ def _check_unit(
     times = float(spread[0] / (guess.alignment.agreement * spread[1]))
     if not 1 / tolerance < times < tolerance:
         raise GyroLogError(
-            f"the gyro turns {times:.3g} times as far as the video",
+            f"the gyro rotates {times:.3g} times as far as the video",
             file=log.source,
             expected="rates in rad/s" + (", not deg/s" if times > tolerance else ""),
             remedy="check the unit, and the focal length in camera.yaml",
@@ -67,14 +67,14 @@ def _check_unit(
 
 
 def check_axes(
-    fit: Fit, alignment: Alignment, turns: RelativeRotations, config: GyroCalibrationConfig
+    fit: Fit, alignment: Alignment, rotations: RelativeRotations, config: GyroCalibrationConfig
 ) -> None:
-    """Check that the camera turned about two axes: one leaves the sensor free to be turned about it.
+    """Check that the camera rotated about two axes: with one, the sensor's rotation about it is undetermined.
 
     Raises:
-        GeometryError: It turned about one.
+        GeometryError: It rotated about one axis only.
     """
-    seconds = float(np.median(turns.end_s - turns.start_s))
+    seconds = float(np.median(rotations.end_s - rotations.start_s))
     noise = np.average(fit.residual_rad**2, axis=0, weights=fit.weight).mean() / seconds**2
     chance = config.second_axis_ratio * noise / np.sqrt(fit.weight.sum())
     sigma = float(np.degrees(np.sqrt(np.diag(fit.covariance)[:3].max())))
@@ -82,7 +82,7 @@ def check_axes(
         return
     first, second = np.degrees(np.sqrt(alignment.scatter[:2]))
     raise GeometryError(
-        f"the camera turned about one axis alone ({first:.1f} deg/s, {second:.1f} deg/s across): the "
+        f"the camera rotated about one axis only ({first:.1f} deg/s, {second:.1f} deg/s across): the "
         f"sensor's rotation about it is known to {sigma:.1f} deg",
         expected=f"at most {config.max_rotation_sigma_deg:g} deg",
         remedy=_REMEDY,

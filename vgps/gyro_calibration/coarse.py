@@ -1,4 +1,4 @@
-"""Where the clocks of gyro and video may agree, and the rotation between the two: a first guess."""
+"""First guess of the clock offset and of the rotation between gyro and camera."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,17 @@ from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_STEPS_PER_INTERVAL = 8  # of the search grid, which only has to come close to the maximum
+_STEPS_PER_INTERVAL = 8  # of the search grid, which only needs to come close to the maximum
 
 
 class Alignment(NamedTuple):
-    """The rotation that takes one set of rates best to another, after their means are taken off.
+    """The rotation that best maps one set of rates to another, after subtracting their means.
 
     Attributes:
         gyro_R_camera: (3, 3).
         agreement: Correlation of the rates, at most 1.
-        scatter: (3,) mean products of the rates along the principal axes, gyro's times camera's, (rad/s)^2,
-            the largest first: how much the camera turned about each.
+        scatter: (3,) mean products of gyro and camera rates along the principal axes, (rad/s)^2, the largest
+            first: how much the camera rotated about each.
     """
 
     gyro_R_camera: FloatArray
@@ -28,7 +28,7 @@ class Alignment(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """Offset to add to the gyro's times, and the second best that is not its neighbour."""
+    """Offset to add to the gyro's times, and the second-best local maximum."""
 
     time_offset_s: float
     alignment: Alignment
@@ -39,11 +39,11 @@ class Guess(NamedTuple):
 def align_rates(
     gyro_rates: FloatArray, camera_rates: FloatArray, weight: FloatArray | None = None
 ) -> Alignment:
-    """Least squares of ``gyro - R camera`` over rotations, means free (Kabsch 1976; Umeyama 1991).
+    """Minimise ``gyro - R camera`` over rotations R, with free means (Kabsch 1976; Umeyama 1991).
 
     Args:
         gyro_rates, camera_rates: (P, 3) at the same times.
-        weight: (P,), else 1.
+        weight: (P,), by default 1.
     """
     weight = np.ones(len(gyro_rates)) if weight is None else weight
     weight = weight / weight.sum()
@@ -57,26 +57,27 @@ def align_rates(
 
 
 def guess_offset(
-    turns: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, config: GyroCalibrationConfig
+    rotations: RelativeRotations, camera_rates: FloatArray, gyro: GyroIntegral, config: GyroCalibrationConfig
 ) -> Guess | None:
-    """The offset within ``config.search_s`` at which the rates of gyro and video agree best, in any mount.
+    """Return the offset within ``config.search_s`` at which gyro and video agree best, for any rotation.
 
     Args:
-        turns: Of the camera, P intervals.
-        camera_rates: (P, 3) their rates.
+        rotations: Of the camera, P intervals.
+        camera_rates: (P, 3) mean rates over them.
         gyro: On its own clock.
+        config: Search range and limits.
 
     Returns:
-        None if no offset lets the gyro cover ``config.min_overlap_share`` of the intervals.
+        The guess; None if at no offset the gyro covers ``config.min_overlap_share`` of the intervals.
     """
     size = np.linalg.norm(camera_rates, axis=1)
     limit = config.max_rate_ratio * max(float(np.median(size)), 1e-6)
     rates = camera_rates * np.minimum(1.0, limit / np.maximum(size, 1e-12))[:, None]
-    step = float(np.median(turns.end_s - turns.start_s)) / _STEPS_PER_INTERVAL
+    step = float(np.median(rotations.end_s - rotations.start_s)) / _STEPS_PER_INTERVAL
     count = int(np.ceil(config.search_s / step))
-    least = max(3.0, config.min_overlap_share * len(turns))
+    least = max(3.0, config.min_overlap_share * len(rotations))
     offsets = step * np.arange(-count, count + 1)
-    found = [_aligned_at(turns, rates, gyro, offset, least) for offset in offsets]
+    found = [_aligned_at(rotations, rates, gyro, offset, least) for offset in offsets]
     agreement = np.array([-1.0 if one is None else one.agreement for one in found])
     best = int(agreement.argmax())
     alignment = found[best]
@@ -89,9 +90,9 @@ def guess_offset(
 
 
 def _aligned_at(
-    turns: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float, least: float
+    rotations: RelativeRotations, rates: FloatArray, gyro: GyroIntegral, offset_s: float, least: float
 ) -> Alignment | None:
-    start, end = turns.start_s - offset_s, turns.end_s - offset_s
+    start, end = rotations.start_s - offset_s, rotations.end_s - offset_s
     covered = gyro.covers(start, end)
     if covered.sum() < least:
         return None

@@ -1,4 +1,4 @@
-"""Robust least squares over the gyro's rotation on the camera, its clock's offset and its bias."""
+"""Robust least squares for the gyro's rotation on the camera, clock offset and bias."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,34 +10,34 @@ from vgps.geometry.angular_rates import GyroIntegral
 from vgps.model import FloatArray
 from vgps.tracking.relative_rotation import RelativeRotations
 
-_ITERATIONS = 30  # a guard: from a fair start a handful of steps suffices
+_ITERATIONS = 30  # a limit: a few steps suffice from a good start
 _STEPS = np.array([1e-5] * 3 + [2e-4] + [1e-5] * 3)  # of the difference quotients: rad, s, rad/s
-_PRIOR = np.array([1.0] * 3 + [10.0] + [1.0] * 3) ** -2.0  # keeps what nothing shows from running away
-_MOST = np.array([0.3] * 3 + [0.02] + [0.1] * 3)  # of one step
+_PRIOR = np.array([1.0] * 3 + [10.0] + [1.0] * 3) ** -2.0  # keeps unobservable parameters bounded
+_MOST = np.array([0.3] * 3 + [0.02] + [0.1] * 3)  # largest step
 
 
 @dataclass(frozen=True)
 class Mount:
-    """How a gyro sits on the camera and how it errs: rotation (3, 3), offset of its clock [s], bias (3,)."""
+    """Rotation (3, 3) of a gyro on the camera, clock offset [s] and bias (3,) [rad/s]."""
 
     gyro_R_camera: FloatArray
     time_offset_s: float
     bias_rad_s: FloatArray
 
     def moved(self, step: FloatArray) -> "Mount":
-        """By a tangent (7,): rotation about the camera's axes, offset, bias."""
-        turned = self.gyro_R_camera @ Rotation.from_rotvec(step[:3]).as_matrix()
-        return Mount(turned, self.time_offset_s + float(step[3]), self.bias_rad_s + step[4:])
+        """Return the mount moved by a tangent (7,): rotation about the camera's axes, offset, bias."""
+        rotation = self.gyro_R_camera @ Rotation.from_rotvec(step[:3]).as_matrix()
+        return Mount(rotation, self.time_offset_s + float(step[3]), self.bias_rad_s + step[4:])
 
 
 class Fit(NamedTuple):
-    """What came out of a fit.
+    """The result of a fit.
 
     Attributes:
-        mount: The best.
+        mount: The estimate.
         covariance: (7, 7) in the tangent of `Mount.moved`; the larger of two estimates, see `fit_mount`.
-        residual_rad: (P, 3) gyro's turn less the camera's, in the camera's axes.
-        weight: (P,) of each interval, between 0 and 1.
+        residual_rad: (P, 3) gyro's rotation minus the camera's, in the camera's axes.
+        weight: (P,) of the intervals, between 0 and 1.
     """
 
     mount: Mount
@@ -46,33 +46,35 @@ class Fit(NamedTuple):
     weight: FloatArray
 
 
-def residuals(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
-    """(P, 3) ``Log(turn^T gyro_R_camera^T gyro's turn gyro_R_camera)``, camera's axes at the end; Eq. (1),
-    Matsuda 2007."""
+def residuals(rotations: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
+    """Return (P, 3) ``Log(camera^T gyro_R_camera^T gyro gyro_R_camera)``, Eq. (1), Matsuda 2007.
+
+    ``camera`` and ``gyro`` are start_R_end of an interval; the result is in the camera's axes at its end.
+    """
     offset, R = mount.time_offset_s, mount.gyro_R_camera
-    by_gyro = gyro.relative_rotations(turns.start_s - offset, turns.end_s - offset, mount.bias_rad_s)
-    off = turns.start_R_end.transpose(0, 2, 1) @ R.T @ by_gyro @ R
+    by_gyro = gyro.relative_rotations(rotations.start_s - offset, rotations.end_s - offset, mount.bias_rad_s)
+    off = rotations.start_R_end.transpose(0, 2, 1) @ R.T @ by_gyro @ R
     return np.asarray(Rotation.from_matrix(off).as_rotvec(), np.float64)
 
 
-def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount, robust_sigmas: float) -> Fit:
-    """The mount whose turns are the camera's, by Gauss-Newton with Cauchy weights.
+def fit_mount(rotations: RelativeRotations, gyro: GyroIntegral, start: Mount, robust_sigmas: float) -> Fit:
+    """Fit the mount to the camera's rotations by Gauss-Newton with Cauchy weights.
 
-    An interval's variance is that of its rotation from the image and, equal for all, what the residuals show
-    beyond it (rolling shutter, lens, exposure). Residuals of neighbours may hang together: the covariance is
-    for each parameter the larger of the usual one and that of Newey and West (1987), which allows for it.
+    An interval's variance is that of its rotation from the image plus a common one from the residuals
+    (rolling shutter, lens, exposure). Residuals of neighbouring intervals may be correlated: each parameter
+    gets the larger of the usual variance and that of Newey and West (1987), which allows for it.
 
     Args:
-        turns: P intervals, all covered by the gyro at the start's offset.
+        rotations: P intervals, all covered by the gyro at the start's offset.
         gyro: On its own clock.
-        start: Close enough: rotation to some 20 degrees, offset to a frame.
+        start: Initial value, with a rotation within about 20 degrees and an offset within a frame.
         robust_sigmas: Cauchy's constant.
     """
     mount = start
     for _ in range(_ITERATIONS):
-        residual = residuals(turns, gyro, mount)
-        whitening, weight = _weights(residual, turns.covariance, robust_sigmas)
-        jacobian = whitening @ _jacobian(turns, gyro, mount)
+        residual = residuals(rotations, gyro, mount)
+        whitening, weight = _weights(residual, rotations.covariance, robust_sigmas)
+        jacobian = whitening @ _jacobian(rotations, gyro, mount)
         white = (whitening @ residual[:, :, None])[:, :, 0]
         normal = np.einsum("p,pij,pik->jk", weight, jacobian, jacobian) + np.diag(_PRIOR)
         step = -np.linalg.solve(normal, np.einsum("p,pij,pi->j", weight, jacobian, white))
@@ -86,7 +88,7 @@ def fit_mount(turns: RelativeRotations, gyro: GyroIntegral, start: Mount, robust
 def _weights(
     residual: FloatArray, covariance: FloatArray, robust_sigmas: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Whitening matrices (P, 3, 3) and robust weights (P,)."""
+    """Return whitening matrices (P, 3, 3) and robust weights (P,)."""
     common = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), 1e-6)
     total = covariance + np.diag(common**2)
     whitening = np.linalg.inv(np.linalg.cholesky(total))
@@ -94,11 +96,11 @@ def _weights(
     return whitening, 1 / (1 + np.sum(white**2, axis=1) / (3 * robust_sigmas**2))
 
 
-def _jacobian(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
-    """(P, 3, 7) by central differences."""
+def _jacobian(rotations: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> FloatArray:
+    """Return the (P, 3, 7) Jacobian by central differences."""
     columns = []
     for step in np.diag(_STEPS):
-        ahead, behind = (residuals(turns, gyro, mount.moved(sign * step)) for sign in (1, -1))
+        ahead, behind = (residuals(rotations, gyro, mount.moved(sign * step)) for sign in (1, -1))
         columns.append((ahead - behind) / (2 * step.sum()))
     return np.stack(columns, axis=2)
 
@@ -106,7 +108,7 @@ def _jacobian(turns: RelativeRotations, gyro: GyroIntegral, mount: Mount) -> Flo
 def _covariance(
     normal: FloatArray, gradients: FloatArray, weight: FloatArray, white: FloatArray
 ) -> FloatArray:
-    """(7, 7) the larger, on the diagonal, of the two estimates; the correlations are the usual one's."""
+    """Return (7, 7): the larger variances of the two estimates, with the correlations of the usual one."""
     inverse, count = np.linalg.inv(normal), len(weight)
     freedom = max(1.0, 3 * weight.sum() - len(normal))
     usual = inverse * float(weight @ np.sum(white**2, axis=1)) / freedom

@@ -1,4 +1,4 @@
-"""A receiver surveyed, as in Kume 2010: what its fix classes are worth, from logs taken standing still."""
+"""Survey of a receiver, as in Kume 2010: regions of its fix classes from logs taken at a fixed point."""
 
 from vgps.survey.regions import ClassSurvey, Ellipsoid, least_ellipsoid, region
 from vgps.survey.survey import Survey, survey_logs

@@ -1,4 +1,4 @@
-"""A survey as a file for ``smooth --survey``, as tables and as plots."""
+"""Surveys as files for ``smooth --survey``, as tables and as plots."""
 
 from pathlib import Path
 
@@ -15,21 +15,21 @@ _COLOURS = {"rtk_fix": "#2a9d8f", "rtk_float": "#e9a23b", "single": "#c8553d"}
 
 
 def check_files(out: Path, picture: Path) -> None:
-    """Tell before the work whether the survey's two files can be written; change nothing.
+    """Check before the work that the survey and its plot can be written; change nothing.
 
     Raises:
-        RunFolderError: They are one file, no picture is written with the suffix of ``picture``, or the place
-            cannot be written to.
+        RunFolderError: They are the same file, the suffix of ``picture`` is not that of an image format, or
+            one of them cannot be written.
     """
     if picture.resolve() == out.resolve():
         raise RunFolderError(
-            "is the name of the survey and of its picture",
+            "is the name of both the survey and its plot",
             file=out,
-            remedy="name another picture with --plot",
+            remedy="name another file with --plot",
         )
     if _format(picture) not in _PICTURES:
         raise RunFolderError(
-            f"no picture is written as {picture.suffix or 'a file without a suffix'}",
+            f"cannot plot to {picture.suffix or 'a file without a suffix'}",
             file=picture,
             expected=", ".join(f".{name}" for name in _PICTURES),
         )
@@ -42,7 +42,7 @@ def _format(picture: Path) -> str:
 
 
 def write_survey(survey: Survey, config: SurveyConfig, out: Path) -> None:
-    """Write the regions per class as YAML, to a tenth of a millimetre; beside them how they came about."""
+    """Write the regions per class as YAML, to a tenth of a millimetre, with the survey's settings."""
     document: dict[str, object] = {
         str(one.fix_class): {
             "r_m": round(one.r_m, 4),
@@ -62,7 +62,7 @@ def write_survey(survey: Survey, config: SurveyConfig, out: Path) -> None:
 
 
 def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
-    """Tables 4 and 5 of Kume 2010, in metres."""
+    """Return the tables 4 and 5 of Kume 2010, in metres."""
     dropped = f"worst {100 * config.drop:g} % dropped"
     cylinders = Table(
         "class", "epochs", "independent", "all: horiz / vert [m]", f"{dropped}: r / h [m]", title="Cylinders"
@@ -87,11 +87,11 @@ def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
 
 
 def plot_survey(survey: Survey, out: Path) -> None:
-    """The scatter of every class, Figs 10 and 11 of Kume 2010: from above with r, and over time with h."""
+    """Plot the errors of every class, Figs 10 and 11 of Kume 2010: from above with r, over time with h."""
     from matplotlib.figure import Figure  # noqa: PLC0415  (slow to import, and only plots need it)
 
     if not survey.classes:
-        raise GpsLogError("no class to plot")
+        raise GpsLogError("no fix class to plot")
     figure = Figure(figsize=(9.0, 3.6 * len(survey.classes)), layout="constrained")
     axes = figure.subplots(len(survey.classes), 2, squeeze=False)
     for (above, height), one in zip(axes, survey.classes, strict=True):

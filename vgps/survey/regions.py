@@ -1,4 +1,4 @@
-"""Errors of one fix class in, its cylinder, its ellipsoid and its correlation out: pure functions."""
+"""Cylinder, ellipsoid and correlation time of the errors of one fix class."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from scipy.optimize import minimize_scalar
 
 from vgps.model import FixClass, FloatArray
 
-_RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, tried before refining
+_RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, before refinement
 
 
 @dataclass(frozen=True)
@@ -20,16 +20,16 @@ class Ellipsoid:
 
 @dataclass(frozen=True, kw_only=True)
 class ClassSurvey:
-    """What a survey says of one fix class.
+    """The survey of one fix class.
 
     Attributes:
-        fix_class: Which.
+        fix_class: The class.
         epochs: Fixes of that class.
-        r_m, h_m: Radius r(p) and half height h(p) of its cylinder, the worst share dropped, motion included.
+        r_m, h_m: Radius r(p) and half height h(p) of its cylinder, without the worst share, with motion.
         largest_m: Largest horizontal and vertical error of all epochs.
         ellipsoid: Of least volume, dropping as many epochs as the cylinder does.
-        correlation_s: Integral of the error's autocorrelation: so long the error stays what it is.
-        independent: Epochs that many independent errors would be worth.
+        correlation_s: Integral of the error's autocorrelation.
+        independent: Number of independent epochs with the same information.
     """
 
     fix_class: FixClass
@@ -43,13 +43,13 @@ class ClassSurvey:
 
 
 def region(errors_m: FloatArray, drop: float) -> tuple[float, float]:
-    """Largest horizontal and largest vertical error that remain when the worst share of each is dropped.
+    """Return the largest horizontal and vertical error after dropping the worst share of each.
 
     Table 4, Kume 2010.
 
     Args:
         errors_m: (N, 3) east, north, up, N >= 1.
-        drop: Share to drop, of each on its own, 0 <= drop < 1.
+        drop: Share to drop of each, 0 <= drop < 1.
     """
     horizontal = np.sort(np.hypot(errors_m[:, 0], errors_m[:, 1]))
     vertical = np.sort(np.abs(errors_m[:, 2]))
@@ -58,27 +58,27 @@ def region(errors_m: FloatArray, drop: float) -> tuple[float, float]:
 
 
 def outside(errors_m: FloatArray, r_m: float, h_m: float) -> int:
-    """Errors (N, 3) that lie outside a cylinder."""
+    """Return the number of errors (N, 3) outside a cylinder."""
     beyond = np.hypot(errors_m[:, 0], errors_m[:, 1]) > r_m
     return int(np.count_nonzero(beyond | (np.abs(errors_m[:, 2]) > h_m)))
 
 
 def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
-    """The ellipsoid of least volume about the truth that leaves ``dropped`` errors outside.
+    """Return the ellipsoid of least volume about the truth with ``dropped`` errors outside.
 
-    Table 5, Kume 2010. For every ratio of the axes the smallest ellipsoid follows from sorting; the ratio is
-    searched on a grid and refined.
+    Table 5, Kume 2010. For each ratio of the axes the smallest ellipsoid follows from sorting; the ratio is
+    found by a grid search and refined.
 
     Args:
         errors_m: (N, 3) east, north, up; N > dropped.
-        dropped: How many may lie outside.
+        dropped: Number of errors outside.
     """
     rho2 = errors_m[:, 0] ** 2 + errors_m[:, 1] ** 2
     z2 = errors_m[:, 2] ** 2
     kept = len(errors_m) - dropped
 
     def alpha(ratio: float) -> float:
-        # two cylinders' walls may leave the last point at the centre: never a flat ellipsoid
+        # the last point may be at the centre; keeps the ellipsoid from being flat
         reached = np.partition(rho2 + z2 / ratio**2, kept - 1)[kept - 1]
         return float(np.sqrt(max(reached, 1e-18)))
 
@@ -96,14 +96,13 @@ def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
 
 
 def correlation_time(t_s: FloatArray, errors_m: FloatArray) -> float:
-    """Integral of the autocorrelation of an error about zero, up to where it first vanishes, seconds.
+    """Return the integral of an error's autocorrelation about zero up to its first zero, seconds.
 
-    A first-order Gauss-Markov process of time constant T gives 2 T. A bias that never changes gives the
-    length of the log.
+    A first-order Gauss-Markov process with time constant T gives 2 T, a constant bias the length of the log.
 
     Args:
-        t_s: (N,) in order; gaps are bridged by comparing errors by their lag in time.
-        errors_m: (N, 3) from the truth, not from their mean.
+        t_s: (N,) in order; may have gaps.
+        errors_m: (N, 3) relative to the truth, not to their mean.
     """
     if len(t_s) < 3:
         return 0.0
@@ -116,7 +115,7 @@ def correlation_time(t_s: FloatArray, errors_m: FloatArray) -> float:
     power = np.sum(np.abs(np.fft.rfft(series, size, axis=0)) ** 2, axis=1)
     products = np.fft.irfft(power, size)[: len(series)]
     pairs = np.round(np.fft.irfft(np.abs(np.fft.rfft(present, size)) ** 2, size)[: len(series)])
-    # beyond half the log too few pairs tell anything
+    # beyond half the log there are too few pairs
     lags = np.flatnonzero(pairs[: max(len(series) // 2, 2)] > 0)
     correlation = products[lags] / pairs[lags] / max(products[0] / pairs[0], 1e-18)
     end = int(np.argmax(correlation <= 0.0)) if np.any(correlation <= 0.0) else len(correlation)

@@ -1,4 +1,4 @@
-"""Static logs in, the regions r(p) and h(p) of every fix class out."""
+"""Regions r(p) and h(p) of every fix class, from logs of a receiver at a fixed point."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,15 +17,15 @@ from vgps.survey.regions import ClassSurvey, correlation_time, least_ellipsoid, 
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """The result.
+    """The result of a survey.
 
     Attributes:
-        truth: Where the antenna stood.
-        classes: Of every class in the logs that has a quality, best first.
-        t_s: (N,) times of all epochs, each log's from its first fix.
+        truth: Position of the antenna.
+        classes: Every class of known quality in the logs, best first.
+        t_s: (N,) times of all epochs, from the first fix of their log.
         errors_m: (N, 3) fix minus truth, east, north, up.
         fix_class: (N,).
-        warnings: What a user should know before believing it.
+        warnings: What a user should know before relying on it.
     """
 
     truth: GeodeticPoint
@@ -39,20 +39,20 @@ class Survey:
 def survey_logs(
     paths: Sequence[Path], config: SurveyConfig | None = None, truth: GeodeticPoint | None = None
 ) -> Survey:
-    """Survey a receiver from logs taken while it stood still in one place.
+    """Survey a receiver from logs taken at a fixed point.
 
     Args:
-        paths: GPS logs of any format that the readers know.
-        config: What to leave out; the defaults if none is given.
-        truth: Where the antenna stood; by default the mean of the RTK-fix epochs.
+        paths: GPS logs of any known format.
+        config: Share to drop and limits.
+        truth: Position of the antenna; by default the mean of the RTK-fix epochs.
 
     Raises:
-        GpsLogError: A log cannot be read, no truth is to be had, or the receiver moved.
+        GpsLogError: A log cannot be read, there is no truth, or the receiver moved.
     """
     config = config or SurveyConfig()
     logs = [read_gps_log(path) for path in paths]
     if not logs:
-        raise GpsLogError("no log given", expected="one or more GPS logs of a receiver that stands still")
+        raise GpsLogError("no log given", expected="one or more GPS logs of a standing receiver")
     classes = tuple(name for log in logs for name in log.fix_class)
     truth = truth or _mean_of_fixes(logs, config.max_spread_m)
     errors = np.concatenate(
@@ -69,8 +69,8 @@ def survey_logs(
         found.append(surveyed)
         if surveyed.independent < config.min_independent_epochs:
             warnings.append(
-                f"{name}: {surveyed.epochs} epochs are worth {surveyed.independent:.0f} independent ones "
-                f"(the error stays alike for {surveyed.correlation_s:.0f} s): survey longer, at other hours"
+                f"{name}: {surveyed.epochs} epochs count as {surveyed.independent:.0f} independent ones "
+                f"(errors are correlated over {surveyed.correlation_s:.0f} s): survey longer, at other hours"
             )
     return Survey(
         truth=truth,
@@ -86,7 +86,7 @@ def _mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float) -> GeodeticPoint
     rows = [np.array([name is FixClass.RTK_FIX for name in log.fix_class]) for log in logs]
     if not any(row.any() for row in rows):
         raise GpsLogError(
-            "no RTK-fix epoch to tell where the antenna stood",
+            "no RTK-fix epoch, so that the antenna's position is unknown",
             file=logs[0].source,
             remedy="give its position with --truth LATITUDE,LONGITUDE,HEIGHT",
         )
@@ -96,17 +96,17 @@ def _mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float) -> GeodeticPoint
             for log, row in zip(logs, rows, strict=True)
         ]
     )
-    # the mean is taken in metres: degrees have no mean at the date line
+    # the mean is in metres, since degrees have none at the date line
     origin = GeodeticPoint(*(float(x) for x in place[0]))
     local = to_enu(origin, *place.T)
     mean = local.mean(axis=0)
     spread = float(np.median(np.linalg.norm(local - mean, axis=1)))
     if spread > max_spread_m:
         raise GpsLogError(
-            f"half of the RTK-fix epochs lie more than {spread:.1f} m from their mean: the receiver moved",
+            f"half of the RTK-fix epochs are more than {spread:.1f} m from their mean: the receiver moved",
             file=logs[0].source,
-            expected="logs of one receiver that stands still in one place",
-            remedy="cut the log to the time when it stood, or give --truth",
+            expected=f"at most {max_spread_m:g} m, as of a standing receiver",
+            remedy="cut the log to the time when it stood still, or give --truth",
         )
     return GeodeticPoint(*(float(x) for x in to_geodetic(origin, mean)))
 
@@ -122,7 +122,7 @@ def _survey_class(
     own = errors[rows]
     r_m, h_m = region(own, config.drop)
     ellipsoid = least_ellipsoid(own, outside(own, r_m, h_m))
-    # the error's memory ends with a log
+    # correlations end with a log
     times = [correlation_time(t_s[a:b][rows[a:b]], errors[a:b][rows[a:b]]) for a, b in pairwise(starts)]
     weights = [int(rows[a:b].sum()) for a, b in pairwise(starts)]
     correlation_s = float(np.average(times, weights=weights))

@@ -1,4 +1,4 @@
-"""Files and folders that appear under their final name only when they are complete."""
+"""Files and folders that get their final name only when they are complete."""
 
 import os
 import shutil
@@ -9,19 +9,19 @@ from pathlib import Path
 
 from vgps.errors import RunFolderError
 
-MARK = "solution.json"  # the file by which a folder is known to be a run
+MARK = "solution.json"  # the file that marks a folder as a run
 
 
 def check_writable(out: Path, mark: str = MARK) -> None:
-    """Tell before the long work whether a run can be written to ``out``; change nothing.
+    """Check before long work that a run can be written to ``out``; change nothing.
 
     Args:
         out: The folder.
-        mark: The file by which an earlier one is known.
+        mark: The file that marks an earlier one.
 
     Raises:
-        RunFolderError: ``out`` is a file, a mount point, a folder that holds something else than an earlier
-            run, or lies where nothing can be written.
+        RunFolderError: ``out`` is a file, a mount point, a folder with something other than an earlier run,
+            or in a place that cannot be written.
     """
     try:
         _check_folder(out.resolve(), mark)
@@ -30,10 +30,10 @@ def check_writable(out: Path, mark: str = MARK) -> None:
 
 
 def check_file(out: Path) -> None:
-    """Tell before the long work whether a file can be written as ``out``; change nothing.
+    """Check before long work that a file can be written as ``out``; change nothing.
 
     Raises:
-        RunFolderError: ``out`` is a folder, or lies where nothing can be written.
+        RunFolderError: ``out`` is a folder, or in a place that cannot be written.
     """
     if out.is_dir():
         raise RunFolderError("is a folder", file=out, expected="the name of a file to write")
@@ -45,13 +45,13 @@ def check_file(out: Path) -> None:
 
 @contextmanager
 def new_folder(out: Path, own_files: tuple[str, ...], mark: str = MARK) -> Iterator[Path]:
-    """A temporary sibling of ``out`` to write into; it takes the name ``out`` when the block ends well.
+    """Yield a temporary sibling of ``out``, which is renamed to ``out`` when the block succeeds.
 
-    An earlier folder of that name, known by the file ``mark``, goes only after the new one is complete; files
-    in it that are not among ``own_files`` are carried over.
+    An earlier folder of that name, marked by the file ``mark``, is replaced only when the new one is
+    complete; its files other than ``own_files`` are kept.
 
     Raises:
-        RunFolderError: As :func:`check_writable`, or the disk refuses.
+        RunFolderError: As :func:`check_writable`, or writing fails.
     """
     check_writable(out, mark)
     out = out.resolve()
@@ -62,20 +62,20 @@ def new_folder(out: Path, own_files: tuple[str, ...], mark: str = MARK) -> Itera
         raise _not_writable(out, error) from error
     earlier = scratch / "earlier"
     try:
-        folder = scratch / "run"  # mkdtemp's own folder is private to the user; this one follows the umask
+        folder = scratch / "run"  # mkdtemp's folder is private to the user; this one follows the umask
         folder.mkdir()
         yield folder
         _swap(folder, out, earlier, own_files)
     except OSError as error:
         raise _not_writable(out, error) from error
     finally:
-        if not earlier.exists():  # else the swap broke off, and what is left of the earlier run is in there
+        if not earlier.exists():  # else the swap failed, and the earlier run is in there
             shutil.rmtree(scratch, ignore_errors=True)
 
 
 @contextmanager
 def new_file(out: Path) -> Iterator[Path]:
-    """A temporary sibling of the file ``out`` to write to; it replaces ``out`` when the block ends well.
+    """Yield a temporary sibling of the file ``out``, which replaces ``out`` when the block succeeds.
 
     Raises:
         RunFolderError: ``out`` is a folder, or cannot be written.
@@ -120,7 +120,7 @@ def _check_place(out: Path) -> None:
             f"{nearest} is a file", file=out, expected="a folder", remedy="name another --out"
         )
     with tempfile.TemporaryDirectory(prefix=".vgps-", dir=nearest):
-        pass  # the only sure test of permissions, quotas and read-only disks
+        pass  # the only reliable test of permissions, quotas and read-only disks
 
 
 def _swap(new: Path, out: Path, aside: Path, own_files: tuple[str, ...]) -> None:

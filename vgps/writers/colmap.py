@@ -1,8 +1,8 @@
-"""A COLMAP sparse model in its text format, for COLMAP, Gaussian splatting and whatever else reads it.
+"""COLMAP sparse models in text format, for COLMAP, Gaussian splatting and other readers.
 
-The camera and the pixels are those of the original images where COLMAP has the lens model (pinhole, opencv,
-fisheye); Tsai's it does not have: then they are those of the undistorted image. COLMAP's pixel centres lie at
-a half, OpenCV's at whole numbers. The world is the run's, ENU in metres, whose origin ``origin.json`` gives.
+Camera and pixels are those of the original images if COLMAP has the lens model (pinhole, opencv, fisheye),
+and those of the undistorted image for Tsai's, which it does not have. COLMAP's pixel centres are at a half,
+OpenCV's at whole numbers. The world is that of the run, ENU in metres, with its origin in ``origin.json``.
 """
 
 import json
@@ -16,7 +16,7 @@ from vgps.model import Camera, FloatArray, IntArray
 from vgps.solution import Solution
 from vgps.writers.tum import quaternion
 
-MARK = "origin.json"  # the file by which a model is known to be written here
+MARK = "origin.json"  # the file that marks a model written by vgps
 FILES = ("cameras.txt", "images.txt", "points3D.txt", MARK)
 IMAGE_NAME = "frame_{:06d}.jpg"
 _CENTRE = 0.5
@@ -25,20 +25,22 @@ _CENTRE = 0.5
 def write_colmap(solution: Solution, folder: Path) -> None:
     """Write cameras, images and points with their tracks, and the origin.
 
-    Every posed frame is an image, named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
+    Every frame is an image, named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
     frame_%06d.jpg`` names it.
 
     Args:
         solution: A run.
         folder: An empty folder.
     """
-    seen = solution.observations
-    uv = seen.uv_px if solution.camera.model == "tsai" else distort(solution.camera, seen.uv_px)
+    observed = solution.observations
+    uv = observed.uv_px if solution.camera.model == "tsai" else distort(solution.camera, observed.uv_px)
     good = np.flatnonzero(np.isfinite(uv).all(axis=1))
-    order = good[np.argsort(seen.frame[good], kind="stable")]
-    frame, landmark, uv = seen.frame[order], seen.landmark[order], uv[order]
+    order = good[np.argsort(observed.frame[good], kind="stable")]
+    frame, landmark, uv = observed.frame[order], observed.landmark[order], uv[order]
     begins: IntArray = np.searchsorted(frame, np.arange(len(solution.t_s) + 1)).astype(np.int64)
-    place = np.arange(len(frame), dtype=np.int64) - begins[frame]  # of a observation among those of its image
+    place = (
+        np.arange(len(frame), dtype=np.int64) - begins[frame]
+    )  # of an observation among those of its image
     _write(folder / "cameras.txt", [_camera_line(solution.camera)])
     _write(folder / "images.txt", _image_lines(solution, landmark, uv, begins))
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
@@ -48,7 +50,7 @@ def write_colmap(solution: Solution, folder: Path) -> None:
 
 
 def colmap_camera(camera: Camera) -> tuple[str, list[float]]:
-    """COLMAP's model name and parameters of a camera."""
+    """Return COLMAP's model name and parameters of a camera."""
     pinhole = [camera.fx, camera.fy, camera.cx + _CENTRE, camera.cy + _CENTRE]
     k = list(camera.distortion)
     if camera.model == "fisheye":
@@ -67,8 +69,8 @@ def _camera_line(camera: Camera) -> str:
 
 def _image_lines(solution: Solution, landmark: IntArray, uv: FloatArray, begins: IntArray) -> Iterable[str]:
     camera_T_world: FloatArray = np.linalg.inv(solution.world_T_camera).astype(np.float64)
-    turns = quaternion(camera_T_world)
-    for f, (q, t) in enumerate(zip(turns, camera_T_world[:, :3, 3], strict=True)):
+    quaternions = quaternion(camera_T_world)
+    for f, (q, t) in enumerate(zip(quaternions, camera_T_world[:, :3, 3], strict=True)):
         numbers = " ".join(f"{x:.17g}" for x in (q[3], *q[:3], *t))
         yield f"{f + 1} {numbers} 1 {IMAGE_NAME.format(f)}"
         rows = range(int(begins[f]), int(begins[f + 1]))
@@ -93,14 +95,14 @@ def _point_lines(
 
 
 def _errors(solution: Solution) -> FloatArray:
-    """(N,) reprojection errors in the undistorted image, pixels."""
-    seen, camera = solution.observations, solution.camera
-    pose = solution.world_T_camera[seen.frame]
-    offset = solution.landmarks.world_p_landmark[seen.landmark] - pose[:, :3, 3]
+    """Return (N,) reprojection errors in the undistorted image, pixels."""
+    observed, camera = solution.observations, solution.camera
+    pose = solution.world_T_camera[observed.frame]
+    offset = solution.landmarks.world_p_landmark[observed.landmark] - pose[:, :3, 3]
     p = (offset[:, None, :] @ pose[:, :3, :3])[:, 0]
     depth = np.where(p[:, 2] > 0.0, p[:, 2], np.nan)
     uv = p[:, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    return np.asarray(np.linalg.norm(uv - seen.uv_px, axis=1))
+    return np.asarray(np.linalg.norm(uv - observed.uv_px, axis=1))
 
 
 def _write(file: Path, lines: Iterable[str]) -> None:

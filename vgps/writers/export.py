@@ -1,4 +1,4 @@
-"""A run folder exported to the files of other programs: one entry per format."""
+"""Export of run folders to the formats of other programs."""
 
 import math
 from collections.abc import Callable
@@ -44,7 +44,7 @@ def _with_geoid(to: str, geoid_m: float) -> Callable[[Solution, Path], None]:
         raise RunFolderError(
             f"heights above the geoid in {to}",
             expected="--geoid with " + " or ".join(_ABOVE_SEA),
-            remedy=f"leave --geoid out: heights in {to} are those of the run, above the ellipsoid",
+            remedy=f"omit --geoid: heights in {to} are those of the run, above the ellipsoid",
         )
     if not math.isfinite(geoid_m):
         raise RunFolderError(f"--geoid is {geoid_m}", expected="a number of metres")
@@ -56,13 +56,13 @@ def export(run: Path, to: str, out: Path, geoid_m: float | None = None) -> None:
 
     Args:
         run: A run folder.
-        to: ``colmap`` makes a folder, everything else a file.
-        out: Its name.
-        geoid_m: Height of the geoid above the ellipsoid there, for heights above it in ``gpx`` and ``kml``.
+        to: Name of the format; ``colmap`` makes a folder, every other format a file.
+        out: The folder or file.
+        geoid_m: Height of the geoid above the ellipsoid; heights in ``gpx`` and ``kml`` are then above it.
 
     Raises:
-        RunFolderError: The run cannot be read or does not suit the format, the format is unknown or knows no
-            geoid, the geoid's height is none, or ``out`` cannot be written.
+        RunFolderError: The run cannot be read or exported to the format, the format is unknown or has no
+            heights above a geoid, ``geoid_m`` is not finite, or ``out`` cannot be written.
     """
     write = FORMATS.get(to)
     if write is None:

@@ -1,4 +1,4 @@
-"""The camera's path as a GPX track, for loggers' and walkers' programs."""
+"""The camera's path as a GPX track."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -7,28 +7,28 @@ import gpxpy.gpx
 import numpy as np
 
 from vgps.solution import Solution
-from vgps.writers.maps import on_the_globe
+from vgps.writers.maps import geodetic_path
 
 _ELLIPSOIDAL = "Heights (ele) are above the WGS84 ellipsoid, not above the sea."
 _ABOVE_SEA = "Heights (ele) are above the geoid, taken to be {:g} m above the WGS84 ellipsoid."
-_UNTIMED = " The run does not know the time of day: points have no time."
+_UNTIMED = " The UTC start of the video is unknown: points have no time."
 
 
 def write_gpx(solution: Solution, out: Path, geoid_m: float | None = None) -> None:
-    """Write a point for every frame, with its time in UTC where the run knows when the video began.
+    """Write a point for every frame, with its time in UTC if the start of the video is known.
 
-    GPX leaves open which height ``ele`` is; the file's description says it.
+    GPX does not define the reference of the height ``ele``; the file's description states it.
 
     Args:
-        solution: Of a run tied to the world.
+        solution: A georeferenced run.
         out: The file.
-        geoid_m: Height of the geoid above the ellipsoid there; ``ele`` is then above the geoid, and
-            ``geoidheight`` stands beside it. Without it ``ele`` is ellipsoidal.
+        geoid_m: Height of the geoid above the ellipsoid; ``ele`` is then above the geoid, with a
+            ``geoidheight``. Without it ``ele`` is ellipsoidal.
 
     Raises:
-        RunFolderError: The run has no place on the globe.
+        RunFolderError: The run is not georeferenced.
     """
-    path, start = on_the_globe(solution), solution.video_start_utc
+    path, start = geodetic_path(solution), solution.video_start_utc
     described = _ELLIPSOIDAL if geoid_m is None else _ABOVE_SEA.format(geoid_m)
     gpx = gpxpy.gpx.GPX()
     gpx.creator, gpx.name = "vgps", None if solution.recording is None else solution.recording.name

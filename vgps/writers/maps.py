@@ -1,4 +1,4 @@
-"""The path and the fixes for maps: GeoJSON and KML."""
+"""The camera's path and the fixes for maps: GeoJSON and KML."""
 
 import json
 from pathlib import Path
@@ -19,9 +19,9 @@ def write_geojson(solution: Solution, out: Path) -> None:
     """Write the camera's path as a line, and every fix as a point with its class and verdict (RFC 7946).
 
     Raises:
-        RunFolderError: The run has no place on the globe.
+        RunFolderError: The run is not georeferenced.
     """
-    path, fixes = on_the_globe(solution), _fix_rows(solution)
+    path, fixes = geodetic_path(solution), _fix_rows(solution)
     line = {"type": "LineString", "coordinates": np.round(path[:, [1, 0, 2]], 9).tolist()}
     features = [_feature(line, {"kind": "camera path", "t_s": np.round(solution.t_s, 6).tolist()})]
     for place, properties in fixes:
@@ -33,18 +33,18 @@ def write_geojson(solution: Solution, out: Path) -> None:
 def write_kml(solution: Solution, out: Path, geoid_m: float | None = None) -> None:
     """Write the camera's path as a line, and every fix as a point coloured by its verdict.
 
-    KML's absolute heights are above the sea, the run's above the ellipsoid: without the geoid both are drawn
-    on the ground.
+    KML's absolute heights are above the geoid, those of the run above the ellipsoid: without ``geoid_m`` the
+    path is drawn on the ground.
 
     Args:
-        solution: Of a run tied to the world.
+        solution: A georeferenced run.
         out: The file.
-        geoid_m: Height of the geoid above the ellipsoid there; the path is then drawn at its height.
+        geoid_m: Height of the geoid above the ellipsoid; the path is then drawn at its height.
 
     Raises:
-        RunFolderError: The run has no place on the globe.
+        RunFolderError: The run is not georeferenced.
     """
-    path, fixes = on_the_globe(solution), _fix_rows(solution)
+    path, fixes = geodetic_path(solution), _fix_rows(solution)
     kml = simplekml.Kml(name="vgps")
     path[:, 2] -= geoid_m or 0.0
     line = kml.newlinestring(name="camera path", coords=path[:, [1, 0, 2]].tolist())
@@ -61,15 +61,15 @@ def write_kml(solution: Solution, out: Path, geoid_m: float | None = None) -> No
     out.write_text(kml.kml(), encoding="utf-8")
 
 
-def on_the_globe(solution: Solution) -> FloatArray:
-    """(F, 3) latitude, longitude [deg], ellipsoidal height [m] of the camera.
+def geodetic_path(solution: Solution) -> FloatArray:
+    """Return (F, 3) latitude, longitude [deg], ellipsoidal height [m] of the camera.
 
     Raises:
-        RunFolderError: The run has no place on the globe.
+        RunFolderError: The run is not georeferenced.
     """
     if solution.world_origin is None or not solution.georeferenced:
         raise RunFolderError(
-            "the run has no place on the globe",
+            "the run is not georeferenced",
             expected="a run tied to the world by fixes or control points",
             remedy="export it as tum, kitti, ply, colmap or nerfstudio",
         )

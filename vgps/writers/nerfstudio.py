@@ -1,4 +1,4 @@
-"""``transforms.json`` as nerfstudio and Instant NGP read it."""
+"""``transforms.json`` for nerfstudio and Instant NGP."""
 
 import json
 from pathlib import Path
@@ -9,17 +9,17 @@ from vgps.errors import RunFolderError
 from vgps.solution import Solution
 from vgps.writers.colmap import IMAGE_NAME, colmap_camera
 
-_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # their camera: x right, y up, z backward
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera: x right, y up, z backward
 _LENS = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"), "PINHOLE": ()}
 
 
 def write_nerfstudio(solution: Solution, out: Path) -> None:
-    """Write intrinsics and a pose per frame; images are ``images/frame_000000.jpg`` and so on beside it.
+    """Write intrinsics and a pose per frame, whose image is ``images/frame_000000.jpg`` and so on.
 
-    The world stays ENU, z up, in metres; it is not normalised, so that results keep their place and scale.
+    The world is ENU, z up, in metres, and not normalised, so that results keep position and scale.
 
     Raises:
-        RunFolderError: nerfstudio has no such lens model.
+        RunFolderError: nerfstudio does not have the lens model.
     """
     name, parameters = colmap_camera(solution.camera)
     if name == "FULL_OPENCV" and not any(parameters[9:]):

@@ -1,4 +1,4 @@
-"""HTML pages that stand alone: templates with one look, pictures inside the page."""
+"""Self-contained HTML pages: a common template, figures embedded in the page."""
 
 import base64
 import io
@@ -15,11 +15,11 @@ from vgps.writers.atomic import new_file
 
 
 def write_page(package: str, values: Mapping[str, Any], out: Path) -> None:
-    """Fill ``page.html.j2`` of a package, which extends ``base.html.j2`` of this one, and write it whole.
+    """Render ``page.html.j2`` of a package, which extends ``base.html.j2`` of this one, to a file.
 
     Args:
-        package: Dotted name of the package that holds the template.
-        values: What the template names.
+        package: Dotted name of the package with the template.
+        values: The template's variables.
         out: The HTML file.
 
     Raises:
@@ -35,7 +35,7 @@ def write_page(package: str, values: Mapping[str, Any], out: Path) -> None:
 
 
 def embedded(figure: Figure) -> str:
-    """A picture as a data URI for an ``img``: SVG, the same bytes for the same picture."""
+    """Return a figure as a data URI for an ``img``: SVG, the same bytes for the same figure."""
     stream = io.BytesIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "vgps", "font.family": "sans-serif"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None})
@@ -43,7 +43,7 @@ def embedded(figure: Figure) -> str:
 
 
 def tidy(*many: Axes) -> None:
-    """The common look of axes: a light grid, no box, legible numbers."""
+    """Style axes alike: a light grid, no box, legible numbers."""
     for axes in many:
         axes.grid(alpha=0.25, lw=0.6)
         axes.set_axisbelow(True)

@@ -26,7 +26,7 @@ def write_ply(
 ) -> None:
     """Write the landmarks as binary little-endian PLY: ENU metres, grey, reliability, number of observations.
 
-    ``sigma_px`` is sigma_j of Eq. (13), Kume 2010. The ENU origin, if known, stands in a comment.
+    ``sigma_px`` is sigma_j of Eq. (13), Kume 2010. The ENU origin, if known, is in a comment.
     """
     count = len(landmarks.world_p_landmark)
     vertices = np.zeros(count, dtype=[(name, _DTYPES[kind]) for name, kind in PROPERTIES.items()])

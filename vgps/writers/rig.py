@@ -1,4 +1,4 @@
-"""``rig.yaml`` with some of its keys set anew."""
+"""``rig.yaml`` with some keys changed."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,12 +11,12 @@ from vgps.writers.atomic import new_file
 
 
 def write_rig(changes: Mapping[str, Any], out: Path, *, base: Path | None = None) -> None:
-    """Write the rig of ``base``, if there is one, with some keys set; ``base`` and ``out`` may be one file.
+    """Write the rig of ``base``, if given, with some keys changed; ``base`` and ``out`` may be the same file.
 
-    Comments are lost, the other keys keep their values and their order.
+    Comments are lost; other keys keep their values and order.
 
     Raises:
-        CalibrationError: ``base`` is no rig, or what would be written is none.
+        CalibrationError: ``base`` or the result is not a valid rig.
         RunFolderError: ``out`` cannot be written.
     """
     content: dict[str, Any] = {}

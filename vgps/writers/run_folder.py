@@ -1,4 +1,4 @@
-"""The run folder: everything a run leaves behind, complete or not at all."""
+"""Run folders: every file of a run, written completely or not at all."""
 
 import json
 import math
@@ -37,11 +37,11 @@ _NAMED_VERSIONS = ("vgps", "gtsam", "numpy", "scipy", "opencv-python-headless", 
 def write_run(solution: Solution, out: Path) -> None:
     """Write the run folder ``out``: poses, verdicts, points, measurements, configuration and summary.
 
-    The folder takes its name only when it is complete. Equal Solutions give equal bytes in every file;
-    of what varies between two runs of the same work, the seconds per stage, all is in ``solution.json``.
+    The folder gets its name only when it is complete. Equal Solutions give equal bytes in every file; only
+    the seconds per stage, in ``solution.json``, differ between runs of the same recording.
 
     Raises:
-        RunFolderError: ``out`` holds something else than an earlier run, or cannot be written.
+        RunFolderError: ``out`` has something other than an earlier run, or cannot be written.
     """
     with new_folder(out, FILES) as folder:
         write_tum(solution.trajectory, folder / "poses.tum")
@@ -58,9 +58,9 @@ def write_run(solution: Solution, out: Path) -> None:
 
 
 def summarise(solution: Solution) -> dict[str, Any]:
-    """Return ``solution.json`` as a dict: what a person or a script asks of a run first.
+    """Return the contents of ``solution.json``: a summary of the run for people and scripts.
 
-    ``schema_versions`` is of all files, since a comment in a CSV file would break its readers.
+    ``schema_versions`` lists all files, since a comment in a CSV file would break its readers.
     """
     return {
         "schema_version": SCHEMA_VERSION,
@@ -89,7 +89,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
 
 
 def _sensors(report: SensorReport) -> dict[str, Any]:
-    """The keys are those of the first version: a time offset was a lag there."""
+    """Return the sensors' estimates under the keys of version 0.1, where the time offset is a lag."""
     return {
         "lag_s": report.time_offset_s,
         "lag_sigma_s": report.time_offset_sigma_s,
@@ -127,7 +127,7 @@ def _versions() -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """The same value in the types that JSON and YAML share."""
+    """Return the value in the types that JSON and YAML share."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -138,7 +138,7 @@ def _plain(value: Any) -> Any:
 
 
 def _finite(value: Any) -> Any:
-    """A plain value with null for numbers that are not finite, which JSON does not have."""
+    """Return a plain value with None for numbers that are not finite, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

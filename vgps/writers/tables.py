@@ -1,4 +1,4 @@
-"""``poses.csv`` and ``gps.csv``: a run as tables, for people and spreadsheets. Unknown values are empty."""
+"""``poses.csv`` and ``gps.csv``: a run as tables. Unknown values are empty."""
 
 import csv
 from collections.abc import Iterable, Mapping
@@ -16,15 +16,15 @@ Columns = Mapping[str, Iterable[object]]
 
 
 def write_poses(solution: Solution, out: Path) -> None:
-    """Write a row per frame: pose in ENU and on the globe, heading, and standard deviations.
+    """Write a row per frame: pose in ENU and geodetic, heading, and standard deviations.
 
-    ``heading_deg`` is that of the optical axis, clockwise from north. Without a world origin the columns on
-    the globe are empty, without any tie to the world the heading too;
-    so is that of a camera that looks straight up or down.
+    ``heading_deg`` is that of the optical axis, clockwise from north. The geodetic columns are empty without
+    a world origin; the heading is empty if the run is not georeferenced or the camera looks straight up or
+    down.
     """
     east, north, up = solution.world_T_camera[:, :3, 3].T
     qx, qy, qz, qw = quaternion(solution.world_T_camera).T
-    globe = _globe(solution)
+    geodetic = _geodetic(solution)
     sigma_rotation_deg = np.degrees(solution.sigma_rotation_rad)
     columns = {
         "t_s": _numbers(solution.t_s, 9),
@@ -34,9 +34,9 @@ def write_poses(solution: Solution, out: Path) -> None:
         "north_m": _numbers(north, 6),
         "up_m": _numbers(up, 6),
         **{name: _numbers(q, 12) for name, q in zip(("qx", "qy", "qz", "qw"), (qx, qy, qz, qw), strict=True)},
-        "latitude_deg": _numbers(globe[:, 0], 10),
-        "longitude_deg": _numbers(globe[:, 1], 10),
-        "height_m": _numbers(globe[:, 2], 6),
+        "latitude_deg": _numbers(geodetic[:, 0], 10),
+        "longitude_deg": _numbers(geodetic[:, 1], 10),
+        "height_m": _numbers(geodetic[:, 2], 6),
         "heading_deg": _numbers(_heading(solution), 6),
         **_enu("sigma_{}_m", solution.sigma_position_m),
         **_enu("sigma_rot_{}_deg", sigma_rotation_deg),
@@ -45,10 +45,10 @@ def write_poses(solution: Solution, out: Path) -> None:
 
 
 def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
-    """Write a row per fix: what the log said, the antenna's residual, its ratio to the region, the verdict.
+    """Write a row per fix: the log's values, the antenna's residual, its ratio to the region, the verdict.
 
     ``ratio_r`` is the horizontal residual over r, ``ratio_h`` the vertical one over h: the two terms of the
-    cylinder, Eq. (16), Kume 2010, before the power. Without a log only the header is written.
+    cylinder, Eq. (16), Kume 2010, before the power. Without a log there is only the header.
     """
     count = 0 if gps is None else len(gps)
     table = fixes if fixes is not None else _no_verdicts(count)
@@ -75,13 +75,13 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
 
 
 def region_ratios(table: FixTable) -> tuple[FloatArray, FloatArray]:
-    """(M,) horizontal residual over r, (M,) vertical one over h, Eq. (16), Kume 2010; NaN where unknown."""
+    """Return (M,) horizontal residual over r and (M,) vertical one over h, Eq. (16), Kume 2010."""
     with np.errstate(divide="ignore", invalid="ignore"):
         horizontal = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
         return horizontal, np.abs(table.residual_m[:, 2]) / table.h_m
 
 
-def _globe(solution: Solution) -> FloatArray:
+def _geodetic(solution: Solution) -> FloatArray:
     position = solution.world_T_camera[:, :3, 3]
     if solution.world_origin is None:
         return np.full_like(position, np.nan)

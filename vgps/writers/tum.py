@@ -19,7 +19,7 @@ def write_tum(trajectory: Trajectory, out: Path) -> None:
 
 
 def quaternion(world_T_camera: FloatArray) -> FloatArray:
-    """(N, 4) quaternions x, y, z, w of (N, 4, 4) poses, with w >= 0."""
+    """Return (N, 4) quaternions x, y, z, w of (N, 4, 4) poses, with w >= 0."""
     if len(world_T_camera) == 0:
         return np.empty((0, 4))
     return Rotation.from_matrix(world_T_camera[:, :3, :3]).as_quat(canonical=True)
