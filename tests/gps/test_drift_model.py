@@ -55,7 +55,7 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
 def test_a_time_offset_is_found_where_the_path_turns(time_offset_s):
     t_s = np.arange(1.05, 18.0)
     fixes = fixes_at(t_s - time_offset_s, 0.5, 0.7)
-    stamped = type(fixes)(t_s, *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[1:]])
+    stamped = replace(fixes, t_s=t_s)
     of = flexible(trajectory(path(T_S)), stamped)
     rows = np.ones(len(t_s), dtype=bool)
     parameters = of.refine(of.fit_coarse_to_fine(rows, 0.1), rows, of.regions())
@@ -65,11 +65,8 @@ def test_a_time_offset_is_found_where_the_path_turns(time_offset_s):
 def test_a_straight_path_at_constant_speed_does_not_show_the_time_offset():
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
     straight = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
-    fixes = type(fixes)(
-        fixes.t_s,
-        np.stack([0 * fixes.t_s, 5 * fixes.t_s, 0 * fixes.t_s], axis=1),
-        *[getattr(fixes, name) for name in list(fixes.__dataclass_fields__)[2:]],
-    )
+    on_it = np.stack([0 * fixes.t_s, 5 * fixes.t_s, 0 * fixes.t_s], axis=1)
+    fixes = replace(fixes, world_p_fix=on_it)
     of = flexible(trajectory(straight), fixes)
     # fixes 0.37 s late lie 1.85 m behind, which a shift of the start explains as well
     of = flexible(trajectory(straight), replace(fixes, t_s=fixes.t_s + 0.37))

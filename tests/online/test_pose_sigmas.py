@@ -2,6 +2,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from synthetic_fixes import fixes_of_size
 from walks import ToAndFro
 
 import vgps
@@ -38,8 +39,9 @@ class Drive:
 
     def fix(self):
         one, place = np.ones(1), np.zeros((1, 3))
-        size = 0.07 * one, 0.05 * one, 2.4 * one, 6.5 * one, place
-        more = Fixes(self.t_s[-1:] - 0.03, place, *size, one > 0, 10.0 * one)
+        float_ = {"lower_r_m": 2.4 * one, "lower_h_m": 6.5 * one, "sigma_m": place}
+        size = 0.07 * one, 0.05 * one
+        more = fixes_of_size(self.t_s[-1:] - 0.03, place, *size, correlation_s=10.0 * one, **float_)
         self.fixes, _ = self.fixes.merged(more)
 
     def frame(self, fixes=True, moved=0.01, tracked=True):
@@ -136,8 +138,7 @@ def walked_with_float_fixes(walk, frames, seed):
     smoother, ratios = vgps.OnlineSmoother(opened.camera, opened.rig, config), []
     region = config.gps.regions[FixClass.RTK_FLOAT]
     one = np.ones(1)
-    sizes = region.r_m * one, region.h_m * one, one, one, np.zeros((1, 3)), one > 0, one
-    (sigma,) = region_sigmas(Fixes(one, np.zeros((1, 3)), *sizes))
+    (sigma,) = region_sigmas(fixes_of_size(one, np.zeros((1, 3)), region.r_m * one, region.h_m * one))
     for index in range(frames):
         t_s, true = index / 15, walk.true[walk.row(index)]
         if index % 15 == 0:

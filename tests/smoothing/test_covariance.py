@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from synthetic_bundle import ANTENNA as CAMERA_P_ANTENNA
 from synthetic_bundle import drive
+from synthetic_fixes import fixes_of_size
 
 from vgps.config import GpsConfig
 from vgps.errors import GeometryError
-from vgps.gps.fixes import Fixes, gps_graph
+from vgps.gps.fixes import gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_errors
 from vgps.solver.bundle_adjustment import SolverSettings, solve
@@ -26,12 +27,11 @@ GAUSSIAN = GpsConfig(model="gaussian", gaussian_sigma_m=SIGMA_M)
 def fixes_of(poses, rng, correlation_s=1e-3):
     """A fix every four frames, with white errors, whose class says how large they are."""
     row = np.arange(0, len(poses) - 1, 4)
-    n, none = len(row), np.full(len(row), np.nan)
+    n = len(row)
     antenna = poses[row, :3, 3] + poses[row, :3, :3] @ CAMERA_P_ANTENNA
     place = antenna + rng.normal(0.0, SIGMA_M, (n, 3))
     r_m, h_m = np.full(n, REGION[0]), np.full(n, REGION[1])
-    sigma, used = np.full((n, 3), np.nan), np.ones(n, dtype=bool)
-    return Fixes(INTERVAL_S * row, place, r_m, h_m, none, none, sigma, used, np.full(n, correlation_s))
+    return fixes_of_size(INTERVAL_S * row, place, r_m, h_m, correlation_s=np.full(n, correlation_s))
 
 
 def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
@@ -95,10 +95,10 @@ def test_same_seed_same_draws():
 
 
 def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
-    n, none = 400, np.full(400, np.nan)
+    n = 400
     t_s = np.arange(n) * 0.5
     r_m, h_m = np.full(n, 2.0), np.full(n, 5.0)
-    fixes = Fixes(t_s, np.zeros((n, 3)), r_m, h_m, none, none, np.full((n, 3), np.nan), none == 0, r_m * 5)
+    fixes = fixes_of_size(t_s, np.zeros((n, 3)), r_m, h_m, correlation_s=r_m * 5)
     drawn = fix_errors(fixes, 200, np.random.default_rng(0))
     inside = np.hypot(drawn[:, 0], drawn[:, 1]) < 2.0
     assert inside.mean() == pytest.approx(0.95, abs=0.01)
@@ -109,20 +109,10 @@ def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
 
 
 def test_an_enlarged_region_does_not_make_an_error_new():
-    n, none = 100, np.full(100, np.nan)
+    n = 100
     r_m = np.where(np.arange(n) % 2, 2.0, 3.0 + 0.01 * np.arange(n))  # dilution differs from fix to fix
-    fixes = Fixes(
-        np.arange(n) * 0.5,
-        np.zeros((n, 3)),
-        r_m,
-        2 * r_m,
-        none,
-        none,
-        np.full((n, 3), np.nan),
-        none == 0,
-        none,
-    )
-    fixes.correlation_s[:] = 50.0
+    size = {"correlation_s": np.full(n, 50.0)}
+    fixes = fixes_of_size(np.arange(n) * 0.5, np.zeros((n, 3)), r_m, 2 * r_m, **size)
     drawn = fix_errors(fixes, 300, np.random.default_rng(0)) / r_m[:, None, None]
     neighbours = np.mean(drawn[1:] * drawn[:-1]) / np.mean(drawn**2)
     assert neighbours == pytest.approx(np.exp(-2 * 0.5 / 50.0), abs=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
@@ -15,11 +16,8 @@ STANDING = Trajectory(T_S, np.tile(np.eye(4), (len(T_S), 1, 1)))
 
 def fixes(misfit, correlation_s=1.0, n=50):
     """One a second, each off by ``misfit`` sigmas along every axis."""
-    r_m, h_m, none = np.full(n, 2.4), np.full(n, 6.5), np.full(n, np.nan)
     at = np.zeros((n, 3))
-    found = Fixes(
-        np.arange(n, dtype=float), at, r_m, h_m, none, none, np.full((n, 3), np.nan), none != 0, none
-    )
+    found = fixes_of_size(np.arange(n, dtype=float), at, np.full(n, 2.4), np.full(n, 6.5))
     at += misfit * region_sigmas(found)
     found.correlation_s[:] = correlation_s
     return found

@@ -31,6 +31,22 @@ def drifting(grows_by=0.4):
     return trajectory(np.vstack([path(T_S)[:1], path(T_S)[0] + np.cumsum(steps, axis=0)]))
 
 
+def fixes_of_size(t_s, world_p_fix, r_m, h_m, **columns):
+    """Fixes with regions (n,) and nothing else known of them, but for the columns that are given."""
+    n = len(t_s)
+    none, ones = np.full(n, np.nan), np.ones((n, 2))
+    others = {
+        "lower_r_m": none,
+        "lower_h_m": none,
+        "shape": ones,
+        "lower_shape": ones,
+        "sigma_m": np.full((n, 3), np.nan),
+        "used": np.ones(n, dtype=bool),
+        "correlation_s": none,
+    }
+    return Fixes(t_s=t_s, world_p_fix=world_p_fix, r_m=r_m, h_m=h_m, **{**others, **columns})
+
+
 def fixes_at(t_s, r_m, h_m, lower=(np.nan, np.nan), offset=0.0):
     """Fixes on the path, ``offset`` (n, 3) off it."""
     n = len(t_s)
@@ -38,6 +54,6 @@ def fixes_at(t_s, r_m, h_m, lower=(np.nan, np.nan), offset=0.0):
     def column(value):
         return np.broadcast_to(np.asarray(value, dtype=float), n).copy()
 
-    sizes = [column(value) for value in (r_m, h_m, *lower)]
-    unknown, everyone = np.full((n, 3), np.nan), np.ones(n, dtype=bool)
-    return Fixes(t_s, path(t_s) + offset, *sizes, unknown, everyone, np.full(n, 10.0))
+    r_m, h_m, lower_r_m, lower_h_m = (column(value) for value in (r_m, h_m, *lower))
+    known = {"lower_r_m": lower_r_m, "lower_h_m": lower_h_m, "correlation_s": np.full(n, 10.0)}
+    return fixes_of_size(t_s, path(t_s) + offset, r_m, h_m, **known)

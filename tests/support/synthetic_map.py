@@ -2,8 +2,8 @@
 
 import numpy as np
 from synthetic_bundle import ANTENNA, K, drive
+from synthetic_fixes import fixes_of_size
 
-from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
 from vgps.model import Camera
@@ -54,16 +54,12 @@ def scene(frames=60, disturbed=0.3, seed=0):
     row = np.arange(0, frames - 1, 4)
     t_s = INTERVAL_S * np.arange(frames)
     n = len(row)
-    fixes = Fixes(
+    fixes = fixes_of_size(
         t_s[row] + 0.3 * INTERVAL_S,
         0.7 * antenna[row] + 0.3 * antenna[row + 1],
         np.full(n, 0.1),
         np.full(n, 0.1),
-        np.full(n, np.nan),
-        np.full(n, np.nan),
-        np.full((n, 3), np.nan),
-        np.ones(n, dtype=bool),
-        np.full(n, 10.0),
+        correlation_s=np.full(n, 10.0),
     )
     return problem, poses, t_s, fixes
 

@@ -94,6 +94,9 @@ def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
     write_survey(found, options, tmp_path / "s.yaml")
     regions = read_survey(tmp_path / "s.yaml")
     assert regions[FixClass.RTK_FLOAT].r_m == pytest.approx(by_class[FixClass.RTK_FLOAT].r_m, abs=1e-4)
+    ellipsoid = by_class[FixClass.RTK_FLOAT].ellipsoid
+    assert regions[FixClass.RTK_FLOAT].alpha_m == pytest.approx(ellipsoid.alpha_m, abs=1e-4)
+    assert regions[FixClass.RTK_FLOAT].beta_m == pytest.approx(ellipsoid.beta_m, abs=1e-4)
     assert yaml.safe_load((tmp_path / "s.yaml").read_text())["rtk_fix"]["epochs"] == 200
     plot_survey(found, tmp_path / "s.png")
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")

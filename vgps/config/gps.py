@@ -44,14 +44,23 @@ class OutlierConfig(SettingsModel):
 
 
 class Region(SettingsModel):
-    """The cylinder of a fix class, which holds 95 % of its fixes horizontally and 95 % vertically."""
+    """The region of a fix class: a cylinder that holds 95 % of its fixes in the plane and 95 % in height."""
 
     r_m: PositiveFloat
     """Radius r(p)."""
     h_m: PositiveFloat
     """Half height h(p)."""
+    alpha_m: PositiveFloat | None = None
+    """Horizontal semi-axis of the model ellipsoid (22); by default r."""
+    beta_m: PositiveFloat | None = None
+    """Vertical semi-axis of the model ellipsoid (22); by default h."""
     correlation_s: PositiveFloat = 60.0
     """Time after which the error of a fix counts as a new one; feeds the sigmas and an estimated balance."""
+
+    @property
+    def ellipsoid_shape(self) -> tuple[float, float]:
+        """Semi-axes alpha and beta of the ellipsoid over r and h of the cylinder."""
+        return (self.alpha_m or self.r_m) / self.r_m, (self.beta_m or self.h_m) / self.h_m
 
 
 def _default_regions() -> dict[FixClass, Region]:

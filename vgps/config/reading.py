@@ -50,7 +50,7 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
     for name, value in _read_yaml(path).items():
         if name not in set(FixClass) or not isinstance(value, dict):
             continue
-        sizes = {key: value[key] for key in ("r_m", "h_m", "correlation_s") if key in value}
+        sizes = {key: value[key] for key in Region.model_fields if key in value}
         try:
             regions[FixClass(name)] = Region.model_validate(sizes)
         except ValidationError as error:

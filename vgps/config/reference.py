@@ -115,8 +115,9 @@ def _of_field(settings: SettingsModel, name: str, place: str) -> Iterator[Settin
     if isinstance(value, dict):
         model = get_args(field.annotation)[1]
         for inner, its_field in model.model_fields.items():
-            each = ", ".join(f"{key} {_as_yaml(getattr(part, inner))}" for key, part in value.items())
-            yield _setting(f"{place}{name}.<class>.{inner}", its_field, each, basic)
+            given = {key: getattr(part, inner) for key, part in value.items()}
+            each = ", ".join(f"{key} {_as_yaml(one)}" for key, one in given.items() if one is not None)
+            yield _setting(f"{place}{name}.<class>.{inner}", its_field, each or "not set", basic)
 
 
 def _setting(name: str, field: FieldInfo, default: Any, basic: bool) -> Setting:

@@ -8,16 +8,14 @@ from gtsam.symbol_shorthand import X
 
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_calibrating, gps_factor_interpolated
 from vgps.config import GpsConfig
-from vgps.gps.regions import enlarged, region_sizes
+from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
-from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
+from vgps.model import BoolArray, FloatArray, GpsLog, IntArray
 
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
-# wrong integer ambiguities leave a fix with the error of a float
-_MAY_BE = {FixClass.RTK_FIX: FixClass.RTK_FLOAT}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fixes:
     """Fixes in the world frame, a row each, in order of time.
 
@@ -26,6 +24,7 @@ class Fixes:
         world_p_fix: (M, 3) ENU metres.
         r_m, h_m: (M,) the region of each fix's class; NaN where the class has none.
         lower_r_m, lower_h_m: (M,) the region of the class that a fix of its class may really be; NaN if none.
+        shape, lower_shape: (M, 2) semi-axes of the ellipsoid (22) over r and h, of either class.
         sigma_m: (M, 3) the receiver's own standard deviations, NaN where it gave none.
         used: (M,) whether a fix takes part.
         correlation_s: (M,) after this time the error of a fix of its class counts as a new one.
@@ -37,6 +36,8 @@ class Fixes:
     h_m: FloatArray
     lower_r_m: FloatArray
     lower_h_m: FloatArray
+    shape: FloatArray
+    lower_shape: FloatArray
     sigma_m: FloatArray
     used: BoolArray
     correlation_s: FloatArray
@@ -68,8 +69,20 @@ class Fixes:
     @classmethod
     def none(cls) -> "Fixes":
         """Return no fix at all."""
-        n, points = np.zeros(0), np.zeros((0, 3))
-        return cls(n, points, n, n, n, n, points, np.zeros(0, dtype=bool), n)
+        n, points, shape = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2))
+        return cls(
+            t_s=n,
+            world_p_fix=points,
+            r_m=n,
+            h_m=n,
+            lower_r_m=n,
+            lower_h_m=n,
+            shape=shape,
+            lower_shape=shape,
+            sigma_m=points,
+            used=np.zeros(0, dtype=bool),
+            correlation_s=n,
+        )
 
 
 def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> Fixes:
@@ -81,13 +94,24 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
         config: Regions.
     """
     r_m, h_m = enlarged(*region_sizes(log.fix_class, config), log, config.quality)
-    lower = tuple(_MAY_BE.get(name, FixClass.UNKNOWN) for name in log.fix_class)
+    lower = tuple(lower_class(name) for name in log.fix_class)
     lower_r_m, lower_h_m = enlarged(*region_sizes(lower, config), log, config.quality)
     alike = [
         config.regions[name].correlation_s if name in config.regions else np.nan for name in log.fix_class
     ]
-    sizes = (r_m, h_m, lower_r_m, lower_h_m)
-    return Fixes(log.t_s, world_p_fix, *sizes, log.sigma_m, np.isfinite(r_m), np.array(alike))
+    return Fixes(
+        t_s=log.t_s,
+        world_p_fix=world_p_fix,
+        r_m=r_m,
+        h_m=h_m,
+        lower_r_m=lower_r_m,
+        lower_h_m=lower_h_m,
+        shape=ellipsoid_shapes(log.fix_class, config),
+        lower_shape=ellipsoid_shapes(lower, config),
+        sigma_m=log.sigma_m,
+        used=np.isfinite(r_m),
+        correlation_s=np.array(alike),
+    )
 
 
 @dataclass(frozen=True)
@@ -148,7 +172,8 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
     if config.model == "cylinder":
         return Cylinder(r_m, h_m, exponent, config.omega)
     if config.model == "ellipsoid":
-        return Ellipsoid(r_m, h_m, exponent, config.omega)
+        alpha, beta = fixes.shape[row].tolist()
+        return Ellipsoid(alpha * r_m, beta * h_m, exponent, config.omega)
     if config.model == "gaussian":
         return Gaussian((config.gaussian_sigma_m,) * 3)
     # a receiver that gives no sigmas is taken at half its class's region

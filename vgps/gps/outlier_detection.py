@@ -58,6 +58,7 @@ class FixAssessment:
             fixes,
             r_m=np.where(low, fixes.lower_r_m, fixes.r_m),
             h_m=np.where(low, fixes.lower_h_m, fixes.h_m),
+            shape=np.where(low[:, None], fixes.lower_shape, fixes.shape),
             sigma_m=np.where(low[:, None], np.nan, fixes.sigma_m),
             used=fixes.used & ~self.rejected,
         )

@@ -5,6 +5,8 @@ A survey is made in good conditions, and r(p) and h(p) hold there (future work o
 more than the fix class). Nothing makes a region smaller: receivers are too confident.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vgps.config import GpsConfig, QualityConfig
@@ -21,6 +23,21 @@ def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[Fl
     r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
     h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
     return r_m, h_m
+
+
+def lower_class(fix_class: FixClass) -> FixClass:
+    """Return the class whose error a fix may have instead of its own; UNKNOWN if there is none.
+
+    A wrong integer ambiguity leaves an RTK-fix with the error of an RTK-float.
+    """
+    return FixClass.RTK_FLOAT if fix_class is FixClass.RTK_FIX else FixClass.UNKNOWN
+
+
+def ellipsoid_shapes(fix_class: Sequence[FixClass], config: GpsConfig) -> FloatArray:
+    """Return (M, 2) semi-axes alpha, beta of (22) over r, h of every fix by its class; 1 without a region."""
+    regions = config.regions
+    shapes = [regions[name].ellipsoid_shape if name in regions else (1.0, 1.0) for name in fix_class]
+    return np.array(shapes).reshape(-1, 2)
 
 
 def enlarged(

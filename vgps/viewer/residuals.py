@@ -9,8 +9,9 @@ from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
 from vgps.gps.fixes import Fixes, Placement, penalty, place
+from vgps.gps.regions import ellipsoid_shapes, lower_class
 from vgps.model import FloatArray, GpsLog, IntArray
-from vgps.solution import FixTable, Solution
+from vgps.solution import FixTable, Solution, Verdict
 
 _CHUNK = 200_000  # observations projected together: 4x4 poses of all of a long run would not fit in memory
 
@@ -116,6 +117,9 @@ def gps_terms(solution: Solution) -> FloatArray:
     if config.model == "none":
         return terms
     unknown = np.full(len(log), np.nan)
+    verdicts = zip(log.fix_class, table.verdict, strict=True)
+    regions = [lower_class(name) if one is Verdict.DOWN_CLASSED else name for name, one in verdicts]
+    shape = ellipsoid_shapes(regions, config)
     fixes = Fixes(
         t_s=solution.fix_times_s,
         world_p_fix=table.world_p_fix,
@@ -123,6 +127,8 @@ def gps_terms(solution: Solution) -> FloatArray:
         h_m=table.h_m,
         lower_r_m=unknown,
         lower_h_m=unknown,
+        shape=shape,
+        lower_shape=shape,
         sigma_m=log.sigma_m,
         used=table.used,
         correlation_s=unknown,
