@@ -46,7 +46,7 @@ def optimise_window(
 
     Older frames that share features with the window are held: what was learnt before, scale and place above
     all, reaches the window through them alone, as if they were exact. Measured against iSAM2 and its fixed
-    lag this is faster and nearer to the truth (``scripts/benchmarks/window.py``), but what is held can be
+    lag this is faster and as near to the truth (``scripts.benchmarks.window``), but what is held can be
     wrong: :func:`contradicts` asks the fixes. A map that begins in the window is held by GPS if it lies in
     the world, else by its first two posed frames.
 
