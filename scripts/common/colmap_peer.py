@@ -57,12 +57,7 @@ def adjust(
     """
     sigma_px = float(problem.sigma_px[0])
     model = as_reconstruction(problem, base)
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = options.refine_extra_params = options.print_summary = False
-    solver = options.ceres.solver_options
-    solver.num_threads, solver.max_num_iterations = threads, max_iterations
-    solver.function_tolerance = tolerance
-    options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
+    options = _options(threads, max_iterations, tolerance)
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
     if robust is None:
         prior_options.alignment_ransac.max_error = _FAR_M
@@ -82,6 +77,16 @@ def adjust(
         raise RuntimeError(f"no number of iterations in COLMAP's report: {report}")
     steps = int(found[1]) - 1  # Ceres counts the evaluation of the start
     return AdjustmentResult(_solved(problem, model), steps, elapsed.wall_s, elapsed.cpu_s)
+
+
+def _options(threads: int, max_iterations: int, tolerance: float) -> pycolmap.BundleAdjustmentOptions:
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_extra_params = options.print_summary = False
+    solver = options.ceres.solver_options
+    solver.num_threads, solver.max_num_iterations = threads, max_iterations
+    solver.function_tolerance = tolerance
+    options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
+    return options
 
 
 def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Reconstruction:

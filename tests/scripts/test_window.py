@@ -8,7 +8,9 @@ import pytest
 from gtsam.symbol_shorthand import X
 from solutions import NORTH_R_CAMERA, PINHOLE, make_gps_log, make_landmarks, make_poses, make_solution
 
-from scripts.benchmarks.window import HeldWindow, Incremental, Replay, batches, run
+from scripts.benchmarks.window.__main__ import run
+from scripts.benchmarks.window.methods import HeldWindow, Incremental
+from scripts.benchmarks.window.replay import Replay, batches
 from vgps.geometry import project
 from vgps.model import FixClass
 from vgps.solution import FixTable, Observations, Verdict
