@@ -87,6 +87,14 @@ def speed_warnings(
             interval_s = frames[start + 1].t_s - t_s
             needed_px = focal_px * speed * interval_s / _median_depth_m(frames[start])
             fastest, window_px, count = max(fastest, speed), max(window_px, needed_px), count + 1
+    if count or undecided >= 0:
+        return (_speed_message(count, fastest, window_px, undecided, config),)
+    return ()
+
+
+def _speed_message(
+    count: int, fastest: float, window_px: float, undecided: int, config: LocalizationConfig
+) -> str:
     searched = f"where windows are for localization.max_speed_m_s = {config.max_speed_m_s:g} m/s"
     if count:
         remedy = f"localization.max_speed_m_s to {5 * ceil(fastest / 4)}"
@@ -94,14 +102,12 @@ def speed_warnings(
             remedy += f" and localization.max_window_px to {ceil(window_px)}"
         return (
             f"the camera was lost in the frame after {count} of its starts, {searched}, while it moved at "
-            f"up to {fastest:.0f} m/s: set {remedy} with --config",
+            f"up to {fastest:.0f} m/s: set {remedy} with --config"
         )
-    if undecided >= 0:
-        return (
-            f"frame {undecided} was lost right after a start, {searched}: if the camera was faster, "
-            "raise it with --config",
-        )
-    return ()
+    return (
+        f"frame {undecided} was lost right after a start, {searched}: if the camera was faster, "
+        "raise it with --config"
+    )
 
 
 def _distance_m(one: TrackedFrame, other: TrackedFrame) -> float:

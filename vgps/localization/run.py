@@ -43,18 +43,8 @@ def localize(
     config, seconds = config or Config(), StageTimer()
     settings = config.localization
     localizer = Localizer(recording, database, settings)
-    frames: list[TrackedFrame] = []
-    gray: list[FloatArray] = []
-    poses: dict[float, FloatArray] = {}
-    decoded = _decode_ahead(recording.video.frames())
     with one_blas_thread(), seconds.measure("track"):
-        for frame in (progress or NoProgress()).track(decoded, len(recording.video.times_s)):
-            image = localizer.undistort(frame.gray)
-            tracked = localizer.add(frame.t_s, image)
-            frames.append(tracked)
-            gray.append(_gray(image, tracked.observations.uv_px))
-            poses[frame.t_s] = tracked.world_T_camera
-            poses |= localizer.revised() if settings.revise else {}
+        frames, gray, poses = _track(recording, localizer, settings.revise, progress or NoProgress())
     t_s, found = np.array(list(poses)), np.array([frame.tracked for frame in frames])
     if not found.any():
         raise GeometryError(
@@ -85,6 +75,24 @@ def localize(
         ),
     )
     return to_solution(recording, database.world_origin, config, track)
+
+
+def _track(
+    recording: Recording, localizer: Localizer, revise: bool, progress: Progress
+) -> tuple[list[TrackedFrame], list[FloatArray], dict[float, FloatArray]]:
+    """Return the frames, the grey values of their observations, and the poses by time, revised or not."""
+    frames: list[TrackedFrame] = []
+    gray: list[FloatArray] = []
+    poses: dict[float, FloatArray] = {}
+    decoded = _decode_ahead(recording.video.frames())
+    for frame in progress.track(decoded, len(recording.video.times_s)):
+        image = localizer.undistort(frame.gray)
+        tracked = localizer.add(frame.t_s, image)
+        frames.append(tracked)
+        gray.append(_gray(image, tracked.observations.uv_px))
+        poses[frame.t_s] = tracked.world_T_camera
+        poses |= localizer.revised() if revise else {}
+    return frames, gray, poses
 
 
 def _decode_ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
