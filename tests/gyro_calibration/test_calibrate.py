@@ -112,7 +112,7 @@ def test_a_log_of_another_time_is_refused():
 
 def test_too_short_a_video_is_refused():
     turns, gyro = noisy(rich)
-    short = turns.only(np.arange(len(turns)) < 20)
+    short = turns.where(np.arange(len(turns)) < 20)
     with pytest.raises(GeometryError, match="20 intervals have a rotation"):
         calibrate_from_rotations(short, gyro, CONFIG)
 

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from synthetic_map import no_positions
 
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions, Similarity
@@ -114,7 +115,7 @@ def test_an_update_changes_what_it_names_and_nothing_else():
     made, rng = walked(12, np.random.default_rng(0)), np.random.default_rng(1)
     before = made.snapshot()
     new = rng.normal(size=(4, 4, 4))
-    made.apply(MapUpdate(first_frame=5, poses=new, positions=Positions.removed(made.ids[:3])))
+    made.apply(MapUpdate(first_frame=5, poses=new, positions=no_positions(made.ids[:3])))
     np.testing.assert_array_equal(made.poses[5:9], new)
     np.testing.assert_array_equal(made.poses[:5], before.poses[:5])
     np.testing.assert_array_equal(made.poses[9:], before.poses[9:])
@@ -134,5 +135,5 @@ def test_a_similarity_moves_poses_points_and_constraints_alike():
     np.testing.assert_allclose(made.poses[3, :3, 3], [1.0, 6.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(made.points[7], 2.0 * R @ before.points[7] + [1.0, 0.0, 0.0])
     (scaled,) = made.zero_motions
-    assert scaled.key_T_frame[0, 3] == 2.0 and scaled.sigma.tolist() == [1, 1, 1, 2, 2, 2]
+    assert scaled.reference_T_frame[0, 3] == 2.0 and scaled.sigma.tolist() == [1, 1, 1, 2, 2, 2]
     assert made.aligned and not before.aligned

@@ -84,7 +84,7 @@ def test_memory_does_not_grow(walk):
 
     def count(index, smoother):
         if index in {160, 280}:
-            smoother._frame_pipeline.settle()  # what stage C is at work with is no growth
+            smoother._frame_pipeline.finish_window()  # what stage C is at work with is no growth
             gc.collect()
             bytes_at.append(tracemalloc.get_traced_memory()[0])
         (current,) = smoother._frame_pipeline.maps or [None]

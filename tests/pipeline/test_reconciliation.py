@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from synthetic_map import MATRIX, away, map_of, moved, scene
+from synthetic_map import MATRIX, away, map_of, moved, no_positions, scene
 
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions, Similarity
 from vgps.pipeline.reconciliation import reconcile
@@ -20,11 +20,11 @@ def reconciled(refined, local_map, inlier_px=3.0):
     """The features that the snapshot does not know, after the map was brought up to date."""
     found = reconcile(refined, local_map, MATRIX, inlier_px)
     local_map.apply(found.update)
-    return found.unknown
+    return found.unrefined
 
 
 def remove(local_map, ids):
-    local_map.apply(MapUpdate(positions=Positions.removed(ids)))
+    local_map.apply(MapUpdate(positions=no_positions(ids)))
 
 
 def test_a_similarity_of_the_old_part_becomes_one_of_the_whole():

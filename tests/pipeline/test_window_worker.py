@@ -47,7 +47,7 @@ def test_frames_that_come_meanwhile_gain_as_well():
     worker._job = replace(worker._job, original=full)
     before = away(full.poses[40:], true[40:50])
     outcome = worker.finish()
-    assert outcome.local_map is full and not outcome.warnings and len(outcome.reconciliation.unknown)
+    assert outcome.local_map is full and not outcome.warnings and len(outcome.reconciliation.unrefined)
     full.apply(outcome.reconciliation.update)
     assert away(full.poses[40:], true[40:50]) < 0.5 * before
 

@@ -64,6 +64,11 @@ def scene(frames=60, disturbed=0.3, seed=0):
     return problem, poses, t_s, fixes
 
 
+def no_positions(ids):
+    """Positions that take those of features (n,) away."""
+    return Positions(ids, np.full((len(ids), 3), np.nan), np.full(len(ids), np.nan))
+
+
 def away(poses, true):
     """Mean distance of the camera centres."""
     return float(np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1).mean())

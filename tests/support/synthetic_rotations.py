@@ -44,7 +44,9 @@ def camera_rotations(
     if rng is not None:
         turn = turn * Rotation.from_rotvec(noise_rad * rng.normal(size=(frames, 3)))
     covariance = np.tile(max(noise_rad, 1e-6) ** 2 * np.eye(3), (frames, 1, 1))
-    return RelativeRotations(start, start + FRAME_S, turn.as_matrix(), covariance, 0)
+    return RelativeRotations(
+        start_s=start, end_s=start + FRAME_S, start_R_end=turn.as_matrix(), covariance=covariance, missed=0
+    )
 
 
 def gyro_log(

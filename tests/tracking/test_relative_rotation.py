@@ -189,9 +189,11 @@ def test_a_lens_is_taken_out():
     assert np.degrees(np.abs(error_rad(found.start_R_end[0], turn)).max()) < 0.03
 
 
-def test_only_counts_the_others_as_missed():
+def test_where_counts_the_others_as_missed():
     eye = np.tile(np.eye(3), (3, 1, 1))
-    turns = RelativeRotations(np.arange(3.0), np.arange(3.0) + 1, eye, eye, 2)
-    kept = turns.only(np.array([True, False, True]))
+    turns = RelativeRotations(
+        start_s=np.arange(3.0), end_s=np.arange(3.0) + 1, start_R_end=eye, covariance=eye, missed=2
+    )
+    kept = turns.where(np.array([True, False, True]))
     assert len(kept) == 2 and kept.missed == 3
     assert kept.start_s.tolist() == [0.0, 2.0]

@@ -146,7 +146,7 @@ def _covered(
     length = rotations.end_s - rotations.start_s
     start, end = rotations.start_s - offset_s - length, rotations.end_s - offset_s + length
     kept = gyro.covers(start, end)
-    return rotations.only(kept), rates[kept]
+    return rotations.where(kept), rates[kept]
 
 
 def _scale(by_gyro: FloatArray, rates: FloatArray, fit: Fit) -> float:

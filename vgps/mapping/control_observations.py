@@ -1,4 +1,4 @@
-"""Observations of points whose place in the world is known."""
+"""Observations of control points: points of known position in the world."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,14 @@ from vgps.model import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class ControlObservations:
-    """Observations of known points: ``frame`` (N,), ``uv_px`` (N, 2) undistorted, ``world_p_point`` (N,
-    3)."""
+    """Control points ``world_p_point`` (N, 3) observed in ``frame`` (N,) at ``uv_px`` (N, 2), undistorted."""
 
     frame: IntArray
     uv_px: FloatArray
     world_p_point: FloatArray
 
     def between(self, first: int, last: int) -> "ControlObservations":
-        """Those in frames ``first`` to ``last``, frames counted from ``first``."""
+        """Return the observations in frames ``first`` to ``last``, frames counted from ``first``."""
         rows = (self.frame >= first) & (self.frame <= last)
         return ControlObservations(self.frame[rows] - first, self.uv_px[rows], self.world_p_point[rows])
 

@@ -1,4 +1,4 @@
-"""Position, reliability and luminance of every feature that a map has followed, by feature id."""
+"""Position, reliability and luminance of every feature of a map, by feature id."""
 
 import copy
 
@@ -11,7 +11,7 @@ _GROWTH = 4096
 
 
 class FeatureTable:
-    """One row per feature id; memory grows with the number of features."""
+    """One row per feature id, in memory that grows with the number of features."""
 
     def __init__(self) -> None:
         self._points = np.full((_GROWTH, 3), np.nan)
@@ -34,11 +34,11 @@ class FeatureTable:
 
     @property
     def gray(self) -> np.ndarray:
-        """(T,) luminance where each feature was first seen."""
+        """(T,) luminance of each feature in its first observation."""
         return self._gray[: self._count]
 
     def copy(self) -> "FeatureTable":
-        """Return a table whose positions may change while this one grows."""
+        """Return a table whose positions can change while this one grows."""
         twin = copy.copy(self)
         twin._points, twin._sigma_px = self._points.copy(), self._sigma_px.copy()
         return twin
@@ -56,7 +56,7 @@ class FeatureTable:
         return ids
 
     def add_copies(self, ids: IntArray) -> IntArray:
-        """Add features (n,) that take over the rows of others (n,), and return their ids."""
+        """Add features (n,) with the rows of others (n,), and return their ids."""
         new = self.add(self._gray[ids])
         self._points[new], self._sigma_px[new] = self._points[ids], self._sigma_px[ids]
         return new
@@ -71,7 +71,7 @@ class FeatureTable:
         self._points = to_world.scale * self._points @ to_world.world_R_map.T + to_world.world_p_map
 
     def drop_first(self, count: int) -> None:
-        """Discard the first features; the ids of the others become smaller by ``count``."""
+        """Discard the first features and lower the ids of the others by ``count``."""
         self._points, self._sigma_px = self._points[count:].copy(), self._sigma_px[count:].copy()
         self._gray = self._gray[count:].copy()
         self._count -= count

@@ -1,4 +1,4 @@
-"""Rows that are added one by one and read as one array, without copying all of them each time."""
+"""An array to which rows are appended one by one."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,10 +9,10 @@ _START = 256
 
 
 class GrowingArray:
-    """Float rows of one shape; memory is doubled when it is full, so adding n rows costs O(n).
+    """Float rows of one shape; memory doubles when it is full, so appending n rows costs O(n).
 
     Args:
-        shape: Of a row: ``()`` for numbers, ``(4, 4)`` for poses.
+        shape: Shape of a row: ``()`` for numbers, ``(4, 4)`` for poses.
     """
 
     def __init__(self, shape: tuple[int, ...] = ()) -> None:
@@ -21,7 +21,7 @@ class GrowingArray:
 
     @classmethod
     def of(cls, rows: FloatArray) -> "GrowingArray":
-        """These rows (n, *shape), copied."""
+        """Return an array of these rows (n, *shape), copied."""
         made = cls(rows.shape[1:])
         made._rows = np.concatenate([rows, np.zeros((max(_START, len(rows) // 2), *rows.shape[1:]))])
         made._count = len(rows)
@@ -32,11 +32,11 @@ class GrowingArray:
 
     @property
     def values(self) -> FloatArray:
-        """(n, *shape) the rows so far: a view, which may be written to until the next row is added."""
+        """(n, *shape) rows so far; a view that may be written to until the next row is appended."""
         return self._rows[: self._count]
 
     def append(self, row: npt.ArrayLike) -> None:
-        """One more row."""
+        """Append a row."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         self._rows[self._count] = row

@@ -1,4 +1,4 @@
-"""What stages A to C share: one unbroken stretch of tracking with its poses, features and positions."""
+"""The local map that stages A to C share: poses, features and positions of unbroken tracking."""
 
 import copy
 
@@ -7,28 +7,29 @@ import numpy as np
 from vgps.mapping.feature_table import FeatureTable
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Similarity
+from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
-_ROUND = 100
+_ID_STEP = 100
 
 
 class LocalMap:
     """Poses of consecutive frames, features followed through them and positions of the features.
 
-    Until it is aligned the map's world is its first camera and its unit is arbitrary. Arrays over all
-    features ever followed are indexed by feature id; ``ids`` names those still followed, and rows of
-    ``raw_uv_px`` and ``views`` belong to them. Everybody may read; :meth:`apply` alone changes poses,
-    positions and observations, and :meth:`discard_before` lets go of old ones.
+    Until the map is aligned its world is its first camera and its unit is arbitrary. Arrays over all
+    features ever followed are indexed by feature id; ``ids`` are the features still followed, the rows of
+    ``raw_uv_px`` and ``views``. Only :meth:`apply` changes poses, positions and observations, and only
+    :meth:`discard_before` discards old ones.
 
     Attributes:
         first_frame: Index of the frame of ``poses[0]``.
-        discarded_features: By how much feature ids were lowered in all.
+        discarded_features: Total by which feature ids were lowered.
         aligned: Whether the map's world is the world of the GPS fixes.
-        ids: (N,) features followed, ``raw_uv_px`` (N, 2) their last observation in the distorted image.
+        ids: (N,) followed features, ``raw_uv_px`` (N, 2) their last observation in the distorted image.
         views: (N, H, 2) undistorted observations in the frames ``view_frames`` (H,), newest last; NaN where
-            a feature was not seen.
+            a feature was not observed.
     """
 
     def __init__(self, first_frame: int, history: int) -> None:
@@ -44,7 +45,7 @@ class LocalMap:
         self._poses, self._t_s = GrowingArray((4, 4)), GrowingArray()
         self._odometry = GrowingArray((3,))
         self._features = FeatureTable()
-        self._log: list[tuple[int, IntArray, FloatArray]] = []
+        self._log = ObservationLog()
 
     @property
     def poses(self) -> FloatArray:
@@ -58,32 +59,29 @@ class LocalMap:
 
     @property
     def odometry(self) -> FloatArray:
-        """(n, 3) displacement from the frame before, in its axes, as tracked, before any fix bent the path.
-
-        NaN where unknown; read-only.
-        """
+        """(n, 3) tracked displacement from the previous frame, in its axes, NaN where unknown; read-only."""
         return _read_only(self._odometry.values)
 
     @property
     def zero_motions(self) -> tuple[ZeroMotion, ...]:
-        """Constraints of frames that stood still."""
+        """Zero-motion constraints, one per frame that stood still."""
         return tuple(self._zero_motions.values())
 
     @property
     def bridged(self) -> frozenset[int]:
-        """Frames posed between their neighbours, without observations."""
+        """Frames without observations, posed by interpolation."""
         return frozenset(self._bridged)
 
     @property
     def next_frame(self) -> int:
-        """Index of the frame that comes after the last one."""
+        """Index of the frame after the last one."""
         return self.first_frame + len(self._poses)
 
     @property
     def first_posed(self) -> int:
         """Index of the first frame with a pose; ``next_frame`` if none has one."""
-        known = np.isfinite(self.poses[:, 0, 0])
-        return self.first_frame + (int(known.argmax()) if known.any() else len(known))
+        posed = np.isfinite(self.poses[:, 0, 0])
+        return self.first_frame + (int(posed.argmax()) if posed.any() else len(posed))
 
     @property
     def feature_count(self) -> int:
@@ -102,7 +100,7 @@ class LocalMap:
 
     @property
     def gray(self) -> np.ndarray:
-        """(T,) luminance of every feature where it was first seen."""
+        """(T,) luminance of every feature in its first observation."""
         return self._features.gray
 
     @property
@@ -112,7 +110,7 @@ class LocalMap:
 
     @property
     def last_uv_px(self) -> FloatArray:
-        """(N, 2) newest undistorted observation of the followed features."""
+        """(N, 2) newest undistorted observations of the followed features."""
         return self.views[:, -1]
 
     def pose(self, frame: int) -> FloatArray:
@@ -128,27 +126,19 @@ class LocalMap:
 
     def observations(self, since_frame: int = 0) -> Observations:
         """Return every observation from a frame on; ``landmark`` is the feature id."""
-        start = next((k for k in range(len(self._log)) if self._log[k][0] >= since_frame), len(self._log))
-        log = self._log[start:]
-        if not log:
-            empty: IntArray = np.zeros(0, dtype=np.int64)
-            return Observations(empty, empty, np.zeros((0, 2)))
-        frames = np.concatenate([np.full(len(ids), frame) for frame, ids, _ in log])
-        return Observations(
-            frames, np.concatenate([ids for _, ids, _ in log]), np.concatenate([uv for _, _, uv in log])
-        )
+        return self._log.since(since_frame)
 
     def snapshot(self) -> "LocalMap":
-        """Return a copy that can be updated while this map goes on growing."""
+        """Return a copy that can be updated while this map grows."""
         twin = copy.copy(self)
         twin._poses, twin._t_s = GrowingArray.of(self._poses.values), GrowingArray.of(self._t_s.values)
         twin._odometry = GrowingArray.of(self._odometry.values)
-        twin._features, twin._log = self._features.copy(), self._log[:]
+        twin._features, twin._log = self._features.copy(), self._log.copy()
         twin._zero_motions, twin._bridged = self._zero_motions.copy(), self._bridged.copy()
         return twin
 
     def apply(self, update: MapUpdate) -> None:
-        """Change the map: the one place where stages A to C write."""
+        """Change the map; stages A to C write nowhere else."""
         if update.similarity is not None:
             self._transform(update.similarity)
         self.aligned = self.aligned or update.aligned
@@ -165,7 +155,7 @@ class LocalMap:
             self._renew_full_tracks()
         if update.features is not None:
             self._start(update.features)
-        self._zero_motions |= {held.frame: held for held in update.zero_motions}
+        self._zero_motions |= {motion.frame: motion for motion in update.zero_motions}
 
     def _transform(self, to_world: Similarity) -> None:
         poses, scale, R = self._poses.values, to_world.scale, to_world.world_R_map
@@ -173,13 +163,13 @@ class LocalMap:
         poses[:, :3, :3] = R @ poses[:, :3, :3]
         self._features.transform(to_world)
         self._odometry.values[:] *= scale
-        self._zero_motions = {frame: held.scaled(scale) for frame, held in self._zero_motions.items()}
+        self._zero_motions = {frame: motion.scaled(scale) for frame, motion in self._zero_motions.items()}
 
     def _append(self, frame: NewFrame) -> None:
-        before = self._poses.values[-1] if len(self._poses) else np.full((4, 4), np.nan)
+        previous = self._poses.values[-1] if len(self._poses) else np.full((4, 4), np.nan)
         if frame.bridged:
             self._bridged.add(self.next_frame)
-        self._odometry.append(before[:3, :3].T @ (frame.world_T_camera[:3, 3] - before[:3, 3]))
+        self._odometry.append(previous[:3, :3].T @ (frame.world_T_camera[:3, 3] - previous[:3, 3]))
         self._poses.append(frame.world_T_camera)
         self._t_s.append(frame.t_s)
 
@@ -188,7 +178,7 @@ class LocalMap:
         self.ids, self.raw_uv_px = self.ids[found], view.raw_uv_px[found]
         self.views = np.concatenate([self.views[found, 1:], view.uv_px[found, None]], axis=1)
         self.view_frames = np.append(self.view_frames[1:], view.frame)
-        self._log.append((view.frame, self.ids, view.uv_px[found]))
+        self._log.append(view.frame, self.ids, view.uv_px[found])
 
     def _start(self, features: NewFeatures) -> None:
         ids = self._features.add(features.gray)
@@ -197,10 +187,10 @@ class LocalMap:
         self.ids = np.append(self.ids, ids)
         self.raw_uv_px = np.concatenate([self.raw_uv_px, features.raw_uv_px])
         self.views = np.concatenate([self.views, views])
-        self._log.append((int(self.view_frames[-1]), ids, features.uv_px))
+        self._log.append(int(self.view_frames[-1]), ids, features.uv_px)
 
     def _renew_full_tracks(self) -> None:
-        """Go on with features whose history is full as new ones, at the same place, from the newest view."""
+        """Continue features whose history is full as new ones at the same position, from the newest view."""
         full = np.isfinite(self.views[:, 0, 0])
         if not full.any():
             return
@@ -208,29 +198,28 @@ class LocalMap:
         self.ids = self.ids.copy()
         self.ids[full] = new
         self.views[full, :-1] = np.nan
-        self._log.append((int(self.view_frames[-1]), new, self.views[full, -1]))
+        self._log.append(int(self.view_frames[-1]), new, self.views[full, -1])
 
     def discard_before(self, frame: int, view_frame: int) -> FloatArray:
         """Discard poses before one frame and observations before another; the newest view always stays.
 
-        Feature ids are lowered by a round number, so that what is scheduled by id stays.
+        Feature ids are lowered by a multiple of 100, so that what stage B schedules by id does not change.
 
         Args:
-            frame: Not after ``view_frame``.
-            view_frame: Constraints of standing frames before it go too.
+            frame: First frame that keeps its pose; at most ``view_frame``.
+            view_frame: First frame that keeps its observations and its zero-motion constraint.
 
         Returns:
-            (n, 4, 4) the discarded poses, from ``first_frame`` as it was on.
+            (n, 4, 4) the discarded poses, from the previous ``first_frame`` on.
         """
         view_frame = min(view_frame, int(self.view_frames[-1]))
         frame = max(min(frame, view_frame), self.first_frame)
-        self._log = [entry for entry in self._log if entry[0] >= view_frame]
-        self._zero_motions = {
-            held.frame: held for held in self.zero_motions if held.frame >= view_frame and held.key >= frame
-        }
-        gone = self.view_frames < frame
-        self.view_frames = np.where(gone, -1, self.view_frames)
-        self.views[:, gone] = np.nan
+        self._log.discard_before(view_frame)
+        kept = (m for m in self.zero_motions if m.frame >= view_frame and m.reference >= frame)
+        self._zero_motions = {motion.frame: motion for motion in kept}
+        discarded = self.view_frames < frame
+        self.view_frames = np.where(discarded, -1, self.view_frames)
+        self.views[:, discarded] = np.nan
         self._bridged = {bridged for bridged in self._bridged if bridged >= frame}
         self._discard_features()
         count = frame - self.first_frame
@@ -242,14 +231,14 @@ class LocalMap:
         return old
 
     def _discard_features(self) -> None:
-        followed = [self.ids, *(ids for _, ids, _ in self._log)]
-        count = int(min(ids.min(initial=self.feature_count) for ids in followed)) // _ROUND * _ROUND
+        smallest = self._log.smallest_id(int(self.ids.min(initial=self.feature_count)))
+        count = smallest // _ID_STEP * _ID_STEP
         if count == 0:
             return
         self._features.drop_first(count)
         self.discarded_features += count
         self.ids = self.ids - count
-        self._log = [(frame, ids - count, uv) for frame, ids, uv in self._log]
+        self._log.lower_ids(count)
 
 
 def _read_only(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What stages A to C change in a local map: the only thing that :meth:`LocalMap.apply` takes."""
+"""Changes of a local map, as stages A to C return them and :meth:`LocalMap.apply` takes them."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Similarity:
-    """From map to world: ``x_world = scale * world_R_map x_map + world_p_map``."""
+    """Similarity from map to world: ``x_world = scale * world_R_map x_map + world_p_map``."""
 
     scale: float
     world_R_map: FloatArray
@@ -19,7 +19,7 @@ class Similarity:
 
 @dataclass(frozen=True)
 class NewFrame:
-    """A frame at the end of a map: its time, its pose (4, 4), NaN if unknown, and whether it was bridged."""
+    """A frame to append: its time, its pose (4, 4), NaN if unknown, and whether it was bridged."""
 
     t_s: float
     world_T_camera: FloatArray
@@ -33,7 +33,7 @@ class NewView:
     Attributes:
         frame: Index of the frame.
         raw_uv_px, uv_px: (N, 2) in the distorted and in the undistorted image.
-        found: (N,) whether each was found; the others are followed no longer.
+        found: (N,) whether each was found; the others are no longer followed.
     """
 
     frame: int
@@ -55,33 +55,28 @@ class NewFeatures:
 class Positions:
     """Positions ``points`` (n, 3) and reliabilities ``sigma_px`` (n,) of features ``ids`` (n,).
 
-    NaN takes a feature's position away.
+    NaN removes a feature's position.
     """
 
     ids: IntArray
     points: FloatArray
     sigma_px: FloatArray
 
-    @classmethod
-    def removed(cls, ids: IntArray) -> "Positions":
-        """Features (n,) that lose their position."""
-        return cls(ids, np.full((len(ids), 3), np.nan), np.full(len(ids), np.nan))
-
 
 @dataclass(frozen=True, kw_only=True)
 class MapUpdate:
-    """A change of a local map. Fields take effect from top to bottom; what is left out stays.
+    """A change of a local map, applied field by field from top to bottom.
 
     Attributes:
-        similarity: Moves the whole map.
-        aligned: The map's world is the world of the GPS fixes from now on.
+        similarity: Similarity to apply to the whole map.
+        aligned: Whether the map's world is the world of the GPS fixes from now on.
         frames: New frames, in order.
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
-        view: The newest frame's observations.
-        positions: Of features.
-        renew_full_tracks: Features whose history is full go on as new ones.
+        view: Observations of the newest frame.
+        positions: New positions of features.
+        renew_full_tracks: Whether features whose history is full continue as new ones.
         features: Features that start in the newest view.
-        zero_motions: Constraints of standing frames, in place of earlier ones of the same frames.
+        zero_motions: Constraints of standing frames; they replace earlier ones of the same frames.
     """
 
     similarity: Similarity | None = None

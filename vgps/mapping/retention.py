@@ -1,4 +1,4 @@
-"""How much of the past the live mode keeps, and what it hands over when it lets go of it."""
+"""How much of the past the live mode keeps, and the poses that it discards."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,10 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class RetentionPolicy:
-    """How much is kept: observations and views in frames, path and fixes in seconds.
+    """How much is kept: observations in frames, path and fixes in seconds.
 
-    Stage C needs the observations of a window and of the longest track before it; more changes nothing. Drift
-    and verdicts are found on the path.
+    Stage C needs the observations of a window and of the longest track before it; keeping more changes
+    nothing. Drift correction and outlier detection need the path.
     """
 
     view_frames: int
@@ -22,7 +22,7 @@ class RetentionPolicy:
 
     @classmethod
     def of(cls, config: Config) -> "RetentionPolicy":
-        """Return the least that leaves stage C what it needs."""
+        """Return the smallest policy that keeps what stage C needs."""
         window = config.window
         frames = window.length_frames + window.every_frames + config.mapping.max_track_frames
         return cls(frames, config.online.keep_s)
@@ -30,7 +30,7 @@ class RetentionPolicy:
 
 @dataclass(frozen=True)
 class RetiredPoses:
-    """Poses (n, 4, 4) of the frames from ``first_frame`` on, which will not change any more."""
+    """Final poses (n, 4, 4) of the frames from ``first_frame`` on."""
 
     first_frame: int
     poses: FloatArray
@@ -39,22 +39,19 @@ class RetiredPoses:
 
 
 def retire_map(local_map: LocalMap) -> RetiredPoses:
-    """Return all poses of a map that ended."""
+    """Return all poses of a finished map."""
     return RetiredPoses(local_map.first_frame, local_map.poses, local_map.aligned, local_map.bridged)
 
 
 def retire_before(local_map: LocalMap, horizon_s: float, policy: RetentionPolicy) -> RetiredPoses:
-    """Discard from a map what lies before a time, and observations by their number of frames.
+    """Discard the poses of a map before a time and its older observations, and return the poses.
 
     Args:
-        local_map: Changed in place.
-        horizon_s: The time.
-        policy: How many frames of observations stay.
-
-    Returns:
-        The poses that were discarded.
+        local_map: Map; changed in place.
+        horizon_s: Time of the oldest pose to keep.
+        policy: Gives the number of newest frames whose observations are kept.
     """
     first, bridged = local_map.first_frame, local_map.bridged
-    before = first + int(np.searchsorted(local_map.t_s, horizon_s))
-    poses = local_map.discard_before(before, local_map.next_frame - policy.view_frames)
+    oldest = first + int(np.searchsorted(local_map.t_s, horizon_s))
+    poses = local_map.discard_before(oldest, local_map.next_frame - policy.view_frames)
     return RetiredPoses(first, poses, local_map.aligned, bridged)

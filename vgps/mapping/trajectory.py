@@ -1,4 +1,4 @@
-"""The path of a local map: as it stands, and as it was tracked before any fix bent it."""
+"""The path of a local map: as optimised so far, and as tracked before fixes changed it."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from vgps.solution import Trajectory
 
 
 def map_trajectory(local_map: LocalMap, since_s: float = -np.inf) -> Trajectory:
-    """Return the poses of a map from its first posed frame or a later time on; a view of the map."""
+    """Return the poses of a map from its first posed frame or a later time on, as a view of the map."""
     first = max(local_map.first_posed - local_map.first_frame, int(np.searchsorted(local_map.t_s, since_s)))
     return Trajectory(local_map.t_s[first:], local_map.poses[first:])
 
 
 def odometry_trajectory(local_map: LocalMap, since_s: float = -np.inf) -> Trajectory:
-    """Return the same frames with the displacements that were tracked when the frames came.
+    """Return the same frames with the displacements as they were tracked.
 
-    Late fixes pull the path into their shape, where nothing shows any more that they are late; the odometry
-    still does.
+    Stage C bends the path to fixes whose clock is late, which hides their time offset; the odometry still
+    shows it.
     """
     path = map_trajectory(local_map, since_s)
     poses = path.world_T_camera

@@ -1,4 +1,4 @@
-"""What holds a frame that stands still: its pose relative to a frame that has observations."""
+"""Zero-motion constraints of frames in which the camera stands still."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class ZeroMotion:
-    """A frame that shows no motion against ``key``: its relative pose instead of observations of its own.
+    """Pose of a standing frame relative to ``reference``, a frame with observations; it has none itself.
 
-    ``key_T_frame`` (4, 4) and the standard deviations (6,) [rotation rad; translation in map units].
+    ``reference_T_frame`` (4, 4) with standard deviations (6,) [rotation rad; translation in map units].
     """
 
     frame: int
-    key: int
-    key_T_frame: FloatArray
+    reference: int
+    reference_T_frame: FloatArray
     sigma: FloatArray
 
     def scaled(self, scale: float) -> "ZeroMotion":
-        """In a unit ``scale`` times smaller."""
+        """Return the constraint in a map unit ``scale`` times smaller."""
         sigma = np.concatenate([self.sigma[:3], scale * self.sigma[3:]])
-        return ZeroMotion(self.frame, self.key, scaled_pose(self.key_T_frame, scale), sigma)
+        return ZeroMotion(self.frame, self.reference, scaled_pose(self.reference_T_frame, scale), sigma)
 
 
 def scaled_pose(pose: FloatArray, scale: float) -> FloatArray:
-    """A relative pose (4, 4) in a unit ``scale`` times smaller."""
+    """Return a relative pose (4, 4) in a unit ``scale`` times smaller."""
     out = pose.copy()
     out[:3, 3] *= scale
     return out

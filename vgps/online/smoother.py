@@ -179,7 +179,7 @@ class OnlineSmoother:
         if stage_d and not self._keep_all:
             raise ConfigError("stage D without the observations of all frames", remedy="give keep_all")
         self.refine()
-        self._frame_pipeline.settle()
+        self._frame_pipeline.finish_window()
         if self._estimate is not None:
             self._note_warnings(self._estimate.t_s)
         frame_pipeline = self._frame_pipeline

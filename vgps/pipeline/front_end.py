@@ -1,4 +1,4 @@
-"""Stages A to C over a whole recording, and what they leave to stage D."""
+"""Stages A to C over a whole recording, and their result."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from vgps.tracking.control_points import world_controls
 
 @dataclass(frozen=True, kw_only=True)
 class FrontEnd:
-    """What stages A to C leave to D; nobody changes it.
+    """Result of stages A to C, the input of stage D.
 
     Attributes:
-        recording: Camera, rig, GPS log.
-        origin: Of the world frame, if anything gives one.
+        recording: Camera, rig and GPS log.
+        origin: Origin of the world frame, if there is one.
         t_s: (F,) times of all frames.
-        maps: In order of time.
-        fixes: All fixes in the world, by their own clock.
-        sensors: Lever arm, and the time offset as far as the path shows it.
-        controls: Observations of known points.
-        warnings: In words.
-        seconds: By stage.
+        maps: Maps in order of time.
+        fixes: All fixes in the world frame, at the times of their own clock.
+        sensors: Time offset of the fixes, as estimated so far, and lever arm.
+        controls: Observations of control points.
+        warnings: Warnings for the user.
+        seconds: Wall seconds by stage.
     """
 
     recording: Recording
@@ -46,7 +46,7 @@ class FrontEnd:
     seconds: Mapping[str, float]
 
     def context(self, config: Config) -> SmoothingContext:
-        """Return what stage D is given beside the maps and the fixes."""
+        """Return the camera, the control points and the settings for stage D."""
         return SmoothingContext(self.recording.camera, config, self.controls)
 
 
@@ -56,7 +56,7 @@ def run_front_end(recording: Recording, config: Config, progress: Progress) -> F
     Raises:
         GpsLogError: Too few usable fixes.
         RecordingError: Control points in ENU beside a GPS log, and no origin.
-        GeometryError: Nothing to start a map with.
+        GeometryError: No two views start a map.
     """
     origin, fixes = world_fixes(recording, config)
     controls = world_controls(recording.control_points, recording.camera, origin) or NO_CONTROL_OBSERVATIONS
@@ -66,13 +66,13 @@ def run_front_end(recording: Recording, config: Config, progress: Progress) -> F
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
             frame_pipeline.add_frame(frame)
-        frame_pipeline.settle()
+        frame_pipeline.finish_window()
     if not frame_pipeline.maps:
         raise GeometryError(
-            "the camera hardly moves, or too little is seen, to begin a map",
+            "no map could be started: the camera hardly moves, or too few features are visible",
             file=recording.video.path,
-            expected=f"two views with {config.start.min_inliers} common features and "
-            f"{config.start.min_flow_px:g} px between them",
+            expected=f"two views with {config.start.min_inliers} common features that move by "
+            f"{config.start.min_flow_px:g} px",
         )
     return front_end_of(frame_pipeline, recording, origin, controls)
 
@@ -83,7 +83,7 @@ def front_end_of(
     origin: GeodeticPoint | None,
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS,
 ) -> FrontEnd:
-    """Return what a loop over frames has found, as plain data."""
+    """Return the result of a frame pipeline as plain data."""
     return FrontEnd(
         recording=recording,
         origin=origin,
@@ -98,7 +98,7 @@ def front_end_of(
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:
-    """Yield the same frames; the time spent waiting for them is counted."""
+    """Yield the same frames and time how long decoding them takes."""
     while True:
         with timer.measure("decode"):
             frame = next(frames, None)

@@ -1,4 +1,4 @@
-"""The main job: stages A to C over the whole video, then D over everything."""
+"""Offline smoothing: stages A to C over the whole video, then D over everything."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
 
-_HELD_SHARE = 0.02  # of the path, between the two frames that hold place and scale of a video alone
+_HELD_SHARE = 0.02  # of the path, between the two frames that fix place and scale without GPS
 
 
 def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
@@ -29,11 +29,11 @@ def smooth(recording: Recording, config: Config | None = None, progress: Progres
 
     Args:
         recording: From :func:`vgps.open_recording`.
-        config: Defaults if none is given.
-        progress: Shows how far it is.
+        config: Settings; the defaults if none are given.
+        progress: Progress display.
 
     Raises:
-        VgpsError: The recording does not determine the answer.
+        VgpsError: The recording does not determine the poses.
     """
     config, progress = config or Config(), progress or NoProgress()
     front_end = run_front_end(recording, config, progress)  # stages A, B and C
@@ -45,7 +45,7 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     """Run stage D: merge the maps, optimise everything, and return the solution.
 
     Raises:
-        GeometryError: No map can be aligned with the fixes, or the optimiser cannot leave its start.
+        GeometryError: No map can be aligned with the fixes, or no step lowers the cost.
     """
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
@@ -58,7 +58,7 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
 
 
 def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes:
-    """Return the fixes, their regions enlarged where the scene hides the sky and that is asked for."""
+    """Return the fixes, with larger regions where the scene hides the sky if the settings ask for it."""
     log, scene = front_end.recording.gps, merged.scene
     if log is None or not merged.georeferenced:
         return front_end.fixes
@@ -70,7 +70,7 @@ def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes
 def _optimise(
     front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config
 ) -> tuple[BatchResult, RefinedCamera | None]:
-    """Optimise everything, the calibration as well if that is asked for."""
+    """Optimise everything, including the calibration if the settings ask for it."""
     camera, held = front_end.recording.camera, _held_frames(front_end, merged, config)
 
     def optimise(scene: Scene, camera: Camera) -> BatchResult:
@@ -83,7 +83,7 @@ def _optimise(
 
 
 def _held_frames(front_end: FrontEnd, merged: MergedMaps, config: Config) -> BoolArray | None:
-    """Return the frames (F,) that hold place and scale where neither fixes nor control points do."""
+    """Return the frames (F,) to hold, which fix place and scale if neither fixes nor control points do."""
     tied_by_fixes = merged.georeferenced and config.gps.model != "none"
     if tied_by_fixes or len(front_end.controls.frame):
         return None
@@ -135,14 +135,14 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
 
 
 def _landmarks(merged: MergedMaps, batch: BatchResult) -> tuple[Landmarks, Observations]:
-    """Return the features that took part, and their observations."""
+    """Return the features of the optimisation and their observations."""
     kept = np.flatnonzero(np.isfinite(batch.sigma_px))
     row_of = np.full(len(batch.points), -1)
     row_of[kept] = np.arange(len(kept))
-    seen = batch.observations
+    observations = batch.observations
     return (
         Landmarks(batch.points[kept], batch.sigma_px[kept], merged.gray[kept]),
-        Observations(seen.frame, row_of[seen.landmark], seen.uv_px),
+        Observations(observations.frame, row_of[observations.landmark], observations.uv_px),
     )
 
 

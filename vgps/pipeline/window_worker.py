@@ -1,4 +1,4 @@
-"""Stage C at once, or in a thread of its own beside the frames that follow."""
+"""Stage C, at once or in a thread beside the next frames."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from vgps.smoothing.context import SmoothingContext
 
 @dataclass(frozen=True)
 class WindowOutcome:
-    """What stage C changes in a map as it is now, and warnings."""
+    """How stage C changes a map as it is now, and warnings."""
 
     local_map: LocalMap
     reconciliation: Reconciliation
@@ -22,7 +22,7 @@ class WindowOutcome:
 
 @dataclass(frozen=True)
 class _Job:
-    """Stage C of a snapshot of a map; ``warnings`` are there when it ends."""
+    """Stage C of a snapshot of a map; ``warnings`` is its result."""
 
     original: LocalMap
     refined: LocalMap
@@ -31,12 +31,12 @@ class _Job:
 
 
 class WindowWorker:
-    """Runs stage C on snapshots, and brings the results up to date.
+    """Runs stage C on snapshots and merges the results into the map as it is then.
 
     Args:
         context: Camera, control points and settings.
-        fix_buffer: The fixes; learns what stage C found out about them.
-        timer: Counts the seconds.
+        fix_buffer: The fixes; stage C updates their verdicts and time offset.
+        timer: Timer of the stages.
     """
 
     def __init__(self, context: SmoothingContext, fix_buffer: FixBuffer, timer: StageTimer) -> None:
@@ -46,21 +46,21 @@ class WindowWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether stage C was started, and its result not taken yet."""
+        """Whether stage C was started and its result not yet taken."""
         return self._job is not None
 
     def optimise(self, local_map: LocalMap) -> WindowOutcome:
         """Run stage C now.
 
         Raises:
-            GeometryError, RuntimeError, LinAlgError: The map is so far off that it cannot be optimised.
+            GeometryError, RuntimeError, LinAlgError: The map cannot be optimised from its present state.
         """
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
         warnings = self._stage_c.run(refined, fix_buffer)
         return self._outcome(local_map, refined, fix_buffer, warnings)
 
     def start(self, local_map: LocalMap) -> None:
-        """Start stage C of the map as it is; while it works the map may grow, and :meth:`finish` follows."""
+        """Start stage C on the map as it is; the map may grow until :meth:`finish` is called."""
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
         executor = ThreadPoolExecutor(1)
         warnings = executor.submit(self._stage_c.run, refined, fix_buffer, CONCURRENT)
@@ -68,10 +68,10 @@ class WindowWorker:
         executor.shutdown(wait=False)
 
     def finish(self) -> WindowOutcome | None:
-        """Wait for what was started; nothing if nothing was.
+        """Wait for stage C and return its outcome, or None if it was not started.
 
         Raises:
-            GeometryError, RuntimeError, LinAlgError: As in :meth:`optimise`.
+            GeometryError, RuntimeError, LinAlgError: See :meth:`optimise`.
         """
         job, self._job = self._job, None
         if job is None:

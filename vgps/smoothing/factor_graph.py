@@ -71,9 +71,9 @@ def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations)
     ids, row = np.unique(log.landmark[known], return_inverse=True)
     observations = Observations(log.frame[known] - first, row, log.uv_px[known])
     constraints = tuple(
-        ZeroMotion(held.frame - first, held.key - first, held.key_T_frame, held.sigma)
+        ZeroMotion(held.frame - first, held.reference - first, held.reference_T_frame, held.sigma)
         for held in local_map.zero_motions
-        if held.key >= first
+        if held.reference >= first
     )
     rows = slice(first - local_map.first_frame, None)
     poses = local_map.poses[rows]
@@ -184,8 +184,12 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
     held = np.bincount(scene.observations.frame, minlength=frames) > 0
     for constraint in scene.zero_motions:
         noise = gtsam.noiseModel.Diagonal.Sigmas(constraint.sigma)
-        relative, key, frame = gtsam.Pose3(constraint.key_T_frame), constraint.key, constraint.frame
-        graph.push_back(gtsam.BetweenFactorPose3(X(key), X(frame), relative, noise))
+        relative, reference, frame = (
+            gtsam.Pose3(constraint.reference_T_frame),
+            constraint.reference,
+            constraint.frame,
+        )
+        graph.push_back(gtsam.BetweenFactorPose3(X(reference), X(frame), relative, noise))
         held[frame] = True
     for middle in _middles_around(np.flatnonzero(~held), frames):
         a, b, c = middle - 1, middle, middle + 1

@@ -1,4 +1,4 @@
-"""Points of known position: poses of the frames that show enough of them, the thesis's way to begin."""
+"""Control points: their observations in the world frame, and the poses of frames that show enough."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from vgps.camera import undistort
 from vgps.geodesy import to_enu
 from vgps.mapping.control_observations import ControlObservations
 from vgps.model import Camera, ControlPoints, FloatArray, GeodeticPoint
-from vgps.tracking.pose import refine_pose
+from vgps.tracking.pose import Correspondences, refine_pose
 
 _MIN_POINTS = 4
 
@@ -15,12 +15,12 @@ _MIN_POINTS = 4
 def world_controls(
     points: ControlPoints | None, camera: Camera, origin: GeodeticPoint | None
 ) -> ControlObservations | None:
-    """The observations, undistorted, in the world frame; those that the lens cannot have seen are left out.
+    """Return the undistorted observations of points in the world, without those outside the lens's model.
 
     Args:
-        points: As read, or nothing.
-        camera: Its lens.
-        origin: Of the world frame; needed if the points are geodetic.
+        points: Control points as read, or None.
+        camera: Camera that observed them.
+        origin: Origin of the world frame; needed if the points are geodetic.
     """
     if points is None:
         return None
@@ -28,23 +28,25 @@ def world_controls(
     if points.geodetic and origin is not None:
         world = to_enu(origin, *world.T)
     uv = undistort(camera, points.uv_px)
-    seen = np.isfinite(uv).all(axis=1)
-    return ControlObservations(points.frame[seen], uv[seen], world[seen])
+    valid = np.isfinite(uv).all(axis=1)
+    return ControlObservations(points.frame[valid], uv[valid], world[valid])
 
 
 def control_poses(controls: ControlObservations, K: FloatArray) -> dict[int, FloatArray]:
-    """Pose (4, 4) of every frame with four or more control points, by (18) over them alone."""
+    """Return the pose (4, 4) of every frame with four or more control points, by Eq. (18) over them alone."""
     poses = {}
     for frame in np.unique(controls.frame).tolist():
         rows = controls.frame == frame
         if rows.sum() < _MIN_POINTS:
             continue
-        points, uv = controls.world_p_point[rows], controls.uv_px[rows]
-        found, rotation, translation = cv2.solvePnP(points, uv, K, None, flags=cv2.SOLVEPNP_SQPNP)
-        if not found:
+        matches = Correspondences(controls.world_p_point[rows], controls.uv_px[rows])
+        solved, rotation, translation = cv2.solvePnP(
+            matches.points, matches.uv_px, K, None, flags=cv2.SOLVEPNP_SQPNP
+        )
+        if not solved:
             continue
         R = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
         start = np.eye(4)
         start[:3, :3], start[:3, 3] = R.T, -R.T @ np.asarray(translation, dtype=np.float64)[:, 0]
-        poses[frame], _ = refine_pose(K, start, points, uv, np.ones(len(points)))
+        poses[frame], _ = refine_pose(K, start, matches, np.ones(len(matches)))
     return poses

@@ -1,6 +1,6 @@
-"""Stage A, Kume 2010: where the followed features are in a new frame, and the camera's pose from them."""
+"""Stage A, Kume 2010: match the followed features in a new frame and pose the camera by them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,17 +10,21 @@ from vgps.geometry import project, rays, reprojection_inliers
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
-from vgps.tracking.pose import lmeds_pose, refine_pose
+from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 
-_NEAR = 1e-3
-_GUESS_STEPS = 4  # of a pose that competes with others, and is refined if it wins
+_MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
+_GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrackingResult:
-    """One frame's outcome: observations (N, 2) of the map's followed features, and the pose if there is one.
+    """Observations of the map's followed features in one frame, and the frame's pose unless it is lost.
 
-    ``pose_sigma`` (6,) [rotation rad; translation], of the pose against the features it was computed from.
+    Attributes:
+        raw_uv_px, uv_px: (N, 2) in the distorted and in the undistorted image.
+        found: (N,) whether each feature was found.
+        world_T_camera: (4, 4), or None if the frame is lost.
+        pose_sigma: (6,) standard deviations [rotation rad; translation], with the features held.
     """
 
     raw_uv_px: FloatArray
@@ -42,109 +46,113 @@ class FrameTracker:
         self._matcher: Matcher = make_matcher(tracking)
 
     def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> TrackingResult:
-        """Match alone, for a map that has no positions yet."""
-        match = self._matcher.match(previous, gray, local_map.raw_uv_px, local_map.raw_uv_px)
-        return self._tracked(match)
+        """Match the features of a map that has no positions yet; the frame gets no pose."""
+        raw_uv = local_map.raw_uv_px
+        return self._undistorted(self._matcher.match(previous, gray, raw_uv, raw_uv))
 
     def track(
         self, local_map: LocalMap, previous: GrayImage, gray: GrayImage, predicted: FloatArray
     ) -> TrackingResult:
-        """Match, then pose (A-2) to (A-5).
+        """Match the features of a map and pose the frame, (A-2) to (A-5).
 
         Args:
-            local_map: Features seen in ``previous``, some of them with positions.
+            local_map: Features observed in ``previous``, some of them with positions.
             previous: The frame of the map's newest view.
             gray: The new frame.
             predicted: (4, 4) pose by the motion model.
 
         Returns:
-            The outcome; without a pose if the frame is lost.
+            Observations, and the pose unless the frame is lost.
         """
-        uv_guess = self._predict(local_map, predicted)
-        match = self._matcher.match(previous, gray, local_map.raw_uv_px, uv_guess)
-        tracked = self._tracked(match)
-        usable = local_map.positioned & tracked.found
+        search_uv = self._predict_pixels(local_map, predicted)
+        result = self._undistorted(self._matcher.match(previous, gray, local_map.raw_uv_px, search_uv))
+        usable = local_map.positioned & result.found
         if usable.sum() < self._config.min_inliers:
-            return tracked
-        points, uv = local_map.points[local_map.ids[usable]], tracked.uv_px[usable]
-        by_motion, _ = refine_pose(
-            self._K, predicted, points, uv, np.ones(len(points)), iterations=_GUESS_STEPS
-        )
+            return result
+        matches = Correspondences(local_map.points[local_map.ids[usable]], result.uv_px[usable])
+        by_motion, _ = refine_pose(self._K, predicted, matches, np.ones(len(matches)), _GUESS_ITERATIONS)
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
-        tentative, _ = lmeds_pose(self._K, points, uv, guesses, samples, self._rng, good_px)
-        tentative, _ = self._refine(local_map, tracked, usable, tentative)
-        tracked = self._rematch(local_map, previous, gray, tracked, tentative)
-        return self._final_pose(local_map, tracked, tentative)
+        tentative = lmeds_pose(self._K, matches, guesses, samples, self._rng, good_px)
+        tentative, _ = self._refine(local_map, result, usable, tentative)
+        result = self._rematch(local_map, (previous, gray), result, tentative)
+        return self._final_pose(local_map, result, tentative)
 
-    def _tracked(self, match: Match) -> TrackingResult:
+    def _undistorted(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)
-        # beyond the fold of its polynomial a lens has no ray
-        seen = np.asarray(np.isfinite(uv).all(axis=1))
-        return TrackingResult(match.uv_px, np.where(seen[:, None], uv, 0.0), match.found & seen)
+        # pixels beyond the fold of the lens's polynomial have no ray
+        valid = np.asarray(np.isfinite(uv).all(axis=1))
+        uv = np.where(valid[:, None], uv, 0.0)
+        return TrackingResult(raw_uv_px=match.uv_px, uv_px=uv, found=match.found & valid)
 
-    def _predict(self, local_map: LocalMap, predicted: FloatArray) -> FloatArray:
-        """Where to look (N, 2), in the distorted image; features without position at the typical depth."""
+    def _predict_pixels(self, local_map: LocalMap, predicted: FloatArray) -> FloatArray:
+        """Return where to search (N, 2) in the distorted image.
+
+        A feature without a position is assumed at the median depth of the others.
+        """
         newest = local_map.pose(int(local_map.view_frames[-1]))
         points = local_map.points[local_map.ids]
         positioned = local_map.positioned
         depths = (points[positioned] - newest[:3, 3]) @ newest[:3, 2]
         depth = float(np.median(depths)) if len(depths) else 1.0
-        ahead = newest[:3, 3] + depth * rays(self._K, local_map.last_uv_px) @ newest[:3, :3].T
-        uv, z = project(self._K, predicted, np.where(positioned[:, None], points, ahead))
+        assumed = newest[:3, 3] + depth * rays(self._K, local_map.last_uv_px) @ newest[:3, :3].T
+        raw, inside = self._project(predicted, np.where(positioned[:, None], points, assumed))
+        return np.where(inside[:, None], raw, local_map.raw_uv_px)
+
+    def _project(self, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the distorted pixels (N, 2) of points (N, 3), and whether each lies in the image (N,)."""
+        uv, depth = project(self._K, world_T_camera, points)
         raw = distort(self._camera, uv)
         size = (self._camera.width, self._camera.height)
-        sane = (z > _NEAR) & np.all(np.isfinite(raw) & (raw > 0) & (raw < size), axis=1)
-        return np.where(sane[:, None], raw, local_map.raw_uv_px)
+        in_image = np.all(np.isfinite(raw) & (raw > 0) & (raw < size), axis=1)
+        return raw, np.asarray((depth > _MIN_DEPTH) & in_image)
 
     def _refine(
-        self, local_map: LocalMap, tracked: TrackingResult, usable: BoolArray, start: FloatArray
+        self, local_map: LocalMap, result: TrackingResult, usable: BoolArray, start: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        points = local_map.points[local_map.ids]
-        usable = usable & reprojection_inliers(
-            self._K, start, points, tracked.uv_px, 3.0 * self._config.inlier_px
-        )
+        points, limit_px = local_map.points[local_map.ids], 3.0 * self._config.inlier_px
+        usable = usable & reprojection_inliers(self._K, start, points, result.uv_px, limit_px)
         sigma = np.nan_to_num(local_map.sigma_px[local_map.ids[usable]], nan=self._mapping.sigma_floor_px)
         mu = 0.5 / np.maximum(sigma, self._mapping.sigma_floor_px) ** 2
-        return refine_pose(self._K, start, points[usable], tracked.uv_px[usable], mu)
+        return refine_pose(self._K, start, Correspondences(points[usable], result.uv_px[usable]), mu)
 
     def _rematch(
         self,
         local_map: LocalMap,
-        previous: GrayImage,
-        gray: GrayImage,
-        tracked: TrackingResult,
+        images: tuple[GrayImage, GrayImage],
+        result: TrackingResult,
         tentative: FloatArray,
     ) -> TrackingResult:
-        """(A-4): features that were missed or mismatched are looked for near where the pose puts them."""
+        """Match features that were lost or mismatched again, near their projection by a tentative pose (A-4).
+
+        Args:
+            local_map: As in :meth:`track`.
+            images: Previous and new frame.
+            result: The first match.
+            tentative: (4, 4) pose.
+        """
         points = local_map.points[local_map.ids]
-        agree = reprojection_inliers(self._K, tentative, points, tracked.uv_px, self._config.inlier_px)
-        again = np.flatnonzero(local_map.positioned & ~(tracked.found & agree))
-        uv, depth = project(self._K, tentative, points[again])
-        raw = distort(self._camera, uv)
-        size = (self._camera.width, self._camera.height)
-        inside = (depth > _NEAR) & np.all((raw > 0) & (raw < size), axis=1)
-        again, raw = again[inside], raw[inside]
-        match = self._matcher.rematch(previous, gray, local_map.raw_uv_px[again], raw)
-        raw_uv, uv_px, found = tracked.raw_uv_px.copy(), tracked.uv_px.copy(), tracked.found.copy()
-        raw_uv[again] = match.uv_px
-        again_uv = undistort(self._camera, match.uv_px)
-        seen = np.asarray(np.isfinite(again_uv).all(axis=1))
-        uv_px[again], found[again] = np.where(seen[:, None], again_uv, 0.0), match.found & seen
-        return TrackingResult(raw_uv, uv_px, found)
+        agree = reprojection_inliers(self._K, tentative, points, result.uv_px, self._config.inlier_px)
+        rows = np.flatnonzero(local_map.positioned & ~(result.found & agree))
+        raw, inside = self._project(tentative, points[rows])
+        rows, raw = rows[inside], raw[inside]
+        again = self._undistorted(self._matcher.rematch(*images, local_map.raw_uv_px[rows], raw))
+        raw_uv, uv_px, found = result.raw_uv_px.copy(), result.uv_px.copy(), result.found.copy()
+        raw_uv[rows], uv_px[rows], found[rows] = again.raw_uv_px, again.uv_px, again.found
+        return TrackingResult(raw_uv_px=raw_uv, uv_px=uv_px, found=found)
 
     def _final_pose(
-        self, local_map: LocalMap, tracked: TrackingResult, tentative: FloatArray
+        self, local_map: LocalMap, result: TrackingResult, tentative: FloatArray
     ) -> TrackingResult:
-        """(A-5) by Eq. (18); matches that still disagree are dropped."""
+        """Refine the pose over all inliers (A-5) by Eq. (18) and drop the matches that still disagree."""
         positioned = local_map.positioned
-        usable = positioned & tracked.found
+        usable = positioned & result.found
         points = local_map.points[local_map.ids]
-        pose, information = self._refine(local_map, tracked, usable, tentative)
-        agree = reprojection_inliers(self._K, pose, points, tracked.uv_px, self._config.inlier_px)
+        pose, information = self._refine(local_map, result, usable, tentative)
+        agree = reprojection_inliers(self._K, pose, points, result.uv_px, self._config.inlier_px)
         inliers = int((usable & agree).sum())
-        found = tracked.found & (agree | ~positioned)
         if inliers < self._config.min_inliers or inliers < self._config.min_inlier_share * usable.sum():
-            return TrackingResult(tracked.raw_uv_px, tracked.uv_px, tracked.found)
+            return result
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
-        return TrackingResult(tracked.raw_uv_px, tracked.uv_px, found, pose, sigma)
+        found = result.found & (agree | ~positioned)
+        return replace(result, found=found, world_T_camera=pose, pose_sigma=sigma)

@@ -1,4 +1,4 @@
-"""Stage B, Kume 2010: triangulate features (19), add and delete them by their quality."""
+"""Stage B, Kume 2010: triangulate features (19), add new ones and delete those of low quality."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
 
-_REFINE_EVERY = 5
-_REFILL_SHARE = 0.75
-_FIRST_VIEWS = 2
+_REFINE_EVERY = 5  # frames between two triangulations of a feature with a position
+_REFILL_SHARE = 0.75  # of the features, below which new ones are added
+_MIN_VIEWS = 2  # to triangulate a feature
 
 
 class Mapper:
@@ -26,30 +26,33 @@ class Mapper:
         self._rng = rng
 
     def triangulate_due(self, local_map: LocalMap) -> MapUpdate:
-        """Return the positions of features new enough to get one, and of those whose turn it is (19).
+        """Return first positions of features, and new ones of every fifth feature that has one (19).
 
-        Features whose history is full go on as new ones afterwards.
+        Features whose history is full continue as new ones afterwards.
         """
-        age = np.isfinite(local_map.views[..., 0]).sum(axis=1)
-        fresh = ~local_map.positioned & (age >= _FIRST_VIEWS)
+        view_count = np.isfinite(local_map.views[..., 0]).sum(axis=1)
+        unpositioned = ~local_map.positioned & (view_count >= _MIN_VIEWS)
         due = local_map.positioned & (
             local_map.ids % _REFINE_EVERY == local_map.view_frames[-1] % _REFINE_EVERY
         )
-        positions = self.triangulate(local_map, np.flatnonzero(fresh | due))
+        positions = self.triangulate(local_map, np.flatnonzero(unpositioned | due))
         return MapUpdate(positions=positions, renew_full_tracks=True)
 
     def triangulate(self, local_map: LocalMap, rows: IntArray) -> Positions | None:
-        """Return the positions of followed features by all their views; NaN where that fails."""
-        poses, valid = local_map.view_poses()
-        seen = np.isfinite(local_map.views[rows, :, 0]) & valid
-        often = seen.sum(axis=1) >= _FIRST_VIEWS
-        rows, seen = self._with_parallax(local_map, rows[often], seen[often], poses)
+        """Return positions of followed features, by their rows, from all their views (19).
+
+        A feature whose views disagree gets NaN; one without enough views or parallax is left out.
+        """
+        poses, posed = local_map.view_poses()
+        observed = np.isfinite(local_map.views[rows, :, 0]) & posed
+        enough = observed.sum(axis=1) >= _MIN_VIEWS
+        rows, observed = self._with_parallax(local_map, rows[enough], observed[enough], poses)
         if len(rows) == 0:
             return None
-        feature, view = np.nonzero(seen)
+        feature, view = np.nonzero(observed)
         start = np.searchsorted(feature, np.arange(len(rows)))
-        points, error = triangulate(self._K, poses[view], local_map.views[rows][seen], start)
-        sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / seen.sum(axis=1))
+        points, error = triangulate(self._K, poses[view], local_map.views[rows][observed], start)
+        sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / observed.sum(axis=1))
         largest = np.maximum.reduceat(error, start)
         good = (largest < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)
         sigma = np.maximum(sigma, self._config.sigma_floor_px)
@@ -58,29 +61,29 @@ class Mapper:
         )
 
     def _with_parallax(
-        self, local_map: LocalMap, rows: IntArray, seen: BoolArray, poses: FloatArray
+        self, local_map: LocalMap, rows: IntArray, observed: BoolArray, poses: FloatArray
     ) -> tuple[IntArray, BoolArray]:
-        """Return the features whose rays differ enough.
+        """Return the features (n,) with enough parallax and their views (n, H).
 
-        The others keep an earlier position, if they have one: it may come from a history that was cut.
+        The others keep an earlier position: it may come from views that were discarded since.
         """
         if len(rows) == 0:
-            return rows, seen
-        feature, view = np.nonzero(seen)
-        directions = world_rays(self._K, poses[view], local_map.views[rows][seen])
+            return rows, observed
+        feature, view = np.nonzero(observed)
+        directions = world_rays(self._K, poses[view], local_map.views[rows][observed])
         start = np.searchsorted(feature, np.arange(len(rows)))
         enough = largest_angle_rad(directions, start) > np.radians(self._config.min_parallax_deg)
-        return rows[enough], seen[enough]
+        return rows[enough], observed[enough]
 
     def new_features(self, local_map: LocalMap, gray: GrayImage) -> MapUpdate:
-        """Return new corners (A-1) of the newest view when too few features are followed."""
+        """Return new corners (A-1) of the newest view's image ``gray``, if too few features are followed."""
         followed = len(local_map.ids)
         if followed >= _REFILL_SHARE * self._tracking.max_features:
             return MapUpdate()
-        wanted = self._tracking.max_features - followed
-        raw = new_corners(gray, local_map.raw_uv_px, wanted, self._tracking, self._rng)
+        count = self._tracking.max_features - followed
+        raw = new_corners(gray, local_map.raw_uv_px, count, self._tracking, self._rng)
         uv = undistort(self._camera, raw)
-        seen = np.isfinite(uv).all(axis=1)
-        raw, uv = raw[seen], uv[seen]
+        valid = np.isfinite(uv).all(axis=1)
+        raw, uv = raw[valid], uv[valid]
         pixel = raw.astype(int)
         return MapUpdate(features=NewFeatures(raw, uv, gray[pixel[:, 1], pixel[:, 0]]))

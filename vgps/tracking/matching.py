@@ -1,4 +1,4 @@
-"""Find features of one frame in the next: SSD templates as in the thesis, or pyramidal Lucas-Kanade."""
+"""Match features of one frame in the next: pyramidal Lucas-Kanade, or SSD templates as in the thesis."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,37 +10,37 @@ from vgps.config import TrackingConfig
 from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import harris_maxima
 
-_NEAR_LEVELS = 2  # of the pyramid, enough where a prediction is off by a few pixels
-_GOOD_SHARE = 0.75  # of the features, found at the first try if the prediction is good
-_MAX_CORNERS = 5000  # the strongest; more are noise, and cost their square
+_FEW_LEVELS = 2  # of the pyramid, enough if the prediction is off by a few pixels
+_GOOD_SHARE = 0.75  # of the features, found with few levels if the prediction is good
+_MAX_CORNERS = 5000  # the strongest; more are noise and cost time
 
 
 @dataclass(frozen=True)
 class Match:
-    """Where features went: ``uv_px`` (N, 2) and whether each was ``found`` (N,)."""
+    """Matched pixels ``uv_px`` (N, 2) and whether each feature was ``found`` (N,)."""
 
     uv_px: FloatArray
     found: BoolArray
 
 
 class Matcher(Protocol):
-    """Follows features from ``previous`` to ``current``."""
+    """Matches features ``uv_px`` (N, 2) of the image ``previous`` in ``current``."""
 
     def match(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """Tentative match (A-2): search widely around ``predicted_uv_px`` (N, 2)."""
+        """Match tentatively (A-2): search widely around ``predicted_uv_px`` (N, 2)."""
         ...
 
     def rematch(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """Match again in a small window around a prediction from the tentative pose (A-4)."""
+        """Match again in a small window around pixels predicted by the tentative pose (A-4)."""
         ...
 
 
 class LucasKanade:
-    """Pyramidal Lucas-Kanade with a check there and back."""
+    """Pyramidal Lucas-Kanade with a forward-backward check."""
 
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
@@ -48,20 +48,20 @@ class LucasKanade:
     def match(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """As in :class:`Matcher`."""
-        match = self._flow(previous, current, uv_px, predicted_uv_px, _NEAR_LEVELS)
+        """See :class:`Matcher`."""
+        match = self._flow(previous, current, uv_px, predicted_uv_px, _FEW_LEVELS)
         if match.found.sum() >= _GOOD_SHARE * len(uv_px):
             return match
-        # the prediction is far off: the whole pyramid, several times the work
-        far = np.flatnonzero(~match.found)
-        again = self._flow(previous, current, uv_px[far], predicted_uv_px[far], self._config.pyramid_levels)
-        match.uv_px[far], match.found[far] = again.uv_px, again.found
+        # the prediction is poor: the whole pyramid takes several times as long
+        rows = np.flatnonzero(~match.found)
+        again = self._flow(previous, current, uv_px[rows], predicted_uv_px[rows], self._config.pyramid_levels)
+        match.uv_px[rows], match.found[rows] = again.uv_px, again.found
         return match
 
     def rematch(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """As in :class:`Matcher`."""
+        """See :class:`Matcher`."""
         return self._flow(previous, current, uv_px, predicted_uv_px, 1)
 
     def _flow(
@@ -77,23 +77,22 @@ class LucasKanade:
         side = self._config.window_px
         start = uv_px.astype(np.float32)[:, None]
         guess = predicted_uv_px.astype(np.float32)[:, None]
-        there, ok, error = _pyramidal_flow(previous, current, start, guess, side, levels)
-        found = ok & (error < self._config.max_match_error) & _inside(there[:, 0], current.shape)
+        end, ok, error = _pyramidal_flow((previous, current), start, guess, side, levels)
+        found = ok & (error < self._config.max_match_error) & _inside(end[:, 0], current.shape)
         kept = np.flatnonzero(found)
         if len(kept):
-            # back from where it went, started where it came from, at full resolution only
-            back, ok, _ = _pyramidal_flow(current, previous, there[kept], start[kept], side, levels=1)
-            missed = np.linalg.norm(back[:, 0] - start[kept, 0], axis=1)
-            found[kept] = ok & (missed < self._config.forward_backward_px)
-        return Match(there[:, 0].astype(np.float64), found)
+            # backward search from the first position, at full resolution only
+            back, ok, _ = _pyramidal_flow((current, previous), end[kept], start[kept], side, levels=1)
+            distance = np.linalg.norm(back[:, 0] - start[kept, 0], axis=1)
+            found[kept] = ok & (distance < self._config.forward_backward_px)
+        return Match(end[:, 0].astype(np.float64), found)
 
 
 def _pyramidal_flow(
-    previous: GrayImage, current: GrayImage, start: Float32Array, guess: Float32Array, side: int, levels: int
+    images: tuple[GrayImage, GrayImage], start: Float32Array, guess: Float32Array, side: int, levels: int
 ) -> tuple[Float32Array, BoolArray, Float32Array]:
-    there, ok, error = cv2.calcOpticalFlowPyrLK(
-        previous,
-        current,
+    end, ok, error = cv2.calcOpticalFlowPyrLK(
+        *images,
         start,
         guess.copy(),
         winSize=(side, side),
@@ -101,11 +100,11 @@ def _pyramidal_flow(
         criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
-    return np.asarray(there, np.float32), np.asarray(ok[:, 0] == 1), np.asarray(error[:, 0], np.float32)
+    return np.asarray(end, np.float32), np.asarray(ok[:, 0] == 1), np.asarray(error[:, 0], np.float32)
 
 
 class SsdTemplates:
-    """The thesis's matcher: Harris maxima near the prediction, compared by sum of squared differences."""
+    """The thesis's matcher: templates compared with Harris maxima by their sum of squared differences."""
 
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
@@ -113,13 +112,13 @@ class SsdTemplates:
     def match(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """As in :class:`Matcher`."""
+        """See :class:`Matcher`."""
         return self._search(previous, current, uv_px, predicted_uv_px, self._config.search_px)
 
     def rematch(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
-        """As in :class:`Matcher`."""
+        """See :class:`Matcher`."""
         return self._search(previous, current, uv_px, predicted_uv_px, self._config.rematch_px)
 
     def _search(
@@ -151,13 +150,13 @@ class SsdTemplates:
 
 
 def patches(gray: GrayImage, uv_px: FloatArray, side: int) -> Float32Array:
-    """(N, side, side) windows of the image around pixels (N, 2), bilinear, edges replicated."""
+    """Return windows (N, side, side) of the image around pixels (N, 2), bilinear, with replicated edges."""
     half = side // 2
     offsets = np.arange(-half, half + 1, dtype=np.float32)
     u = uv_px[:, 0].astype(np.float32)[:, None, None] + offsets[None, None, :]
     v = uv_px[:, 1].astype(np.float32)[:, None, None] + offsets[None, :, None]
     shape = np.broadcast_shapes(u.shape, v.shape)
-    # a row of the map for each window: OpenCV allows 32767 of them
+    # one row of the map per window; OpenCV allows 32767
     columns = np.broadcast_to(u, shape).reshape(shape[0], -1)
     rows = np.broadcast_to(v, shape).reshape(shape[0], -1)
     out = cv2.remap(
@@ -173,7 +172,7 @@ def patches(gray: GrayImage, uv_px: FloatArray, side: int) -> Float32Array:
 def _mean_squared_difference(
     templates: Float32Array, windows: Float32Array, feature: IntArray, corner: IntArray
 ) -> FloatArray:
-    # ||a - b||^2 = ||a||^2 + ||b||^2 - 2 a.b, so that pairs cost one matrix product
+    # ||a - b||^2 = ||a||^2 + ||b||^2 - 2 a.b: one matrix product for all pairs
     a = templates.reshape(len(templates), -1).astype(np.float64)
     b = windows.reshape(len(windows), -1).astype(np.float64)
     squared = (a**2).sum(axis=1)[feature] + (b**2).sum(axis=1)[corner]
@@ -181,7 +180,7 @@ def _mean_squared_difference(
 
 
 def _subpixel(gray: GrayImage, templates: Float32Array, uv_px: FloatArray, side: int) -> FloatArray:
-    """Peak of a parabola through the SSD at whole-pixel steps, (N, 2), at most one pixel."""
+    """Return shifts (N, 2) of at most one pixel to the minimum of a parabola through the SSD."""
 
     def ssd(du: float, dv: float) -> FloatArray:
         difference = patches(gray, uv_px + np.array([du, dv]), side) - templates
@@ -202,5 +201,5 @@ def _inside(uv_px: FloatArray | Float32Array, shape: tuple[int, ...], margin_px:
 
 
 def make_matcher(config: TrackingConfig) -> Matcher:
-    """The matcher that the configuration names."""
+    """Return the matcher that the configuration names."""
     return LucasKanade(config) if config.method == "lk" else SsdTemplates(config)

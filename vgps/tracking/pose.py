@@ -1,42 +1,58 @@
-"""Pose of one frame from features of known position: robust by least median of squares (A-3), then (18)."""
+"""Pose of one frame from features of known position: least median of squares (A-3), then Eq. (18)."""
+
+from dataclasses import dataclass
 
 import cv2
 import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from vgps.geometry import MIN_DEPTH, linearise_projection, project
-from vgps.model import FloatArray
+from vgps.geometry import MIN_DEPTH, linearise_projection, project, reprojection_inliers
+from vgps.model import BoolArray, FloatArray
 
-_SMALL_DECREASE = 1e-6  # of the cost (18), in which being off by one standard deviation counts 1/2
+_HUBER_PX = 1.0  # beyond it errors count linearly, so that one outlier does not tilt the frame
+_SMALL_DECREASE = 1e-6  # of the cost (18), in which an error of one standard deviation counts 1/2
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """Points (N, 3) of the world and where one frame shows them, ``uv_px`` (N, 2) undistorted."""
+
+    points: FloatArray
+    uv_px: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def where(self, kept: BoolArray) -> "Correspondences":
+        """Return the correspondences that a mask (N,) keeps."""
+        return Correspondences(self.points[kept], self.uv_px[kept])
+
+    def inliers(self, K: FloatArray, world_T_camera: FloatArray, limit_px: float) -> BoolArray:
+        """Return (N,) whether each point reprojects within a limit under a pose (4, 4)."""
+        return reprojection_inliers(K, world_T_camera, self.points, self.uv_px, limit_px)
 
 
 def refine_pose(
-    K: FloatArray,
-    world_T_camera: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
-    mu: FloatArray,
-    huber_px: float = 1.0,
-    iterations: int = 8,
+    K: FloatArray, world_T_camera: FloatArray, matches: Correspondences, mu: FloatArray, iterations: int = 8
 ) -> tuple[FloatArray, FloatArray]:
-    """Minimise Eq. (18) of Kume 2010, ``sum_j mu_j rho(||q - q^||)``, over one pose by Gauss-Newton.
+    """Minimise Eq. (18), Kume 2010, ``sum_j mu_j rho(||q - q^||)``, over one pose by Gauss-Newton.
 
     Args:
         K: (3, 3).
-        world_T_camera: (4, 4) start.
-        points: (N, 3), ``uv_px``: (N, 2), ``mu``: (N,) reliabilities (13).
-        huber_px: Errors beyond this grow linearly, so that one late outlier does not tilt the frame.
-        iterations: At most so many steps; fewer once a step is nothing against the pose's uncertainty.
+        world_T_camera: (4, 4) initial pose.
+        matches: N correspondences.
+        mu: (N,) reliabilities (13).
+        iterations: Upper limit; a step that is small against the pose's uncertainty ends the iteration.
 
     Returns:
         The pose (4, 4) and its information (6, 6) in the camera's tangent [rotation; translation].
     """
     pose, information = world_T_camera, np.zeros((6, 6))
     for _ in range(iterations):
-        residual, jacobian = linearise_projection(K, pose, points, uv_px)
+        residual, jacobian = linearise_projection(K, pose, matches.points, matches.uv_px)
         size = np.linalg.norm(residual, axis=1)
-        weight = mu * np.minimum(1.0, huber_px / np.maximum(size, 1e-12))
+        weight = mu * np.minimum(1.0, _HUBER_PX / np.maximum(size, 1e-12))
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
         information = weighted.T @ jacobian.reshape(-1, 6)
         gradient = weighted.T @ residual.ravel()
@@ -50,55 +66,50 @@ def refine_pose(
 
 def lmeds_pose(
     K: FloatArray,
-    points: FloatArray,
-    uv_px: FloatArray,
+    matches: Correspondences,
     guesses: FloatArray,
     samples: int,
     rng: np.random.Generator,
     good_px: float = 0.0,
-) -> tuple[FloatArray, float]:
-    """Pose of least median squared reprojection error (A-3, Kume 2010).
+) -> FloatArray:
+    """Return the pose (4, 4) of least median squared reprojection error (A-3, Kume 2010).
 
-    Minimal samples of three matches each give up to four poses (P3P); they and the ``guesses`` compete. No
-    samples are drawn when a guess already leaves a median below ``good_px``: most matches agree on it.
+    Minimal samples of three matches give up to four poses each (P3P), which compete with the ``guesses``. No
+    samples are drawn if the median error of a guess is below ``good_px``.
 
     Args:
         K: (3, 3).
-        points: (N, 3), N >= 4, ``uv_px``: (N, 2).
-        guesses: (G, 4, 4) poses that compete too, such as the motion model's.
-        samples: Minimal samples drawn.
-        rng: Source of the samples.
-
-    Returns:
-        The pose (4, 4) and the median error it leaves, in pixels.
+        matches: N >= 4 correspondences.
+        guesses: (G, 4, 4) candidate poses, such as the motion model's.
+        samples: Number of minimal samples.
+        rng: Random generator for the samples.
+        good_px: Median error with which a guess is accepted.
     """
-    poses, median = np.asarray(guesses), _median_error(K, guesses, points, uv_px)
+    poses, median = np.asarray(guesses), _median_error(K, guesses, matches)
     if median.min() < good_px:
-        return poses[int(median.argmin())], float(median.min())
+        return np.asarray(poses[int(median.argmin())])
     candidates = [*guesses]
     for _ in range(samples):
-        pick = rng.choice(len(points), 3, replace=False)
+        sample = rng.choice(len(matches), 3, replace=False)
         count, rotations, translations = cv2.solveP3P(
-            points[pick], uv_px[pick], K, None, flags=cv2.SOLVEPNP_AP3P
+            matches.points[sample], matches.uv_px[sample], K, None, flags=cv2.SOLVEPNP_AP3P
         )
         for rotation, translation in zip(rotations[:count], translations[:count], strict=True):
             candidates.append(_world_T_camera(cv2.Rodrigues(rotation)[0], translation[:, 0]))
     poses = np.array(candidates)
-    median = _median_error(K, poses, points, uv_px)
-    best = int(np.argmin(median))
-    return poses[best], float(median[best])
+    return np.asarray(poses[int(np.argmin(_median_error(K, poses, matches)))])
 
 
-def _median_error(K: FloatArray, poses: FloatArray, points: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """(S,) median reprojection error, pixels, of each pose (S, 4, 4)."""
-    predicted, depth = project(K, poses, points)
-    squared = np.sum((predicted - uv_px) ** 2, axis=-1)
+def _median_error(K: FloatArray, poses: FloatArray, matches: Correspondences) -> FloatArray:
+    """Return the median reprojection error (S,) in pixels of each pose (S, 4, 4)."""
+    predicted, depth = project(K, poses, matches.points)
+    squared = np.sum((predicted - matches.uv_px) ** 2, axis=-1)
     squared[depth <= MIN_DEPTH] = np.inf
     return np.asarray(np.sqrt(np.median(squared, axis=1)))
 
 
 def _world_T_camera(rotation: npt.ArrayLike, translation: npt.ArrayLike) -> FloatArray:
-    """The inverse of OpenCV's camera_T_world."""
+    """Return the inverse of OpenCV's camera_T_world."""
     rotation, translation = np.asarray(rotation, np.float64), np.asarray(translation, np.float64)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation

@@ -1,0 +1,77 @@
+"""The start of a map: features are followed without positions until two views give their positions."""
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
+from vgps.mapping.retention import RetentionPolicy
+from vgps.mapping.standing_frames import pose_standing_frames
+from vgps.model import FloatArray, Frame
+from vgps.pipeline.map_builder import MapBuilder
+from vgps.tracking.bootstrap import TwoViewInitializer
+from vgps.tracking.frame_tracker import FrameTracker
+from vgps.tracking.mapper import Mapper
+
+_UNKNOWN = np.full((4, 4), np.nan)
+
+
+class MapStarter:
+    """Extends a map that has not started, frame by frame, until it starts.
+
+    Args:
+        stages: Stages A and B.
+        K: (3, 3).
+        config: Settings.
+        rng: Random generator, the one of the stages.
+        retention: Policy that limits how long a frame may go without a view, if any.
+    """
+
+    def __init__(
+        self,
+        stages: tuple[FrameTracker, Mapper],
+        K: FloatArray,
+        config: Config,
+        rng: np.random.Generator,
+        retention: RetentionPolicy | None,
+    ) -> None:
+        self._tracker, self._mapper = stages
+        self._config, self._retention = config, retention
+        self._initializer = TwoViewInitializer(K, config.start, config.tracking, rng)
+
+    def add_frame(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
+        """Add a frame to a map that has not started, or begin one with it.
+
+        Returns:
+            The map, ``started`` if this frame started it; a new one if too few features were found again;
+            None if the frame shows too few corners.
+        """
+        if builder is None:
+            return self._first_view(frame)
+        local_map, config = builder.local_map, self._config
+        result = self._tracker.follow(local_map, builder.view_image, frame.gray)
+        if result.found.sum() < config.start.min_inliers:
+            return self._first_view(frame)
+        builder.add_pose(frame.t_s, _UNKNOWN)
+        if builder.stands(frame, result, config.tracking, self._retention):
+            builder.add_zero_motion(frame.index, result)
+            return builder
+        builder.add_view(frame, result)
+        start = self._initializer.initialize(local_map)
+        if start is not None:
+            local_map.apply(start)
+        local_map.apply(self._mapper.new_features(local_map, frame.gray))
+        if start is not None:
+            builder.started = True
+            local_map.apply(pose_standing_frames(local_map))
+        return builder
+
+    def _first_view(self, frame: Frame) -> MapBuilder | None:
+        local_map = LocalMap(frame.index, self._config.mapping.max_track_frames)
+        no_pixels = np.zeros((0, 2))
+        view = NewView(frame.index, no_pixels, no_pixels, np.zeros(0, dtype=bool))
+        local_map.apply(MapUpdate(frames=(NewFrame(frame.t_s, _UNKNOWN),), view=view))
+        local_map.apply(self._mapper.new_features(local_map, frame.gray))
+        if len(local_map.ids) < self._config.start.min_inliers:
+            return None
+        return MapBuilder(local_map=local_map, view_image=frame.gray)
