@@ -87,12 +87,12 @@ def test_runs_between_jumps_are_suspect_and_nothing_else():
     offset[:4] += [9.0, 0.0, 0.0]
     offset[12] += [0.0, 0.0, 30.0]
     fixes, everything = fixes_at(T_FIX, 0.5, 0.7), np.ones(19, dtype=bool)
-    assert suspect_runs(np.zeros((19, 3)), everything, fixes) == []
-    found = [np.flatnonzero(run).tolist() for run in suspect_runs(offset, everything, fixes)]
+    assert suspect_runs(np.zeros((19, 3)), everything, fixes, 8) == []
+    found = [np.flatnonzero(run).tolist() for run in suspect_runs(offset, everything, fixes, 8)]
     assert found == [[0, 1, 2, 3], [4, 5, 6, 7, 8, 9, 10, 11], [13, 14, 15, 16, 17, 18]]
     doubted = everything.copy()
     doubted[12] = False
-    assert [np.flatnonzero(run).tolist() for run in suspect_runs(offset, doubted, fixes)] == [[0, 1, 2, 3]]
+    assert [np.flatnonzero(run).tolist() for run in suspect_runs(offset, doubted, fixes, 8)] == [[0, 1, 2, 3]]
 
 
 def test_a_verdict_is_reversed_by_what_comes_later():

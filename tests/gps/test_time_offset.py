@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
-from vgps.config import SensorsConfig
+from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import best_time_offset, least_gain, neighbour_pairs, update_time_offset
@@ -15,7 +15,7 @@ SENSORS = Sensors.known(NONE)
 
 
 def by_differences(camera_path, fixes, antenna, prior):
-    return best_time_offset(neighbour_pairs(camera_path, fixes, antenna, prior), prior)
+    return best_time_offset(neighbour_pairs(camera_path, fixes, antenna, prior, TimeOffsetConfig()), prior)
 
 
 def late(time_offset_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008

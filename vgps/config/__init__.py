@@ -17,6 +17,7 @@ from vgps.config.smoothing import (
     IntrinsicsConfig,
     MotionConfig,
     SensorsConfig,
+    TimeOffsetConfig,
     WindowConfig,
 )
 from vgps.config.survey import SurveyConfig
@@ -45,6 +46,7 @@ __all__ = [
     "SkyConfig",
     "StartConfig",
     "SurveyConfig",
+    "TimeOffsetConfig",
     "TrackingConfig",
     "WindowConfig",
     "present_names",

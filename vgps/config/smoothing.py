@@ -35,10 +35,41 @@ class DriftConfig(SettingsModel):
     """Standard deviation of the change in log scale from one knot to the next."""
     rotation_sigma_deg: PositiveFloat = 0.3
     """Standard deviation of the rotation, about each axis, from one knot to the next."""
+    max_knots: PositiveInt = 60
+    """Knots of a drift model beyond its two ends at most; on longer paths they lie further apart."""
+    coarsest_m: PositiveFloat = 5.0
+    """A fit begins with all regions enlarged by at least this: a wrong path then agrees with its fixes."""
+    finest_m: PositiveFloat = 0.3
+    """Stage C ends the coarse fits here; a last one has the regions as they are."""
+    refinement_ratio: float = Field(default=3.0, gt=1.0)
+    """From one fit to the next, regions are enlarged this many times less."""
+    robust_regions: PositiveFloat = 3.0
+    """Cauchy's constant of the last fit, in regions: fixes further off count less and less."""
     iterations: PositiveInt = 30
     """Steps of a fit of the drift at most."""
     horizon_s: PositiveFloat = 120.0
     """Stage C corrects drift and judges fixes this far back; stage D uses the whole recording."""
+
+
+class TimeOffsetConfig(SettingsModel):
+    """How the time offset is found: displacements between fixes against those of the camera."""
+
+    max_pair_s: PositiveFloat = 3.0
+    """Two neighbouring fixes are compared if they lie no further apart than this."""
+    search_sigmas: PositiveFloat = 3.0
+    """The search reaches this many prior standard deviations to either side."""
+    search_step_s: PositiveFloat = 0.05
+    """Step of the coarse search; a fraction of the time that a vehicle needs to turn."""
+    knot_s: PositiveFloat = 20.0
+    """Errors of the camera's scale and heading change evenly between knots this far apart."""
+    factor_sigma: Share = 0.05
+    """Prior standard deviation of these errors, as a share and in radians."""
+    robust_spreads: PositiveFloat = 2.0
+    """Cauchy's constant, in spreads of the differences between the displacements."""
+    shown_share: Share = 0.5
+    """The motion shows the time offset if its sigma is below this share of the prior one."""
+    min_fixes: PositiveInt = 30
+    """Fixes needed to change a time offset that earlier ones gave."""
 
 
 class SensorsConfig(SettingsModel):
@@ -64,6 +95,7 @@ class SensorsConfig(SettingsModel):
     stamps)."""
     significance_sigmas: PositiveFloat = 3.0
     """auto: a time offset is kept if it exceeds this many standard deviations."""
+    time_offset: TimeOffsetConfig = TimeOffsetConfig()
     estimate_antenna: bool = False
     """Estimate the lever arm (camera_p_antenna) with the poses."""
     antenna_sigma_m: PositiveFloat = 0.5

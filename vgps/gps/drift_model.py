@@ -17,15 +17,11 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_MAX_KNOTS = 60
 _SHIFT = slice(0, 3)
 _CLOCK = 3
 _KNOTS = 4  # parameters before those of the knots
-_HALVINGS = 8
-_COARSEST_M = 5.0
-_FINER = 3.0  # from one fit to the next
-_LOSS_WIDTH = 3.0  # in regions: an error of more counts less and less
-_HELD_M = 1e-3
+_HALVINGS = 8  # a guard: of a step that does not lower the cost
+_HELD_M = 1e-3  # prior sigma of a start that is held
 _SMALL = 1e-4  # relative decrease of the cost that ends a fit
 
 
@@ -66,7 +62,7 @@ class DriftModel:
         attached: bool = False,
     ) -> None:
         poses, t_s = path.world_T_camera, path.t_s
-        self.knots = 2 + min(int(len(poses) / config.knot_frames), _MAX_KNOTS)
+        self.knots = 2 + min(int(len(poses) / config.knot_frames), config.max_knots)
         at = np.linspace(0, len(poses) - 1, self.knots)
         frames = np.arange(len(poses))
         # (F, K) weight of each knot in each frame
@@ -84,7 +80,7 @@ class DriftModel:
             self._changes = np.vstack([np.eye(1, self.knots), self._changes])
         walk = np.kron(self._changes, np.diag(1.0 / self._sigma))
         self._walk = walk.T @ walk
-        self._iterations = config.iterations
+        self._config = config
 
     @property
     def start(self) -> FloatArray:
@@ -123,7 +119,7 @@ class DriftModel:
         Iteratively reweighted Gauss-Newton; a step that does not help is halved.
         """
         cost = self._cost(parameters, loss)
-        for _ in range(self._iterations):
+        for _ in range(self._config.iterations):
             hessian, gradient = self._normal(parameters, loss)
             step = -cho_solve(cho_factor(hessian), gradient)
             for halving in range(_HALVINGS):
@@ -149,19 +145,19 @@ class DriftModel:
         """
         parameters = self.start
         away = np.linalg.norm(self.offsets(parameters)[rows], axis=1)
-        coarse = max(_COARSEST_M, 2.0 * float(np.median(away)))
+        coarse = max(self._config.coarsest_m, 2.0 * float(np.median(away)))
         while coarse > finest_m:
             parameters = self.fit(parameters, Loss(self.regions(coarse), rows, 1.0))
-            coarse /= _FINER
+            coarse /= self._config.refinement_ratio
         return parameters
 
     def refine(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> FloatArray:
         """Fit the fixes ``rows`` with their regions (M, 3), from a coarse fit."""
-        return self.fit(parameters, Loss(regions, rows, _LOSS_WIDTH))
+        return self.fit(parameters, Loss(regions, rows, self._config.robust_regions))
 
     def cost(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> float:
         """Return the cost that :meth:`refine` minimises."""
-        return self._cost(parameters, Loss(regions, rows, _LOSS_WIDTH))
+        return self._cost(parameters, Loss(regions, rows, self._config.robust_regions))
 
     def regions(self, coarse_m: float = 0.0) -> FloatArray:
         """Return the sizes (M, 3) of the fixes' regions, made coarser by ``coarse_m``."""

@@ -12,8 +12,6 @@ from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_MIN_FIXES = 30  # that may change the time offset found by earlier ones
-
 
 class FixBuffer:
     """All fixes so far, in order of time however they came.
@@ -89,7 +87,7 @@ class FixBuffer:
         config = self._config.sensors
         if self._discarded or bool((self.fixes.used & (self.fixes.t_s < path.t_s[0])).any()):
             inside = self.fixes.used & (self.fixes.t_s >= path.t_s[0]) & (self.fixes.t_s <= path.t_s[-1])
-            if inside.sum() < _MIN_FIXES:
+            if inside.sum() < config.time_offset.min_fixes:
                 return
             config = config.model_copy(update={"time_offset_s": self.sensors.time_offset_s})
         believed = self.assessment.applied(self.fixes)

@@ -21,8 +21,7 @@ from vgps.gps.fixes import Fixes, place
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_ROUNDS = 6
-_MOST_JUMPS = 8
+_ROUNDS = 6  # a guard: verdicts settle within a few
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,9 @@ def _assess(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: 
 
     best = likelier(None, lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m)))
     believed = ~probabilities(best.offset, fixes, config, tolerance_m).rejected
-    runs = suspect_runs(models[0].offsets(models[0].start), believed, fixes, tolerance_m)
+    runs = suspect_runs(
+        models[0].offsets(models[0].start), believed, fixes, config.outliers.max_jumps, tolerance_m
+    )
     if runs:
         best = likelier(
             best, lambda model: (model.fit_coarse_to_fine(believed & ~run, tolerance_m) for run in runs)
@@ -154,7 +155,7 @@ def _assess(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: 
 
 
 def suspect_runs(
-    offset: FloatArray, believed: BoolArray, fixes: Fixes, tolerance_m: float = 0.0
+    offset: FloatArray, believed: BoolArray, fixes: Fixes, max_jumps: int, tolerance_m: float = 0.0
 ) -> list[BoolArray]:
     """Return runs of fixes (M,) that may share an error: between places where the offset jumps.
 
@@ -162,6 +163,7 @@ def suspect_runs(
         offset: (M, 3) antenna minus fix, metres, by the path as it is.
         believed: (M,) fixes that are looked at.
         fixes: In order of time.
+        max_jumps: Jumps at most, largest first.
         tolerance_m: Error of the path itself from one fix to the next.
     """
     rows = np.flatnonzero(believed)
@@ -171,7 +173,7 @@ def suspect_runs(
         np.abs(step[:, 2]) / (h[1:] + h[:-1] + tolerance_m),
     )
     jumps = np.flatnonzero(beyond > 1.0)
-    jumps = np.sort(jumps[np.argsort(-beyond[jumps], kind="stable")[:_MOST_JUMPS]])
+    jumps = np.sort(jumps[np.argsort(-beyond[jumps], kind="stable")[:max_jumps]])
     runs = np.split(rows, jumps + 1)
     return [np.isin(np.arange(len(offset)), run) for run in runs if 2 <= len(run) <= len(rows) // 2]
 

@@ -14,23 +14,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr, stdtrit
 
-from vgps.config import SensorsConfig
+from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
-_SHOWN = 0.5  # of the prior standard deviation: with a larger one the motion does not show the offset
-_LONGEST_S = 3.0  # between two fixes that are compared
-_REACH = 3.0  # prior standard deviations that are searched
-_STEP_S = 0.05  # of the coarse search, a fraction of what a vehicle needs to turn
-_LEAST_M = 0.005
-_KNOT_S = 20.0  # from one to the next the camera's scale and heading change at most evenly
-_SLOW = 0.05  # standard deviation of their error, as a share and in radians
-_WIDTH = 2.0  # Cauchy's loss bends at so many spreads
-_ITERATIONS = 30
-_DELTA_S = 0.01
-_REWEIGHTED = 2
+_MIN_SPREAD_M = 0.005  # of differences that agree exactly, as simulated ones may
+_ITERATIONS = 30  # a guard: from the best of the grid a handful suffices
+_DELTA_S = 0.01  # of the difference quotient
+_REWEIGHTED = 2  # times, within each step of the time offset
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -49,13 +42,13 @@ def update_time_offset(
     believed = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not believed.sigma_s:
         return sensors, ()
-    pairs = neighbour_pairs(path, fixes, sensors.camera_p_antenna, believed)
+    pairs = neighbour_pairs(path, fixes, sensors.camera_p_antenna, believed, config.time_offset)
     found = best_time_offset(pairs, believed)
     change_s = abs(found.time_offset_s - believed.time_offset_s)
-    shown = found.sigma_s < _SHOWN * believed.sigma_s
+    shown = found.sigma_s < config.time_offset.shown_share * believed.sigma_s
     chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, found.sigma_s))
     # the best of a grid is narrow by chance too: it must explain the fixes better than the prior does
-    tried = 1.0 + 2.0 * _REACH * believed.sigma_s / found.sigma_s
+    tried = 1.0 + 2.0 * config.time_offset.search_sigmas * believed.sigma_s / found.sigma_s
     needed = least_gain(config.significance_sigmas, pairs.freedom, tried)
     real = change_s > chance_s and pairs.gain(found.time_offset_s, believed.time_offset_s) > needed
     if shown and (config.estimate_time_offset == "yes" or real):
@@ -93,7 +86,11 @@ def least_gain(significant: float, freedom: int, tried: float) -> float:
 
 
 def neighbour_pairs(
-    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, believed: TimeOffset
+    path: Trajectory,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    believed: TimeOffset,
+    config: TimeOffsetConfig,
 ) -> "NeighbourPairs":
     """Return the pairs of fixes that stay within the video whatever the time offset is.
 
@@ -102,10 +99,11 @@ def neighbour_pairs(
         fixes: By their own clock; those used take part.
         camera_p_antenna: (3,) metres.
         believed: The prior.
+        config: Which pairs, and how they are compared.
     """
-    taken_s, reach = fixes.t_s - believed.time_offset_s, _REACH * believed.sigma_s
+    taken_s, reach = fixes.t_s - believed.time_offset_s, config.search_sigmas * believed.sigma_s
     inside = fixes.used & (taken_s > path.t_s[0] + reach) & (taken_s < path.t_s[-1] - reach)
-    return NeighbourPairs(path, fixes.where(inside), camera_p_antenna)
+    return NeighbourPairs(path, fixes.where(inside), camera_p_antenna, config)
 
 
 def best_time_offset(pairs: "NeighbourPairs", believed: TimeOffset) -> TimeOffset:
@@ -116,8 +114,8 @@ def best_time_offset(pairs: "NeighbourPairs", believed: TimeOffset) -> TimeOffse
     """
     if pairs.count < 3:
         return believed
-    reach = _REACH * believed.sigma_s
-    grid = believed.time_offset_s + np.arange(-reach, reach + _STEP_S, _STEP_S)
+    reach, step_s = pairs.config.search_sigmas * believed.sigma_s, pairs.config.search_step_s
+    grid = believed.time_offset_s + np.arange(-reach, reach + step_s, step_s)
     time_offset_s = float(grid[int(np.argmin([np.median(pairs.difference(lag)) for lag in grid.tolist()]))])
     for _ in range(_ITERATIONS):
         step, sigma_s = pairs.step(time_offset_s, believed)
@@ -133,13 +131,16 @@ class NeighbourPairs:
     Displacements in the plane are complex numbers, so that a factor rotates and scales them.
     """
 
-    def __init__(self, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> None:
+    def __init__(
+        self, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: TimeOffsetConfig
+    ) -> None:
+        self.config = config
         self._path, self._fixes, self._antenna = path, fixes, camera_p_antenna
         t_s = path.t_s
         alike = np.isclose(np.diff(fixes.r_m), 0.0)
-        self._rows = np.flatnonzero(alike & (np.diff(fixes.t_s) <= _LONGEST_S))
+        self._rows = np.flatnonzero(alike & (np.diff(fixes.t_s) <= config.max_pair_s))
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
-        knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / _KNOT_S))
+        knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
         at_s = fixes.t_s[self._rows]
         # (n, K) how much each knot counts for each pair
         self._share = np.stack([np.interp(at_s, knots, row) for row in np.eye(len(knots))], axis=1)
@@ -167,7 +168,7 @@ class NeighbourPairs:
             / _DELTA_S
             * (self._share @ found.factor)
         )
-        weight = _weight(found.difference)
+        weight = _weight(found.difference, self.config.robust_spreads)
         hessian, A = self._normal(found.displacement, weight)
         shared = A.conj().T @ (weight * by_time_offset)
         known = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # what the factors could explain too
@@ -184,10 +185,11 @@ class NeighbourPairs:
         if self.count == 0:
             return 0.0
         ends = self._fitted(time_offset_s), self._fitted(other_s)
-        bend = _WIDTH * _spread(ends[0].difference)
+        width = self.config.robust_spreads
+        bend = width * _spread(ends[0].difference)
         cost = [
-            _WIDTH**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
-            + (np.abs(end.factor - 1.0) ** 2).sum() / _SLOW**2
+            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
+            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
             for end in ends
         ]
         return float(cost[1] - cost[0])
@@ -201,16 +203,18 @@ class NeighbourPairs:
         displacement = self._camera_displacement(time_offset_s)
         factor: ComplexArray = np.ones(self._share.shape[1], dtype=np.complex128)
         for _ in range(_REWEIGHTED):
-            weight = _weight(displacement * (self._share @ factor) - self._displacement)
+            weight = _weight(
+                displacement * (self._share @ factor) - self._displacement, self.config.robust_spreads
+            )
             hessian, A = self._normal(displacement, weight)
-            pull = A.conj().T @ (weight * self._displacement) + _SLOW**-2
+            pull = A.conj().T @ (weight * self._displacement) + self.config.factor_sigma**-2
             factor = np.asarray(np.linalg.solve(hessian, pull), np.complex128)
         return _Fitted(displacement, factor, displacement * (self._share @ factor) - self._displacement)
 
     def _normal(self, displacement: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the Hessian (K, K) of the factors, and the displacements' derivatives by them (n, K)."""
         A = self._share * displacement[:, None]
-        return A.conj().T @ (weight[:, None] * A) + np.eye(A.shape[1]) / _SLOW**2, A
+        return A.conj().T @ (weight[:, None] * A) + np.eye(A.shape[1]) / self.config.factor_sigma**2, A
 
 
 class _Fitted(NamedTuple):
@@ -227,12 +231,12 @@ def _displacements(points: FloatArray) -> ComplexArray:
     return np.diff(points[:, 0] + 1j * points[:, 1])
 
 
-def _weight(difference: ComplexArray) -> FloatArray:
+def _weight(difference: ComplexArray, width: float) -> FloatArray:
     """Return Cauchy's weight over the variance."""
     spread = _spread(difference)
-    return np.asarray(1.0 / (1.0 + np.abs(difference / (_WIDTH * spread)) ** 2) / spread**2)
+    return np.asarray(1.0 / (1.0 + np.abs(difference / (width * spread)) ** 2) / spread**2)
 
 
 def _spread(difference: ComplexArray) -> float:
     """Return the spread per axis: the median length of a Gaussian in the plane is 1.18 times that."""
-    return max(float(np.median(np.abs(difference))) / 1.1774, _LEAST_M)
+    return max(float(np.median(np.abs(difference))) / 1.1774, _MIN_SPREAD_M)

@@ -17,8 +17,6 @@ from vgps.model import FloatArray
 from vgps.solution import Trajectory
 from vgps.solver.landmark_refinement import move_with_frames
 
-_FINEST_M = 0.3
-
 
 def correct_drift(
     local_map: LocalMap,
@@ -96,7 +94,7 @@ def bend_path(
     everything = np.ones(len(fixes), dtype=bool)
     in_step = model_with(0.0)
     regions = in_step.regions()
-    found = in_step.refine(in_step.fit_coarse_to_fine(everything, _FINEST_M), everything, regions)
+    found = in_step.refine(in_step.fit_coarse_to_fine(everything, config.drift.finest_m), everything, regions)
     if not config.sensors.time_offset_prior_s:
         return in_step.bent(found)
     # a time offset must explain the fixes better: on a straight any offset does as well as none
