@@ -134,7 +134,7 @@ class Receiver:
             self._server.send(fix, valid)
             time.sleep(0.06)  # real time: an epoch ends when nothing more comes
             self._second += 1
-        received, notes = self._gps.take()
+        received, notes = self._gps.poll()
         return [self._clock.fix(fix)[0] for fix in received], notes
 
     def close(self) -> None:

@@ -24,11 +24,11 @@ def test_without_corrections_both_poses_are_one():
 
 def test_a_correction_fades_by_hand():
     blender = Blender(CONFIG)
-    blender.corrected(pose(0.0), pose(0.5))
+    blender.correct(pose(0.0), pose(0.5))
     # 0.5 m decay slower than 1 m/s: by exp(-0.1 / 2)
     assert blender.advance(pose(0.5), 0.1)[0, 3] == pytest.approx(0.5 - 0.5 * np.exp(-0.05))
     blender = Blender(CONFIG)
-    blender.corrected(pose(0.0), pose(20.0))
+    blender.correct(pose(0.0), pose(20.0))
     # 20 m would decay by 0.98 m in a tenth of a second: limited to 0.1 m
     assert blender.advance(pose(20.0), 0.1)[0, 3] == pytest.approx(0.1)
 
@@ -37,7 +37,7 @@ def test_a_correction_fades_by_hand():
 @given(metres, metres, st.floats(-3.0, 3.0))
 def test_the_smooth_pose_never_jumps_and_arrives(x, y, turn):
     blender, before, now = Blender(CONFIG), pose(), pose(x, y, 0.0, (0.0, 0.0, turn))
-    blender.corrected(before, now)
+    blender.correct(before, now)
     smooth = before
     for _ in range(600):
         following = blender.advance(now, 0.1)
@@ -50,8 +50,8 @@ def test_the_smooth_pose_never_jumps_and_arrives(x, y, turn):
 
 def test_a_second_correction_starts_from_where_the_smooth_pose_is():
     blender = Blender(CONFIG)
-    blender.corrected(pose(0.0), pose(2.0, turn=(0.0, 0.0, 0.2)))
+    blender.correct(pose(0.0), pose(2.0, turn=(0.0, 0.0, 0.2)))
     smooth = blender.advance(pose(2.0, turn=(0.0, 0.0, 0.2)), 0.5)
     corrected = pose(-1.0, turn=(0.1, 0.0, -0.2))
-    blender.corrected(pose(2.0, turn=(0.0, 0.0, 0.2)), corrected)
+    blender.correct(pose(2.0, turn=(0.0, 0.0, 0.2)), corrected)
     np.testing.assert_allclose(blender.advance(corrected, 1e-9), smooth, atol=1e-7)

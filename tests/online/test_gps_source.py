@@ -20,7 +20,7 @@ def collected(source, count, seconds=20.0):
     fixes, notes = [], []
 
     def more():
-        found, told = source.take()
+        found, told = source.poll()
         fixes.extend(found)
         notes.extend(told)
         return len(fixes) >= count
@@ -76,7 +76,7 @@ def test_a_server_that_hangs_up_at_once_is_asked_less_and_less_and_told_once(log
     server = TcpServer(lambda connection: None)
     source = GpsSource(f"tcp://127.0.0.1:{server.port}")
     time.sleep(2.5)  # at 0.2, 0.6, 1.4 and 3 s
-    _, notes = source.take()
+    _, notes = source.poll()
     source.close()
     assert 2 <= server.clients <= 5
     server.close()
@@ -101,7 +101,7 @@ def test_standard_input_ends(log, monkeypatch, tmp_path):
     source = GpsSource("-")
     found, notes = collected(source, len(epochs_of(log)))
     same_as_log(found, log)
-    assert any("ended" in note for note in notes + source.take()[1])
+    assert any("ended" in note for note in notes + source.poll()[1])
 
 
 def test_gpsd_is_asked_for_sentences(log):

@@ -17,7 +17,7 @@ class Drive:
     def __init__(self):
         self.t_s = np.zeros(0)
         self.current = None
-        self.follower = PosePublisher(self, CONFIG)
+        self.publisher = PosePublisher(self, CONFIG)
 
     def frame(self, tracked=True):
         self.t_s = np.append(self.t_s, INTERVAL_S * len(self.t_s))
@@ -27,7 +27,7 @@ class Drive:
                 pose = np.eye(4)
                 pose[0, 3] = SPEED_M * frame
                 self.current.apply(MapUpdate(frames=(NewFrame(self.t_s[frame], pose),)))
-        return self.follower.follow(len(self.t_s) - 1)
+        return self.publisher.publish(len(self.t_s) - 1)
 
     def begin(self, aligned=True):
         self.current = LocalMap(len(self.t_s), 5)
@@ -79,7 +79,7 @@ def test_after_a_correction_the_smooth_pose_nears_the_corrected_one_without_jump
         pose = np.eye(4)
         pose[:2, 3] = SPEED_M * t, 10.0
         drive.current.apply(MapUpdate(frames=(NewFrame(drive.t_s[-1], pose),)))
-        found = drive.follower.follow(t)
+        found = drive.publisher.publish(t)
         assert kinds(found) == (["corrected"] if not away else [])
         step = np.linalg.norm(found.local_T_camera[:3, 3] - last.local_T_camera[:3, 3])
         assert step <= SPEED_M + 2.0 * INTERVAL_S + 1e-9
@@ -96,5 +96,5 @@ def test_a_new_map_begins_anew():
     drive.begin()
     drive.current.apply(MapUpdate(frames=(NewFrame(0.3, np.eye(4)),)))
     drive.t_s = np.append(drive.t_s, 0.3)
-    found = drive.follower.follow(3)
+    found = drive.publisher.publish(3)
     np.testing.assert_array_equal(found.local_T_camera, found.global_T_camera)

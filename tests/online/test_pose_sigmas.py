@@ -14,7 +14,7 @@ from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.model import FixClass
 from vgps.online.estimate import OnlineState
 from vgps.online.pose_publisher import PublishedPose
-from vgps.online.pose_sigmas import PathErrors
+from vgps.online.pose_sigmas import PoseUncertainty
 from vgps.online.replay import fixes_of
 from vgps.smoothing.covariance import region_sigmas
 
@@ -32,7 +32,7 @@ class Drive:
         self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), time_offset_s=0.0)
         self.fix_buffer = self
         self.fixes = Fixes.none()
-        self.errors = PathErrors(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
+        self.uncertainty = PoseUncertainty(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
 
     def believed(self, until_s):
         return self.fixes.until(until_s)
@@ -54,10 +54,12 @@ class Drive:
         correction = np.full(6, moved) * (0.1, 0.1, 0.1, 1.0, 1.0, 1.0) if frame % 15 == 1 else None
         state = OnlineState.TRACKED if tracked else OnlineState.BRIDGED
         pose = self.current.poses[-1]
-        found = self.errors.follow(PublishedPose(state, pose, pose, (), correction if frame > 1 else None))
+        found = self.uncertainty.sigmas(
+            PublishedPose(state, pose, pose, (), correction if frame > 1 else None)
+        )
         if fixes and frame % 10 == 5:
             self.fix()
-        self.errors.offer()
+        self.uncertainty.note_fixes()
         return found
 
     def frames(self, count, **options):
@@ -88,8 +90,8 @@ def test_fixes_that_came_after_stage_c_do_not_count_yet():
     for each in (drive, later):
         each.frames(91, fixes=False)
     drive.fix()
-    drive.errors.offer()
-    later.errors.offer()
+    drive.uncertainty.note_fixes()
+    later.uncertainty.note_fixes()
     later.fix()
     drive.frames(15, fixes=False)
     assert drive.frame().position_m[0] < 0.2 * later.frames(1)[0, 0]
@@ -126,7 +128,7 @@ def test_without_a_pose_there_are_none():
     drive = Drive()
     nowhere = PublishedPose(OnlineState.LOST, NOWHERE, NOWHERE, ())
     drive.frames(3)
-    assert np.isnan(drive.errors.follow(nowhere).position_m).all()
+    assert np.isnan(drive.uncertainty.sigmas(nowhere).position_m).all()
 
 
 def walked_with_float_fixes(walk, frames, seed):

@@ -91,7 +91,7 @@ def test_memory_does_not_grow(walk):
         if current is not None and index >= 160:
             fix_buffer = smoother._frame_pipeline.fix_buffer
             sizes = len(current.poses), current.feature_count, len(current.observations().frame)
-            counts.append((*sizes, len(fix_buffer.fixes), len(smoother._teller.told)))
+            counts.append((*sizes, len(fix_buffer.fixes), len(smoother._verdicts.reported)))
 
     tracemalloc.start()
     try:

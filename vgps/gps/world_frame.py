@@ -24,12 +24,16 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
         return origin, Fixes.none()
     usable = _usable(log, recording.video.times_s, config)
     if origin is None:
-        first = int(np.flatnonzero(usable)[0])
-        origin = GeodeticPoint(
-            float(log.latitude_deg[first]), float(log.longitude_deg[first]), float(log.height_m[first])
-        )
+        origin = fix_origin(log, int(np.flatnonzero(usable)[0]))
     position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
     return origin, fixes_in_world(log, position, config.gps)
+
+
+def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
+    """Return the position of a fix, as the origin of a world frame."""
+    return GeodeticPoint(
+        float(log.latitude_deg[row]), float(log.longitude_deg[row]), float(log.height_m[row])
+    )
 
 
 def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What is kept of every frame and every fix for the run folder: about 100 bytes of each."""
+"""What is kept of every frame and every fix for the run folder: about 100 bytes each."""
 
 from pathlib import Path
 
@@ -16,9 +16,9 @@ _CLASSES = tuple(FixClass)
 
 
 class FrameArchive:
-    """A pose for every frame: as it was when it came, then as it was when it left memory.
+    """A pose for every frame: as it came, later as it was when it was discarded.
 
-    Its standard deviations stay those of when it came; what moved it since made it no worse.
+    Its standard deviations stay those with which it came; corrections since made it no worse.
     """
 
     def __init__(self) -> None:
@@ -27,13 +27,13 @@ class FrameArchive:
         self._tracked = GrowingArray()
 
     def append(self, world_T_camera: FloatArray, sigmas: Sigmas, tracked: bool) -> None:
-        """The next frame; NaN if it has no pose in the world."""
+        """Append the next frame; NaN if it has no pose in the world."""
         self._sigmas.append([sigmas.position_m, sigmas.rotation_rad])
         self._poses.append(world_T_camera[:3])
         self._tracked.append(tracked)
 
-    def settle(self, part: RetiredPoses) -> None:
-        """Poses as they are now; those of a map that does not lie in the world yet say nothing."""
+    def update(self, part: RetiredPoses) -> None:
+        """Take over poses as they are now, unless their map is not aligned."""
         if not part.aligned:
             return
         known = np.flatnonzero(np.isfinite(part.poses[:, 0, 0]))
@@ -47,17 +47,17 @@ class FrameArchive:
         return np.asarray(np.isfinite(self._poses.values[:, 0, 0]))
 
     def poses(self) -> FloatArray:
-        """(F, 4, 4) world_T_camera, NaN where not known."""
+        """Return world_T_camera (F, 4, 4), NaN where unknown."""
         out = np.tile(np.eye(4), (len(self._poses), 1, 1))
         out[:, :3] = self._poses.values
         return out
 
     def sigmas(self) -> Sigmas:
-        """(F, 3) each, NaN for frames that had no pose when they came."""
+        """Return standard deviations, (F, 3) each, NaN for frames that had no pose when they came."""
         return Sigmas(self._sigmas.values[:, 0].copy(), self._sigmas.values[:, 1].copy())
 
     def states(self) -> tuple[FrameState, ...]:
-        """(F,) how each came by its pose."""
+        """Return how each frame (F,) was posed."""
         states = FrameState.BRIDGED, FrameState.TRACKED
         return tuple(states[int(tracked)] for tracked in self._tracked.values)
 
@@ -67,31 +67,31 @@ class FixArchive:
 
     def __init__(self) -> None:
         self._rows = GrowingArray((12,))
-        self._judged = GrowingArray((2,))
+        self._assessed = GrowingArray((2,))
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def append(self, fix: Fix) -> None:
-        """One more; its time is on the video's clock."""
+        """Append a fix; its time is on the video's clock."""
         numbers = (fix.hdop, fix.satellites, fix.correction_age_s, fix.line, _CLASSES.index(fix.fix_class))
         self._rows.append([*fix[:4], *fix.sigma_m, *numbers])
-        self._judged.append(np.nan)
+        self._assessed.append(np.nan)
 
     def times_s(self, since: int) -> FloatArray:
-        """Times of the fixes from row ``since`` on."""
+        """Return the times of the fixes from row ``since`` on."""
         return self._rows.values[since:, 0]
 
     def fix_class(self, row: int) -> FixClass:
-        """Class of a fix."""
+        """Return the class of a fix."""
         return _CLASSES[int(self._rows.values[row, 11])]
 
-    def judge(self, number: np.ndarray, assessment: FixAssessment) -> None:
-        """The newest verdicts, on the fixes ``number`` (M,)."""
-        self._judged.values[number] = np.stack([assessment.own, assessment.lower], axis=1)
+    def set_assessment(self, number: np.ndarray, assessment: FixAssessment) -> None:
+        """Store the newest assessment, of the fixes ``number`` (M,)."""
+        self._assessed.values[number] = np.stack([assessment.own, assessment.lower], axis=1)
 
     def log(self, source: Path, rows: slice | np.ndarray = slice(None)) -> GpsLog:
-        """These fixes in the order of ``rows``."""
+        """Return fixes in the order of ``rows``."""
         table = self._rows.values[rows]
         return GpsLog(
             t_s=table[:, 0].copy(),
@@ -108,10 +108,10 @@ class FixArchive:
         )
 
     def in_time_order(self) -> np.ndarray:
-        """(M,) rows in order of time."""
+        """Return the rows (M,) in order of time."""
         return np.argsort(self._rows.values[:, 0], kind="stable")
 
     def assessment(self, rows: np.ndarray) -> FixAssessment:
-        """Of the fixes ``rows`` (M,)."""
-        own, lower = self._judged.values[rows].T
+        """Return the assessment of the fixes ``rows`` (M,)."""
+        own, lower = self._assessed.values[rows].T
         return FixAssessment(own.copy(), lower.copy())

@@ -1,4 +1,4 @@
-"""What comes out of a sequence that is fed live: a pose per frame, and what happened."""
+"""The output of the live mode: a pose per frame, and events."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from vgps.model import FloatArray, GeodeticPoint
 
 
 class OnlineState(StrEnum):
-    """How a frame came by its pose, when it came."""
+    """How a frame was posed when it came."""
 
     STARTING = "starting"  # no map yet: the camera has not moved enough
     UNALIGNED = "unaligned"  # tracked, but scale, heading and place are not known yet
@@ -38,14 +38,15 @@ class OnlineEstimate:
 
     Attributes:
         frame: Its index.
-        t_s: StageTimer since the first frame.
-        state: How it came by its pose; without ``tracked`` or ``bridged`` both poses are NaN.
+        t_s: Seconds since the first frame.
+        state: How it was posed; without ``tracked`` or ``bridged`` both poses are NaN.
         global_T_camera: (4, 4) world_T_camera, the best estimate; it jumps when fixes correct it.
-        local_T_camera: (4, 4) world_T_camera that moves smoothly: it nears the other one at a limited speed.
-        sigma_position_m: (3,) standard deviations of the best estimate's place, east, north, up; NaN without.
+        local_T_camera: (4, 4) world_T_camera that moves smoothly: it approaches the other one at a limited
+            speed.
+        sigma_position_m: (3,) standard deviations of the best estimate's position, east, north, up, or NaN.
         sigma_rotation_rad: (3,) those of its rotation about east, north, up.
         world_origin: Of the ENU world; absent until a usable fix came.
-        events: What happened since the frame before.
+        events: Since the frame before.
         seconds: Spent on this frame until its pose was known.
     """
 

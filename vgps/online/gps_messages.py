@@ -1,4 +1,4 @@
-"""Messages of a receiver, one after the other, to fixes: by the readers of logs, an epoch at a time."""
+"""Fixes from a stream of a receiver's messages, an epoch at a time, by the readers of logs."""
 
 import io
 from collections.abc import Iterator
@@ -14,30 +14,29 @@ from vgps.readers.ubx import read_ubx
 _NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: where the time of week stands
 _TIMED = (b"GGA", b"GST", b"RMC", b"ZDA")
 _DATED = (b"RMC", b"ZDA")
-_JOINED = (*_TIMED, b"GSA")
+_COLLECTED = (*_TIMED, b"GSA")
 
 
 class ByteStream(Protocol):
-    """What a receiver is read from: blocks until there is something, gives too little at the end."""
+    """A stream of bytes: reading blocks until there are some, and returns fewer at the end."""
 
     def read(self, size: int, /) -> bytes:
-        """So many bytes, fewer at the end."""
+        """Return so many bytes, fewer at the end."""
         ...
 
     def readline(self) -> bytes:
-        """Up to a line's end."""
+        """Return bytes up to the end of a line."""
         ...
 
 
 def messages(stream: ByteStream) -> Iterator[bytes]:
-    """NMEA sentences and UBX messages with a right length, to the stream's end; what lies between is passed
-    over."""
+    """Yield NMEA sentences and UBX messages of the right length, to the end of the stream; skip the rest."""
     filters = NMEA_PROTOCOL | UBX_PROTOCOL
     reader = UBXReader(stream, protfilter=filters, quitonerror=0, parsing=PARSE_NONE)
     while True:
         try:
             raw, _ = reader.read()
-        except (UnicodeDecodeError, IndexError):  # bytes that are no text, in what began like a sentence
+        except (UnicodeDecodeError, IndexError):  # binary data after what looked like a sentence
             continue
         if raw is None:
             return
@@ -46,14 +45,14 @@ def messages(stream: ByteStream) -> Iterator[bytes]:
 
 @dataclass(frozen=True)
 class StreamedFix:
-    """A fix by the clock of its format."""
+    """A fix on the clock of its format."""
 
     clock: Clock
     fix: Fix
 
 
 class Epochs:
-    """Joins messages of one time; a fix is given once a later message, or :meth:`flush`, ends its epoch.
+    """Collects messages of one time; a later message, or :meth:`flush`, ends the epoch and gives the fix.
 
     As in a log, NMEA counts only until the first NAV-PVT comes. ``line`` of a fix counts messages.
     """
@@ -66,12 +65,12 @@ class Epochs:
         self._count = 0
 
     def add(self, raw: bytes) -> list[StreamedFix]:
-        """One message; the fix of the epoch before, if it ended."""
+        """Add a message; return the fix of the epoch before, if it ended."""
         self._count += 1
         if raw[:2] == b"\xb5\x62":
             return self._add_ubx(raw)
         kind = raw[3:6]
-        if self._binary or kind not in _JOINED:
+        if self._binary or kind not in _COLLECTED:
             return []
         done = []
         if kind in _TIMED:
@@ -94,7 +93,7 @@ class Epochs:
         return done
 
     def flush(self) -> list[StreamedFix]:
-        """The fix of what has come so far."""
+        """Return the fix of the messages so far."""
         epoch, self._epoch, self._key = self._epoch, [], b""
         if not epoch:
             return []
@@ -112,7 +111,7 @@ class Epochs:
 
 
 def fixes_in(data: bytes) -> list[StreamedFix]:
-    """The fixes in bytes that are all there."""
+    """Return the fixes in a complete stream."""
     epochs = Epochs()
     found = [fix for raw in messages(io.BytesIO(data)) for fix in epochs.add(raw)]
     return found + epochs.flush()

@@ -19,8 +19,8 @@ import serial
 from vgps.errors import GpsLogError
 from vgps.online.gps_messages import ByteStream, Epochs, StreamedFix, messages
 
-_QUIET_S = 0.05  # after which an epoch is taken to be complete
-_SILENCE_S = 10.0  # after which a connection is made anew
+_QUIET_S = 0.05  # of silence end an epoch
+_SILENCE_S = 10.0  # after which a connection is made again
 _RETRY_S = (0.2, 5.0)
 _GPSD_PORT = 2947
 _BAUD = 115200
@@ -66,8 +66,8 @@ class GpsSource:
             raise GpsLogError(f"cannot be opened ({_words(error)})", file=address, expected=_FORMS) from error
         threading.Thread(target=self._work, name="gps", daemon=True).start()
 
-    def take(self) -> tuple[list[ReceivedFix], list[str]]:
-        """Fixes that came since, and notes on the connection."""
+    def poll(self) -> tuple[list[ReceivedFix], list[str]]:
+        """Return the fixes that came since the last call, and notes on the connection."""
         found: list[ReceivedFix] = []
         while True:
             try:
@@ -85,41 +85,41 @@ class GpsSource:
         return found, notes
 
     def close(self) -> None:
-        """Stop reading; a stream that is silent is left to its thread, since closing it would wait for it."""
+        """Stop reading; a silent stream is left to its thread, since closing it would block."""
         self._closed.set()
 
     def _work(self) -> None:
         try:
-            self._read_on()
+            self._read_until_closed()
         finally:
             with contextlib.suppress(OSError, serial.SerialException):
                 self._stream.close()
 
-    def _read_on(self) -> None:
-        wait_s, told = _RETRY_S[0], False
+    def _read_until_closed(self) -> None:
+        wait_s, dropped = _RETRY_S[0], False
         while not self._closed.is_set():
             begun_s = time.monotonic()
             with contextlib.suppress(OSError, serial.SerialException, TypeError, ValueError):
                 for raw in messages(self._stream):
-                    if told:
+                    if dropped:
                         self._notes.put(f"{self.address}: connected again")
-                    told = False
+                    dropped = False
                     self._messages.put((raw, time.time()))
                     if self._closed.is_set():
                         return
             if self._closed.is_set():
                 return
             if not self._again:
-                self._notes.put(f"{self.address}: the fixes have ended")
+                self._notes.put(f"{self.address}: the stream of fixes ended")
                 return
-            if not told:
-                self._notes.put(f"{self.address}: the connection dropped; it is made again")
-            # who hangs up at once is not to be asked five times a second
+            if not dropped:
+                self._notes.put(f"{self.address}: the connection dropped; reconnecting")
+            # a server that hangs up at once is not asked five times a second
             lasted = time.monotonic() - begun_s > _RETRY_S[1]
-            wait_s, told = self._reconnected(_RETRY_S[0] if lasted else wait_s), True
+            wait_s, dropped = self._reconnected(_RETRY_S[0] if lasted else wait_s), True
 
     def _reconnected(self, wait_s: float) -> float:
-        """Once there is a connection: how long to wait before the next, should it be worth nothing."""
+        """Reconnect; return how long to wait before the next attempt, should this connection fail at once."""
         with contextlib.suppress(OSError, serial.SerialException):
             self._stream.close()
         while not self._closed.wait(wait_s):
@@ -131,7 +131,7 @@ class GpsSource:
 
 
 def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:
-    """What opens the source, and whether it may be opened again.
+    """Return what opens the source, and whether it may be opened again.
 
     Raises:
         GpsLogError: The address is of no known form.
@@ -159,7 +159,7 @@ def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:
 
 def _connected(host: str, port: int, watch: bool) -> BinaryIO:
     connection = socket.create_connection((host, port), timeout=_SILENCE_S)
-    if watch:  # ask gpsd for the receiver's NMEA, or for what it makes of other protocols
+    if watch:  # ask gpsd for the receiver's NMEA, or its translation of other protocols
         connection.sendall(b'?WATCH={"enable":true,"nmea":true}\n')
     stream = connection.makefile("rb")
     connection.close()  # the stream keeps it open

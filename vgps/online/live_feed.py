@@ -1,4 +1,4 @@
-"""A camera and a receiver as one feed: every stream on the video's clock."""
+"""A camera and a receiver merged into one feed, both on the video's clock."""
 
 import threading
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ class VideoClock:
 
     Args:
         start_unix_s: UTC of the first frame.
-        live: Whether that is this computer's time; if it is off the receiver's by seconds, fixes count from
-            their arrival.
+        live: Whether that is this computer's time; if it differs from the receiver's by seconds, fixes are
+            placed by their arrival.
     """
 
     def __init__(self, start_unix_s: float, live: bool) -> None:
@@ -27,7 +27,7 @@ class VideoClock:
         self._correction_s: float | None = None
 
     def fix(self, received: ReceivedFix) -> tuple[Fix, str | None]:
-        """The fix on the video's clock, and a note if the clocks disagree."""
+        """Return the fix on the video's clock, and a note if the clocks disagree."""
         fix, note = received.streamed.fix, None
         utc_s = fix.t_s
         if received.streamed.clock is Clock.TIME_OF_DAY:
@@ -47,24 +47,24 @@ class VideoClock:
 def live_feed(
     video: VideoSource, gps: GpsSource | None, rig: Rig, stop: threading.Event, delay_s: float = 0.0
 ) -> Iterator[Item]:
-    """Frames, fixes and notes as they come, until the video ends or ``stop`` is set.
+    """Yield frames, fixes and notes as they come, until the video ends or ``stop`` is set.
 
     Args:
         video, gps: Opened.
         rig: Its ``video_start_utc``, if given, is the UTC of the first frame.
         stop: Ends it.
-        delay_s: From a picture's taking to its arrival, where this computer's clock counts.
+        delay_s: From exposure to arrival of a picture, where this computer's clock counts.
     """
     clock: VideoClock | None = None
     early: list[ReceivedFix] = []
-    tell = 1
+    report_at = 1
     while not stop.is_set() and not video.ended:
         frame = video.next(0.05)
         yield from (SourceNote(text) for text in video.notes())
         if frame is not None and clock is None:
             start_s = unix_s(start_utc(video, rig, delay_s))
             clock = VideoClock(start_s, video.live and rig.video_start_utc is None)
-        received, notes = gps.take() if gps is not None else ([], [])
+        received, notes = gps.poll() if gps is not None else ([], [])
         yield from (SourceNote(text) for text in notes)
         early += received
         if clock is not None:
@@ -73,15 +73,13 @@ def live_feed(
                 yield from () if note is None else (SourceNote(note),)
                 yield placed
             early = []
-        if video.dropped >= tell:
-            tell *= 10
-            yield SourceNote(
-                f"frames come faster than they are posed: {video.dropped} have been left out so far"
-            )
+        if video.dropped >= report_at:
+            report_at *= 10
+            yield SourceNote(f"frames come faster than they are posed: {video.dropped} were dropped so far")
         if frame is not None:
             yield frame
 
 
 def start_utc(video: VideoSource, rig: Rig, delay_s: float) -> datetime:
-    """UTC of the first frame: the rig's, else by this computer's clock. Known once a frame has come."""
+    """Return the UTC of the first frame: the rig's, else by this computer's clock, once a frame has come."""
     return rig.video_start_utc or datetime.fromtimestamp(video.start_unix_s - delay_s, UTC)

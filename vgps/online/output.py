@@ -22,7 +22,7 @@ _AXES = "east", "north", "up"
 
 
 class JsonLines:
-    """Writes every estimate at once, so that a reader at the other end of a pipe has it.
+    """Writes every estimate as it comes, so that a reader at the other end of a pipe has it at once.
 
     Args:
         stream: Text.
@@ -34,7 +34,7 @@ class JsonLines:
         self.start_utc = start_utc
 
     def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
-        """Its events, then its pose.
+        """Write its events, then its pose.
 
         Args:
             estimate: Of a frame.
@@ -70,7 +70,7 @@ class JsonLines:
 
 
 def _sigmas(estimate: OnlineEstimate) -> dict[str, float]:
-    """Named as in a run folder's ``poses.csv``."""
+    """Return the standard deviations, named as in a run folder's ``poses.csv``."""
     names = [f"sigma_{axis}_m" for axis in _AXES] + [f"sigma_rot_{axis}_deg" for axis in _AXES]
     numbers = np.append(estimate.sigma_position_m, np.degrees(estimate.sigma_rotation_rad))
     return dict(zip(names, np.round(numbers, 4).tolist(), strict=True))
@@ -79,7 +79,7 @@ def _sigmas(estimate: OnlineEstimate) -> dict[str, float]:
 def _pose(
     world_T_camera: FloatArray, origin: GeodeticPoint | None, more: Mapping[str, float] = MappingProxyType({})
 ) -> dict[str, float] | None:
-    """East, north, up, quaternion of world_R_camera, place on the globe, heading of the optical axis."""
+    """Return east, north, up, quaternion of world_R_camera, latitude, longitude, height, and heading."""
     if not np.isfinite(world_T_camera[0, 0]):
         return None
     position = world_T_camera[:3, 3]

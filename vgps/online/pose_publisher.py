@@ -1,4 +1,4 @@
-"""What the newest frame's pose is worth: its state, its corrected and its smooth pose."""
+"""What is published of the newest frame: its state, its corrected and its smooth pose, events."""
 
 from dataclasses import dataclass
 
@@ -18,13 +18,13 @@ _NOWHERE = np.full((4, 4), np.nan)
 
 @dataclass(frozen=True)
 class PublishedPose:
-    """What a frame's pose is worth.
+    """What is published of a frame.
 
     Attributes:
-        state: How it came by it.
+        state: How it was posed.
         global_T_camera, local_T_camera: (4, 4) corrected and smooth pose, NaN where it has none.
-        events: What happened.
-        moved: (6,) how stage C turned [rad] and moved [m] the frame before, in world axes, if it did.
+        events: Since the frame before.
+        moved: (6,) how stage C rotated [rad] and moved [m] the frame before, in world axes, if it did.
     """
 
     state: OnlineState
@@ -44,7 +44,7 @@ class _Last:
 
 
 class PosePublisher:
-    """Asks a sequence after every frame."""
+    """Reads a frame pipeline after every frame."""
 
     def __init__(self, frame_pipeline: FramePipeline, config: OnlineConfig) -> None:
         self._frame_pipeline, self._config = frame_pipeline, config
@@ -53,8 +53,8 @@ class PosePublisher:
         self._last: _Last | None = None
         self._state = OnlineState.STARTING
 
-    def follow(self, frame: int) -> PublishedPose:
-        """The newest frame, by its index."""
+    def publish(self, frame: int) -> PublishedPose:
+        """Return what is published of the newest frame, given its index."""
         current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
         state, pose = self._newest(current, frame)
         events = self._changes(state, t_s)
@@ -63,7 +63,7 @@ class PosePublisher:
         if not np.isfinite(pose[0, 0]):
             return PublishedPose(state, _NOWHERE, _NOWHERE, tuple(events))
         if self._last is None or current is None:
-            self._blender.begin()
+            self._blender.reset()
             smooth, moved = pose, None
         else:
             moved = _moved(self._last.global_T_camera, self._pose(current, self._last.frame))
@@ -84,10 +84,10 @@ class PosePublisher:
         return OnlineState.TRACKED if tracked else OnlineState.BRIDGED, pose
 
     def _pose(self, current: LocalMap, frame: int) -> FloatArray:
-        """As the map has it, or for a moment after its end by going on as before."""
+        """Return the pose in the map, or for a moment after its end at constant velocity."""
         t_s, last = self._frame_pipeline.t_s, current.next_frame - 1
         if frame <= last:
-            return current.pose(frame).copy()  # stage C writes to it later
+            return current.pose(frame).copy()  # stage C changes it later
         away_s = float(t_s[frame] - t_s[last])
         if away_s > self._config.bridge_s or len(current.poses) < 2:
             return _NOWHERE
@@ -98,9 +98,9 @@ class PosePublisher:
     def _corrections(self, current: LocalMap, last: _Last, t_s: float) -> list[OnlineEvent]:
         now = self._pose(current, last.frame)
         if not np.isfinite(now[0, 0]):
-            self._blender.begin()
+            self._blender.reset()
             return []
-        self._blender.corrected(last.global_T_camera, now)
+        self._blender.correct(last.global_T_camera, now)
         moved_m = float(np.linalg.norm(now[:3, 3] - last.global_T_camera[:3, 3]))
         if moved_m < _NOTEWORTHY_M:
             return []
@@ -115,12 +115,12 @@ class PosePublisher:
         if state is OnlineState.LOST and before is not state:
             events.append(OnlineEvent(t_s, "lost", "too few features are found again"))
         if before in {OnlineState.LOST, OnlineState.BRIDGED} and state is OnlineState.TRACKED:
-            events.append(OnlineEvent(t_s, "found", "tracking goes on"))
+            events.append(OnlineEvent(t_s, "found", "tracking continues"))
         return events
 
 
 def _moved(before: FloatArray, now: FloatArray) -> FloatArray | None:
     if np.array_equal(before, now) or not np.isfinite(now[0, 0]):
         return None
-    turned = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()
-    return np.concatenate([turned, now[:3, 3] - before[:3, 3]])
+    rotated = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()
+    return np.concatenate([rotated, now[:3, 3] - before[:3, 3]])

@@ -1,4 +1,4 @@
-"""A recording as if it were live."""
+"""A recording replayed as if it were live."""
 
 import threading
 import time
@@ -12,12 +12,12 @@ from vgps.readers.fixes import Fix
 
 
 def replay(recording: Recording, stop: threading.Event, *, realtime: bool = False) -> Iterator[Item]:
-    """Frames, fixes and gyro samples in the order in which they would have come.
+    """Yield frames, fixes and gyro samples in the order in which they would have come.
 
     Args:
         recording: Opened.
-        stop: Ends the waiting too.
-        realtime: At its own pace, else as fast as it is taken.
+        stop: Ends the replay, a wait included.
+        realtime: At its own pace, else as fast as it is consumed.
     """
     others = _others(recording)
     waiting = next(others, None)
@@ -36,7 +36,7 @@ def replay(recording: Recording, stop: threading.Event, *, realtime: bool = Fals
 
 
 def fixes_of(log: GpsLog) -> Iterator[Fix]:
-    """The fixes of a log one by one."""
+    """Yield the fixes of a log."""
     for row in range(len(log)):
         yield Fix(
             float(log.t_s[row]),
@@ -53,7 +53,7 @@ def fixes_of(log: GpsLog) -> Iterator[Fix]:
 
 
 def _others(recording: Recording) -> Iterator[tuple[float, Item]]:
-    """Fixes and gyro samples with the times at which they come."""
+    """Yield fixes and gyro samples with the times at which they come."""
     items: list[tuple[float, Item]] = []
     if recording.gps is not None:
         items += [(fix.t_s, fix) for fix in fixes_of(recording.gps)]

@@ -1,4 +1,4 @@
-"""Feed a smoother until its sources end or someone says stop."""
+"""Feed a smoother until its sources end or it is stopped."""
 
 import contextlib
 import signal
@@ -16,7 +16,7 @@ from vgps.readers.fixes import Fix
 
 @dataclass(frozen=True)
 class TimedImage:
-    """A frame: its time, its luminance (H, W), and when it came, by ``time.monotonic``."""
+    """A frame: its time, its luminance (H, W), and its arrival by ``time.monotonic``."""
 
     t_s: float
     gray: GrayImage
@@ -33,7 +33,7 @@ class GyroSample:
 
 @dataclass(frozen=True)
 class SourceNote:
-    """Something that happened to a source."""
+    """A message from a source."""
 
     text: str
 
@@ -43,16 +43,13 @@ Sink = Callable[[OnlineEstimate, float], None]
 
 
 def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
-    """Feed all items in the order in which they come.
+    """Feed all items in the order in which they come, and return the number of frames.
 
     Args:
         feed: Frames in order of time, fixes in any.
         smoother: Takes them.
-        sink: Told each estimate, and the seconds from the frame's arrival to its pose.
-        stop: Once set, the feeding ends.
-
-    Returns:
-        The number of frames.
+        sink: Receives each estimate, and the seconds from the frame's arrival to its pose.
+        stop: Once set, feeding ends.
     """
     frames = 0
     for item in feed:
@@ -74,7 +71,7 @@ def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop:
 
 @contextlib.contextmanager
 def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
-    """Ctrl-C and a polite kill set ``stop``, so that what was done is kept; the second Ctrl-C interrupts."""
+    """Let Ctrl-C and SIGTERM set ``stop``, so that results are kept; a second one interrupts."""
 
     def handle(number: int, _: FrameType | None) -> None:
         if stop.is_set():

@@ -1,4 +1,4 @@
-"""What `vgps online` does: a recording or live sources to JSON lines, and a run folder at the end."""
+"""A live session: a recording or live sources to JSON lines, and a run folder at the end."""
 
 import contextlib
 import os
@@ -27,7 +27,7 @@ from vgps.writers.run_folder import check_writable, write_run
 
 @dataclass(frozen=True)
 class OnlineOptions:
-    """What recordings and live sources have in common.
+    """Options that recordings and live sources have in common.
 
     Attributes:
         config: Everything.
@@ -44,10 +44,10 @@ class OnlineOptions:
     rig: Path | None = None
 
     def check(self) -> None:
-        """Tell before the long work what cannot be done at its end.
+        """Refuse before the long work what cannot be done at its end.
 
         Raises:
-            ConfigError: Stage D is asked for, and nothing to write its result to.
+            ConfigError: Stage D is asked for without a folder for its result.
             RunFolderError: ``out`` cannot be written.
         """
         if self.finish and self.out is None:
@@ -59,11 +59,11 @@ class OnlineOptions:
 def pose_recording(
     path: Path | None, options: OnlineOptions, *, realtime: bool = False, stream: TextIO | None = None
 ) -> int:
-    """A recording as if it were live; the number of frames.
+    """Pose a recording as if it were live, and return the number of frames.
 
     Args:
         path: As :func:`vgps.open_recording` takes it.
-        options: See there.
+        options: As for live sources.
         realtime: At its own pace.
         stream: For the JSON lines; standard output if none is given.
 
@@ -89,13 +89,13 @@ def pose_live(
     delay_s: float = 0.0,
     stream: TextIO | None = None,
 ) -> int:
-    """A camera or stream and a receiver, until they end or Ctrl-C; the number of frames.
+    """Pose a camera or stream with a receiver until they end or Ctrl-C, and return the number of frames.
 
     Args:
         video: As :class:`VideoSource` takes it.
         recording: Must be absent.
         options: ``gps`` as :class:`GpsSource` takes it, or none; ``camera`` is needed.
-        delay_s: From a picture's taking to its arrival.
+        delay_s: From exposure to arrival of a picture.
         stream: For the JSON lines; standard output if none is given.
 
     Raises:
@@ -135,7 +135,7 @@ def _timed(
     rig: Rig,
     delay_s: float,
 ) -> Iterator[Item]:
-    """The same, while lines and result learn the UTC of the first frame."""
+    """Yield the same items, while lines and result learn the UTC of the first frame."""
     for item in feed:
         if lines.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
             lines.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
@@ -152,7 +152,7 @@ def _run(
     def sink(estimate: OnlineEstimate, latency_s: float) -> None:
         try:
             lines.write(estimate, latency_s)
-        except BrokenPipeError:  # whoever read has gone: what was done is still worth keeping
+        except BrokenPipeError:  # the reader has gone: what was done is still worth keeping
             stop.set()
             with contextlib.suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

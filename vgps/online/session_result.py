@@ -1,7 +1,7 @@
-"""What a run folder is written from, after a sequence was fed live."""
+"""The result of a live session: a solution as stage C left it, or the start of stage D."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import fixes_in_world
 from vgps.gps.verdicts import fix_table
 from vgps.mapping.local_map import LocalMap
-from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, Rig
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, GyroLog, Recording, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.front_end import FrontEnd, front_end_of
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -27,12 +28,12 @@ from vgps.solution import (
     Trajectory,
 )
 
-_NO_STAGE_D = "stage D was not run: every pose is as it was when it left the memory of stage C"
+_NO_STAGE_D = "stage D was not run: every pose is as stage C left it"
 
 
 @dataclass(frozen=True)
 class StreamedVideo:
-    """The times of frames that have gone by; the frames themselves are gone."""
+    """A video of which only the times were kept."""
 
     path: Path
     times_s: FloatArray
@@ -40,13 +41,13 @@ class StreamedVideo:
     height: int
 
     def frames(self) -> Iterator[Frame]:
-        """None."""
+        """Return no frames."""
         return iter(())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SessionRecord:
-    """All that was fed, and what became of it."""
+    """All input of a live session, and what was found."""
 
     source: Path
     camera: Camera
@@ -56,32 +57,50 @@ class SessionRecord:
     frame_pipeline: FramePipeline
     frames: FrameArchive
     fixes: FixArchive
+    gyro: GyroLog | None
+    warnings: tuple[str, ...]
 
     def gps(self) -> tuple[GpsLog | None, np.ndarray]:
-        """The fixes in order of time, if any could be placed in a world; and their rows in the archive."""
+        """Return the fixes in order of time, if they have a world, and their rows in the archive."""
         rows = self.fixes.in_time_order()
         if self.origin is None or len(rows) == 0:
             return None, rows
         return self.fixes.log(self.source, rows), rows
 
 
-def solution_as_it_is(fed: SessionRecord, warnings: tuple[str, ...]) -> Solution:
-    """The poses as stage C left them; those never known lie between or beside known ones, and are bridged.
+def session_front_end(session: SessionRecord) -> FrontEnd:
+    """Return what stages A to C leave to D, of a session that kept everything."""
+    camera, source = session.camera, session.source
+    log, _ = session.gps()
+    video = StreamedVideo(source, session.frame_pipeline.t_s, camera.width, camera.height)
+    recording = Recording(
+        path=source,
+        video=video,
+        camera=camera,
+        rig=replace(session.rig, world_origin=session.origin),
+        gps=log,
+        gyro=session.gyro,
+    )
+    return replace(front_end_of(session.frame_pipeline, recording, session.origin), warnings=session.warnings)
 
-    Landmarks are those still remembered. Without alignment the world is the neighbourhood of the first camera
-    of the last map.
+
+def session_solution(session: SessionRecord) -> Solution:
+    """Return the poses as stage C left them; those never known are interpolated, and count as bridged.
+
+    Landmarks are those still kept. Without alignment the world is the neighbourhood of the first camera of
+    the last map.
 
     Raises:
         GeometryError: No frame has a pose.
     """
-    poses, states, georeferenced = _every_pose(fed)
-    camera, sensors, t_s = fed.camera, fed.frame_pipeline.sensors, fed.frame_pipeline.t_s
-    landmarks, observations = _remembered(fed.frame_pipeline.current)
-    log, table = _verdicts(fed, poses) if georeferenced else (fed.gps()[0], None)
-    sigmas = fed.frames.sigmas()
+    poses, states, georeferenced = _every_pose(session)
+    camera, sensors, t_s = session.camera, session.frame_pipeline.sensors, session.frame_pipeline.t_s
+    landmarks, observations = _kept_landmarks(session.frame_pipeline.current)
+    log, table = _verdicts(session, poses) if georeferenced else (session.gps()[0], None)
+    sigmas = session.frames.sigmas()
     return Solution(
-        recording=fed.source,
-        world_origin=fed.origin,
+        recording=session.source,
+        world_origin=session.origin,
         georeferenced=georeferenced,
         t_s=t_s.copy(),
         world_T_camera=poses,
@@ -96,18 +115,18 @@ def solution_as_it_is(fed: SessionRecord, warnings: tuple[str, ...]) -> Solution
         fixes=table,
         sensors=SensorReport(sensors.time_offset_s, np.nan, (np.nan, np.nan, np.nan)),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
-        seconds=dict(fed.frame_pipeline.timer.by_stage),
-        warnings=warnings,
-        config=fed.config.model_dump(mode="json"),
-        video_start_utc=fed.rig.video_start_utc,
+        seconds=dict(session.frame_pipeline.timer.by_stage),
+        warnings=session.warnings,
+        config=session.config.model_dump(mode="json"),
+        video_start_utc=session.rig.video_start_utc,
     )
 
 
-def _every_pose(fed: SessionRecord) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
-    poses, states, t_s = fed.frames.poses(), fed.frames.states(), fed.frame_pipeline.t_s
-    known = fed.frames.known
+def _every_pose(session: SessionRecord) -> tuple[FloatArray, tuple[FrameState, ...], bool]:
+    poses, states, t_s = session.frames.poses(), session.frames.states(), session.frame_pipeline.t_s
+    known = session.frames.known
     georeferenced = bool(known.any())
-    current = fed.frame_pipeline.current
+    current = session.frame_pipeline.current
     if not georeferenced and current is not None:
         rows = slice(current.first_frame, current.next_frame)
         poses[rows] = current.poses
@@ -117,26 +136,26 @@ def _every_pose(fed: SessionRecord) -> tuple[FloatArray, tuple[FrameState, ...],
     if not known.any():
         raise GeometryError(
             "no frame has a pose: the camera hardly moved, or too little was seen, to begin a map",
-            file=fed.source,
+            file=session.source,
         )
     poses[~known] = interpolate_poses(t_s[known], poses[known], t_s[~known])
     return poses, states, georeferenced
 
 
-def _verdicts(fed: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None, FixTable | None]:
-    log, rows = fed.gps()
-    if log is None or fed.origin is None or len(poses) < 2:
+def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None, FixTable | None]:
+    log, rows = session.gps()
+    if log is None or session.origin is None or len(poses) < 2:
         return log, None
-    position = to_enu(fed.origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    sensors = fed.frame_pipeline.sensors
-    fixes = fixes_in_world(log, position, fed.config.gps).earlier(sensors.time_offset_s)
-    assessment, t_s = fed.fixes.assessment(rows), fed.frame_pipeline.t_s
+    position = to_enu(session.origin, log.latitude_deg, log.longitude_deg, log.height_m)
+    sensors = session.frame_pipeline.sensors
+    fixes = fixes_in_world(log, position, session.config.gps).earlier(sensors.time_offset_s)
+    assessment, t_s = session.fixes.assessment(rows), session.frame_pipeline.t_s
     path = Trajectory(t_s, poses)
-    return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, fed.config)
+    return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, session.config)
 
 
-def _remembered(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:
-    """Features that have a position, and their observations."""
+def _kept_landmarks(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:
+    """Return features that have a position, and their observations."""
     if local_map is None:
         none, no_ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
         gray = np.zeros(0, dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""The loop A, B, C fed live: frames and fixes as they come, a pose for every frame."""
+"""The live mode: frames and fixes as they come, a pose for every frame."""
 
 import time
 from dataclasses import replace
@@ -11,16 +11,16 @@ from vgps.errors import ConfigError, VideoError
 from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.regions import region_sizes
+from vgps.gps.world_frame import fix_origin
 from vgps.mapping.retention import RetentionPolicy, retire_map
-from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Recording, Rig
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 from vgps.online.pose_publisher import PosePublisher
-from vgps.online.pose_sigmas import PathErrors
-from vgps.online.session_result import SessionRecord, StreamedVideo, solution_as_it_is
+from vgps.online.pose_sigmas import PoseUncertainty
+from vgps.online.session_result import SessionRecord, session_front_end, session_solution
 from vgps.online.verdict_events import VerdictEvents
 from vgps.pipeline.frame_pipeline import FramePipeline
-from vgps.pipeline.front_end import FrontEnd, front_end_of
 from vgps.pipeline.offline import optimise_all
 from vgps.readers.fixes import Fix
 from vgps.runtime.allocator import release_free_memory
@@ -29,28 +29,28 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
 _SAME_TIME_S = 1e-6
-_FORGET_EVERY = 15  # frames
+_DISCARD_EVERY = 15  # frames
 _GIVE_BACK_EVERY = 300
-_MOST_WARNINGS = 500  # that the result keeps
+_MAX_WARNINGS = 500  # kept for the result
 _LIVE = Path("live")
 
 
 class OnlineSmoother:
     """Stages A, B and C over frames as they come; stage D at the end, if everything was kept.
 
-    The pose of a frame is known after A and B; stage C runs once it is out. Without ``keep_all``
-    neither the cost of a frame nor memory grows with the frames before it, but for some 100 bytes of each
-    frame and fix that the run folder is written from.
+    The pose of a frame is known after A and B; stage C runs once it is published. Without ``keep_all``
+    neither the cost of a frame nor memory grows with the frames before it, except for some 100 bytes of each
+    frame and fix for the run folder.
 
-    Stage C optimises the last frames with older ones held: these are its prior. When fixes contradict them,
-    after an outage above all, the drift of all that is remembered (``online.keep_s``) is taken out first.
+    Stage C optimises the last frames with older ones held. When fixes contradict these, after an outage above
+    all, the drift of all that is kept (``online.keep_s``) is taken out first.
 
     Args:
         camera: Its lens.
         rig: Lever arm; ``world_origin``, else the world's origin is the first usable fix.
         config: Defaults if none is given.
-        keep_all: Remember every observation, for a result with stage D.
-        source: What the result is said to be made from.
+        keep_all: Keep every observation, for a result with stage D.
+        source: Named in the result as its recording.
 
     Attributes:
         video_start_utc: UTC of the first frame, if it is known: the rig's, or what is set here.
@@ -72,9 +72,9 @@ class OnlineSmoother:
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.none(), retention)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
-        self._follower = PosePublisher(self._frame_pipeline, config.online)
-        self._errors = PathErrors(self._frame_pipeline, config)
-        self._teller = VerdictEvents(config.gps.model)
+        self._publisher = PosePublisher(self._frame_pipeline, config.online)
+        self._uncertainty = PoseUncertainty(self._frame_pipeline, config)
+        self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
@@ -83,13 +83,13 @@ class OnlineSmoother:
         self.video_start_utc = rig.video_start_utc
 
     def add_fix(self, fix: Fix) -> bool:
-        """A fix, of any time: late and out of order it lands at its own.
+        """Add a fix of any time; late or out of order it counts at its own time.
 
         Args:
             fix: ``t_s`` on the video's clock, heights ellipsoidal.
 
         Returns:
-            Whether it was taken; one without a position, or at the time of another, is not.
+            Whether it was accepted; one without a position, or at the time of another, is not.
         """
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self._fixes.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
@@ -99,20 +99,20 @@ class OnlineSmoother:
         return True
 
     def add_gyro(self, t_s: float, rate_rad_s: FloatArray) -> None:
-        """Angular rate (3,) in the gyro's axes: recorded alone, where everything is kept."""
+        """Record an angular rate (3,) in the gyro's axes, if everything is kept."""
         if self._keep_all:
             x, y, z = (float(rate) for rate in rate_rad_s)
             self._gyro.append((t_s, x, y, z))
 
     def add_note(self, text: str) -> None:
-        """Something a user should know: an event of the next frame, and a warning of the result."""
+        """Add a message to the user: an event of the next frame, and a warning of the result."""
         self._frame_pipeline.warnings.append(text)
 
     def add_frame(self, t_s: float, image: GrayImage) -> OnlineEstimate:
-        """The next frame: its pose. What is still due for the frames before is done first.
+        """Pose the next frame, after what is still due for the frames before.
 
         Args:
-            t_s: StageTimer since the first frame, later than the frame before.
+            t_s: Seconds since the first frame, later than the frame before.
             image: (H, W) luminance, uint8; it is not kept.
 
         Raises:
@@ -124,18 +124,18 @@ class OnlineSmoother:
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
         self._place_fixes()
-        followed = self._follower.follow(frame)
-        sigmas = self._errors.follow(followed)
-        self._frames.append(followed.global_T_camera, sigmas, tracked=followed.state == "tracked")
+        published = self._publisher.publish(frame)
+        sigmas = self._uncertainty.sigmas(published)
+        self._frames.append(published.global_T_camera, sigmas, tracked=published.state == "tracked")
         self._note_warnings(t_s)
-        events = (*self._events, *followed.events)
+        events = (*self._events, *published.events)
         self._events = []
         self._estimate = OnlineEstimate(
             frame,
             t_s,
-            followed.state,
-            followed.global_T_camera,
-            followed.local_T_camera,
+            published.state,
+            published.global_T_camera,
+            published.local_T_camera,
             sigmas.position_m,
             sigmas.rotation_rad,
             self._origin,
@@ -145,35 +145,35 @@ class OnlineSmoother:
         return self._estimate
 
     def refine(self) -> None:
-        """Stage C, if it is due: to be called while there is nothing else to do, else it is done in time."""
+        """Run stage C, if it is due: to be called in idle time, else :meth:`add_frame` does it."""
         frames = len(self._frame_pipeline.t_s)
         if self._estimate is None or self._refined == frames:
             return
         self._refined = frames
-        self._errors.offer()
+        self._uncertainty.note_fixes()
         with one_blas_thread():
             self._frame_pipeline.refine()
         fix_buffer = self._frame_pipeline.fix_buffer
-        self._fixes.judge(fix_buffer.number, fix_buffer.assessment)
-        self._tell_verdicts()
-        if frames % _FORGET_EVERY == 0:
+        self._fixes.set_assessment(fix_buffer.number, fix_buffer.assessment)
+        self._report_verdicts()
+        if frames % _DISCARD_EVERY == 0:
             for part in self._frame_pipeline.discard():
-                self._frames.settle(part)
+                self._frames.update(part)
         if frames % _GIVE_BACK_EVERY == 0:
             release_free_memory()
 
     def estimate(self) -> OnlineEstimate | None:
-        """The newest frame's pose, as :meth:`add_frame` gave it."""
+        """Return the newest frame's pose, as :meth:`add_frame` did."""
         return self._estimate
 
     def finish(self, stage_d: bool = False) -> Solution:
-        """Everything as a run folder holds it; nothing may be added afterwards.
+        """Return the solution for a run folder; nothing may be added afterwards.
 
         Args:
-            stage_d: Optimise everything first, as offline; needs ``keep_all``.
+            stage_d: Run stage D first, as offline; needs ``keep_all``.
 
         Raises:
-            ConfigError: Stage D is asked for, and not everything was kept.
+            ConfigError: Stage D is asked for, but not everything was kept.
             GeometryError: No frame has a pose; with stage D also as :func:`vgps.smooth`.
         """
         if stage_d and not self._keep_all:
@@ -182,34 +182,27 @@ class OnlineSmoother:
         self._frame_pipeline.finish_window()
         if self._estimate is not None:
             self._note_warnings(self._estimate.t_s)
-        frame_pipeline = self._frame_pipeline
-        fed = SessionRecord(
-            self._source,
-            self._camera,
-            replace(self._rig, video_start_utc=self.video_start_utc),
-            self._config,
-            self._origin,
-            frame_pipeline,
-            self._frames,
-            self._fixes,
-        )
-        if stage_d and frame_pipeline.maps:
-            return optimise_all(self._front_end(fed), self._config)
-        for local_map in frame_pipeline.maps:
-            self._frames.settle(retire_map(local_map))
-        return solution_as_it_is(fed, tuple(self._warnings))
+        maps, session = self._frame_pipeline.maps, self._session()
+        if stage_d and maps:
+            return optimise_all(session_front_end(session), self._config)
+        for local_map in maps:
+            self._frames.update(retire_map(local_map))
+        return session_solution(session)
 
-    def _front_end(self, fed: SessionRecord) -> FrontEnd:
-        log, _ = fed.gps()
-        video = StreamedVideo(self._source, fed.frame_pipeline.t_s, self._camera.width, self._camera.height)
+    def _session(self) -> SessionRecord:
         samples = np.array(self._gyro).reshape(-1, 4)
-        gyro = GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None
-        rig = replace(fed.rig, world_origin=self._origin)
-        recording = Recording(
-            path=self._source, video=video, camera=self._camera, rig=rig, gps=log, gyro=gyro
+        return SessionRecord(
+            source=self._source,
+            camera=self._camera,
+            rig=replace(self._rig, video_start_utc=self.video_start_utc),
+            config=self._config,
+            origin=self._origin,
+            frame_pipeline=self._frame_pipeline,
+            frames=self._frames,
+            fixes=self._fixes,
+            gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
+            warnings=tuple(self._warnings),
         )
-        front_end = front_end_of(fed.frame_pipeline, recording, self._origin)
-        return replace(front_end, warnings=tuple(self._warnings))
 
     def _check(self, frame: int, t_s: float, image: GrayImage) -> None:
         size = (self._camera.height, self._camera.width)
@@ -224,7 +217,7 @@ class OnlineSmoother:
             raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
 
     def _place_fixes(self) -> None:
-        """Fixes that came since into the world, once there is one: its origin is the first usable fix."""
+        """Move new fixes into the world, once there is one: its origin is the first usable fix."""
         if self._placed == len(self._fixes):
             return
         log = self._fixes.log(self._source, slice(self._placed, None))
@@ -235,24 +228,22 @@ class OnlineSmoother:
             usable = np.flatnonzero(np.isfinite(r_m) & (log.t_s >= self._frame_pipeline.t_s[0]))
             if not len(usable):
                 return
-            first = usable[int(np.argmin(log.t_s[usable]))]
-            place = log.latitude_deg[first], log.longitude_deg[first], log.height_m[first]
-            self._origin = GeodeticPoint(*(float(x) for x in place))
+            self._origin = fix_origin(log, int(usable[int(np.argmin(log.t_s[usable]))]))
         position = to_enu(self._origin, log.latitude_deg, log.longitude_deg, log.height_m)
         self._frame_pipeline.add_fixes(fixes_in_world(log, position, self._config.gps))
         self._placed = len(self._fixes)
 
-    def _tell_verdicts(self) -> None:
+    def _report_verdicts(self) -> None:
         fix_buffer, current = self._frame_pipeline.fix_buffer, self._frame_pipeline.current
         if current is None or not current.aligned:
             return
         t_s = self._frame_pipeline.t_s
         since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
-        self._events += self._teller.news(fix_buffer, self._fixes.fix_class, since_s, until_s)
+        self._events += self._verdicts.changes(fix_buffer, self._fixes.fix_class, since_s, until_s)
 
     def _note_warnings(self, t_s: float) -> None:
-        """New warnings become events; the result keeps the first of them."""
+        """Turn new warnings into events; the result keeps the first of them."""
         new = self._frame_pipeline.warnings[:]
         self._frame_pipeline.warnings.clear()
         self._events += [OnlineEvent(t_s, "note", text) for text in new]
-        self._warnings += new[: max(0, _MOST_WARNINGS - len(self._warnings))]
+        self._warnings += new[: max(0, _MAX_WARNINGS - len(self._warnings))]

@@ -1,4 +1,4 @@
-"""Verdicts on fixes as events: told when a fix is first passed, and when its verdict changes."""
+"""Verdicts on fixes as events: when the path first passes a fix, and when its verdict changes."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from vgps.solution import Verdict
 
 
 class VerdictEvents:
-    """Remembers what was told of the fixes that a ledger still holds.
+    """Remembers the verdicts that were reported, of the fixes that a buffer still holds.
 
     Args:
         model: Of the GPS; with ``none`` no fix takes part.
@@ -21,17 +21,17 @@ class VerdictEvents:
 
     def __init__(self, model: GpsModel) -> None:
         self._model = model
-        self.told: dict[int, Verdict] = {}
+        self.reported: dict[int, Verdict] = {}
 
-    def news(
+    def changes(
         self, fix_buffer: FixBuffer, class_of: Callable[[int], FixClass], since_s: float, until_s: float
     ) -> list[OnlineEvent]:
-        """What there is to tell of fixes between two times of the video.
+        """Return events for new and changed verdicts on fixes between two times of the video.
 
         Args:
-            ledger: The fixes.
+            fix_buffer: The fixes.
             class_of: Class of a fix by its number.
-            since_s, until_s: The path in the world so far.
+            since_s, until_s: Times of the path in the world so far.
         """
         fixes, assessment = fix_buffer.fixes, fix_buffer.assessment
         rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
@@ -40,7 +40,7 @@ class VerdictEvents:
             int(fix_buffer.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
             for row in rows.tolist()
         }
-        before, self.told = self.told, now
+        before, self.reported = self.reported, now
         events = []
         for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
             if before.get(number) != verdict:

@@ -13,13 +13,13 @@ from vgps.errors import VideoError
 from vgps.online.run import TimedImage
 from vgps.readers.luma import luma
 
-_WAITING = 2  # pictures: when more come than can be posed, older ones are left out
+_QUEUED = 2  # pictures; when more come than can be posed, older ones are dropped
 _TIMEOUT_S = 10.0
 _RETRY_S = (0.2, 5.0)
-_BACKLOG_S = 3.0  # what a stream had stored is passed over for no longer than this
-_LEAST_STEP_S = 1e-4
+_BACKLOG_S = 3.0  # for at most so long, pictures that a stream had stored are skipped
+_MIN_STEP_S = 1e-4
 # FFmpeg would look at a stream for five seconds first
-_PROMPTLY = {
+_LOW_LATENCY = {
     "fflags": "nobuffer",
     "rtsp_transport": "tcp",
     "analyzeduration": "500000",
@@ -30,12 +30,12 @@ _PROMPTLY = {
 class VideoSource:
     """Frames as they come. A stream that drops is opened again until the source is closed; a file ends.
 
-    Times are the stream's own, put on this computer's clock at each connection, once the pictures that were
-    stored on the way are through; without times of its own, those of arrival.
+    Times are the stream's own, put on this computer's clock at each connection once buffered pictures have
+    been skipped; a stream without times gets those of arrival.
 
     Args:
         address: A device (``/dev/video0``), an address that FFmpeg opens (``rtsp://``, ``http://``,
-            ``tcp://``), or a file, which is read as fast as it is taken.
+            ``tcp://``), or a file, which is read as fast as it is consumed.
 
     Raises:
         VideoError: It cannot be opened the first time.
@@ -48,7 +48,7 @@ class VideoSource:
         self.start_unix_s = 0.0
         self._begun_s: float | None = None  # monotonic time of the first frame
         self._last_s = -1.0
-        self._frames: queue.Queue[TimedImage] = queue.Queue(_WAITING)
+        self._frames: queue.Queue[TimedImage] = queue.Queue(_QUEUED)
         self._notes: queue.Queue[str] = queue.Queue()
         self._closed, self._ended = threading.Event(), threading.Event()
         try:
@@ -68,18 +68,18 @@ class VideoSource:
         threading.Thread(target=self._work, args=(container,), name="video", daemon=True).start()
 
     def next(self, timeout_s: float) -> TimedImage | None:
-        """The next frame, or nothing yet."""
+        """Return the next frame, or nothing yet."""
         with contextlib.suppress(queue.Empty):
             return self._frames.get(timeout=timeout_s)
         return None
 
     @property
     def ended(self) -> bool:
-        """Whether no frame will come any more."""
+        """Whether no more frame will come."""
         return self._ended.is_set() and self._frames.empty()
 
     def notes(self) -> list[str]:
-        """What happened to the connection since."""
+        """Return notes on the connection since the last call."""
         found = []
         with contextlib.suppress(queue.Empty):
             while True:
@@ -92,23 +92,23 @@ class VideoSource:
 
     def _opened(self) -> av.container.InputContainer:
         device = self.address.startswith("/dev/video")
-        options = _PROMPTLY if self.live and not device else {}
+        options = _LOW_LATENCY if self.live and not device else {}
         form = "v4l2" if device else None
         return av.open(self.address, format=form, options=options, timeout=_TIMEOUT_S if self.live else None)
 
     def _work(self, container: av.container.InputContainer) -> None:
         try:
-            self._read_on(container)
+            self._read_until_closed(container)
         finally:
             self._ended.set()
 
-    def _read_on(self, container: av.container.InputContainer) -> None:
+    def _read_until_closed(self, container: av.container.InputContainer) -> None:
         while True:
             with contextlib.suppress(av.error.FFmpegError, OSError, IndexError), container:
                 self._read(container)
             if self._closed.is_set() or not self.live:
                 break
-            self._notes.put(f"{self.address}: the stream dropped; it is opened again")
+            self._notes.put(f"{self.address}: the stream dropped; reconnecting")
             again = self._reconnected()
             if again is None:
                 break
@@ -119,7 +119,7 @@ class VideoSource:
         while not self._closed.wait(wait_s):
             with contextlib.suppress(av.error.FFmpegError, OSError):
                 container = self._opened()
-                self._notes.put(f"{self.address}: opened again")
+                self._notes.put(f"{self.address}: connected again")
                 return container
             wait_s = min(2.0 * wait_s, _RETRY_S[1])
         return None
@@ -131,21 +131,21 @@ class VideoSource:
             if self._begun_s is None:
                 self._begun_s = own_s
                 self.start_unix_s = time.time() - (time.monotonic() - own_s)
-            t_s = max(own_s - self._begun_s, self._last_s + _LEAST_STEP_S, 0.0)
+            t_s = max(own_s - self._begun_s, self._last_s + _MIN_STEP_S, 0.0)
             self._last_s = t_s
             self._put(TimedImage(t_s, luma(picture), at_s))
 
     def _current(
         self, container: av.container.InputContainer
     ) -> Iterator[tuple[av.VideoFrame, float, float]]:
-        """Pictures, their own times on the clock of arrival, and their arrival; without an old backlog."""
+        """Yield pictures, their times on the clock of arrival, and their arrival, without an old backlog."""
         offset_s, current, first_s = float("inf"), not self.live, time.monotonic()
         before_s, before_own_s = -float("inf"), 0.0
         for picture in container.decode(video=0):
             at_s = time.monotonic()
             own_s = at_s if picture.time is None else picture.time
             if not current:
-                # stored pictures come faster than they were taken
+                # buffered pictures come faster than they were taken
                 offset_s = min(offset_s, at_s - own_s)
                 current = at_s - before_s > 0.5 * (own_s - before_own_s) and before_s >= first_s
                 current = current or at_s - first_s > _BACKLOG_S
