@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import vgps
 from vgps.cli.app import app
 from vgps.readers.trajectory import read_trajectory
 
@@ -64,10 +65,10 @@ def test_readme_quotes_the_measured_accuracy() -> None:
 def test_walk_of_contributing_names_files_that_exist() -> None:
     walk = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("## A stranger's walk")[1]
     files = set(re.findall(r"`([\w/]+\.(?:py|md))`", walk))
-    elsewhere = ("factors/", "scripts/", "tests/")
-    gone = [
-        file for file in files if not (ROOT / ("" if file.startswith(elsewhere) else "vgps") / file).exists()
-    ]
+    packages = Path(next(iter(vgps.__path__))).parent  # where the wheel was installed, if it was
+    elsewhere = {"factors/": packages, "scripts/": ROOT, "tests/": ROOT}
+    homes = {file: elsewhere.get(file.split("/")[0] + "/", packages / "vgps") for file in files}
+    gone = [file for file, home in homes.items() if not (home / file).exists()]
     assert len(files) > 20 and not gone
 
 
