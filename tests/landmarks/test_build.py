@@ -114,7 +114,7 @@ def test_of_a_lens_that_bends_templates_are_of_the_undistorted_image(tmp_path: P
     camera_p = (bent.world_p_landmark[row] - pose[:3, 3]) @ pose[:3, :3]
     uv = camera_p[:2] / camera_p[2] * (flat.fx, flat.fy) + (flat.cx, flat.cy)
     shown = cv2.getRectSubPix(image, (15, 15), uv)
-    # sampled twice on the way, so a little smoother
+    # sampled twice, so a little smoother
     assert np.abs(bent.templates[row, 0] - shown).mean() < 4
     assert np.corrcoef(bent.templates[row, 0].ravel(), shown.ravel())[0, 1] > 0.99
 

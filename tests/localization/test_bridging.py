@@ -29,7 +29,7 @@ def test_a_gap_follows_the_gyro():
     assert np.linalg.norm(out[:, :3, 3] - TRUE[:, :3, 3], axis=1).max() < 0.02
 
 
-def test_what_the_gyro_misses_is_spread_over_the_gap():
+def test_the_error_of_the_gyro_is_spread_over_the_gap():
     # a gyro with an unknown bias of 2 deg/s would be 1.8 deg off at the far end
     bias = np.radians([2.0, 0, 0])
     out = bridged(slice(6, 14), RotationPredictor(GyroIntegral(gyro(2.0, tuple(bias))), GYRO_R_CAMERA))
@@ -37,19 +37,19 @@ def test_what_the_gyro_misses_is_spread_over_the_gap():
     assert turned_deg(out)[[5, 14]].max() == pytest.approx(0, abs=1e-5)
 
 
-def test_without_a_gyro_the_camera_turns_evenly():
+def test_without_a_gyro_the_rotation_is_even():
     out = bridged(slice(6, 8), RotationPredictor(None, None))
     steps = Rotation.from_matrix(out[5:8, :3, :3].transpose(0, 2, 1) @ out[6:9, :3, :3]).as_rotvec()
     np.testing.assert_allclose(steps, np.tile(steps[0], (3, 1)), atol=1e-9)
 
 
-def test_a_gyro_that_ends_within_the_gap_turns_nothing_twice():
+def test_a_gyro_that_ends_within_the_gap_is_not_used():
     lost = slice(4, 16)
     out = bridged(lost, RotationPredictor(GyroIntegral(gyro(0.9)), GYRO_R_CAMERA))
     np.testing.assert_allclose(out, bridged(lost, RotationPredictor(None, None)), atol=1e-9)
 
 
-def test_before_the_first_and_after_the_last_the_gyro_goes_on_and_the_velocity_for_a_while():
+def test_beyond_the_tracked_frames_the_gyro_continues_and_the_velocity_for_coast_s():
     out = bridged(np.r_[0:4, 16:20], coast_s=0.2)
     assert turned_deg(out).max() < 0.02
     velocity = (TRUE[15, :3, 3] - TRUE[14, :3, 3]) / 0.1
@@ -57,7 +57,7 @@ def test_before_the_first_and_after_the_last_the_gyro_goes_on_and_the_velocity_f
     np.testing.assert_allclose(out[19, :3, 3], out[17, :3, 3], atol=1e-9)
 
 
-def test_tracked_frames_stay_as_they_are():
+def test_tracked_frames_are_unchanged():
     np.testing.assert_array_equal(bridged(slice(3, 9))[9:], TRUE[9:])
 
 

@@ -19,27 +19,27 @@ def blurred(image, blur_px, side):
 
 
 @given(motions, st.sampled_from([5, 15, 21]))
-def test_a_grid_is_a_turned_one_that_holds_the_template_and_its_motion(blur_px, side):
+def test_a_rotated_grid_covers_the_template_and_its_motion(blur_px, side):
     grids = blur_grids(blur_px, side)
-    turned = grids.image_R_grid
+    rotation = grids.image_R_grid
     np.testing.assert_allclose(
-        turned.transpose(0, 2, 1) @ turned, np.tile(np.eye(2), (len(turned), 1, 1)), atol=1e-6
+        rotation.transpose(0, 2, 1) @ rotation, np.tile(np.eye(2), (len(rotation), 1, 1)), atol=1e-6
     )
-    np.testing.assert_allclose(np.linalg.det(turned), 1)
+    np.testing.assert_allclose(np.linalg.det(rotation), 1)
     # the corners of the template, half a motion on and back, in the grid's own axes
     corners = (side // 2) * np.array([[-1, -1, 1, 1], [-1, 1, -1, 1.0]])
-    reach = np.abs(turned.transpose(0, 2, 1) @ corners).max(axis=2)
+    reach = np.abs(rotation.transpose(0, 2, 1) @ corners).max(axis=2)
     assert (reach[:, 0] + grids.length_px / 2 + 1 <= grids.width // 2 + 0.5).all()
     assert (reach[:, 1] + 1 <= grids.height // 2).all()
 
 
 @given(motions, st.floats(0, 255))
-def test_an_even_picture_stays_as_it_is(blur_px, grey):
+def test_a_uniform_image_is_unchanged(blur_px, grey):
     out = blurred(np.full((161, 161), grey, np.float32), blur_px, 15)
     np.testing.assert_allclose(out, grey, atol=1e-2)
 
 
-def test_without_motion_a_template_stays_as_it_is():
+def test_without_motion_a_template_is_unchanged():
     image = np.random.default_rng(0).uniform(0, 255, (41, 41)).astype(np.float32)
     out = blurred(image, np.array([[0.0, 0.0], [0.4, -0.6]]), 7)
     np.testing.assert_allclose(out, np.tile(image[17:24, 17:24], (2, 1, 1)), atol=1e-3)
@@ -63,7 +63,7 @@ def test_two_pixels_down_by_hand():
 
 
 @pytest.mark.parametrize("motion", [(12.0, 0.0), (0.0, -9.0), (7.3, 5.1), (-4.2, 16.7), (25.0, -24.0)])
-def test_as_direct_integration_of_shifted_images(motion):
+def test_blur_is_the_mean_of_shifted_images(motion):
     rng = np.random.default_rng(3)
     image = cv2.GaussianBlur(rng.normal(size=(101, 101)), (0, 0), 2.0).astype(np.float32)
     shifts = (np.arange(400) + 0.5) / 400 - 0.5
@@ -77,7 +77,7 @@ def test_as_direct_integration_of_shifted_images(motion):
     assert np.abs(out - expected).max() < 0.1 * np.abs(image).max()
 
 
-def test_each_along_its_own():
+def test_every_template_is_blurred_along_its_own_motion():
     image = np.random.default_rng(4).uniform(0, 255, (161, 161)).astype(np.float32)
     both = np.array([[9.0, 3.0], [-2.0, 30.0]])
     alone = np.concatenate([blurred(image, both[k : k + 1], 15) for k in (0, 1)])

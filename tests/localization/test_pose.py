@@ -24,8 +24,8 @@ def scene(count=60, seed=1):
 
 
 def off(pose):
-    turned = Rotation.from_matrix(POSE[:3, :3].T @ pose[:3, :3]).magnitude()
-    return np.degrees(turned), np.linalg.norm(pose[:3, 3] - POSE[:3, 3])
+    angle = Rotation.from_matrix(POSE[:3, :3].T @ pose[:3, :3]).magnitude()
+    return np.degrees(angle), np.linalg.norm(pose[:3, 3] - POSE[:3, 3])
 
 
 def solve(points, uv, initial=None, inlier_px=3.0, config=CONFIG):

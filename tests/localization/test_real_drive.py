@@ -1,4 +1,4 @@
-"""The whole way on a real drive: smooth it, make a database of its even frames, track the shaken odd ones."""
+"""A real drive: smooth it, build a database from its even frames, track the shaken odd ones."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def database(data_dir, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_every_shaken_frame_is_held(data_dir, database):
+def test_every_shaken_frame_is_tracked(data_dir, database):
     config = vgps.Config()
     shaken = vgps.open_recording(data_dir / "kitti03_shake")
     with LandmarkDatabase.open(database, config.localization.selection) as opened:
@@ -31,7 +31,7 @@ def test_every_shaken_frame_is_held(data_dir, database):
     true, odd = truth.world_T_camera, slice(1, None, 2)
     away = np.linalg.norm(solution.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1)
     between = solution.world_T_camera[:, :3, :3].transpose(0, 2, 1) @ true[:, :3, :3]
-    turned = np.degrees(Rotation.from_matrix(between).magnitude())
+    angle = np.degrees(Rotation.from_matrix(between).magnitude())
     assert solution.state.count(FrameState.TRACKED) == 300
     assert away[odd].mean() <= 0.30
-    assert turned[odd].mean() <= 0.7
+    assert angle[odd].mean() <= 0.7

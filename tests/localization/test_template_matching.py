@@ -17,7 +17,7 @@ def cut(u, v, side=15):
 
 @settings(max_examples=40)
 @given(st.floats(30, 130), st.floats(30, 90), st.floats(-6, 6), st.floats(-6, 6))
-def test_found_to_a_fraction_of_a_pixel(u, v, off_u, off_v):
+def test_positions_have_subpixel_precision(u, v, off_u, off_v):
     found = match_templates(IMAGE, cut(u, v)[None], np.array([[u + off_u, v + off_v]]), np.array([8.0]))
     np.testing.assert_allclose(found.uv_px, [[u, v]], atol=0.4)
     assert found.correlation[0] > 0.95
@@ -29,13 +29,13 @@ def test_brightness_and_contrast_do_not_matter():
     assert found.correlation[0] == pytest.approx(1, abs=1e-4)
 
 
-def test_it_is_not_looked_for_beyond_its_window():
+def test_a_template_is_not_searched_beyond_its_window():
     found = match_templates(IMAGE, cut(80, 60)[None], np.array([[90.0, 60.0]]), np.array([5.0]))
     assert np.abs(found.uv_px - (90, 60)).max() <= 5.5
     assert found.correlation[0] < 0.95
 
 
-def test_each_has_its_own_window():
+def test_every_template_has_its_own_window():
     templates = np.array([cut(50, 50), cut(100, 70)])
     predicted = np.array([[56.0, 50.0], [106.0, 70.0]])
     found = match_templates(IMAGE, templates, predicted, np.array([7.0, 2.0]))
@@ -64,7 +64,7 @@ def test_near_the_border_the_window_is_cut():
 
 @settings(max_examples=30)
 @given(st.integers(1, 5), st.integers(0, 2**31), st.floats(1, 60))
-def test_correlations_are_opencvs(places, seed, contrast):
+def test_correlations_equal_those_of_opencv(places, seed, contrast):
     rng = np.random.default_rng(seed)
     windows = rng.normal(120, contrast, (4, 15 + places, 15 + places)).astype(np.float32)
     templates = rng.normal(90, 30, (4, 15, 15)).astype(np.float32)
@@ -80,7 +80,7 @@ def test_a_window_without_contrast_correlates_with_nothing():
 
 
 @pytest.mark.parametrize("radius", [3.0, 8.0])
-def test_a_small_window_is_searched_as_a_large_one_is(radius):
+def test_small_and_large_windows_give_the_same_positions(radius):
     # small ones by sums over all at once, large ones one by one
     places = np.array([[50.3, 50.6], [100.2, 70.9], [80.0, 60.0]])
     templates = np.array([cut(u, v) for u, v in places])

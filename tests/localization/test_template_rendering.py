@@ -23,12 +23,12 @@ def similarity(a, b):
     return (a * b).sum(axis=1) / np.sqrt((a**2).sum(axis=1) * (b**2).sum(axis=1))
 
 
-def test_seen_from_where_it_was_taken_a_template_is_itself():
+def test_from_the_place_of_the_view_a_template_is_unchanged():
     out = render_templates(CAMERA.K, POSE, VIEWS, STILL, 15)
     np.testing.assert_allclose(out, VIEWS.templates[:, 0], atol=1e-2)
 
 
-def test_what_lies_beyond_a_level_comes_from_the_next():
+def test_surroundings_of_a_level_come_from_the_next():
     image = picture(POSE)
     uv, _ = project(CAMERA.K, POSE, VIEWS.world_p_landmark)
     out = render_templates(CAMERA.K, POSE, VIEWS, STILL, 31)
@@ -37,7 +37,7 @@ def test_what_lies_beyond_a_level_comes_from_the_next():
 
 
 @pytest.mark.parametrize(
-    ("turn_deg", "moved_m"),
+    ("rotation_deg", "moved_m"),
     [
         ((0, 0, 25), (0, 0, 0)),
         ((3, -8, 10), (0.5, 0.2, 1.0)),
@@ -45,9 +45,9 @@ def test_what_lies_beyond_a_level_comes_from_the_next():
         ((0, 0, 0), (0, 0, 4.0)),
     ],
 )
-def test_from_elsewhere_it_looks_as_the_camera_sees_it(turn_deg, moved_m):
+def test_from_another_place_a_template_looks_like_the_image(rotation_deg, moved_m):
     pose = POSE.copy()
-    pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
+    pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("xyz", rotation_deg, degrees=True).as_matrix()
     pose[:3, 3] += moved_m
     uv, _ = project(CAMERA.K, pose, VIEWS.world_p_landmark)
     inside = ((uv > 20) & (uv < (299, 219))).all(axis=1)
