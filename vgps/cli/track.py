@@ -7,7 +7,6 @@ from vgps.cli.app import app, print_line, print_note
 from vgps.cli.options import CalibrationFiles
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_config
-from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization import localize
 from vgps.readers.recording import open_recording
 from vgps.runtime.timing import sequential_seconds
@@ -41,8 +40,7 @@ def track(
     check_writable(out)
     settings = read_config(config).with_estimator(estimator)
     opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False)
-    with LandmarkDatabase.open(landmarks, settings.localization.selection) as database:
-        solution = localize(opened, database, settings, TerminalProgress())
+    solution = localize(opened, landmarks, settings, TerminalProgress())
     write_run(solution, out)
     for warning in solution.warnings:
         print_note(warning)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from vgps.solution import Solution
 
 def localize(
     recording: Recording,
-    database: LandmarkDatabase,
+    database: LandmarkDatabase | Path | str,
     config: Config | None = None,
     progress: Progress | None = None,
 ) -> Solution:
@@ -32,7 +33,7 @@ def localize(
 
     Args:
         recording: Video and camera, with rig and gyro if available; GPS is not used.
-        database: Of the place, opened with ``config.localization.selection``.
+        database: Of the place: its file, or one opened with ``config.localization.selection``.
         config: Its ``localization`` is used; None for the defaults.
         progress: Shows progress.
 
@@ -40,6 +41,9 @@ def localize(
         GeometryError: No frame shows enough landmarks of the database.
         VgpsError: The video or the database is damaged.
     """
+    if isinstance(database, Path | str):
+        with LandmarkDatabase.open(Path(database), (config or Config()).localization.selection) as opened:
+            return localize(recording, opened, config, progress)
     config, seconds = config or Config(), StageTimer()
     settings = config.localization
     localizer = Localizer(recording, database, settings)
