@@ -35,7 +35,7 @@ from factors.gps import gps_factor
 from factors.penalties import Cylinder, Ellipsoid, Gaussian, exponent_schedule
 from vgps.config import Config
 from vgps.model import FixClass
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 from vgps.simulate.sensors import gauss_markov
 
 plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})

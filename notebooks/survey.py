@@ -34,7 +34,7 @@ from vgps.config import SurveyConfig, read_survey
 from vgps.model import FixClass
 from vgps.simulate import SCENES, FixErrors
 from vgps.simulate.receiver_errors import fit_gauss_markov
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 from vgps.simulate.sensors import SimulatedFixes, gauss_markov, nmea
 from vgps.survey import region, survey_logs
 from vgps.survey.output import write_survey

@@ -65,8 +65,8 @@ COLOURS = dict(
 #
 # Fourteen metres round a corner in small pictures. The receiver has RTK-fix for the first and last fifth,
 # and RTK-float between, with the slowly wandering error of a real receiver
-# (`vgps.simulate.scene.FIX_ERRORS`). All methods share one front end run (stages A to C), except A, which
-# must not see a fix; only stage D's penalty differs. Over so short a way the video hardly drifts and
+# (`vgps.simulate.sensor_config.FIX_ERRORS`). All methods share one front end run (stages A to C), except A,
+# which must not see a fix; only stage D's penalty differs. Over so short a way the video hardly drifts and
 # RTK-fix at both ends settles the rest: C, D and the cylinder come out within a centimetre of each other,
 # and only B, which trusts every fix alike, is far off.
 

@@ -29,7 +29,7 @@ from vgps.evaluation import match_times
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 from vgps.simulate import SCENES, SceneConfig, simulate
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 from vgps.solution import Solution, Trajectory
 
 AXES = ("east", "north", "up")

@@ -14,7 +14,7 @@ from scripts.common.markdown import table
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.simulate.receiver_errors import axes, read_errors
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 
 LEAST_EPOCHS = 5
 AXES = ("east", "north", "up")

@@ -70,7 +70,7 @@ def test_drive_stands_still_at_its_stop() -> None:
 
 @pytest.mark.parametrize("rate", [0.0, 40.0, 300.0])
 def test_spin_reaches_its_peak_rate(rate: float) -> None:
-    config = replace(SCENES["spin"], spin_deg_s=rate, turns=(), sway_deg=0.0, look_deg=0.0)
+    config = replace(SCENES["spin"], spin_deg_s=rate, bends=(), sway_deg=0.0, look_deg=0.0)
     motion = build_motion(config, np.random.default_rng(0))
     rates = np.rad2deg(np.linalg.norm(motion.rates(np.arange(0.0, config.duration_s, 0.01)), axis=1))
     assert rates.max() == pytest.approx(rate, rel=0.01, abs=1e-6)

@@ -17,7 +17,7 @@ from vgps.simulate import (
     scene_with_errors,
 )
 from vgps.simulate.receiver_errors import fit_gauss_markov, replay
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 from vgps.simulate.sensors import SimulatedFixes, gauss_markov, nmea, simulate_fixes
 
 FIX, FLOAT = FixClass.RTK_FIX, FixClass.RTK_FLOAT

@@ -12,7 +12,7 @@ from vgps.simulate.ripmap import Ripmap
 from vgps.simulate.world import UP
 
 CONFIG = SceneConfig(
-    speed=((0.0, 0.0), (2.0, 0.0)), turns=(), width=320, height=240, focal_px=300.0, noise_levels=0.0, fps=10
+    speed=((0.0, 0.0), (2.0, 0.0)), bends=(), width=320, height=240, focal_px=300.0, noise_levels=0.0, fps=10
 )
 WEST = np.array([-1.0, 0.0, 0.0])
 FRONT = np.array([6.0, 0.0, -1.0])  # foot of what stands before a camera at the origin that looks east

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from vgps.geodesy import to_enu
 from vgps.model import FixClass, GeodeticPoint
 from vgps.simulate import SCENES, FixErrors, GpsConfig, GyroConfig, Motion, SceneConfig, build_motion
-from vgps.simulate.scene import FIX_ERRORS
+from vgps.simulate.sensor_config import FIX_ERRORS
 from vgps.simulate.sensors import gauss_markov, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
 
 WALK = SCENES["walk"]

@@ -11,7 +11,7 @@ SMALL: SceneConfig = replace(
     height=240,
     focal_px=260.0,
     speed=((0.0, 1.5), (6.0, 1.5)),
-    turns=((2.0, 3.0, 50.0),),
+    bends=((2.0, 3.0, 50.0),),
     gps=GpsConfig(fix_share=0.5),
     texture_scale=0.5,
 )

@@ -1,18 +1,11 @@
-"""A world with exact truth, rendered to the same files a user has."""
+"""Simulated recordings with exact truth, in the files that a user has."""
 
 from vgps.simulate.motion import Motion, build_motion
 from vgps.simulate.receiver_errors import ErrorSeries, read_errors
 from vgps.simulate.recording import simulate
 from vgps.simulate.render import Renderer
-from vgps.simulate.scene import (
-    SCENES,
-    FixErrors,
-    GpsConfig,
-    GyroConfig,
-    SceneConfig,
-    scene_config,
-    scene_with_errors,
-)
+from vgps.simulate.scene import SCENES, SceneConfig, scene_config, scene_with_errors
+from vgps.simulate.sensor_config import FixErrors, GpsConfig, GyroConfig
 from vgps.simulate.street import build_world
 from vgps.simulate.world import Builder, World
 

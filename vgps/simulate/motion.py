@@ -1,4 +1,4 @@
-"""A smooth camera motion whose pose and angular rate are exact at every time."""
+"""Smooth camera motions with exact poses and angular rates at every time."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from vgps.model import FloatArray
 from vgps.simulate.scene import SceneConfig
 
-# Camera axes (x right, y down, z forward) in a world where the camera looks east and stands upright.
+# axes (x right, y down, z forward) of an upright camera that looks east
 _EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _GRID_S = 0.005
 _KNOT_S = 0.05
@@ -20,14 +20,14 @@ _MARGIN_S = 1.0
 class Motion:
     """Cubic splines over time of east, north, up [m] and yaw, pitch, roll [rad].
 
-    ``world_R_camera = Rz(yaw) E Rx(pitch) Rz(roll)``: yaw counts from east to north, pitch lifts the view,
-    roll turns about the viewing axis, and E looks east. The splines are the truth, not a sampling of it.
+    ``world_R_camera = Rz(yaw) E Rx(pitch) Rz(roll)``: yaw is positive from east to north, pitch upwards, roll
+    about the viewing axis, and E looks east. The splines are the truth, not samples of it.
     """
 
     spline: CubicSpline
 
     def poses(self, t_s: FloatArray) -> FloatArray:
-        """world_T_camera, (N, 4, 4), at (N,) seconds since the first frame."""
+        """Return world_T_camera (N, 4, 4) at (N,) seconds since the first frame."""
         values = self.spline(t_s)
         pose = np.tile(np.eye(4), (len(t_s), 1, 1))
         pose[:, :3, 3] = values[:, :3]
@@ -37,7 +37,7 @@ class Motion:
         return pose
 
     def rates(self, t_s: FloatArray) -> FloatArray:
-        """(N, 3) angular rate of the camera in its own axes, rad/s, from the splines' derivatives."""
+        """Return the camera's (N, 3) angular rates in its own axes, rad/s, from the splines' derivatives."""
         _, pitch, roll = self.spline(t_s)[:, 3:].T
         yaw_rate, pitch_rate, roll_rate = self.spline(t_s, 1)[:, 3:].T
         zero = np.zeros_like(pitch)
@@ -50,11 +50,11 @@ class Motion:
 
 
 def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
-    """The scene's motion: its path at its speed, and bobbing, shaking, looking around and spinning on top."""
+    """Build the scene's motion: its path at its speed, plus bobbing, shaking, looking around and panning."""
     t = np.arange(-_MARGIN_S, config.speed[-1][0] + _MARGIN_S, _GRID_S)
     east, north, heading, speed = _travel(config, t)
     step = 2 * np.pi * config.bob_hz * t
-    pace = speed / max(v for _, v in config.speed)  # who stands still neither bobs nor shakes
+    pace = speed / max(v for _, v in config.speed)  # no bobbing or shaking while standing still
     sway = 0.6 * config.bob_m * pace * np.sin(step / 2 + 0.4)
     wobble = np.deg2rad(config.sway_deg) * pace
     slow = np.deg2rad(config.look_deg) * np.stack([_wander(t, rng, 4.0, 12.0) for _ in range(3)])
@@ -69,7 +69,7 @@ def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
 
 
 def center_line(config: SceneConfig, before_m: float, after_m: float) -> FloatArray:
-    """(N, 4) distance, east, north [m], heading [rad] each metre along the path, straight beyond its ends."""
+    """Return (N, 4) distance, east, north [m], heading [rad] per metre, straight beyond the path's ends."""
     t = np.arange(-_MARGIN_S, config.speed[-1][0] + _GRID_S, _GRID_S)
     east, north, heading, speed = _travel(config, t)
     distance = _integral(speed)
@@ -84,18 +84,18 @@ def center_line(config: SceneConfig, before_m: float, after_m: float) -> FloatAr
 
 
 def _travel(config: SceneConfig, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """East, north, heading and speed over the grid of times, without a walker's or a vehicle's own motion."""
+    """Return east, north, heading and speed at the grid of times, without bobbing and shaking."""
     knots_t, knots_v = np.array(config.speed).T
     speed = PchipInterpolator(knots_t, knots_v)(np.clip(t, knots_t[0], knots_t[-1]))
     distance = _integral(speed)
     heading = np.zeros_like(t)
-    for start, length, angle in config.turns:
+    for start, length, angle in config.bends:
         heading += np.deg2rad(angle) * _smooth_step((distance - start) / length)
     return _integral(speed * np.cos(heading)), _integral(speed * np.sin(heading)), heading, speed
 
 
 def _integral(rate: FloatArray) -> FloatArray:
-    """Integral over the grid, zero at the time of the first frame."""
+    """Return the integral over the grid, zero at the time of the first frame."""
     total: FloatArray = np.asarray(cumulative_simpson(rate, dx=_GRID_S, initial=0.0))
     return np.asarray(total - total[round(_MARGIN_S / _GRID_S)])
 
@@ -106,7 +106,7 @@ def _smooth_step(x: FloatArray) -> FloatArray:
 
 
 def _wander(t: FloatArray, rng: np.random.Generator, shortest_s: float, longest_s: float) -> FloatArray:
-    """A smooth quasi-periodic signal of amplitude about 1 with periods in the given range."""
+    """Return a smooth quasi-periodic signal with an amplitude of about 1 and periods in the given range."""
     periods = np.geomspace(shortest_s, longest_s, 3) * rng.uniform(0.9, 1.1, 3)
     phases = rng.uniform(0, 2 * np.pi, 3)
     return np.asarray(np.sum(np.sin(2 * np.pi * t[:, None] / periods + phases), axis=1) / 2)

@@ -1,4 +1,4 @@
-"""Errors of a real receiver from its logs, and the Gauss-Markov process that is most like them."""
+"""Errors of real receivers from their logs, and Gauss-Markov processes fitted to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from vgps.model import FixClass, FloatArray, GeodeticPoint, GpsLog, IntArray, Ri
 from vgps.readers.gps import read_gps_log
 from vgps.survey import survey_logs
 
-_LEAST_CORRELATION = 0.1  # beyond the lag where it first falls so low, an autocorrelation is chance
+_LEAST_CORRELATION = 0.1  # an autocorrelation is noise beyond the lag where it first falls below this
 _SAME_TIME_S = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorSeries:
-    """What was wrong with the fixes of a receiver, in order of time.
+    """Errors of a receiver's fixes, in order of time.
 
     Attributes:
         t_s: (N,).
         error_m: (N, 3) fix minus truth, east, north, up.
-        sigma_m: (N, 3) what the receiver said of it; NaN where it said nothing.
+        sigma_m: (N, 3) the receiver's own sigmas; NaN where unknown.
         fix_class: (N,).
         source: The log.
     """
@@ -38,7 +38,7 @@ class ErrorSeries:
     source: Path
 
     def of_class(self, fix_class: FixClass) -> "ErrorSeries":
-        """The epochs of one class."""
+        """Return the epochs of one class."""
         rows = np.array([one is fix_class for one in self.fix_class], bool)
         classes = (fix_class,) * int(rows.sum())
         return ErrorSeries(
@@ -55,8 +55,8 @@ class GaussMarkov(NamedTuple):
 
     Attributes:
         sigma_m: Standard deviation.
-        correlation_s: Time over which it forgets 63 % of itself.
-        sigma_doubt: How far sigma_m is known, as a share of it: one standard deviation.
+        correlation_s: Correlation time.
+        sigma_doubt: Relative standard deviation of the estimate sigma_m.
     """
 
     sigma_m: float
@@ -65,17 +65,18 @@ class GaussMarkov(NamedTuple):
 
 
 def read_errors(log: Path, reference: Path | None = None) -> ErrorSeries:
-    """Errors of a receiver's log.
+    """Read the errors of a receiver's log.
 
     Args:
-        log: Of a receiver that stands still, or that moves if there is a reference.
-        reference: A better log of the same antenna; where it is RTK-fix at the same times, it is the truth.
-            Without one, the truth is the mean of the log's own RTK-fix epochs.
+        log: Of a standing receiver, or of a moving one with a reference.
+        reference: A better log of the same antenna, whose RTK-fix epochs are the truth. Without one, the
+            truth is the mean of the log's own RTK-fix epochs.
 
     Raises:
-        GpsLogError: A log cannot be read, has no RTK-fix, moved without a reference, or is of another time.
+        GpsLogError: A log cannot be read or has no RTK-fix, the receiver moved without a reference, or the
+            logs have no time in common.
     """
-    # any start will do, as long as both logs count from the same one
+    # any start, the same for both logs
     clock = Rig(video_start_utc=datetime(2000, 1, 1, tzinfo=UTC))
     own = read_gps_log(log, clock)
     if reference is None:
@@ -103,47 +104,47 @@ def read_errors(log: Path, reference: Path | None = None) -> ErrorSeries:
 
 
 def fit_gauss_markov(t_s: FloatArray, error_m: FloatArray) -> GaussMarkov:
-    """The process most like an error along one axis.
+    """Fit a process to the error along one axis.
 
-    Sigma is the root mean square about the truth, so that a constant bias counts; the correlation time is the
-    best fit of ``exp(-lag / T)`` to the autocorrelation, down to where that first falls below 0.1.
+    Sigma is the root mean square about the truth, which includes a constant bias; the correlation time is the
+    best fit of ``exp(-lag / T)`` to the autocorrelation up to where it first falls below 0.1.
 
     Args:
-        t_s: (N,) in order; where epochs are missing, errors are compared by their lag in time.
-        error_m: (N,) from the truth, N >= 3.
+        t_s: (N,) in order; may have gaps.
+        error_m: (N,) relative to the truth, N >= 3.
     """
     step = float(np.median(np.diff(t_s)))
     slot = np.round((t_s - t_s[0]) / step).astype(np.int64)
     series, present = np.zeros(int(slot[-1]) + 1), np.zeros(int(slot[-1]) + 1)
     series[slot], present[slot] = error_m, 1.0
     products, pairs = _autocorrelation(series), np.round(_autocorrelation(present))
-    # beyond half the log too few pairs tell anything
+    # beyond half the log there are too few pairs
     lags = np.flatnonzero(pairs[: max(len(series) // 2, 2)] > 0)
     correlation = products[lags] / pairs[lags] / (products[0] / pairs[0])
     low = correlation < _LEAST_CORRELATION
     end = max(int(np.argmax(low)) if low.any() else len(lags), 2)
-    lag_s, told, weight = lags[:end] * step, correlation[:end], pairs[lags[:end]]
+    lag_s, measured, weight = lags[:end] * step, correlation[:end], pairs[lags[:end]]
 
     def misfit(log_time: float) -> float:
-        return float(np.sum(weight * (np.exp(-lag_s / np.exp(log_time)) - told) ** 2))
+        return float(np.sum(weight * (np.exp(-lag_s / np.exp(log_time)) - measured) ** 2))
 
     bounds = (float(np.log(0.1 * step)), float(np.log(step * len(series))))
     correlation_s = float(np.exp(minimize_scalar(misfit, bounds=bounds, method="bounded").x))
     sigma = float(np.sqrt(np.mean(error_m**2)))
-    # of the mean of N squares, each of which stays alike for half the correlation time both ways
+    # squares are correlated over half the correlation time in both directions
     independent = max(len(t_s) * step / max(correlation_s, step), 1.0)
     return GaussMarkov(sigma, correlation_s, float(np.sqrt(0.5 / independent)))
 
 
 def replay(series: ErrorSeries, t_s: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Errors (N, 3) and what the receiver said of them (N, 3) at times (N,), from a random epoch on.
+    """Return errors (N, 3) and the receiver's sigmas (N, 3) at times (N,), from a random epoch on.
 
-    The epochs follow each other at the log's own interval, over gaps and, at its end, from its beginning.
+    Epochs follow each other at the log's interval, across gaps, and from the beginning after its end.
 
     Args:
         series: Of one class, with at least one epoch.
         t_s: In order.
-        rng: Chooses where to begin.
+        rng: Chooses the first epoch.
     """
     count = len(series.t_s)
     step = float(np.median(np.diff(series.t_s))) if count > 1 else 1.0
@@ -155,19 +156,19 @@ def replay(series: ErrorSeries, t_s: FloatArray, rng: np.random.Generator) -> tu
 
 
 def axes(series: ErrorSeries) -> Sequence[GaussMarkov]:
-    """The process of each axis: east, north, up."""
+    """Return the process of each axis: east, north, up."""
     return [fit_gauss_markov(series.t_s, series.error_m[:, axis]) for axis in range(3)]
 
 
 def _autocorrelation(series: FloatArray) -> FloatArray:
-    """Sums of products at every lag."""
+    """Return sums of products at every lag."""
     size = 2 * len(series)
     products: FloatArray = np.fft.irfft(np.abs(np.fft.rfft(series, size)) ** 2, size)[: len(series)]
     return products
 
 
 def _common(own: GpsLog, better: GpsLog) -> tuple[IntArray, IntArray]:
-    """Rows of both logs that are of the same time, the reference's being RTK-fix."""
+    """Return the rows of both logs at common times, the reference's being RTK-fix."""
     fixed = np.flatnonzero([one is FixClass.RTK_FIX for one in better.fix_class])
     if not len(fixed):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

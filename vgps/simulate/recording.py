@@ -1,4 +1,4 @@
-"""A simulated recording on disk: the same files a user has, and the exact truth."""
+"""Simulated recordings on disk: the files that a user has, and the exact truth."""
 
 import shutil
 import tempfile
@@ -28,7 +28,7 @@ FILES = (
     *("video.mp4", "camera.yaml", "rig.yaml", "gps.nmea", "gyro.csv", "truth.tum"),
     *("fix_errors.csv", "simulation.yaml"),
 )
-_MARK = "simulation.yaml"  # the file by which a recording is known to be made here
+_MARK = "simulation.yaml"  # the file that marks a simulated recording
 _THREADS = 2
 _AHEAD = 6
 
@@ -39,17 +39,17 @@ def simulate(
     seed: int = 0,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Make a recording with exact truth: a rendered video, camera, rig, fixes, gyro and poses.
+    """Write a recording with exact truth: a rendered video, camera, rig, fixes, gyro and poses.
 
     Args:
-        out: The recording folder. An earlier simulation under that name is replaced.
-        scene: A name of ``SCENES`` or a scene of one's own.
-        seed: Every random choice follows from it; the same seed gives the same bytes.
-        on_frame: Told after each frame how many are done, and of how many.
+        out: The recording folder; an earlier simulation of that name is replaced.
+        scene: A name in ``SCENES``, or a scene.
+        seed: Determines every random choice; the same seed gives the same bytes.
+        on_frame: Called after each frame with the number of frames done and in total.
 
     Raises:
         ConfigError: There is no scene of that name.
-        RunFolderError: ``out`` holds something else than an earlier simulation, or cannot be written.
+        RunFolderError: ``out`` has something other than an earlier simulation, or cannot be written.
     """
     config = scene_config(scene) if isinstance(scene, str) else scene
     motion_rng, world_rng, gps_rng, gyro_rng = (np.random.default_rng([seed, k]) for k in range(4))
@@ -80,8 +80,8 @@ def write_video(
     config: SceneConfig,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Encode as H.264, frame i at exactly ``i / fps`` seconds; one encoder thread, so that bytes repeat."""
-    # x264's macroblock tree gives other bytes each time where the frames are the same
+    """Encode as H.264, frame i at exactly ``i / fps`` seconds, in one thread to reproduce the bytes."""
+    # x264's macroblock tree does not reproduce the bytes
     options = {"crf": str(config.crf), "preset": "veryfast", "x264-params": "mbtree=0"}
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=config.fps, options=options)
@@ -98,7 +98,7 @@ def write_video(
 
 
 def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
-    """The frames in order, a few rendered ahead."""
+    """Yield the frames in order, rendered a few ahead."""
     with ThreadPoolExecutor(_THREADS) as pool:
         pending: deque[Future[Picture]] = deque()
         for index in range(frames):
@@ -143,7 +143,7 @@ def _write_fix_errors(path: Path, fixes: SimulatedFixes) -> None:
 
 @contextmanager
 def _new_folder(out: Path) -> Iterator[Path]:
-    """A temporary sibling of ``out`` that takes its name when the block ends well."""
+    """Yield a temporary sibling of ``out``, which is renamed to it when the block succeeds."""
     out = out.resolve()
     try:
         _check(out)
@@ -183,7 +183,7 @@ def _check(out: Path) -> None:
     found = {entry.name for entry in out.iterdir()}
     if found and (_MARK not in found or found - set(FILES)):
         raise RunFolderError(
-            "holds files that no simulation made",
+            "has files that are not of a simulation",
             file=out,
             expected="an empty folder or an earlier simulation",
             remedy="name another --out; nothing was overwritten",

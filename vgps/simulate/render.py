@@ -1,6 +1,7 @@
-"""Pictures of textured parallelograms: exact homographies, filtered textures, depth, motion blur."""
+"""Rendering of textured parallelograms: exact homographies, filtered textures, depth, motion blur."""
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,21 +18,29 @@ from vgps.simulate.world import World
 Picture = npt.NDArray[np.uint8]  # (H, W, 3) blue, green, red
 
 _NEAR_M = 0.15
-_BAND = 1.8  # ratio of depths within which one filtered size of a texture serves
-_COVERED = 120  # alpha; a little below one half, so that neighbours leave no gap
+_BAND = 1.8  # range of depths (a ratio) drawn from one filtered size of a texture
+_COVERED = 120  # alpha; a little below one half, so that there are no gaps between neighbours
 _HAZE = np.array([228, 220, 212, 255], np.uint8).view(np.uint32)[0]
 _MOTION_DEPTH_M = 4.0
-_FEW = 6  # instants, up to which each is drawn at twice the size
+_FEW = 6  # up to this number, instants are drawn at twice the size
 _Polygon = list[tuple[float, float, float]]
 
 
-class Renderer:
-    """Renders frames of a world as the scene's camera sees them.
+class _Canvas(NamedTuple):
+    """What is drawn on: the image (H, W, 4), inverse depths (H, W), and the calibration matrix."""
 
-    A frame is the mean, in linear light, of instants spread over its exposure, about as many as the image
-    moves pixels, up to ``max_samples``. Each draws every visible parallelogram through its homography, from a
-    texture filtered for its distance, with a depth buffer; few instants at twice the size, many displaced
-    within the pixel, so that edges are smooth.
+    image: Image
+    inverse_depth: npt.NDArray[np.float32]
+    K: FloatArray
+
+
+class Renderer:
+    """Renders the frames of the scene's camera.
+
+    A frame is the mean, in linear light, of instants spread over its exposure, about one for each pixel of
+    image motion, up to ``max_samples``. Each instant draws every visible parallelogram through its
+    homography, from a texture filtered for its distance, with a depth buffer. For smooth edges, a few
+    instants are drawn at twice the size, many with displacements within the pixel.
     """
 
     def __init__(self, world: World, motion: Motion, config: SceneConfig, seed: int = 0) -> None:
@@ -41,13 +50,13 @@ class Renderer:
 
     @property
     def K(self) -> FloatArray:
-        """(3, 3) calibration matrix; pixel centres have whole coordinates."""
+        """(3, 3) calibration matrix; pixel centres are at whole coordinates."""
         config = self._config
         f, cx, cy = config.focal_px, (config.width - 1) / 2, (config.height - 1) / 2
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
     def frame(self, index: int) -> Picture:
-        """The frame, exposed around its time stamp, with the sensor's noise."""
+        """Render a frame, exposed around its time stamp, with the sensor's noise."""
         t, exposure = index / self._config.fps, self._config.exposure_s
         count = self.samples(t)
         times = t + exposure * ((np.arange(count) + 0.5) / count - 0.5)
@@ -67,18 +76,18 @@ class Renderer:
         )
 
     def samples(self, t_s: float) -> int:
-        """How many samples the frame at that time takes, from how far its image moves within the exposure."""
+        """Return the number of instants of the frame at a time, from the image motion in its exposure."""
         config, K = self._config, self.K
         begin, end = self._motion.poses(t_s + config.exposure_s * np.array([-0.5, 0.5]))
         u, v = np.meshgrid([0.0, config.width / 2, config.width], [0.0, config.height / 2, config.height])
         pixels = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
         points = np.append(_MOTION_DEPTH_M * np.linalg.inv(K) @ pixels, np.ones((1, u.size)), axis=0)
-        seen = K @ (np.linalg.inv(end) @ begin @ points)[:3]
-        moved = np.hypot(*(seen[:2] / np.maximum(seen[2], 0.5) - pixels[:2])).max()
+        projected = K @ (np.linalg.inv(end) @ begin @ points)[:3]
+        moved = np.hypot(*(projected[:2] / np.maximum(projected[2], 0.5) - pixels[:2])).max()
         return int(np.clip(math.ceil(moved), 1, config.max_samples))
 
     def view(self, world_T_camera: FloatArray, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
-        """An instant's picture, ``zoom`` times the size, rays ``shift_px`` off pixel centres."""
+        """Render an instant at ``zoom`` times the size, with rays ``shift_px`` from the pixel centres."""
         width, height = zoom * self._config.width, zoom * self._config.height
         K = np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]]) @ self.K
         K[:2, 2] -= zoom * shift_px
@@ -95,7 +104,7 @@ class Renderer:
         texture_h_px[:, 0] *= repeat
         texture_h_px[:, 1] *= repeat
         image = np.full((height, width), _HAZE, np.uint32).view(np.uint8).reshape(height, width, 4)
-        depth = np.zeros((height, width), np.float32)
+        canvas = _Canvas(image, np.zeros((height, width), np.float32), K)
         planes = [(float(a), float(b), float(c)) for a, b, c in frustum]
         front_to_back = np.argsort(np.linalg.norm(corners[drawn].mean(axis=1), axis=-1))
         for row, H in zip(drawn[front_to_back], texture_h_px[front_to_back], strict=True):
@@ -103,18 +112,11 @@ class Renderer:
             if not whole[row]:
                 polygon = _clipped(polygon, planes)
             if polygon:
-                _draw(image, depth, self._textures[self._world.texture[row]], polygon, K, H)
+                _draw(canvas, self._textures[self._world.texture[row]], polygon, H)
         return image
 
 
-def _draw(
-    image: Image,
-    inverse_depth: npt.NDArray[np.float32],
-    texture: Ripmap,
-    polygon: _Polygon,
-    K: FloatArray,
-    H: FloatArray,
-) -> None:
+def _draw(canvas: _Canvas, texture: Ripmap, polygon: _Polygon, H: FloatArray) -> None:
     """Draw a convex polygon (camera frame, in view); H maps pixels (u, v, 1) to texture (a, b, 1) / depth."""
     near, far = min(p[2] for p in polygon), max(p[2] for p in polygon)
     bands = max(1, math.ceil(math.log(far / near) / math.log(_BAND)))
@@ -128,19 +130,14 @@ def _draw(
             part = _cut(part, (0.0, 0.0, -1.0), -high)
         if part:
             limits = (0.0 if k == bands - 1 else 1 / high, math.inf if k == 0 else 1 / low)
-            _draw_band(image, inverse_depth, texture, part, K, H, limits)
+            _draw_band(canvas, texture, part, H, limits)
 
 
 def _draw_band(
-    image: Image,
-    inverse_depth: npt.NDArray[np.float32],
-    texture: Ripmap,
-    part: _Polygon,
-    K: FloatArray,
-    H: FloatArray,
-    limits: tuple[float, float],
+    canvas: _Canvas, texture: Ripmap, part: _Polygon, H: FloatArray, limits: tuple[float, float]
 ) -> None:
     """Draw the part of a parallelogram between two inverse depths, from one size of its texture."""
+    image, inverse_depth, K = canvas
     f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
     us, vs = [f * x / z + cx for x, _, z in part], [f * y / z + cy for _, y, z in part]
     left, top = max(0, math.floor(min(us))), max(0, math.floor(min(vs)))
@@ -157,21 +154,21 @@ def _draw_band(
     here = (g[0] * np.arange(size[0], dtype=np.float32))[None, :] + (
         g[1] * np.arange(size[1], dtype=np.float32) + g[2]
     )[:, None]
-    seen = here > behind
-    seen &= cv2.extractChannel(patch, 3) >= _COVERED
+    visible = here > behind
+    visible &= cv2.extractChannel(patch, 3) >= _COVERED
     if limits[0] > 0:
-        seen &= here >= limits[0]
+        visible &= here >= limits[0]
     if limits[1] < math.inf:
-        seen &= here < limits[1]
-    mask = seen.view(np.uint8)
+        visible &= here < limits[1]
+    mask = visible.view(np.uint8)
     cv2.copyTo(here, mask, behind)
     cv2.copyTo(patch, mask, image[top:bottom, left:right])
 
 
 def _shifts(count: int) -> FloatArray:
-    """(count, 2) offsets that cover a pixel evenly (the R2 sequence), without a mean or a drift over time.
+    """Return (count, 2) offsets that cover a pixel evenly (the R2 sequence), without mean or trend over time.
 
-    A drift would lengthen or shorten the motion blur.
+    A trend would lengthen or shorten the motion blur.
     """
     golden = np.array([0.7548776662466927, 0.5698402909980532])
     shifts = (np.arange(count)[:, None] * golden) % 1.0
@@ -179,13 +176,13 @@ def _shifts(count: int) -> FloatArray:
 
 
 def _frustum(K: FloatArray, width: int, height: int) -> FloatArray:
-    """(5, 3) inward normals of the sides of the view (a pixel wider than the image), and the viewing axis."""
+    """Return (5, 3) inward normals of the view's sides, a pixel wider than the image, and the view axis."""
     f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
     return np.array([[f, 0, cx + 1], [-f, 0, width - cx], [0, f, cy + 1], [0, -f, height - cy], [0, 0, 1.0]])
 
 
 def _clipped(polygon: _Polygon, planes: list[tuple[float, float, float]]) -> _Polygon:
-    """The polygon within the view."""
+    """Return the part of a polygon within the view."""
     for k, plane in enumerate(planes):
         polygon = _cut(polygon, plane, _NEAR_M if k == len(planes) - 1 else 0.0)
         if not polygon:
@@ -194,7 +191,7 @@ def _clipped(polygon: _Polygon, planes: list[tuple[float, float, float]]) -> _Po
 
 
 def _cut(polygon: _Polygon, normal: tuple[float, float, float], least: float) -> _Polygon:
-    """The part of a convex polygon where ``normal . p >= least`` (Sutherland and Hodgman 1974)."""
+    """Return the part of a convex polygon with ``normal . p >= least`` (Sutherland and Hodgman 1974)."""
     a, b, c = normal
     heights = [a * x + b * y + c * z - least for x, y, z in polygon]
     kept: _Polygon = []

@@ -1,4 +1,4 @@
-"""Textures filtered for the distance and the slant at which they are seen."""
+"""Textures filtered for distance and slant."""
 
 import math
 
@@ -9,14 +9,14 @@ from vgps.model import FloatArray
 from vgps.simulate.textures import Image
 
 _LAID_TEXELS = 1024
-_SHARPNESS = 0.7  # share of the texels per pixel that is kept: samples lie half a pixel apart
+_SHARPNESS = 0.7  # texels per sample, relative to pixels: samples are half a pixel apart
 
 
 class Ripmap:
-    """A texture at sizes halved in width and height independently, each made when first asked for.
+    """A texture with width and height halved independently; each size is made on first use.
 
-    A texture that does not repeat has a transparent rim of one texel, so that its edges fall where they
-    belong. Small sizes of one that does are laid out side by side, since filtering across the border is slow.
+    A texture that does not repeat has a transparent rim of one texel, so that its edges are in the right
+    place. Small sizes of a repeating texture are tiled, since filtering across the border is slow.
     """
 
     def __init__(self, image: Image, repeats: bool) -> None:
@@ -26,13 +26,13 @@ class Ripmap:
         self._levels: dict[tuple[int, int], Image] = {}
 
     def warped(self, H: FloatArray, size: tuple[int, int], u: float, v: float) -> Image:
-        """A picture of (width, height), filtered as fits its pixel (u, v).
+        """Return an image of (width, height), filtered as its pixel (u, v) requires.
 
         ``H`` maps its pixels (u, v, 1) to texture coordinates (a, b, 1), up to scale.
         """
         a, b, density = self.density(H, u, v)
         level, to_level, laid = self.level(*density)
-        if self.repeats:  # by whole repetitions to where the layout's middle is
+        if self.repeats:  # by whole repetitions to the middle of the tiling
             columns, rows = laid[0] // 2 - math.floor(a), laid[1] // 2 - math.floor(b)
             to_level = to_level @ np.array([[1, 0, columns], [0, 1, rows], [0, 0, 1]])
         border = cv2.BORDER_WRAP if self.repeats else cv2.BORDER_CONSTANT
@@ -44,7 +44,7 @@ class Ripmap:
     def level(
         self, texels_per_px_u: float, texels_per_px_v: float
     ) -> tuple[Image, FloatArray, tuple[int, int]]:
-        """The size for that density, the (3, 3) map from texture to texels, and how often it is laid out."""
+        """Return the level for a density, the (3, 3) map from texture to texels, and the numbers of tiles."""
         key = (_octave(texels_per_px_u, self.width), _octave(texels_per_px_v, self.height))
         w, h = max(1, self.width >> key[0]), max(1, self.height >> key[1])
         laid = (max(1, _LAID_TEXELS // w), max(1, _LAID_TEXELS // h)) if self.repeats else (1, 1)
@@ -55,7 +55,7 @@ class Ripmap:
         return self._levels[key], np.array([[w, 0, rim], [0, h, rim], [0, 0, 1.0]]), laid
 
     def density(self, H: FloatArray, u: float, v: float) -> tuple[float, float, tuple[float, float]]:
-        """Texture coordinates at a pixel, and texels per pixel along both axes, in the densest direction."""
+        """Return texture coordinates at a pixel, and texels per pixel along both texture axes."""
         (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = H.tolist()
         c = c0 * u + c1 * v + c2
         a, b = (a0 * u + a1 * v + a2) / c, (b0 * u + b1 * v + b2) / c
@@ -72,5 +72,5 @@ def _rimmed(image: Image) -> Image:
 
 
 def _octave(texels_per_px: float, size: int) -> int:
-    """How often to halve a size so that about a texel falls on a sample, keeping at least four texels."""
+    """Return how often to halve a size for about one texel per sample, with at least four texels left."""
     return min(max(0, round(math.log2(max(texels_per_px * _SHARPNESS, 1e-9)))), max(0, size.bit_length() - 3))

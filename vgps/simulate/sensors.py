@@ -1,4 +1,4 @@
-"""The GPS receiver and the gyro of a simulated recording: exact values, and errors that are known."""
+"""GPS receiver and gyro of a simulated recording: exact values plus known errors."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -12,7 +12,8 @@ from vgps.geodesy import to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint
 from vgps.simulate.motion import Motion
 from vgps.simulate.receiver_errors import replay
-from vgps.simulate.scene import FixErrors, GpsConfig, GyroConfig, SceneConfig
+from vgps.simulate.scene import SceneConfig
+from vgps.simulate.sensor_config import FixErrors, GpsConfig, GyroConfig
 
 GEOID_SEPARATION_M = 37.0
 _QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5}
@@ -20,14 +21,15 @@ _QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedFixes:
-    """Fixes and what is wrong with them, ENU metres.
+    """Fixes and their errors, ENU metres.
 
     Attributes:
-        t_s: (N,) seconds since the first frame, whole hundredths as NMEA writes them.
-        world_p_antenna: (N, 3) where the antenna is.
+        t_s: (N,) seconds since the first frame, in whole hundredths as in NMEA.
+        fix_class: (N,).
+        world_p_antenna: (N, 3) true position of the antenna.
         error_m: (N, 3) measured minus true.
-        reported_m: (N, 3) what the receiver claims: sigma east, north, up.
-        outlier: (N,) which ones were thrown off.
+        reported_m: (N, 3) the receiver's own sigma east, north, up.
+        outlier: (N,) whether a fix was displaced as an outlier.
     """
 
     t_s: FloatArray
@@ -39,7 +41,7 @@ class SimulatedFixes:
 
 
 def simulate_fixes(motion: Motion, config: SceneConfig, rng: np.random.Generator) -> SimulatedFixes:
-    """The scene's fixes: the antenna through the lever arm at each fix's own time, plus errors per class."""
+    """Return the scene's fixes: antenna positions at the fixes' own times, plus errors per class."""
     gps = config.gps
     t = np.round(np.arange(gps.offset_s, config.duration_s, gps.interval_s), 2)
     share = t / max(config.duration_s, 1e-9)
@@ -61,7 +63,7 @@ def simulate_fixes(motion: Motion, config: SceneConfig, rng: np.random.Generator
 
 
 def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.random.Generator) -> FloatArray:
-    """(count, 3) of a stationary first-order Gauss-Markov process about a random bias, metres ENU."""
+    """Return (count, 3) of a stationary first-order Gauss-Markov process about a random bias, ENU metres."""
     sigma = np.array([errors.sigma_h_m, errors.sigma_h_m, errors.sigma_v_m])
     bias = np.array([errors.bias_h_m, errors.bias_h_m, errors.bias_v_m]) * rng.standard_normal(3)
     t_s = interval_s * np.arange(count, dtype=np.float64)
@@ -69,7 +71,7 @@ def gauss_markov(count: int, interval_s: float, errors: FixErrors, rng: np.rando
 
 
 def unit_gauss_markov(t_s: FloatArray, correlation_s: float, rng: np.random.Generator) -> FloatArray:
-    """(N, 3) of stationary first-order Gauss-Markov processes of variance one at times (N,), in order."""
+    """Return (N, 3) of stationary first-order Gauss-Markov processes of unit variance at times (N,)."""
     state = rng.standard_normal((len(t_s), 3))
     kept = np.exp(-np.diff(t_s) / correlation_s)
     for k, share in enumerate(kept.tolist(), start=1):
@@ -78,7 +80,7 @@ def unit_gauss_markov(t_s: FloatArray, correlation_s: float, rng: np.random.Gene
 
 
 def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:
-    """GGA, GST and ZDA of every fix."""
+    """Return GGA, GST and ZDA of every fix."""
     places = to_geodetic(config.world_origin, fixes.world_p_antenna + fixes.error_m)
     sentences = []
     for t, fix_class, place, reported in zip(
@@ -93,7 +95,7 @@ def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:
 def simulate_gyro(
     motion: Motion, config: SceneConfig, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """(N,) times, (N, 3) rates [rad/s] in the gyro's axes: the exact rate, a walking bias, white noise."""
+    """Return (N,) times and (N, 3) rates [rad/s] in the gyro's axes, with a walking bias and white noise."""
     gyro = config.gyro
     t = (
         -gyro.margin_s
@@ -106,20 +108,20 @@ def simulate_gyro(
 
 
 def gyro_R_camera(gyro: GyroConfig) -> FloatArray:
-    """(3, 3) rotation from camera axes to the gyro's."""
+    """Return the (3, 3) rotation from camera axes to the gyro's."""
     return Rotation.from_euler("xyz", gyro.mount_deg, degrees=True).as_matrix()
 
 
 def _stretch(
     fix_class: FixClass, t_s: FloatArray, gps: GpsConfig, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Errors (N, 3) of an unbroken stretch of one class, and what the receiver claims (N, 3)."""
+    """Return errors (N, 3) and the receiver's sigmas (N, 3) of an unbroken stretch of one class."""
     model = gps.errors[fix_class]
     claimed = np.tile(model.reported_m, (len(t_s), 1))
     if gps.replay is None or fix_class not in gps.replay.fix_class:
         return gauss_markov(len(t_s), gps.interval_s, model, rng), claimed
-    error, said = replay(gps.replay.of_class(fix_class), t_s, rng)
-    return error, np.where(np.isfinite(said), said, claimed)
+    error, sigma = replay(gps.replay.of_class(fix_class), t_s, rng)
+    return error, np.where(np.isfinite(sigma), sigma, claimed)
 
 
 def _stretches(classes: tuple[FixClass, ...]) -> list[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""The surroundings of a scene: a street along its path."""
+"""Surroundings of a scene: a street along its path."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ _STYLES = 6
 
 
 def build_world(config: SceneConfig, rng: np.random.Generator) -> World:
-    """A street along the scene's path: ground, houses, trees, cars, signs, a skyline and the sky."""
+    """Build a street along the scene's path: ground, houses, trees, cars, signs, a skyline and the sky."""
     builder = Builder()
     line = center_line(config, 45.0, 90.0)
     _add_backdrop(builder, config, rng, line)
@@ -80,12 +80,12 @@ def _add_houses(builder: Builder, config: SceneConfig, rng: np.random.Generator,
                 if _is_clear(line, foot, heading, size, near - 0.5):
                     builder.box(foot, heading, size, texture, fronts[rng.integers(_STYLES)], roof)
                 k += round(width + rng.choice([0.0, 0.5, 3.0]))
-    _, east, north, heading = line[-1]  # a house closes the street
+    _, east, north, heading = line[-1]  # a house ends the street
     builder.box(np.array([east, north, 0.0]), heading, (12.0, 40.0, 14.0), fronts[0], fronts[1], roof)
 
 
 def _add_furniture(builder: Builder, config: SceneConfig, rng: np.random.Generator, line: FloatArray) -> None:
-    """Trees, parked cars, signs on poles and boxes, between the path and the houses."""
+    """Add trees, parked cars, signs on poles and boxes between the path and the houses."""
     px = _texture_size(config)
     trees = [builder.image(textures.tree(rng, px(512))) for _ in range(2)]
     boards = [builder.image(textures.poster(rng, px(192), px(192))) for _ in range(4)]
@@ -120,7 +120,7 @@ def _add_furniture(builder: Builder, config: SceneConfig, rng: np.random.Generat
 
 
 def _add_traffic(builder: Builder, config: SceneConfig, rng: np.random.Generator, line: FloatArray) -> None:
-    """Three times, a walker crosses ahead and a car comes the other way."""
+    """Let a walker cross ahead and a car come from ahead, three times."""
     knots_t, knots_v = np.array(config.speed).T
     grid = np.linspace(0.0, knots_t[-1], 500)
     travelled = np.concatenate([[0.0], np.cumsum(np.interp(grid, knots_t, knots_v))[:-1] * grid[1]])
@@ -158,7 +158,7 @@ def _add_car(builder: Builder, foot: FloatArray, heading: float, images: tuple[i
 def _is_clear(
     line: FloatArray, foot: FloatArray, heading: float, size: tuple[float, float, float], clearance: float
 ) -> bool:
-    """Whether a box stays away from the whole path."""
+    """Whether a box is clear of the whole path."""
     along, left = axes(heading)
     offset = line[:, 1:3] - foot[:2]
     beside = np.abs(offset @ along[:2]) < size[0] / 2 + clearance

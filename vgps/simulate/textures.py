@@ -1,4 +1,4 @@
-"""Procedural textures with detail at every scale, so that corners are found from near and from far."""
+"""Procedural textures with detail at every scale, for corners at every distance."""
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ _CARS = ((60, 50, 160), (150, 90, 40), (200, 200, 200), (55, 55, 55), (70, 110, 
 
 
 def noise(rng: np.random.Generator, height: int, width: int, slope: float) -> _Float:
-    """(height, width) periodic noise whose amplitude falls as frequency^-slope; zero mean, unit variance."""
+    """Return (height, width) periodic noise, amplitude frequency^-slope, zero mean, unit variance."""
     spectrum = fft.rfft2(rng.standard_normal((height, width), dtype=np.float32))
     frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width)[None, :]).astype(np.float32)
     frequency[0, 0] = np.inf
@@ -22,7 +22,7 @@ def noise(rng: np.random.Generator, height: int, width: int, slope: float) -> _F
 
 
 def leaves(rng: np.random.Generator, height: int, width: int, count: int, largest_px: float) -> _Float:
-    """(height, width) overlapping discs and boxes in [-1, 1], sizes by a power law: edges at all scales."""
+    """Return (height, width) overlapping discs and boxes in [-1, 1] of all sizes (a power law)."""
     image = np.zeros((height, width), np.float32)
     size = np.minimum(2.0 * rng.uniform(0.0005, 1.0, count) ** -0.7, largest_px)
     for x, y, r, shade, kind in zip(
@@ -43,7 +43,7 @@ def leaves(rng: np.random.Generator, height: int, width: int, count: int, larges
 
 
 def paving(rng: np.random.Generator, size: int, slabs: int) -> Image:
-    """A square of pavement: slabs of differing shade with dark joints, stains, litter and grain."""
+    """Return a square of pavement: slabs of differing shade with dark joints, stains, litter and grain."""
     shade = np.repeat(np.repeat(rng.normal(0, 9, (slabs, slabs)), size // slabs, 0), size // slabs, 1)
     slab = cv2.resize(shade.astype(np.float32), (size, size), interpolation=cv2.INTER_NEAREST)
     image = np.asarray(125 + slab + _grime(rng, size, size, size // 40), np.float32)
@@ -56,7 +56,7 @@ def paving(rng: np.random.Generator, size: int, slabs: int) -> Image:
 
 
 def asphalt(rng: np.random.Generator, size: int) -> Image:
-    """A square of road: grain, patches and sealed cracks."""
+    """Return a square of road: grain, patches and sealed cracks."""
     image = 105 + 1.4 * _grime(rng, size, size, size // 30)
     for _ in range(6):
         steps = rng.normal(0, size / 40, (30, 2)) + rng.normal(0, size / 50, 2)
@@ -66,7 +66,7 @@ def asphalt(rng: np.random.Generator, size: int) -> Image:
 
 
 def facade(rng: np.random.Generator, height: int, width: int, style: int) -> Image:
-    """A house front about 12 m wide and 10 m high: brick, plaster or panels, windows, a shop below."""
+    """Return a house front about 12 m wide and 10 m high: brick, plaster or panels, windows, a shop below."""
     wall = _brick(rng, height, width) if style % 3 == 0 else _plain_wall(rng, height, width, style % 3 == 2)
     image = _tinted(wall, tuple(c / 160 for c in _WALLS[style % len(_WALLS)]))
     floors, bays = 3 + style % 2, 4 + style % 3
@@ -86,7 +86,7 @@ def facade(rng: np.random.Generator, height: int, width: int, style: int) -> Ima
 
 
 def poster(rng: np.random.Generator, height: int, width: int) -> Image:
-    """A board of coloured boxes and bars, like signs and shop windows."""
+    """Return a board of coloured boxes and bars, like signs and shop windows."""
     image = np.full((height, width, 4), 255, np.uint8)
     image[..., :3] = rng.uniform(80, 200) + rng.uniform(-40, 40, 3)
     for scale in (0.6, 0.35, 0.2, 0.1, 0.05, 0.05, 0.03):
@@ -102,7 +102,7 @@ def poster(rng: np.random.Generator, height: int, width: int) -> Image:
 
 
 def car_side(rng: np.random.Generator, height: int, width: int, glass: bool) -> Image:
-    """A car's body (with doors and wheels) or its glass house."""
+    """Return the side of a car's body, with doors and wheels, or of its cabin."""
     paint = np.array(_CARS[rng.integers(len(_CARS))], np.float32)
     image = _tinted(100 + 0.4 * _grime(rng, height, width, width // 8), tuple(paint / 100))
     dark, light = (35, 35, 35, 255), (170, 175, 175, 255)
@@ -130,9 +130,9 @@ def car_side(rng: np.random.Generator, height: int, width: int, glass: bool) -> 
 
 
 def tree(rng: np.random.Generator, size: int) -> Image:
-    """A tree on a transparent ground: a trunk and clumps of leaves."""
+    """Return a tree on a transparent background: a trunk and clumps of leaves."""
     image = np.zeros((size, size, 4), np.uint8)
-    image[..., :3] = (45, 75, 60)  # what filtering may mix in at the rim
+    image[..., :3] = (45, 75, 60)  # may be mixed in at the edges by filtering
     cv2.rectangle(image, (int(0.47 * size), size // 2), (int(0.53 * size), size), (60, 75, 90, 255), -1)
     count = 2200
     angle, radius = rng.uniform(0, 2 * np.pi, count), 0.38 * size * np.sqrt(rng.uniform(0, 1, count))
@@ -155,7 +155,7 @@ def tree(rng: np.random.Generator, size: int) -> Image:
 
 
 def skyline(rng: np.random.Generator, height: int, width: int) -> Image:
-    """Far houses and hills on a transparent ground."""
+    """Return distant houses and hills on a transparent background."""
     image = np.zeros((height, width, 4), np.uint8)
     image[..., :3] = (170, 160, 150)
     ridge = (height * (0.72 + 0.06 * noise(rng, 1, width, 1.2)[0])).astype(int)
@@ -177,7 +177,7 @@ def skyline(rng: np.random.Generator, height: int, width: int) -> Image:
 
 
 def sky(rng: np.random.Generator, size: int) -> Image:
-    """Clouds."""
+    """Return a sky with clouds."""
     cover = np.clip(noise(rng, size, size, 1.6) * 0.6 + 0.35, 0, 1)[..., None]
     image = np.full((size, size, 4), 255, np.uint8)
     image[..., :3] = (1 - cover) * np.array([225, 185, 150]) + cover * np.array([240, 236, 232])
@@ -185,7 +185,7 @@ def sky(rng: np.random.Generator, size: int) -> Image:
 
 
 def _grime(rng: np.random.Generator, height: int, width: int, largest_px: float) -> _Float:
-    """Stains, litter and grain, in grey levels."""
+    """Return stains, litter and grain, in grey levels."""
     count = max(50, height * width // 400)
     return (
         9 * noise(rng, height, width, 1.3)
@@ -195,7 +195,7 @@ def _grime(rng: np.random.Generator, height: int, width: int, largest_px: float)
 
 
 def _brick(rng: np.random.Generator, height: int, width: int) -> _Float:
-    """Courses of brick, 8 cm high and 25 cm long on a front of 12 m by 10 m."""
+    """Return courses of brick, 8 cm high and 25 cm long on a front of 12 m by 10 m."""
     rows, columns = 120, 48
     y = np.arange(height)[:, None] * rows / height
     x = np.arange(width)[None, :] * columns / width + 0.5 * (y.astype(int) % 2)

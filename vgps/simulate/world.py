@@ -1,4 +1,4 @@
-"""A world of textured parallelograms, some of them moving."""
+"""Worlds of textured parallelograms, some of them moving."""
 
 from dataclasses import dataclass, field
 
@@ -12,14 +12,14 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """Textured parallelograms: texture coordinates (a, b) in [0, 1] lie at ``origin + a edge_u + b edge_v``.
+    """Textured parallelograms: texture coordinates (a, b) in [0, 1] are at ``origin + a edge_u + b edge_v``.
 
     Attributes:
-        origin, edge_u, edge_v: (Q, 3) ENU metres; u runs right and v down in the texture.
+        origin, edge_u, edge_v: (Q, 3) ENU metres; u is right and v down in the texture.
         texture: (Q,) row of ``textures``.
-        repeat: (Q,) how often the texture is laid out along each edge; above one for what runs on for ever.
-        two_sided: (Q,) whether it is seen from behind as well.
-        velocity: (Q, 3) m/s; the origin is where it stands at ``epoch_s`` (Q,).
+        repeat: (Q,) number of tiles along each edge; above one for endless surfaces.
+        two_sided: (Q,) whether it is visible from behind.
+        velocity: (Q, 3) m/s; the origin is that at ``epoch_s`` (Q,).
     """
 
     origin: FloatArray
@@ -33,7 +33,7 @@ class World:
     textures: tuple[Image, ...]
 
     def origins(self, t_s: float) -> FloatArray:
-        """(Q, 3) origins at a time."""
+        """Return (Q, 3) origins at a time."""
         return self.origin + (t_s - self.epoch_s)[:, None] * self.velocity
 
 
@@ -49,7 +49,7 @@ class Builder:
     epoch_s: float = 0.0
 
     def image(self, image: Image) -> int:
-        """Keep a texture; its row."""
+        """Add a texture and return its row."""
         self.images.append(image)
         return len(self.images) - 1
 
@@ -62,13 +62,13 @@ class Builder:
         two_sided: bool = False,
         repeat: int = 1,
     ) -> None:
-        """A parallelogram."""
+        """Add a parallelogram."""
         self.rows.append((origin, u, v, texture, repeat, two_sided, self.velocity, self.epoch_s))
 
     def flat(
         self, center: FloatArray, heading: float, length: float, width: float, texture: int, repeat: int = 1
     ) -> None:
-        """A level rectangle whose texture's right points along the heading."""
+        """Add a level rectangle; the right of its texture points along the heading."""
         along, left = axes(heading)
         self.add(
             center - along * length / 2 + left * width / 2,
@@ -82,12 +82,12 @@ class Builder:
     def upright(
         self, foot: FloatArray, facing: FloatArray, width: float, height: float, texture: int
     ) -> None:
-        """A standing rectangle on the middle of its foot, seen from the side it faces."""
+        """Add a vertical rectangle above the middle of its foot, visible from the side that it faces."""
         right = np.cross(UP, facing)
         self.add(foot - right * width / 2 + UP * height, right * width, -UP * height, texture)
 
     def billboard(self, foot: FloatArray, heading: float, width: float, height: float, texture: int) -> None:
-        """Two crossed standing rectangles, seen from all sides."""
+        """Add two crossed vertical rectangles, visible from all sides."""
         for direction in axes(heading):
             self.add(
                 foot - direction * width / 2 + UP * height,
@@ -106,7 +106,7 @@ class Builder:
         end: int,
         top: int,
     ) -> None:
-        """A box of (length, width, height) on the middle of its foot, its length along the heading."""
+        """Add a box of (length, width, height) above the middle of its foot, its length along the heading."""
         along, left = axes(heading)
         for axis, half, across, texture in ((left, size[1], size[0], side), (along, size[0], size[1], end)):
             for sign in (1.0, -1.0):
@@ -114,7 +114,7 @@ class Builder:
         self.flat(foot + UP * size[2], heading, size[0], size[1], top)
 
     def world(self) -> World:
-        """What was collected."""
+        """Return the world with all that was added."""
         origin, u, v, texture, repeat, two_sided, velocity, epoch = zip(*self.rows, strict=True)
         return World(
             origin=np.array(origin, float),
@@ -130,6 +130,6 @@ class Builder:
 
 
 def axes(heading: float) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors along and to the left of a heading."""
+    """Return unit vectors along and to the left of a heading."""
     c, s = np.cos(heading), np.sin(heading)
     return np.array([c, s, 0.0]), np.array([-s, c, 0.0])

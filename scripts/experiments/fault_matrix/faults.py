@@ -10,7 +10,7 @@ from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint, GpsLog, Recording
 from vgps.readers.fixes import counted
-from vgps.simulate.scene import FIX_ERRORS, FixErrors
+from vgps.simulate.sensor_config import FIX_ERRORS, FixErrors
 from vgps.simulate.sensors import unit_gauss_markov
 
 _LEAST_FIXES = 3  # that an outage must leave before it and after it

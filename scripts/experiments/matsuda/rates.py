@@ -61,7 +61,7 @@ def scene(rate_deg_s: float, seconds: float) -> SceneConfig:
         width=360,
         height=240,
         focal_px=310.0,
-        turns=(),
+        bends=(),
         texture_scale=0.5,
         max_samples=32,
         speed=((0.0, 1.0), (seconds, 1.0)),
