@@ -54,7 +54,7 @@ def test_points_and_scalars_are_variables_too():
     assert result.atDouble(1) == pytest.approx(2.0, abs=1e-6)
 
 
-def test_jacobians_are_not_looked_at_when_only_the_error_is_asked():
+def test_jacobians_are_not_checked_when_only_the_error_is_needed():
     factor = one_pose_factor(np.array([1.0, 2.0, 2.0]), [])
     assert factor.error(one_pose_values()) == pytest.approx(4.5)
 
@@ -84,7 +84,7 @@ def test_wrong_shapes_raise_also_through_the_optimiser(residual, jacobians, mess
         gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
 
 
-def test_what_the_function_raises_passes_through():
+def test_exception_of_the_function_passes_through():
     def error(_):
         raise ZeroDivisionError("in the function")
 
@@ -106,7 +106,7 @@ def test_keys_must_be_distinct_and_present(keys):
         custom_factor(UNIT3, [Variable(key, POSE3) for key in keys], lambda *_: (np.ones(3), []))
 
 
-def test_it_is_asked_once_for_the_same_values_and_again_for_others():
+def test_result_is_cached_for_the_same_values():
     asked = []
 
     def error(pose):

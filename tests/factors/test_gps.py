@@ -96,7 +96,7 @@ def test_cauchy_equals_the_built_in_factor_with_a_robust_model():
     assert_same_linearisation(gps_factor(A, fix, ANTENNA, penalty), built_in, values)
 
 
-def test_the_pose_between_follows_the_arc():
+def test_interpolated_pose_follows_the_arc():
     # a quarter turn about up on a circle of radius 1 around the origin: half of it is at 45 degrees
     at_a = gtsam.Pose3(gtsam.Rot3(), np.array([1.0, 0.0, 0.0]))
     at_b = gtsam.Pose3(gtsam.Rot3.Rz(np.pi / 2), np.array([0.0, 1.0, 0.0]))
@@ -150,7 +150,9 @@ def with_sensors(values, time_offset_s, antenna=ANTENNA):
     st.floats(-0.4, 0.4),
     arrays(np.float64, 3, elements=st.floats(-5, 5)),
 )
-def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motion, time_offset_s, offset):
+def test_jacobians_with_time_offset_and_lever_arm(
+    check_jacobians, penalty, twist, motion, time_offset_s, offset
+):
     values = with_sensors(values_of(pose(twist), pose(twist).compose(pose(motion))), time_offset_s)
     alpha = (0.35 - time_offset_s) / 0.5
     fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offset
@@ -159,7 +161,7 @@ def test_jacobians_with_lag_and_lever_arm(check_jacobians, penalty, twist, motio
 
 
 @given(st.sampled_from(PENALTIES), twists, twists, st.floats(0, 1))
-def test_a_known_lag_is_a_fix_at_another_time(penalty, twist, motion, alpha):
+def test_known_time_offset_is_a_fix_at_another_time(penalty, twist, motion, alpha):
     poses = pose(twist), pose(twist).compose(pose(motion))
     fix = poses[0].transformFrom(ANTENNA) + np.array([1.0, -2.0, 3.0])
     between = gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty)

@@ -54,7 +54,7 @@ def test_jacobians_at_any_rotation_between_the_frames(check_jacobians, angle):
 
 
 @pytest.mark.parametrize("off", [2.5, 3.0, 3.1])
-def test_jacobians_far_off(check_jacobians, off):
+def test_jacobians_at_large_residuals(check_jacobians, off):
     rates = rates_of([0.2, 0.1, 0.3])
     camera = MOUNT.T @ rates.i_R_j @ MOUNT
     values = values_of([0.1, 0.2, 0.3], camera @ turn(off * np.array([0.6, 0.0, 0.8])), np.zeros(3))
@@ -108,7 +108,7 @@ def test_agrees_with_the_ahrs_factor_of_gtsam(start, angle, off, bias):
 
 
 @given(vectors, vectors)
-def test_another_bias_is_as_good_as_integrating_again(angle, change):
+def test_bias_correction_equals_integrating_again(angle, change):
     n, dts = 40, np.full(40, 0.005)
     rates = angle / 0.2 + np.random.default_rng(4).normal(0, 0.5, (n, 3))
     change = 0.02 * change
@@ -132,7 +132,7 @@ def test_noise_by_simulation():
     np.testing.assert_allclose(ratio, np.eye(3), atol=0.2)  # 800 draws know a variance to 5 %
 
 
-def test_bias_and_rotation_are_found_together():
+def test_bias_is_estimated_with_the_rotations():
     # three frames of known rotation, a gyro with a bias: the graph gives the bias
     bias, rng = np.array([0.03, -0.02, 0.05]), np.random.default_rng(6)
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -174,12 +174,12 @@ def test_the_walk_by_hand():
         (np.zeros((2, 3)), np.ones(2), 0.0),
     ],
 )
-def test_what_cannot_be_integrated(rates, dts, density):
+def test_invalid_rates_are_refused(rates, dts, density):
     with pytest.raises(ValueError, match=r"expected|positive"):
         preintegrate_rates(rates, dts, np.zeros(3), density)
 
 
-def test_a_mount_is_a_rotation():
+def test_mount_must_be_a_rotation():
     with pytest.raises(ValueError, match="expected a rotation matrix"):
         gyro_factor((X, Y), B, rates_of([0.1, 0, 0]), -np.eye(3))
     with pytest.raises(ValueError, match="expected positive numbers"):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from factors import constant_velocity_factor
+from factors import constant_centre_velocity_factor, constant_velocity_factor
 
 A, B, C = (gtsam.symbol("x", k) for k in range(3))
 # at most 1.7 rad between frames: clear of pi, where Log has a jump
@@ -74,6 +74,35 @@ def test_white_acceleration_gives_unit_residuals_at_any_spacing(steps_ab, steps_
 @pytest.mark.parametrize(
     "numbers", [(0.0, 0.1, 1.0, 1.0), (0.1, -0.1, 1.0, 1.0), (0.1, 0.1, 0.0, 1.0), (0.1, 0.1, 1.0, np.nan)]
 )
-def test_times_and_densities_are_positive(numbers):
+def test_intervals_and_densities_are_positive(numbers):
     with pytest.raises(ValueError, match="expected positive numbers"):
         constant_velocity_factor((A, B, C), numbers[:2], *numbers[2:])
+
+
+@given(twists, twists, twists, st.floats(0.02, 2), st.floats(0.02, 2))
+def test_jacobians_of_constant_centre_velocity(check_jacobians, a, b, c, dt_ab_s, dt_bc_s):
+    values = values_of(*(gtsam.Pose3.Expmap(twist) for twist in (a, b, c)))
+    check_jacobians(constant_centre_velocity_factor((A, B, C), (dt_ab_s, dt_bc_s), 2.0), values)
+
+
+def test_rotation_costs_nothing_at_constant_centre_velocity():
+    poses = [
+        gtsam.Pose3(gtsam.Rot3.RzRyRx(0.4 * k, -k, 0.2), np.array([3.0, 1, 0]) * t)
+        for k, t in enumerate((0.0, 0.1, 0.35))
+    ]
+    factor = constant_centre_velocity_factor((A, B, C), (0.1, 0.25), 1.0)
+    np.testing.assert_allclose(factor.unwhitenedError(values_of(*poses)), 0, atol=1e-12)
+
+
+def test_residual_of_constant_centre_velocity_by_hand():
+    # 2 m in 1 s, then 1 m in 0.25 s: 4 - 2 m/s
+    poses = [gtsam.Pose3(gtsam.Rot3.Ry(0.3), np.array([x, 0, 0])) for x in (0.0, 2.0, 3.0)]
+    factor = constant_centre_velocity_factor((A, B, C), (1.0, 0.25), 2.0)
+    np.testing.assert_allclose(factor.unwhitenedError(values_of(*poses)), [2, 0, 0], atol=1e-12)
+    whitened = factor.whitenedError(values_of(*poses))
+    np.testing.assert_allclose(whitened, [2 / (2 * np.sqrt(1.25 / 3)), 0, 0])
+
+
+def test_intervals_of_the_centre_are_positive():
+    with pytest.raises(ValueError, match="positive"):
+        constant_centre_velocity_factor((A, B, C), (0.1, 0.0), 1.0)

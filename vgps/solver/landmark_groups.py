@@ -105,10 +105,10 @@ def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[
     Returns:
         Longest span of a track in frames, and (L,) the group of each landmark, 0 for those in no free frame.
     """
-    seen = free >= 0
+    observed = free >= 0
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
-    np.minimum.at(first, landmark[seen], free[seen])
-    np.maximum.at(last, landmark[seen], free[seen])
+    np.minimum.at(first, landmark[observed], free[observed])
+    np.maximum.at(last, landmark[observed], free[observed])
     tracked = last >= 0
     length = (last - first + 1)[tracked]
     exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
@@ -132,9 +132,9 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
     Returns:
         (L,) the group of each landmark, 0 for those in no free frame.
     """
-    seen = free >= 0
+    observed = free >= 0
     blocks = int(free.max(initial=0)) // BLOCK_FRAMES + 1
-    pairs = np.unique(landmark[seen] * blocks + free[seen] // BLOCK_FRAMES)
+    pairs = np.unique(landmark[observed] * blocks + free[observed] // BLOCK_FRAMES)
     number = np.random.default_rng(0).integers(1, 2**62, blocks, dtype=np.uint64)
     code = np.zeros(landmarks, dtype=np.uint64)
     np.add.at(code, pairs // blocks, number[pairs % blocks])
