@@ -18,7 +18,7 @@ def grown():
 
 def reconciled(refined, local_map, inlier_px=3.0):
     """The features that the snapshot does not know, after the map was brought up to date."""
-    found = reconcile(refined, local_map, MATRIX, inlier_px)
+    found = reconcile(refined, local_map, MATRIX, inlier_px, 12)
     local_map.apply(found.update)
     return found.unrefined
 
@@ -43,7 +43,7 @@ def test_the_map_itself_is_not_changed():
     local_map, refined = grown()
     before = local_map.poses.copy(), local_map.points.copy()
     refined.apply(MOVED)
-    reconcile(refined, local_map, MATRIX, 3.0)
+    reconcile(refined, local_map, MATRIX, 3.0, 12)
     np.testing.assert_array_equal(local_map.poses, before[0])
     np.testing.assert_array_equal(local_map.points, before[1])
 

@@ -61,7 +61,7 @@ def test_fixes_lie_between_frames_by_their_own_time():
 def test_a_stop_does_not_hide_the_way_and_one_wrong_fix_makes_none():
     way = np.stack([np.linspace(0, 20, 11), np.zeros(11), np.zeros(11)], axis=1)
     stop = np.tile(way[-1:], (40, 1))
-    assert _travel(np.concatenate([way, stop]), 1.0) > 8.0
+    assert _travel(np.concatenate([way, stop]), 1.0, 6) > 8.0
     wrong = np.array([[50.0, 0.0, 0.0]])
-    assert _travel(np.concatenate([stop, stop + 0.1, wrong]), 1.0) < 0.5
-    assert _travel(way[:3], 1.0) == 4.0
+    assert _travel(np.concatenate([stop, stop + 0.1, wrong]), 1.0, 6) < 0.5
+    assert _travel(way[:3], 1.0, 6) == 4.0

@@ -19,11 +19,23 @@ class WindowConfig(SettingsModel):
     length_frames: PositiveInt = 60
     """Frames in the window."""
     iterations: PositiveInt = 4
-    """Steps of an optimisation at most; a window with a rough start takes three times as many."""
+    """Steps of an optimisation at most."""
+    rough_factor: PositiveInt = 3
+    """Factor on iterations in a window before which drift was corrected."""
+    corrected_tolerance: float = Field(default=5.0, ge=1.0)
+    """Factor on mapping.max_reprojection_px in such a window: it needs its long tracks, which fit badly."""
     delay_frames: NonNegativeInt = 11
     """Frames after which a window's result is used, however quickly it was found, so that results repeat."""
     tolerated_drift: Share = 0.02
     """Drift is corrected first if antennas leave their fixes' regions by more than this share of the path."""
+    min_shared_fixes: PositiveInt = 3
+    """Fixes needed in the window to correct a smaller offset from the antennas that all of them share."""
+    bend_s: PositiveFloat = 1.0
+    """Once a fix turns out wrong, the path's bending towards it is undone from this long before it on."""
+    min_features: PositiveInt = 12
+    """Frames after the window that see fewer of its features keep their tracked motion."""
+    max_failures: PositiveInt = 3
+    """A new map begins after this many windows in succession that could not be optimised."""
 
 
 class DriftConfig(SettingsModel):
@@ -130,6 +142,8 @@ class BatchConfig(SettingsModel):
     """Steps of a round at most; the last round may take twice as many."""
     relative_tolerance: Share = 1e-5
     """The last round, and each window of stage C, ends once a step lowers the cost by a smaller share."""
+    first_tolerance: float = Field(default=5.0, ge=1.0)
+    """Factor on mapping.max_reprojection_px in the first round, while the poses are rough."""
     early_tolerance: Share = 3e-4
     """The rounds before the last end once a step lowers the cost by a smaller share."""
     robust_px: PositiveFloat = 1.0
@@ -144,6 +158,8 @@ class BatchConfig(SettingsModel):
     """Weight of the prior belief that fixes fit as their regions say, as a number of independent fixes."""
     balance_range: float = Field(default=8.0, ge=1.0)
     """The estimated scale stays within this factor of video_sigma_scale, up or down."""
+    held_share: Share = 0.02
+    """Without GPS and control points, the scale is held by two frames this share of the path apart."""
     draws: PositiveInt = 200
     """Draws of all errors behind the poses' sigmas, which are known to 1 / sqrt(2 draws) of themselves."""
 

@@ -65,6 +65,8 @@ class MappingConfig(SettingsModel):
     """A feature followed for longer goes on as a new one; the solver's cost grows with the square of this."""
     min_views: PositiveInt = 3
     """A feature observed in fewer frames is left out of stages C and D."""
+    edge_frames: PositiveInt = 5
+    """Frames at the end of a map whose motion places the next map where fixes do not."""
 
 
 class StartConfig(SettingsModel):
@@ -91,6 +93,10 @@ class StartConfig(SettingsModel):
     """Standard deviation of the camera's mean roll about level; decides where fixes do not show the roll."""
     pitch_sigma_deg: PositiveFloat = 30.0
     """Standard deviation of the camera's mean pitch about level."""
+    min_places: PositiveInt = 6
+    """The span is measured over distinct places if there are this many, so that a stop counts once."""
+    robust_regions: PositiveFloat = 1.0
+    """Cauchy's constant of the alignment with fixes, in regions: fixes further off count less and less."""
     min_control_travel_m: PositiveFloat = 0.5
     """Frames posed by control points must lie this far apart before they give the scale."""
     control_sigma_px: PositiveFloat = 1.0

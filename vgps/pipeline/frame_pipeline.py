@@ -24,7 +24,6 @@ from vgps.tracking.frame_tracker import FrameTracker, TrackingResult
 from vgps.tracking.mapper import Mapper
 from vgps.tracking.relocaliser import Relocaliser
 
-_MAX_FAILURES = 3  # of stage C in a row, after which a new map begins
 _MAX_REASON = 200  # characters of an error in a warning
 
 
@@ -206,8 +205,8 @@ class FramePipeline:
         else:
             builder.failures = 0
             self._apply(outcome)
-        if builder.failures >= _MAX_FAILURES:
-            self.warnings.append(f"stage C failed {_MAX_FAILURES} times in a row: a new map begins")
+        if builder.failures >= self._config.window.max_failures:
+            self.warnings.append(f"stage C failed {builder.failures} times in a row: a new map begins")
             self._current = None
         builder.relocaliser = None  # it holds the previous positions
 

@@ -21,8 +21,6 @@ from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
 
-_HELD_SHARE = 0.02  # of the path, between the two frames that fix place and scale without GPS
-
 
 def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
     """Return the pose of every frame of a recording, in world coordinates.
@@ -89,7 +87,7 @@ def _held_frames(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Boo
         return None
     poses = merged.scene.poses
     distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
-    second = 1 + int(np.searchsorted(distance, _HELD_SHARE * distance[-1]))
+    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
     return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
 
 

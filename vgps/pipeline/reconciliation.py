@@ -10,8 +10,6 @@ from vgps.mapping.zero_motion import scaled_pose
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, refine_pose
 
-_MIN_FEATURES = 12  # a frame with fewer keeps its tracked motion
-
 
 @dataclass(frozen=True)
 class Reconciliation:
@@ -37,6 +35,7 @@ class _FramePoser:
     features: _Features
     K: FloatArray
     inlier_px: float
+    min_features: int
 
     def pose(self, ids: IntArray, uv_px: FloatArray, start: FloatArray) -> FloatArray:
         """Return a frame's pose by its observations (n, 2) of features (n,), or ``start`` if they are too
@@ -45,14 +44,16 @@ class _FramePoser:
         ids, uv_px = ids[refined], uv_px[refined]
         matches = Correspondences(self.features.points[ids], uv_px)
         inliers = matches.inliers(self.K, start, self.inlier_px)
-        if inliers.sum() < _MIN_FEATURES:
+        if inliers.sum() < self.min_features:
             return start
         mu = 0.5 / self.features.sigma_px[ids[inliers]] ** 2
         pose, _ = refine_pose(self.K, start, matches.where(inliers), mu)
         return pose
 
 
-def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: float) -> Reconciliation:
+def reconcile(
+    refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: float, min_features: int
+) -> Reconciliation:
     """Return how a map changes so that it agrees with a refined snapshot of itself.
 
     Frames added since the snapshot keep their motion, at the scale that the features have now, and are then
@@ -64,6 +65,7 @@ def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
         local_map: The map; it may have grown and may have discarded its oldest frames and features.
         K: (3, 3).
         inlier_px: Limit of the reprojection error of observations that pose a frame.
+        min_features: A frame with fewer refined features keeps its tracked motion.
     """
     newest = refined.next_frame - 1
     discarded = local_map.discarded_features - refined.discarded_features
@@ -75,7 +77,9 @@ def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: 
     poses = local_map.poses.copy()
     count = newest + 1 - local_map.first_frame
     poses[:count] = refined.poses[local_map.first_frame - refined.first_frame :]
-    poses = _pose_later_frames(local_map, poses, count, scale, _FramePoser(features, K, inlier_px))
+    poses = _pose_later_frames(
+        local_map, poses, count, scale, _FramePoser(features, K, inlier_px, min_features)
+    )
     positioned = np.isfinite(local_map.points[:, 0])
     ids = np.flatnonzero(positioned)
     update = MapUpdate(

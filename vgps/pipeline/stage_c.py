@@ -10,9 +10,6 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.drift_correction import correct_drift, undo_bending
 from vgps.smoothing.window import contradicts, optimise_window
 
-_CORRECTED_TOLERANCE = 5.0  # a corrected path fits no long track well, and the window needs long tracks
-_BEND_S = 1.0  # the path begins to bend this long before a wrong fix
-
 
 class StageC:
     """Stage C of one map after another.
@@ -47,7 +44,7 @@ class StageC:
             corrected = local_map.aligned and self._correct(local_map, fix_buffer, until_s)
         with self._timer.measure("window" + suffix):
             fixes, antenna = fix_buffer.believed(until_s), fix_buffer.sensors.prior_antenna
-            tolerance = _CORRECTED_TOLERANCE if corrected else 1.0
+            tolerance = self._context.config.window.corrected_tolerance if corrected else 1.0
             result = optimise_window(local_map, fixes, antenna, self._context, tolerance)
             local_map.apply(result.update)
         self._used_until_s = until_s
@@ -69,7 +66,7 @@ class StageC:
             return False
         rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self._used_until_s)
         if rejected_s < until_s:
-            local_map.apply(undo_bending(local_map, rejected_s - _BEND_S))
+            local_map.apply(undo_bending(local_map, rejected_s - config.window.bend_s))
         if not contradicted():
             return False
         local_map.apply(correct_drift(local_map, fix_buffer.believed(until_s), antenna, config, since_s))

@@ -84,6 +84,7 @@ class WindowWorker:
         self, local_map: LocalMap, refined: LocalMap, fix_buffer: FixBuffer, warnings: tuple[str, ...]
     ) -> WindowOutcome:
         self._fix_buffer.update_from(fix_buffer)
-        inlier_px = self._context.config.tracking.inlier_px
-        reconciliation = reconcile(refined, local_map, self._context.K, inlier_px)
+        config = self._context.config
+        limits = config.tracking.inlier_px, config.window.min_features
+        reconciliation = reconcile(refined, local_map, self._context.K, *limits)
         return WindowOutcome(local_map, reconciliation, warnings)

@@ -10,9 +10,6 @@ from vgps.config import StartConfig
 from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray
 
-_PLACES = 6
-_LOSS_SCALE = 1.0  # in region sizes: beyond its region a fix counts less and less
-
 
 @dataclass(frozen=True)
 class Alignment:
@@ -45,7 +42,7 @@ def align(
     if len(world_p_fix) < config.min_fixes:
         return None
     radius = float(np.median(region_m[:, 0]))
-    travel = _travel(world_p_fix, max(radius, config.min_travel_m / 4.0))
+    travel = _travel(world_p_fix, max(radius, config.min_travel_m / 4.0), config.min_places)
     if travel < max(config.min_travel_m, config.min_travel_ratio * radius):
         return None
     start = _level_start(map_T_camera, world_p_fix)
@@ -61,7 +58,9 @@ def align(
         level = (rotation @ map_T_camera[:, :3, [0, 2]].mean(axis=0))[2] / level_sigma
         return np.append(np.linalg.norm(offset, axis=1), level)
 
-    best = least_squares(residual, start, loss="cauchy", f_scale=_LOSS_SCALE, x_scale="jac", max_nfev=200)
+    best = least_squares(
+        residual, start, loss="cauchy", f_scale=config.robust_regions, x_scale="jac", max_nfev=200
+    )
     scale, rotation, place = _unpack(best.x)
     path = scale * map_T_camera[:, :3, 3]
     straight = _roll_sigma_rad(path - path.mean(axis=0), region_m) > np.radians(config.level_sigma_deg)
@@ -94,10 +93,10 @@ def _main_axis(spread: FloatArray) -> FloatArray:
     return np.asarray(right[0])
 
 
-def _travel(world_p_fix: FloatArray, cell_m: float) -> float:
+def _travel(world_p_fix: FloatArray, cell_m: float, min_places: int) -> float:
     """Return how far the fixes spread, robust to single wrong ones; where the camera stood counts once."""
     places = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
-    if len(places) < _PLACES:  # beside a stop, wrong fixes might be half of them
+    if len(places) < min_places:  # beside a stop, wrong fixes might be half of them
         places = world_p_fix
     return 2.0 * float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
 

@@ -24,8 +24,6 @@ from vgps.smoothing.factor_graph import (
 from vgps.smoothing.variance_components import balanced
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
-_FIRST_TOLERANCE = 5.0
-
 
 def optimise_batch(
     scene: Scene,
@@ -110,7 +108,7 @@ def _with_time_offset(estimate: _Estimate, fixes: Fixes) -> tuple[_Estimate, tup
 def _solve_round(estimate: _Estimate, fixes: Fixes, fixed: BoolArray | None, round_: _Round) -> SolvedBatch:
     """Build and solve the problem of a round."""
     context, batch = estimate.context, estimate.context.config.batch
-    kept, sigma = select_observations(estimate.scene, context, _FIRST_TOLERANCE if round_.first else 1.0)
+    kept, sigma = select_observations(estimate.scene, context, batch.first_tolerance if round_.first else 1.0)
     in_time, sensors = estimate.believed(fixes), estimate.sensors
     graph = gps_and_motion(kept, in_time, sensors, context, round_.n)
     problem = build_problem(kept, np.nan_to_num(sigma, nan=1.0), graph, context, fixed, sensors.shared())

@@ -27,7 +27,7 @@ from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
 
-_LEVEL_FRAMES = 20
+_LEVEL_FRAMES = 20  # among which the one prior is shared out; how many does not change its weight
 _POSITION_LIMIT = 1e5  # in map units: points further away are rounding
 
 

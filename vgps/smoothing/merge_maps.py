@@ -23,8 +23,6 @@ from vgps.smoothing.map_alignment import find_alignment
 from vgps.smoothing.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 
-_EDGE_FRAMES = 5  # from which the velocity at the end of a map is taken
-
 
 @dataclass(frozen=True, kw_only=True)
 class MergedMaps:
@@ -65,7 +63,7 @@ def merge_maps(
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
     georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
-    warnings += _continue_maps(maps, t_s)
+    warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
     assessment = FixAssessment.none(len(fixes))
     in_time = fixes.earlier(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
@@ -138,7 +136,7 @@ def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
     )
 
 
-def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray) -> list[str]:
+def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int) -> list[str]:
     """Let maps that no fix aligns go on where their neighbour ended, at its velocity; return warnings."""
     warnings = []
     order = sorted(
@@ -148,7 +146,8 @@ def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray) -> list[str]:
         if maps[k].aligned:
             continue
         before = k > 0 and maps[k - 1].aligned
-        to_world = _continuation(maps[k], maps[k - 1] if before else maps[k + 1], t_s, before)
+        neighbour = maps[k - 1] if before else maps[k + 1]
+        to_world = _continuation(maps[k], neighbour, t_s, before, edge_frames)
         maps[k].apply(MapUpdate(similarity=to_world, aligned=True))
         first, last = maps[k].first_posed, maps[k].next_frame - 1
         warnings.append(
@@ -158,19 +157,21 @@ def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray) -> list[str]:
     return warnings
 
 
-def _continuation(local_map: LocalMap, neighbour: LocalMap, t_s: FloatArray, after: bool) -> Similarity:
+def _continuation(
+    local_map: LocalMap, neighbour: LocalMap, t_s: FloatArray, after: bool, edge_frames: int
+) -> Similarity:
     """Return the similarity by which a map continues the motion of its neighbour."""
     at = local_map.first_posed if after else local_map.next_frame - 1
     edge = neighbour.next_frame - 1 if after else neighbour.first_posed
     inner = (
-        max(neighbour.first_posed, edge - _EDGE_FRAMES)
+        max(neighbour.first_posed, edge - edge_frames)
         if after
-        else min(neighbour.next_frame - 1, edge + _EDGE_FRAMES)
+        else min(neighbour.next_frame - 1, edge + edge_frames)
     )
     ahead = (
-        min(local_map.next_frame - 1, at + _EDGE_FRAMES)
+        min(local_map.next_frame - 1, at + edge_frames)
         if after
-        else max(local_map.first_posed, at - _EDGE_FRAMES)
+        else max(local_map.first_posed, at - edge_frames)
     )
     velocity = (neighbour.pose(edge)[:3, 3] - neighbour.pose(inner)[:3, 3]) / (t_s[edge] - t_s[inner])
     own = (local_map.pose(ahead)[:3, 3] - local_map.pose(at)[:3, 3]) / (t_s[ahead] - t_s[at])

@@ -23,9 +23,6 @@ from vgps.smoothing.factor_graph import (
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
-_SHARED_BY = 3  # fixes at least
-_ROUGH = 3  # times as many iterations, where the start is rough
-
 
 @dataclass(frozen=True)
 class WindowResult:
@@ -79,7 +76,7 @@ def optimise_window(
             fixed[[0, _farthest_of_first_views(scene.poses)]] = True
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
     settings = SolverSettings(
-        max_iterations=config.window.iterations * (1 if tolerance == 1.0 else _ROUGH),
+        max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
         relative_tolerance=config.batch.relative_tolerance,
     )
     solved = solve(problem, settings)
@@ -120,7 +117,7 @@ def contradicts(
     window_m = path.length_m * min(1.0, config.window.length_frames / len(path))
     if (beyond > config.window.tolerated_drift * window_m).any():
         return True
-    if rows.sum() < _SHARED_BY:
+    if rows.sum() < config.window.min_shared_fixes:
         return False
     # a small offset that all fixes share is none of theirs: the held frames would keep it for good
     shared = offset.mean(axis=0)
