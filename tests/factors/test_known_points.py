@@ -11,7 +11,6 @@ A, B, C = (gtsam.symbol("x", k) for k in range(3))
 K = np.array([[500.0, 0, 320], [0, 480, 240], [0, 0, 1]])
 POINTS = np.array([[1.0, 0.5, 8], [-2, 1, 12], [0.3, -0.7, 5], [3, 2, 20]])
 small = arrays(np.float64, 6, elements=st.floats(-0.2, 0.2))
-twists = arrays(np.float64, 6, elements=st.floats(-1, 1))
 
 
 def values_of(*poses):
