@@ -19,15 +19,15 @@
 #
 # | step | what | ablation |
 # |---|---|---|
-# | A | the gyro turns the last *estimated* pose to this frame | |
+# | A | the gyro rotates the last *estimated* pose to this frame | |
 # | B | landmarks are chosen where the prediction puts them | (1) where the last pose puts them |
-# | C | their templates are blurred along the motion that the gyro saw | (2) templates as stored |
+# | C | their templates are blurred along the motion that the gyro measured | (2) templates as stored |
 # | D | each is searched by normalised cross-correlation in a window by its depth | (3) one window for all |
 # | E | RANSAC, PnP, least reprojection error | |
 #
-# Here the experiment is made small: a street is simulated, walked slowly and sharply, then again with the
-# shutter open all the time while the camera swings at up to 120 deg/s. `scripts/experiments/matsuda/rates.py`
-# does the same for rates from 0 to 300 deg/s, `scripts/experiments/matsuda/table1.py` on a real drive.
+# Here the experiment is small: a street is simulated and walked slowly with a sharp camera, then again with
+# the shutter open all the time while the camera swings at up to 120 deg/s. The same for rates from 0 to
+# 300 deg/s is `scripts.experiments.matsuda.rates`, and on a real drive `scripts.experiments.matsuda.table1`.
 
 # %%
 import tempfile
@@ -162,7 +162,7 @@ for name, changes in VARIANTS.items():
         tracker = Localizer(recording, opened, settings)
         results[name] = [tracker.add(frame.t_s, tracker.undistort(frame.gray)) for frame in frames]
 
-figure, (seen, off) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+figure, (counts, errors) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
 for name, tracked in results.items():
     error = np.array(
         [np.linalg.norm(f.world_T_camera[:3, 3] - t[:3, 3]) for f, t in zip(tracked, truth, strict=True)]
@@ -171,12 +171,12 @@ for name, tracked in results.items():
     held = followed & (error < 0.5)
     count = np.array([len(f.observations) for f in tracked]) * held
     order = np.argsort(rate_deg_s)
-    seen.plot(rate_deg_s[order], count[order], ".", label=name)
-    off.semilogy(np.arange(len(tracked)), np.where(held, error, np.nan), ".-", lw=0.8, label=name)
+    counts.plot(rate_deg_s[order], count[order], ".", label=name)
+    errors.semilogy(np.arange(len(tracked)), np.where(held, error, np.nan), ".-", lw=0.8, label=name)
     print(f"{name:32} {held.sum()} of {len(held)} frames held, median error {np.median(error[held]):.3f} m")
-seen.set(xlabel="angular rate [deg/s]", ylabel="landmarks that agree", title="Landmarks per frame (Fig. 4)")
-off.set(xlabel="frame", ylabel="position error [m]", title="Frames held")
-off.legend(fontsize=7)
+counts.set(xlabel="angular rate [deg/s]", ylabel="landmarks that agree", title="Landmarks per frame (Fig. 4)")
+errors.set(xlabel="frame", ylabel="position error [m]", title="Frames held")
+errors.legend(fontsize=7)
 plt.show()
 
 # %%

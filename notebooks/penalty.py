@@ -105,7 +105,7 @@ plt.show()
 # A walk of a minute along a bend. The video gives the motion from second to second, with a drift in scale
 # and heading as tracking has it. GPS has RTK-fix for eight seconds at both ends and RTK-float between,
 # whose error is a Gauss-Markov process about a bias, with the constants of a real receiver
-# (`scripts/tools/fit_gps_errors.py`). The only difference between the estimates is the penalty.
+# (`scripts.tools.fit_gps_errors`). The only difference between the estimates is the penalty.
 
 # %%
 SECONDS, ENDS = 60, 8
@@ -113,20 +113,20 @@ rng = np.random.default_rng(3)
 
 
 def walk() -> list[gtsam.Pose3]:
-    """True poses, one a second: 1 m/s, round a bend of 90 degrees."""
+    """Return true poses, one per second: 1 m/s, round a bend of 90 degrees."""
     heading = np.radians(90) / (1 + np.exp(-(np.arange(SECONDS) - 30) / 4.0))
-    way = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading), 0.02 * np.ones(SECONDS)]), axis=0)
-    return [gtsam.Pose3(gtsam.Rot3.Yaw(a), p) for a, p in zip(heading, way, strict=True)]
+    path = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading), 0.02 * np.ones(SECONDS)]), axis=0)
+    return [gtsam.Pose3(gtsam.Rot3.Yaw(a), p) for a, p in zip(heading, path, strict=True)]
 
 
 def video(truth: list[gtsam.Pose3]) -> list[gtsam.Pose3]:
-    """Motions from second to second; scale and heading drift, which is what a camera alone cannot see."""
+    """Return motions from second to second whose scale and heading drift, as a camera's do."""
     scale = 1 + np.cumsum(0.005 * rng.standard_normal(SECONDS))
-    turn = 0.002 * rng.standard_normal((SECONDS, 3))
+    rotation = 0.002 * rng.standard_normal((SECONDS, 3))
     motions = [a.between(b) for a, b in pairwise(truth)]
     return [
         gtsam.Pose3(m.rotation().compose(gtsam.Rot3.Expmap(w)), s * m.translation())
-        for m, s, w in zip(motions, scale, turn, strict=False)
+        for m, s, w in zip(motions, scale, rotation, strict=False)
     ]
 
 
@@ -155,7 +155,7 @@ fixes = fixes + ANTENNA  # these poses are upright
 
 # %%
 def penalty(kind: str, name: FixClass, n: int) -> Cylinder | Ellipsoid | Gaussian:
-    """The penalty of a fix of that class."""
+    """Return the penalty of a fix of that class."""
     region = Config().gps.regions[name]
     if kind == "cylinder":
         return Cylinder(region.r_m, region.h_m, n, OMEGA)
@@ -165,7 +165,7 @@ def penalty(kind: str, name: FixClass, n: int) -> Cylinder | Ellipsoid | Gaussia
 
 
 def graph_of(kind: str, n: int) -> gtsam.NonlinearFactorGraph:
-    """Motions of the video and a penalty for every fix."""
+    """Return the motions of the video and a penalty for every fix."""
     graph = gtsam.NonlinearFactorGraph()
     noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([0.003, 0.02], 3))
     for k, motion in enumerate(motions):
@@ -176,7 +176,7 @@ def graph_of(kind: str, n: int) -> gtsam.NonlinearFactorGraph:
 
 
 def values_of(poses: list[gtsam.Pose3]) -> gtsam.Values:
-    """Poses as GTSAM has them."""
+    """Return poses as GTSAM has them."""
     values = gtsam.Values()
     for k, pose in enumerate(poses):
         values.insert(k, pose)
@@ -184,7 +184,7 @@ def values_of(poses: list[gtsam.Pose3]) -> gtsam.Values:
 
 
 def solve(kind: str, n: int, start: gtsam.Values, staged: bool = True) -> tuple[gtsam.Values, int]:
-    """Levenberg-Marquardt with the exponent raised in stages; the optimum and its iterations."""
+    """Return the optimum and the iterations of Levenberg-Marquardt with the exponent raised in stages."""
     values, iterations = start, 0
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(200)
@@ -197,12 +197,12 @@ def solve(kind: str, n: int, start: gtsam.Values, staged: bool = True) -> tuple[
 
 
 def path(values: gtsam.Values) -> np.ndarray:
-    """Positions (N, 3)."""
+    """Return positions (N, 3)."""
     return np.array([values.atPose3(k).translation() for k in range(SECONDS)])
 
 
 def error_m(values: gtsam.Values) -> np.ndarray:
-    """Distances from the truth (N,)."""
+    """Return distances from the truth (N,)."""
     return np.linalg.norm(path(values) - path(values_of(truth)), axis=1)
 
 
@@ -232,13 +232,13 @@ over_time.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The Gaussian leans to the float solution wherever it wanders, since it takes the receiver's sigma for the
-# truth. The region models go straight on with the video, and the RTK-fix at both ends holds them. Cylinder
+# The Gaussian follows the float solution wherever it wanders, since it believes the receiver's sigma. The
+# region models follow the video, and the RTK-fix at both ends holds them. Cylinder
 # and ellipsoid hardly differ, as in Table 6 of the thesis.
 #
 # ## What $n$ does
 #
-# With a larger $n$ the video has its way further from the fix, and a path that the video would put outside
+# With a larger $n$ the video decides farther from the fix, and a path that the video would put outside
 # is stopped more sharply at the wall. The estimates differ by centimetres: it is the *size* of the region,
 # which a survey measures, that matters, not the shape of its wall. Even $n = 1$, a Gaussian as wide as the
 # region, does well here; it is the one that a constant bias still moves. A small $n$ is easier on the
@@ -257,16 +257,16 @@ plt.show()
 # %% [markdown]
 # ## The same optimum from a bad start
 #
-# Gauss-Newton on $a^n$ takes an excess only $1/n$ of the way back in an iteration, and far outside the
-# numbers overflow. The factor therefore goes on as a straight line from where its residual reaches a
+# Gauss-Newton on $a^n$ removes only $1/n$ of an excess in an iteration, and far outside the numbers
+# overflow. The factor therefore goes on as a straight line from where its residual reaches a
 # thousand sigmas, and the exponent is raised in stages, 1, 2, 4, ..., $n$. Below, every start is a path
-# turned by 40 degrees and moved by the distance given; the table has the largest distance between the
+# rotated by 40 degrees and moved by the distance given; the table has the largest distance between the
 # optimum found from there and the one found from the truth.
 
 
 # %%
 def bad_start(distance_m: float) -> gtsam.Values:
-    """The true path turned by 40 degrees and moved that far."""
+    """Return the true path rotated by 40 degrees and moved that far."""
     move = gtsam.Pose3(gtsam.Rot3.Yaw(np.radians(40)), distance_m * np.array([0.6, -0.7, 0.4]))
     return values_of([move.compose(pose) for pose in truth])
 

@@ -53,19 +53,19 @@ scratch = Path(tempfile.mkdtemp())
 
 # %%
 def simulated_log(path: Path) -> Path:
-    """A receiver that stands still: RTK-fix and RTK-float in turns, errors as in `FIX_ERRORS`."""
+    """Write the log of a static receiver: RTK-fix and RTK-float in turns, errors as in `FIX_ERRORS`."""
     rng = np.random.default_rng(0)
     runs = [(FixClass.RTK_FIX if k % 2 else FixClass.RTK_FLOAT, int(rng.integers(20, 60))) for k in range(16)]
     classes = tuple(name for name, count in runs for _ in range(count))
     errors = np.concatenate([gauss_markov(count, 1.0, FIX_ERRORS[name], rng) for name, count in runs])
-    said = np.array([FIX_ERRORS[name].reported_m for name in classes])
+    reported = np.array([FIX_ERRORS[name].reported_m for name in classes])
     t = np.arange(float(len(classes)))
     fixes = SimulatedFixes(
         t_s=t,
         fix_class=classes,
         world_p_antenna=np.zeros((len(t), 3)),
         error_m=errors,
-        reported_m=said,
+        reported_m=reported,
         outlier=np.zeros(len(t), bool),
     )
     path.write_bytes(nmea(fixes, SCENES["walk"]))
@@ -164,7 +164,7 @@ plt.show()
 
 # %%
 def autocorrelation(t_s: np.ndarray, error_m: np.ndarray, most_s: int) -> np.ndarray:
-    """At every lag up to ``most_s`` seconds, over the pairs that there are; NaN where there are none."""
+    """Return it at every lag up to ``most_s`` seconds, over the pairs that there are; NaN without any."""
     second = np.round(t_s - t_s[0]).astype(int)
     series = np.full(second[-1] + 1, np.nan)
     series[second] = error_m
@@ -182,8 +182,8 @@ for axis, (label, shade) in enumerate(
 ):
     axes.plot(lags, autocorrelation(t_s, errors[:, axis], len(lags)), color=shade, lw=1)
     fit = fits[axis]
-    told = f"{label}: {fit.sigma_m:.2f} m ± {100 * fit.sigma_doubt:.0f} %, {fit.correlation_s:.0f} s"
-    axes.plot(lags, np.exp(-lags / fit.correlation_s), "--", color=shade, lw=1, label=told)
+    fitted = f"{label}: {fit.sigma_m:.2f} m ± {100 * fit.sigma_doubt:.0f} %, {fit.correlation_s:.0f} s"
+    axes.plot(lags, np.exp(-lags / fit.correlation_s), "--", color=shade, lw=1, label=fitted)
 axes.axhline(0, color="k", lw=0.8)
 axes.set(xlabel="lag [s]", ylabel="autocorrelation", title=f"{name}: {len(t_s)} epochs")
 axes.legend(fontsize=8)
@@ -209,8 +209,10 @@ figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for epochs, logs, shade in ((len(t_s), 200, "#e9a23b"), (18_000, 8, "#5a6acf")):
     radii = [region(gauss_markov(epochs, 1.0, process, rng), 0.05)[0] for _ in range(logs)]
     low, high = np.quantile(radii, [0.05, 0.95])
-    told = f"{epochs} epochs: 90 % of logs between {low:.1f} and {high:.1f} m"
-    axes.hist(radii, bins=np.linspace(0, 4.5 * sigma_h, 40), density=True, color=shade, alpha=0.6, label=told)
+    label = f"{epochs} epochs: 90 % of logs between {low:.1f} and {high:.1f} m"
+    axes.hist(
+        radii, bins=np.linspace(0, 4.5 * sigma_h, 40), density=True, color=shade, alpha=0.6, label=label
+    )
 axes.axvline(by_class[name].r_m, color="k", lw=1.2, label=f"this log: {by_class[name].r_m:.1f} m")
 axes.set(xlabel="r of RTK-float [m]", yticks=[])
 axes.legend(fontsize=8)

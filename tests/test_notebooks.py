@@ -1,6 +1,7 @@
 """The notebooks run from top to bottom."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -10,23 +11,30 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 
 
 def test_there_are_notebooks() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["fast_rotation", "penalty", "survey", "table6"]
+    names = ["fast_rotation", "penalty", "results", "survey", "table6"]
+    assert [path.stem for path in NOTEBOOKS] == names
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_cell_draws_one_result_at_most(path: Path) -> None:
+    for cell in path.read_text(encoding="utf-8").split("\n# %%"):
+        assert len(re.findall(r"\bload\(\"|read_results\(Path", cell)) <= 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_something(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_notebook_runs_and_shows_something(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It runs as from a clean checkout, in its own folder, where it leaves nothing behind."""
     jupytext = pytest.importorskip("jupytext")
     nbclient = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
     pytest.importorskip("matplotlib_inline")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
     monkeypatch.setenv("VGPS_DATA", os.environ.get("VGPS_DATA", str(ROOT.parent / "shared" / "data")))
     notebook = jupytext.read(path)
-    resources = {"metadata": {"path": str(tmp_path)}}
+    resources = {"metadata": {"path": str(path.parent)}}
+    before = set(path.parent.rglob("*"))
     nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
+    assert {file for file in path.parent.rglob("*") if "__pycache__" not in file.parts} <= before
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     shown = [output for cell in code for output in cell.outputs]
     assert any("image/png" in output.get("data", {}) for output in shown)
