@@ -1,4 +1,4 @@
-"""The page: warnings first, then the result, then what it rests on."""
+"""The HTML page of a run."""
 
 import math
 from importlib.metadata import PackageNotFoundError, version
@@ -8,31 +8,33 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from vgps.report.facts import doubts, outages, unused_reasons, verdict_counts, way_m
-from vgps.report.path_picture import LOOKS, outside_picture, path_picture
-from vgps.report.time_picture import time_picture
+from vgps.report.path_plot import VERDICT_STYLES, fixes_outside, path_plot
+from vgps.report.summary import distance_m, doubted_fixes, outages, unused_reasons, verdict_counts
+from vgps.report.time_plot import time_plot
 from vgps.runtime.timing import sequential_seconds
 from vgps.solution import FrameState, Solution, Verdict
 from vgps.writers.page import embedded, write_page
 
 _STAGES = {
-    "decode": "decoding",
-    "start": "start",
-    "track": "A, tracking",
-    "map": "B, mapping",
-    "window": "C, window",
-    "window beside": "C, window, beside A and B",
+    "decode": "opening the video",
+    "start": "initial map",
+    "track": "A: tracking",
+    "map": "B: mapping",
+    "window": "C: sliding window",
+    "window beside": "C: sliding window, in parallel",
     "wait": "waiting for C",
-    "align": "alignment with fixes",
-    "drift": "drift, verdicts, clock",
-    "drift beside": "the same, beside A and B",
-    "batch": "D, everything",
+    "align": "alignment to the fixes",
+    "drift": "drift, verdicts, time offset",
+    "drift beside": "drift, verdicts, time offset, in parallel",
+    "batch": "D: final optimisation",
 }
-_TERMS = {"video": "video", "poses": "on the poses: fixes, motion, standstills"}
+_TERMS = {"video": "video: reprojection errors", "poses": "poses: fixes, motion, standstills"}
+_MIN_S = 0.05  # shorter stages would be shown as 0.0 s
+_MAX_ROWS = 200  # of the table of fixes
 
 
 class Tile(NamedTuple):
-    """A figure that a reader looks for first."""
+    """A figure at the top of the page."""
 
     name: str
     value: str
@@ -49,25 +51,26 @@ def write_report(solution: Solution, path: Path) -> None:
     Raises:
         RunFolderError: ``path`` is a folder, or cannot be written.
     """
-    total_s = sequential_seconds(solution.seconds)
+    doubted = doubted_fixes(solution)
     values: dict[str, Any] = {
-        "name": "a run" if solution.recording is None else solution.recording.name,
+        "name": "Run" if solution.recording is None else solution.recording.name,
         "solution": solution,
-        "model": solution.config.get("gps", {}).get("model", "not known"),
+        "model": solution.config.get("gps", {}).get("model", "unknown"),
         "warnings": [*solution.warnings, *_skipped(solution)],
-        "tiles": _tiles(solution, total_s),
-        "path": embedded(path_picture(solution)),
-        "outside": outside_picture(solution),
-        "over_time": embedded(time_picture(solution)),
+        "tiles": _tiles(solution),
+        "path": embedded(path_plot(solution)),
+        "outside": fixes_outside(solution),
+        "over_time": embedded(time_plot(solution)),
         "verdicts": list(Verdict),
-        "colours": {verdict: colour for verdict, (colour, _) in LOOKS.items()},
+        "colours": {verdict: colour for verdict, (colour, _) in VERDICT_STYLES.items()},
         "counts": verdict_counts(solution),
-        "doubts": doubts(solution),
+        "doubted": doubted[:_MAX_ROWS],
+        "more_doubted": len(doubted[_MAX_ROWS:]),
         "unused": unused_reasons(solution),
         "outages": outages(solution),
-        "lag": _lag(solution),
+        "time_offset": _time_offset(solution),
         "antenna": _antenna(solution),
-        "energy": _energy(solution),
+        "costs": _costs(solution),
         "terms": _TERMS,
         "seconds": _seconds(solution),
         "config": yaml.safe_dump(dict(solution.config), sort_keys=False, allow_unicode=True),
@@ -77,35 +80,37 @@ def write_report(solution: Solution, path: Path) -> None:
     write_page("vgps.report", values, path)
 
 
-def _tiles(solution: Solution, total_s: float) -> list[Tile]:
+def _tiles(solution: Solution) -> list[Tile]:
     frames, bridged = len(solution.t_s), solution.state.count(FrameState.BRIDGED)
-    long_s = float(solution.t_s[-1] - solution.t_s[0])
+    duration_s = float(solution.t_s[-1] - solution.t_s[0])
     unit = "m" if solution.georeferenced else "units"
     tiles = [
-        Tile("frames posed", str(frames), f"{bridged} of them bridged" if bridged else "all tracked"),
-        Tile("way", f"{_number(float(way_m(solution)[-1]))} {unit}", f"in {long_s:.1f} s of video"),
+        Tile(
+            "frames with a pose", f"{frames:,}", f"{bridged:,} of them bridged" if bridged else "all tracked"
+        ),
+        Tile(
+            "path length",
+            f"{_number(float(distance_m(solution)[-1]))} {unit}",
+            f"in {duration_s:.1f} s of video",
+        ),
     ]
     if solution.gps is not None and solution.fixes is not None:
-        rejected, lowered = (
-            solution.fixes.verdict.count(one) for one in (Verdict.REJECTED, Verdict.DOWN_CLASSED)
-        )
+        rejected, lowered = map(solution.fixes.verdict.count, (Verdict.REJECTED, Verdict.DOWN_CLASSED))
         used = int(solution.fixes.used.sum())
-        note = f"{rejected} rejected, {lowered} down-classed"
-        tiles.append(Tile("fixes used", f"{used} of {len(solution.gps)}", note))
+        note = f"{rejected:,} rejected, {lowered:,} down-classed"
+        tiles.append(Tile("fixes used", f"{used:,} of {len(solution.gps):,}", note))
     sigma = solution.sigma_position_m[np.isfinite(solution.sigma_position_m).all(axis=1)]
     if len(sigma):
-        flat, up = np.median(np.hypot(sigma[:, 0], sigma[:, 1])), np.median(sigma[:, 2])
-        values = f"{_number(float(flat), 2)} · {_number(float(up), 2)} {unit}"
-        tiles.append(Tile("median sigma", values, "horizontal · up, as the run says"))
-    tiles.append(
-        Tile(
-            "landmarks",
-            f"{len(solution.landmarks.sigma_px):,}",
-            f"{len(solution.observations.frame):,} observations",
+        horizontal, vertical = np.median(np.hypot(sigma[:, 0], sigma[:, 1])), np.median(sigma[:, 2])
+        value = f"{_number(float(horizontal), 2)} / {_number(float(vertical), 2)} {unit}"
+        tiles.append(Tile("standard deviation", value, "horizontal / vertical, median"))
+    landmarks, observations = len(solution.landmarks.sigma_px), len(solution.observations.frame)
+    tiles.append(Tile("landmarks", f"{landmarks:,}", f"{observations:,} observations"))
+    total_s = sequential_seconds(solution.seconds)
+    if total_s:
+        tiles.append(
+            Tile("computing time", f"{total_s:.1f} s", f"{duration_s / total_s:.2f} times real time")
         )
-    )
-    note = f"{long_s / total_s:.2f} times real time" if total_s else ""
-    tiles.append(Tile("computed in", f"{total_s:.1f} s", note))
     return tiles
 
 
@@ -115,41 +120,43 @@ def _skipped(solution: Solution) -> list[str]:
     return [f"{solution.gps.source.name}: {note}" for note in solution.gps.skipped]
 
 
-def _lag(solution: Solution) -> str:
-    time_offset_s, sigma_s = solution.sensors.time_offset_s, solution.sensors.time_offset_sigma_s
+def _time_offset(solution: Solution) -> str:
+    offset_s, sigma_s = solution.sensors.time_offset_s, solution.sensors.time_offset_sigma_s
     if math.isfinite(sigma_s):
-        return f"{time_offset_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
-    return f"{time_offset_s:.3f} s (not estimated with the poses)"
+        return f"{offset_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
+    return f"{offset_s:.3f} s (not estimated in stage D)"
 
 
 def _antenna(solution: Solution) -> str:
-    place = " ".join(f"{value:.3f}" for value in solution.camera_p_antenna)
+    position = ", ".join(f"{value:.3f}" for value in solution.camera_p_antenna)
     sigmas = solution.sensors.antenna_sigma_m
     if all(map(math.isfinite, sigmas)):
-        return f"{place} m, standard deviations {' '.join(f'{s:.3f}' for s in sigmas)} m (estimated)"
-    return f"{place} m (as given)"
+        return f"{position} m, standard deviations {', '.join(f'{s:.3f}' for s in sigmas)} m (estimated)"
+    return f"{position} m (as given)"
 
 
-def _energy(solution: Solution) -> list[tuple[str, float, float]]:
+def _costs(solution: Solution) -> list[tuple[str, float, float]]:
+    """Return name and cost before and after stage D of every term and of their sum; empty without stage D."""
     before, after = solution.report.cost_before, solution.report.cost_after
-    terms = list(dict.fromkeys([*before, *after]))
-    rows = [(term, before.get(term, math.nan), after.get(term, math.nan)) for term in terms]
-    return [*rows, ("total", sum(before.values()), sum(after.values()))]
+    names = list(dict.fromkeys([*before, *after]))
+    rows = [(name, before.get(name, math.nan), after.get(name, math.nan)) for name in names]
+    return [*rows, ("total", sum(before.values()), sum(after.values()))] if rows else []
 
 
 def _seconds(solution: Solution) -> list[tuple[str, float, float]]:
-    """Name, seconds and share of every stage, in the order of the method."""
+    """Return name, seconds and share of the total of every stage, in the order of the method."""
     known = [stage for stage in _STAGES if stage in solution.seconds]
     stages = [*known, *(stage for stage in solution.seconds if stage not in _STAGES)]
     total_s = max(sequential_seconds(solution.seconds), 1e-9)
     return [
         (_STAGES.get(stage, stage), solution.seconds[stage], solution.seconds[stage] / total_s)
         for stage in stages
+        if solution.seconds[stage] >= _MIN_S
     ]
 
 
 def _number(value: float, figures: int = 3) -> str:
-    """So many figures, more where a number is large, a dash where it is unknown."""
+    """Format a number with so many significant figures, all digits of its integer part, or a dash for NaN."""
     if not math.isfinite(value):
         return "–"
     digits = 0 if value == 0.0 else figures - 1 - math.floor(math.log10(abs(value)))
@@ -160,4 +167,4 @@ def _version() -> str:
     try:
         return version("vgps")
     except PackageNotFoundError:
-        return "not installed"
+        return "(not installed)"
