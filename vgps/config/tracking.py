@@ -17,7 +17,9 @@ class TrackingConfig(SettingsModel):
     method: Literal["lk", "ssd"] = "lk"
     """Feature matcher: pyramidal Lucas-Kanade, or SSD templates on Harris corners as in the thesis."""
     max_features: PositiveInt = 350
-    """New corners are added while fewer features than this are followed."""
+    """Features followed from frame to frame at most."""
+    refill_share: Share = 0.75
+    """New corners are added once fewer than this share of max_features is followed."""
     min_distance_px: PositiveFloat = 12.0
     """Smallest distance of a new corner from the features already followed."""
     harris_k: float = Field(default=0.04, gt=0.0, lt=0.25)
@@ -28,6 +30,10 @@ class TrackingConfig(SettingsModel):
     """Side of the patch that is matched, for both matchers."""
     pyramid_levels: PositiveInt = 4
     """Levels of the image pyramid of Lucas-Kanade; each halves the resolution of the one before."""
+    first_levels: PositiveInt = 2
+    """LK: levels of the first try, around predictions that are off by a few pixels at most."""
+    first_share: Share = 0.75
+    """LK: features not found at the first try are searched in the whole pyramid if fewer were found."""
     search_px: PositiveInt = 48
     """SSD: half the side of the search window around a feature's previous position (A-2)."""
     rematch_px: PositiveInt = 6
@@ -47,6 +53,10 @@ class TrackingConfig(SettingsModel):
     static_px: PositiveFloat = 0.4
     """A frame adds no view if the median feature moved by less since the last view: the camera stands
     still."""
+    recovery_features: PositiveInt = 1500
+    """Features of a frame at most by which a camera that was lost is found again."""
+    recovery_ratio: Fraction = 0.8
+    """Lowe's ratio: a descriptor matches if its distance is below this times that of the second best."""
 
 
 class MappingConfig(SettingsModel):
@@ -61,6 +71,8 @@ class MappingConfig(SettingsModel):
     """A feature is deleted if its reliability sigma_j (13) is larger."""
     sigma_floor_px: PositiveFloat = 0.3
     """Lower bound of sigma_j, which two or three views would drive to zero."""
+    refine_every: PositiveInt = 5
+    """Views from one triangulation of a feature to the next, once it has a position."""
     max_track_frames: PositiveInt = 60
     """A feature followed for longer goes on as a new one; the solver's cost grows with the square of this."""
     min_views: PositiveInt = 3
@@ -77,6 +89,8 @@ class StartConfig(SettingsModel):
 
     min_flow_px: PositiveFloat = 15.0
     """Median image motion needed between the two views that begin a map."""
+    max_error_px: PositiveFloat = 1.0
+    """Features that fit the two views worse than this are outliers."""
     min_inliers: PositiveInt = 30
     """Features needed that agree with the essential matrix of the two views and lie in front of both."""
     min_parallax_deg: PositiveFloat = Field(default=0.7, lt=180.0)

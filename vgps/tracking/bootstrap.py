@@ -10,8 +10,6 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 
-_MAX_ERROR_PX = 1.0
-
 
 class TwoViewInitializer:
     """Starts a map from its oldest and its newest view, once they have enough parallax."""
@@ -57,7 +55,7 @@ class TwoViewInitializer:
         cameras = np.tile(np.stack([np.eye(4), last_pose]), (len(first), 1, 1))
         start = 2 * np.arange(len(first))
         points, error = triangulate(self._K, cameras, uv, start)
-        good = error.reshape(-1, 2).max(axis=1) < _MAX_ERROR_PX
+        good = error.reshape(-1, 2).max(axis=1) < self._start.max_error_px
         if good.sum() < self._start.min_inliers:
             return None, good
         angle = largest_angle_rad(world_rays(self._K, cameras, uv), start)
@@ -67,7 +65,7 @@ class TwoViewInitializer:
     def _relative_pose(self, first: FloatArray, last: FloatArray) -> FloatArray | None:
         """Return the pose (4, 4) of the last view in the first with a unit baseline, or None."""
         essential, mask = cv2.findEssentialMat(
-            first, last, self._K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=_MAX_ERROR_PX
+            first, last, self._K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=self._start.max_error_px
         )
         if essential is None or essential.shape != (3, 3):
             return None

@@ -9,7 +9,7 @@ from vgps.mapping.control_observations import ControlObservations
 from vgps.model import Camera, ControlPoints, FloatArray, GeodeticPoint
 from vgps.tracking.pose import Correspondences, refine_pose
 
-_MIN_POINTS = 4
+_MIN_POINTS = 4  # three leave several poses
 
 
 def world_controls(

@@ -6,8 +6,8 @@ import numpy as np
 from vgps.config import TrackingConfig
 from vgps.model import FloatArray, GrayImage
 
-_BLOCK_PX = 3
-_MARGIN_PX = 10
+_BLOCK_PX = 3  # over which Harris sums the products of gradients
+_MARGIN_PX = 10  # a patch nearer to the border would leave the image
 
 
 def harris_maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, FloatArray]:

@@ -10,8 +10,6 @@ from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
 
-_REFINE_EVERY = 5  # frames between two triangulations of a feature with a position
-_REFILL_SHARE = 0.75  # of the features, below which new ones are added
 _MIN_VIEWS = 2  # to triangulate a feature
 
 
@@ -26,15 +24,14 @@ class Mapper:
         self._rng = rng
 
     def triangulate_due(self, local_map: LocalMap) -> MapUpdate:
-        """Return first positions of features, and new ones of every fifth feature that has one (19).
+        """Return first positions of features, and new ones of those features whose turn it is (19).
 
         Features whose history is full continue as new ones afterwards.
         """
         view_count = np.isfinite(local_map.views[..., 0]).sum(axis=1)
+        every = self._config.refine_every
         unpositioned = ~local_map.positioned & (view_count >= _MIN_VIEWS)
-        due = local_map.positioned & (
-            local_map.ids % _REFINE_EVERY == local_map.view_frames[-1] % _REFINE_EVERY
-        )
+        due = local_map.positioned & (local_map.ids % every == local_map.view_frames[-1] % every)
         positions = self.triangulate(local_map, np.flatnonzero(unpositioned | due))
         return MapUpdate(positions=positions, renew_full_tracks=True)
 
@@ -78,7 +75,7 @@ class Mapper:
     def new_features(self, local_map: LocalMap, gray: GrayImage) -> MapUpdate:
         """Return new corners (A-1) of the newest view's image ``gray``, if too few features are followed."""
         followed = len(local_map.ids)
-        if followed >= _REFILL_SHARE * self._tracking.max_features:
+        if followed >= self._tracking.refill_share * self._tracking.max_features:
             return MapUpdate()
         count = self._tracking.max_features - followed
         raw = new_corners(gray, local_map.raw_uv_px, count, self._tracking, self._rng)

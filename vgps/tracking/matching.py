@@ -10,8 +10,6 @@ from vgps.config import TrackingConfig
 from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import harris_maxima
 
-_FEW_LEVELS = 2  # of the pyramid, enough if the prediction is off by a few pixels
-_GOOD_SHARE = 0.75  # of the features, found with few levels if the prediction is good
 _MAX_CORNERS = 5000  # the strongest; more are noise and cost time
 
 
@@ -49,8 +47,8 @@ class LucasKanade:
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
         """See :class:`Matcher`."""
-        match = self._flow(previous, current, uv_px, predicted_uv_px, _FEW_LEVELS)
-        if match.found.sum() >= _GOOD_SHARE * len(uv_px):
+        match = self._flow(previous, current, uv_px, predicted_uv_px, self._config.first_levels)
+        if match.found.sum() >= self._config.first_share * len(uv_px):
             return match
         # the prediction is poor: the whole pyramid takes several times as long
         rows = np.flatnonzero(~match.found)

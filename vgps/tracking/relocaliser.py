@@ -9,9 +9,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, FloatArray, GrayImage
 from vgps.tracking.pose import Correspondences, lmeds_pose
 
-_RATIO = 0.8  # Lowe's test between the best and the second best match
-_SCALE_PX = 12.0
-_MAX_FEATURES = 1500
+_SCALE_PX = 12.0  # of the descriptors of tracked features, which have no scale of their own
 
 
 class Relocaliser:
@@ -26,7 +24,7 @@ class Relocaliser:
         local_map: LocalMap,
     ) -> None:
         self._camera, self._config, self._rng = camera, config, rng
-        self._sift = cv2.SIFT.create(nfeatures=_MAX_FEATURES)
+        self._sift = cv2.SIFT.create(nfeatures=config.recovery_features)
         rows = np.flatnonzero(local_map.positioned)
         keypoints = [
             cv2.KeyPoint(float(u), float(v), _SCALE_PX, -1, 0, 0, int(row))
@@ -56,7 +54,9 @@ class Relocaliser:
         if descriptors is None or self._descriptors is None or len(keypoints) < 2:
             return Correspondences(np.zeros((0, 3)), np.zeros((0, 2)))
         pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(self._descriptors, descriptors, k=2)
-        good = [best for best, second in pairs if best.distance < _RATIO * second.distance]
+        good = [
+            best for best, second in pairs if best.distance < self._config.recovery_ratio * second.distance
+        ]
         raw = np.array([keypoints[match.trainIdx].pt for match in good]).reshape(-1, 2)
         uv = undistort(self._camera, raw)
         points = self._points[[match.queryIdx for match in good]]
