@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vgps.camera import distort, undistort
-from vgps.config import TrackingConfig
+from vgps.config import RotationConfig, TrackingConfig
 from vgps.model import Camera, Frame
 from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations, relative_rotation
 
@@ -36,7 +36,7 @@ def test_the_direction_of_a_pan_by_hand():
     uv, moved = two_views([0, angle, 0], NONE)
     middle = two_views([0, angle, 0], NONE, count=1)
     assert middle[1][0, 0] < middle[0][0, 0]
-    first_R_second, _ = relative_rotation(CAMERA.K, uv, moved)
+    first_R_second, _ = relative_rotation(CAMERA.K, uv, moved, RotationConfig())
     # the second camera's forward axis as the first sees it points to the right
     np.testing.assert_allclose(first_R_second[:, 2], [np.sin(angle), 0, np.cos(angle)], atol=1e-6)
 
@@ -45,7 +45,7 @@ def test_the_direction_of_a_pan_by_hand():
 @settings(max_examples=15, deadline=None)
 @given(turn=st.tuples(*[st.floats(-0.12, 0.12)] * 3))
 def test_a_turn_is_found_exactly_however_the_camera_moves(move, turn):
-    first_R_second, _ = relative_rotation(CAMERA.K, *two_views(turn, move))
+    first_R_second, _ = relative_rotation(CAMERA.K, *two_views(turn, move), RotationConfig())
     assert np.abs(error_rad(first_R_second, turn)).max() < 1e-5
 
 
@@ -54,7 +54,7 @@ def test_the_covariance_is_that_of_many_tries(move):
     """Squared errors in units of the covariance have a mean of 3."""
     turn, squared = [0.02, -0.03, 0.01], []
     for seed in range(40):
-        found, covariance = relative_rotation(CAMERA.K, *two_views(turn, move, 0.3, seed))
+        found, covariance = relative_rotation(CAMERA.K, *two_views(turn, move, 0.3, seed), RotationConfig())
         error = error_rad(found, turn)
         squared.append(error @ np.linalg.solve(covariance, error))
     assert 1.0 < np.mean(squared) < 6.0
@@ -64,23 +64,23 @@ def test_a_third_of_wrong_matches_does_no_harm():
     turn = [0.02, -0.03, 0.01]
     uv, moved = two_views(turn, SIDEWAYS, 0.2, 3)
     moved[::3] += np.random.default_rng(4).uniform(-40, 40, moved[::3].shape)
-    found, _ = relative_rotation(CAMERA.K, uv, moved)
+    found, _ = relative_rotation(CAMERA.K, uv, moved, RotationConfig())
     assert np.degrees(np.abs(error_rad(found, turn)).max()) < 0.1
 
 
 def test_features_that_were_lost_are_passed_over():
     uv, moved = two_views([0.02, 0, 0], SIDEWAYS)
     moved[::4] = np.nan
-    found, _ = relative_rotation(CAMERA.K, uv, moved)
+    found, _ = relative_rotation(CAMERA.K, uv, moved, RotationConfig())
     assert np.abs(error_rad(found, [0.02, 0, 0])).max() < 1e-5
 
 
 def test_too_few_features_and_no_rigid_scene_give_nothing():
     uv, moved = two_views([0.02, 0, 0], SIDEWAYS)
-    assert relative_rotation(CAMERA.K, uv[:20], moved[:20]) is None
-    assert relative_rotation(CAMERA.K, uv, np.full_like(moved, np.nan)) is None
+    assert relative_rotation(CAMERA.K, uv[:20], moved[:20], RotationConfig()) is None
+    assert relative_rotation(CAMERA.K, uv, np.full_like(moved, np.nan), RotationConfig()) is None
     anywhere = np.random.default_rng(99).uniform(0, 480, moved.shape)
-    assert relative_rotation(CAMERA.K, uv, anywhere) is None
+    assert relative_rotation(CAMERA.K, uv, anywhere, RotationConfig()) is None
 
 
 def texture(seed=5):
@@ -121,7 +121,9 @@ def panned():
 
 def test_turns_from_pictures(panned):
     turns, frames = panned
-    found = frame_rotations(iter(frames), CAMERA, TrackingConfig(), np.random.default_rng(0))
+    found = frame_rotations(
+        iter(frames), CAMERA, TrackingConfig(), np.random.default_rng(0), RotationConfig()
+    )
     assert len(found) == 5 and found.missed == 0
     np.testing.assert_allclose(found.start_s, [0.0, 0.05, 0.1, 0.15, 0.2])
     np.testing.assert_allclose(found.end_s, [0.05, 0.1, 0.15, 0.2, 0.25])
@@ -133,7 +135,9 @@ def test_turns_from_pictures(panned):
 
 def test_frames_too_near_each_other_are_passed_over(panned):
     turns, frames = panned
-    found = frame_rotations(frames, CAMERA, TrackingConfig(), np.random.default_rng(0), min_interval_s=0.09)
+    found = frame_rotations(
+        frames, CAMERA, TrackingConfig(), np.random.default_rng(0), RotationConfig(), min_interval_s=0.09
+    )
     np.testing.assert_allclose(found.start_s, [0.0, 0.1])
     np.testing.assert_allclose(found.end_s, [0.1, 0.2])
     both = (Rotation.from_rotvec(turns[0]) * Rotation.from_rotvec(turns[1])).as_rotvec()
@@ -144,7 +148,7 @@ def test_a_turn_farther_than_a_matcher_looks():
     """A sixth of the picture's width from one frame to the next."""
     turn = [0.0, 0.2, 0.0]
     frames = frames_of([np.eye(3), Rotation.from_rotvec(turn).as_matrix()])
-    found = frame_rotations(frames, CAMERA, TrackingConfig(), np.random.default_rng(0))
+    found = frame_rotations(frames, CAMERA, TrackingConfig(), np.random.default_rng(0), RotationConfig())
     assert len(found) == 1
     assert np.degrees(np.abs(error_rad(found.start_R_end[0], turn)).max()) < 0.1
 
@@ -153,7 +157,7 @@ def test_black_frames_are_missed_and_said(panned):
     _, frames = panned
     black = Frame(2, frames[2].t_s, np.zeros_like(frames[2].gray))
     broken = [*frames[:2], black, *frames[3:]]
-    found = frame_rotations(broken, CAMERA, TrackingConfig(), np.random.default_rng(0))
+    found = frame_rotations(broken, CAMERA, TrackingConfig(), np.random.default_rng(0), RotationConfig())
     assert found.missed == 2
     np.testing.assert_allclose(found.start_s, [0.0, 0.15, 0.2])
 
@@ -177,7 +181,10 @@ def test_a_lens_is_taken_out():
     rays = np.column_stack([(uv - flat.K[:2, 2]) / 500.0, np.ones(200)]) @ R
     moved = rays[:, :2] / rays[:, 2:] * 500.0 + flat.K[:2, 2]
     bent = [distort(lens, pixels) for pixels in (uv, moved)]
-    assert np.degrees(np.abs(error_rad(relative_rotation(flat.K, *bent)[0], turn)).max()) > 0.05
+    assert (
+        np.degrees(np.abs(error_rad(relative_rotation(flat.K, *bent, RotationConfig())[0], turn)).max())
+        > 0.05
+    )
 
     picture = texture()
     undistorted = [view(picture, rotation, flat) for rotation in (np.eye(3), R)]
@@ -185,7 +192,7 @@ def test_a_lens_is_taken_out():
     at = undistort(lens, grid).astype(np.float32).reshape(480, 640, 2)
     images = [cv2.remap(image, at, None, cv2.INTER_CUBIC) for image in undistorted]
     frames = [Frame(i, 0.05 * i, image) for i, image in enumerate(images)]
-    found = frame_rotations(frames, lens, TrackingConfig(), np.random.default_rng(0))
+    found = frame_rotations(frames, lens, TrackingConfig(), np.random.default_rng(0), RotationConfig())
     assert np.degrees(np.abs(error_rad(found.start_R_end[0], turn)).max()) < 0.03
 
 

@@ -5,7 +5,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 
 from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
-from vgps.config.gyro_calibration import GyroCalibrationConfig
+from vgps.config.gyro_calibration import GyroCalibrationConfig, RotationConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
@@ -40,6 +40,7 @@ __all__ = [
     "OutlierConfig",
     "QualityConfig",
     "Region",
+    "RotationConfig",
     "SelectionConfig",
     "SensorsConfig",
     "SettingsModel",

@@ -9,6 +9,21 @@ from vgps.config.base import SettingsModel
 from vgps.config.quantities import Fraction, Share
 
 
+class RotationConfig(SettingsModel):
+    """The rotation between two frames, from their features alone."""
+
+    min_matches: PositiveInt = 30
+    """Features needed in both frames."""
+    min_inlier_share: Share = 0.5
+    """A rotation is rejected if a smaller share of the matches fits one rigid scene."""
+    inlier_px: PositiveFloat = 1.0
+    """Matches whose Sampson distance exceeds this are outliers; also the constant of Cauchy's loss."""
+    sigma_floor_px: PositiveFloat = 0.05
+    """Lower bound of the standard deviation of a match: no matcher is more accurate."""
+    min_response: Share = 0.05
+    """The shift of the whole image is used if the response of phase correlation exceeds this."""
+
+
 class GyroCalibrationConfig(SettingsModel):
     """When a gyro counts as calibrated against the video."""
 
@@ -47,5 +62,6 @@ class GyroCalibrationConfig(SettingsModel):
     """The time offset is not given if its sigma exceeds this."""
     max_bias_sigma_deg_s: PositiveFloat = 0.5
     """The bias is not given if its sigma exceeds this."""
+    rotation: RotationConfig = RotationConfig()
     scale_tolerance: Share = 0.03
     """The focal length is doubted if the video turns by more than this share more or less than the gyro."""

@@ -93,8 +93,15 @@ def calibrate_gyro(
     frames = progress.track(video.frames(), len(video.times_s))
     rng = np.random.default_rng(config.seed)
     with one_blas_thread():
-        least = config.gyro_calibration.min_interval_s
-        rotations = frame_rotations(frames, recording.camera, config.tracking, rng, min_interval_s=least)
+        settings = config.gyro_calibration
+        rotations = frame_rotations(
+            frames,
+            recording.camera,
+            config.tracking,
+            rng,
+            settings.rotation,
+            min_interval_s=settings.min_interval_s,
+        )
         return calibrate_from_rotations(rotations, raw, config.gyro_calibration)
 
 

@@ -14,16 +14,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.camera import undistort
-from vgps.config import TrackingConfig
+from vgps.config import RotationConfig, TrackingConfig
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.corners import new_corners
 from vgps.tracking.matching import make_matcher
 
-_INLIER_PX = 1.0
-_MIN_MATCHES = 30
-_MIN_INLIER_SHARE = 0.5  # of the matches, that agree with one rigid scene
-_SIGMA_FLOOR_PX = 0.05  # no matcher is more accurate
-_MIN_RESPONSE = 0.05  # of phase correlation; noise gives less
 _SHIFT_WIDTH_PX = 200  # approximate width to which images are reduced to find their shift
 _ITERATIONS = 10
 _CONVERGED = 1e-6  # rad
@@ -63,18 +58,20 @@ class RelativeRotations:
 def frame_rotations(
     frames: Iterable[Frame],
     camera: Camera,
-    config: TrackingConfig,
+    tracking: TrackingConfig,
     rng: np.random.Generator,
+    config: RotationConfig,
     *,
     min_interval_s: float = 0.0,
 ) -> RelativeRotations:
     """Return rotations between successive frames that lie at least ``min_interval_s`` apart."""
-    matcher, rows, missed = make_matcher(config), [], 0
+    matcher, rows, missed = make_matcher(tracking), [], 0
     for first, second in _pairs(frames, min_interval_s):
-        uv = new_corners(first.gray, np.zeros((0, 2)), config.max_features, config, rng)
-        match = matcher.match(first.gray, second.gray, uv, uv + _shift(first.gray, second.gray))
+        uv = new_corners(first.gray, np.zeros((0, 2)), tracking.max_features, tracking, rng)
+        shift = _shift(first.gray, second.gray, config.min_response)
+        match = matcher.match(first.gray, second.gray, uv, uv + shift)
         pixels = [undistort(camera, uv[match.found]), undistort(camera, match.uv_px[match.found])]
-        rotation = relative_rotation(camera.K, *pixels)
+        rotation = relative_rotation(camera.K, pixels[0], pixels[1], config)
         if rotation is None:
             missed += 1
         else:
@@ -89,13 +86,14 @@ def frame_rotations(
 
 
 def relative_rotation(
-    K: FloatArray, first_px: FloatArray, second_px: FloatArray
+    K: FloatArray, first_px: FloatArray, second_px: FloatArray, config: RotationConfig
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the rotation between two views of one rigid scene, whether or not the camera moved.
 
     Args:
         K: (3, 3).
         first_px, second_px: (N, 2) the same features in both views, undistorted; rows with NaN are ignored.
+        config: Limits of the matches.
 
     Returns:
         first_R_second (3, 3) and the covariance (3, 3) of its Log in the second camera's axes, marginal over
@@ -103,17 +101,21 @@ def relative_rotation(
     """
     good = np.isfinite(first_px).all(axis=1) & np.isfinite(second_px).all(axis=1)
     first_px, second_px = first_px[good], second_px[good]
-    if len(first_px) < _MIN_MATCHES:
+    if len(first_px) < config.min_matches:
         return None
     rays = [(uv - K[:2, 2]) / (K[0, 0], K[1, 1]) for uv in (first_px, second_px)]
     first, second = (np.column_stack([xy, np.ones(len(xy))]) for xy in rays)
     focal = float(np.sqrt(K[0, 0] * K[1, 1]))
-    starts = [*_essential_matrix_starts(K, first_px, second_px), *_pure_rotation_starts(first, second, focal)]
-    fits = [_refine(*start, first, second, focal) for start in starts]
+    limit = config.inlier_px
+    starts = [
+        *_essential_matrix_starts(K, first_px, second_px, limit),
+        *_pure_rotation_starts(first, second, focal, limit),
+    ]
+    fits = [_refine(*start, first, second, focal, config) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
-    fit = _refine(best.second_R_first, best.direction, first, second, focal, 2 * _ITERATIONS)
+    fit = _refine(best.second_R_first, best.direction, first, second, focal, config, 2 * _ITERATIONS)
     rotation = fit.second_R_first
-    if fit.inlier_share < _MIN_INLIER_SHARE:
+    if fit.inlier_share < config.min_inlier_share:
         return None
     return rotation.T, rotation @ fit.covariance @ rotation.T
 
@@ -128,7 +130,7 @@ def _pairs(frames: Iterable[Frame], min_interval_s: float) -> Iterator[tuple[Fra
         previous = frame
 
 
-def _shift(first: GrayImage, second: GrayImage) -> FloatArray:
+def _shift(first: GrayImage, second: GrayImage, min_response: float) -> FloatArray:
     """Return the shift (2,) of the whole image, which may exceed a matcher's search in a fast rotation."""
     factor = max(1, first.shape[1] // _SHIFT_WIDTH_PX)
     size = (first.shape[1] // factor, first.shape[0] // factor)
@@ -136,14 +138,14 @@ def _shift(first: GrayImage, second: GrayImage) -> FloatArray:
         cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32) for gray in (first, second)
     )
     shift, response = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(size, cv2.CV_32F))
-    return factor * np.array(shift) if response > _MIN_RESPONSE else np.zeros(2)
+    return factor * np.array(shift) if response > min_response else np.zeros(2)
 
 
 def _essential_matrix_starts(
-    K: FloatArray, first_px: FloatArray, second_px: FloatArray
+    K: FloatArray, first_px: FloatArray, second_px: FloatArray, inlier_px: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     essential, _ = cv2.findEssentialMat(
-        first_px, second_px, K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=_INLIER_PX
+        first_px, second_px, K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=inlier_px
     )
     if essential is not None and essential.shape == (3, 3):
         *rotations, direction = cv2.decomposeEssentialMat(essential)
@@ -152,7 +154,7 @@ def _essential_matrix_starts(
 
 
 def _pure_rotation_starts(
-    first: FloatArray, second: FloatArray, focal_px: float
+    first: FloatArray, second: FloatArray, focal_px: float, inlier_px: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield the robust rotation of a camera that does not move, with motion along each axis.
 
@@ -164,7 +166,7 @@ def _pure_rotation_starts(
     for _ in range(_ITERATIONS):
         rotation = Rotation.align_vectors(b, a, weights=weight)[0].as_matrix()
         error = np.linalg.norm(b - a @ rotation.T, axis=1) * focal_px
-        weight = 1 / (1 + (error / max(float(np.median(error)), _INLIER_PX)) ** 2)
+        weight = 1 / (1 + (error / max(float(np.median(error)), inlier_px)) ** 2)
     for direction in np.eye(3):
         yield rotation, direction
 
@@ -186,13 +188,14 @@ def _refine(
     first: FloatArray,
     second: FloatArray,
     focal_px: float,
+    config: RotationConfig,
     iterations: int = 6,
 ) -> _Fit:
     """Minimise the robust Sampson distance over rotation and direction of motion by Gauss-Newton."""
     rotation, information, residual = second_R_first, np.eye(5), np.zeros(len(first))
     for _ in range(iterations):
         jacobian, residual = _sampson(rotation, direction, first, second, focal_px)
-        weight = 1 / (1 + (residual / _INLIER_PX) ** 2)
+        weight = 1 / (1 + (residual / config.inlier_px) ** 2)
         # a pure rotation leaves the direction undetermined; a prior of one radian bounds it
         information = (weight[:, None] * jacobian).T @ jacobian + np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
         information += 1e-9 * np.trace(information) * np.eye(5)
@@ -202,16 +205,23 @@ def _refine(
         direction = direction / np.linalg.norm(direction)
         if np.abs(step).max() < _CONVERGED:
             break
-    inlier = np.abs(residual) < _INLIER_PX
-    behind = _behind(rotation, direction, first, second, focal_px)
-    cost = np.where(behind, 1.0, np.minimum((residual / _INLIER_PX) ** 2, 1.0)).mean()
-    sigma = max(1.4826 * float(np.median(np.abs(residual[inlier]))) if inlier.any() else 1.0, _SIGMA_FLOOR_PX)
+    inlier = np.abs(residual) < config.inlier_px
+    behind = _behind(rotation, direction, first, second, focal_px, config.inlier_px)
+    cost = np.where(behind, 1.0, np.minimum((residual / config.inlier_px) ** 2, 1.0)).mean()
+    sigma = max(
+        1.4826 * float(np.median(np.abs(residual[inlier]))) if inlier.any() else 1.0, config.sigma_floor_px
+    )
     covariance = np.asarray(sigma**2 * np.linalg.inv(information)[:3, :3], np.float64)
     return _Fit(rotation, direction, covariance, float((inlier & ~behind).mean()), float(cost))
 
 
 def _behind(
-    rotation: FloatArray, direction: FloatArray, first: FloatArray, second: FloatArray, focal_px: float
+    rotation: FloatArray,
+    direction: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    focal_px: float,
+    inlier_px: float,
 ) -> BoolArray:
     """Return (N,) whether a feature moved along its epipolar line as if it were behind the cameras."""
     rotated = first @ rotation.T
@@ -219,8 +229,8 @@ def _behind(
     # second = rotated + direction / depth, in the image
     outward = direction[:2] - direction[2] * second[:, :2]
     along = np.sum(parallax * outward, axis=1) / np.maximum(np.linalg.norm(outward, axis=1), 1e-12) * focal_px
-    backward = along < -2 * _INLIER_PX
-    forward = along > 2 * _INLIER_PX
+    backward = along < -2 * inlier_px
+    forward = along > 2 * inlier_px
     # the sign of the direction is arbitrary: most features are in front
     return np.asarray(backward if backward.sum() < forward.sum() else forward)
 
