@@ -63,7 +63,11 @@ plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "fo
 SWING_DEG, PEAK_DEG_S = 40.0, 120.0
 slow = replace(
     SCENES["spin"],
-    **{"width": 300, "height": 200, "focal_px": 260.0, "turns": (), "texture_scale": 0.5},
+    width=300,
+    height=200,
+    focal_px=260.0,
+    bends=(),
+    texture_scale=0.5,
     speed=((0.0, 1.5), (4.0, 1.5)),
     spin_deg_s=30.0,
     spin_period_s=np.pi * SWING_DEG / 30.0,

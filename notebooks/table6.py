@@ -51,7 +51,7 @@ from scripts.experiments.kume_table6.table import (
     ratios_to_gaussians,
 )
 from vgps.compare import METHODS, compare
-from vgps.pipeline.offline import NoProgress
+from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, simulate
 
 plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
@@ -82,7 +82,7 @@ scene = replace(
     texture_scale=0.5,
     fps=10,
     speed=((0.0, 1.2), (12.0, 1.2)),
-    turns=((3.0, 4.0, 50.0),),
+    bends=((3.0, 4.0, 50.0),),
     gps=replace(SCENES["demo"].gps, fix_share=0.2),
 )
 scratch = tempfile.TemporaryDirectory()

@@ -1,5 +1,7 @@
 """The notebooks run from top to bottom."""
 
+import ast
+import importlib
 import os
 import re
 from pathlib import Path
@@ -19,6 +21,17 @@ def test_there_are_notebooks() -> None:
 def test_a_cell_draws_one_result_at_most(path: Path) -> None:
     for cell in path.read_text(encoding="utf-8").split("\n# %%"):
         assert len(re.findall(r"\bload\(\"|read_results\(Path", cell)) <= 1
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_names_that_a_notebook_imports_exist(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        if node.module is not None and node.module.split(".")[0] in {"vgps", "factors", "scripts"}:
+            found = importlib.import_module(node.module)
+            assert all(hasattr(found, name.name) for name in node.names), ast.unparse(node)
 
 
 @pytest.mark.slow
