@@ -16,6 +16,8 @@ class OnlineConfig(SettingsModel):
     """Path and fixes are kept for this long, to judge late fixes and to correct drift when GPS returns."""
     bridge_s: PositiveFloat = 1.0
     """Frames without features go on at constant velocity for this long; then the camera is lost."""
+    correction_m: PositiveFloat = 0.5
+    """A correction that moves the newest pose by at least this is reported as an event."""
     blend_s: PositiveFloat = 2.0
     """Time constant with which the smooth pose approaches the corrected one."""
     blend_m_s: PositiveFloat = 1.0

@@ -10,7 +10,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-MIN_DEPTH = 1e-6
+MIN_DEPTH = 1e-6  # keeps the division by depth finite; what is nearer counts as behind
 
 
 def project(K: FloatArray, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
 _SHIFT = slice(0, 3)
-_CLOCK = 3
+_CLOCK = 3  # place of the time offset among the parameters
 _KNOTS = 4  # parameters before those of the knots
 _HALVINGS = 8  # a guard: of a step that does not lower the cost
 _HELD_M = 1e-3  # prior sigma of a start that is held

@@ -12,7 +12,7 @@ import numpy as np
 from vgps.config import SelectionConfig
 from vgps.model import Camera, Float32Array, FloatArray, IntArray
 
-MIN_DEPTH_M = 0.1
+MIN_DEPTH_M = 0.1  # nearer landmarks project anywhere
 _FAR_M = 1e30  # stands for no limit; within float32
 _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 

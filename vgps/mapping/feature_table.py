@@ -7,7 +7,7 @@ import numpy as np
 from vgps.mapping.map_update import Positions, Similarity
 from vgps.model import FloatArray, IntArray
 
-_GROWTH = 4096
+_GROWTH = 4096  # rows allocated at a time
 
 
 class FeatureTable:

@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from vgps.model import FloatArray
 
-_START = 256
+_START = 256  # rows allocated at first
 
 
 class GrowingArray:

@@ -12,7 +12,7 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations
 
-_ID_STEP = 100
+_ID_STEP = 100  # ids are renumbered by whole steps, not at every frame
 
 
 class LocalMap:

@@ -21,9 +21,9 @@ from vgps.online.gps_messages import ByteStream, Epochs, StreamedFix, messages
 
 _QUIET_S = 0.05  # of silence end an epoch
 _SILENCE_S = 10.0  # after which a connection is made again
-_RETRY_S = (0.2, 5.0)
-_GPSD_PORT = 2947
-_BAUD = 115200
+_RETRY_S = (0.2, 5.0)  # first and longest pause between two attempts
+_GPSD_PORT = 2947  # as assigned by IANA
+_BAUD = 115200  # unless the address names another
 _FORMS = (
     "a serial port (/dev/ttyACM0 or /dev/ttyUSB0@38400), tcp://HOST:PORT, gpsd://HOST or - (standard input)"
 )

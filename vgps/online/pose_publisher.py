@@ -12,7 +12,6 @@ from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
 from vgps.pipeline.frame_pipeline import FramePipeline
 
-_NOTEWORTHY_M = 0.5  # correction of a pose
 _NOWHERE = np.full((4, 4), np.nan)
 
 
@@ -102,7 +101,7 @@ class PosePublisher:
             return []
         self._blender.correct(last.global_T_camera, now)
         moved_m = float(np.linalg.norm(now[:3, 3] - last.global_T_camera[:3, 3]))
-        if moved_m < _NOTEWORTHY_M:
+        if moved_m < self._config.correction_m:
             return []
         return [OnlineEvent(t_s, "corrected", f"the pose was moved by {moved_m:.1f} m", {"moved_m": moved_m})]
 

@@ -28,9 +28,9 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
-_SAME_TIME_S = 1e-6
-_DISCARD_EVERY = 15  # frames
-_GIVE_BACK_EVERY = 300
+_SAME_TIME_S = 1e-6  # a fix that was fed twice differs by rounding
+_DISCARD_EVERY = 15  # frames: discarding costs more than what a few frames hold
+_GIVE_BACK_EVERY = 300  # frames: giving memory back to the system costs milliseconds
 _MAX_WARNINGS = 500  # kept for the result
 _LIVE = Path("live")
 

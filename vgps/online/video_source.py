@@ -14,10 +14,10 @@ from vgps.online.run import TimedImage
 from vgps.readers.luma import luma
 
 _QUEUED = 2  # pictures; when more come than can be posed, older ones are dropped
-_TIMEOUT_S = 10.0
-_RETRY_S = (0.2, 5.0)
+_TIMEOUT_S = 10.0  # of a stream that has gone silent, before it is opened again
+_RETRY_S = (0.2, 5.0)  # first and longest pause between two attempts
 _BACKLOG_S = 3.0  # for at most so long, pictures that a stream had stored are skipped
-_MIN_STEP_S = 1e-4
+_MIN_STEP_S = 1e-4  # between two pictures whose time stamps stand still or go back
 # FFmpeg would look at a stream for five seconds first
 _LOW_LATENCY = {
     "fflags": "nobuffer",

@@ -15,7 +15,7 @@ from vgps.tracking.frame_tracker import TrackingResult
 from vgps.tracking.relocaliser import Relocaliser
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
-_MIN_SIGMA = 1e-6
+_MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; beyond it the velocity is not trusted
 
 

@@ -20,7 +20,7 @@ from vgps.tracking.corners import new_corners
 from vgps.tracking.matching import make_matcher
 
 _SHIFT_WIDTH_PX = 200  # approximate width to which images are reduced to find their shift
-_ITERATIONS = 10
+_ITERATIONS = 10  # a guard: from a fair start a few steps suffice
 _CONVERGED = 1e-6  # rad
 
 
