@@ -3,6 +3,7 @@
 import ast
 import importlib
 import json
+import os
 import re
 from pathlib import Path
 
@@ -18,6 +19,13 @@ DOCUMENTS = [
     *ROOT.glob("*.md"),
     *(file for room in ("vgps", "factors", "scripts") for file in (ROOT / room).rglob("README.md")),
 ]
+
+
+def exists(path: Path) -> bool:
+    """Return whether a file of the project exists; its packages may be those that the wheel installed."""
+    inside = Path(os.path.normpath(path)).relative_to(ROOT)
+    home = Path(next(iter(vgps.__path__))).parent if inside.parts[0] in {"vgps", "factors"} else ROOT
+    return (home / inside).exists()
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -62,16 +70,6 @@ def test_readme_quotes_the_measured_accuracy() -> None:
     assert len(cells) == 5 and not measured["dirty"]
 
 
-def test_walk_of_contributing_names_files_that_exist() -> None:
-    walk = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("## A stranger's walk")[1]
-    files = set(re.findall(r"`([\w/]+\.(?:py|md))`", walk))
-    packages = Path(next(iter(vgps.__path__))).parent  # where the wheel was installed, if it was
-    elsewhere = {"factors/": packages, "scripts/": ROOT, "tests/": ROOT}
-    homes = {file: elsewhere.get(file.split("/")[0] + "/", packages / "vgps") for file in files}
-    gone = [file for file, home in homes.items() if not (home / file).exists()]
-    assert len(files) > 20 and not gone
-
-
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
 def test_names_in_code_blocks_exist(document: Path) -> None:
     for block in blocks(document.read_text(encoding="utf-8"), "python"):
@@ -79,3 +77,13 @@ def test_names_in_code_blocks_exist(document: Path) -> None:
             if isinstance(node, ast.ImportFrom) and node.module:
                 module = importlib.import_module(node.module)
                 assert all(hasattr(module, name.name) for name in node.names), ast.unparse(node)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_links_and_named_modules_exist(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#]+)[^)]*\)", text) if "://" not in link]
+    assert [link for link in links if not exists(document.parent / link)] == []
+    modules = re.findall(r"`([\w/]+\.py)`", text)
+    homes = (document.parent, ROOT / "vgps", ROOT)
+    assert [name for name in modules if not any(exists(home / name) for home in homes)] == []
