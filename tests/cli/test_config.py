@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 
 from vgps.config import Config, read_config
@@ -26,3 +29,17 @@ def test_a_setting_of_any_part_is_refused_by_every_verb_in_one_line(vgps_verb, t
     code, out, error = vgps_verb(*verb.split(), tmp_path, *extra, "--out", tmp_path / "out", "--config", file)
     assert (code, out) == (2, "")
     assert error == (f"vgps: {file}, key localization.min_inlier_share: found 30; expected less than 1\n")
+
+
+def test_an_old_name_is_one_line_on_standard_error_that_gives_the_present_one(tmp_path):
+    # in a process of its own: pytest keeps log messages to itself
+    file = tmp_path / "c.yaml"
+    file.write_text("judge: {tail_size: 3}\n")
+    words = ["survey", tmp_path / "none.nmea", "--out", tmp_path / "s.yaml", "--config", file]
+    done = subprocess.run(
+        [sys.executable, "-m", "vgps", *map(str, words)], capture_output=True, text=True, check=False
+    )
+    warning, error = done.stderr.splitlines()
+    assert warning == f"{file}: setting judge is now called outliers"
+    assert error.startswith("vgps: ") and "none.nmea" in error
+    assert (done.returncode, done.stdout) == (2, "")
