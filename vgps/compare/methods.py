@@ -1,4 +1,4 @@
-"""One front end run, stage D once per GPS model: only the model differs."""
+"""Comparison of the GPS models: one front end run, stage D once per model."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -35,19 +35,20 @@ METHODS = (
     Method("cylinder (16)", "cylinder"),
     Method("Cauchy on (15)", "cauchy"),
 )
-_FIRST_FRAMES = 30  # whose true poses give a video alone its place, as control points do in Kume 2010
+_FIRST_FRAMES = 30  # their true poses place the run without GPS, as control points do in Kume 2010
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What came out.
+    """Results of several methods on one recording.
 
     Attributes:
-        recording: Which.
-        truth: The true path, in the world of the runs.
-        evaluations, paths: By method, in the order asked for; (F, 3) camera centres.
+        recording: The recording's folder.
+        truth: The true path in the world of the runs.
+        evaluations: Errors by name of the method, in the order of the methods.
+        paths: (F, 3) camera centres by name of the method.
         world_p_fix: (M, 3) the fixes.
-        seconds: Of stage D, by method.
+        seconds: Seconds of stage D by name of the method.
     """
 
     recording: Path
@@ -65,20 +66,20 @@ def compare(
     progress: Progress,
     methods: Sequence[Method] = METHODS,
 ) -> Comparison:
-    """Run the front end once, stage D for every method, and evaluate them all.
+    """Run the front end once and stage D for every method, and evaluate the results.
 
-    The video alone has a front end of its own, which sees no fix; the poses of its first frames put it into
-    the world.
+    The method without GPS has a front end run of its own; it is placed in the world by the true poses of its
+    first frames.
 
     Args:
-        recording: With a GPS log.
-        truth: TUM file in ENU; a ``rig.yaml`` beside it names its origin and clock.
-        config: Of everything but the GPS model.
-        progress: Shows how far it is.
-        methods: Which.
+        recording: A recording with a GPS log.
+        truth: TUM file in ENU; a ``rig.yaml`` beside it may give its origin and clock.
+        config: All settings but the GPS model.
+        progress: Reports the progress.
+        methods: The methods.
 
     Raises:
-        VgpsError: The recording does not determine the answer, or the truth is of another one.
+        VgpsError: The recording does not determine the answer, or the truth belongs to another one.
     """
     rig = rig_beside(truth)
     true = read_trajectory(truth, video_start_s=rig.video_start_s)
@@ -87,15 +88,22 @@ def compare(
     for front, method in front_ends(recording, config, progress, methods):
         progress.stage(f"stage D: {method.name}")
         solution = optimise_all(front, config.with_gps(method.model))
-        check_world(solution.world_origin, rig.world_origin, truth)
+        check_origin(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":
-            solution = _placed(solution, true)
+            solution = _place(solution, true)
         evaluations[method.name] = evaluate(solution, true)
         paths[method.name] = solution.world_T_camera[:, :3, 3]
         seconds[method.name] = solution.seconds["batch"]
         if solution.fixes is not None:
             fixes = solution.fixes.world_p_fix
-    return Comparison(recording.path, true, evaluations, paths, fixes, seconds)
+    return Comparison(
+        recording=recording.path,
+        truth=true,
+        evaluations=evaluations,
+        paths=paths,
+        world_p_fix=fixes,
+        seconds=seconds,
+    )
 
 
 def front_ends(
@@ -103,8 +111,7 @@ def front_ends(
 ) -> Iterable[tuple[FrontEnd, Method]]:
     """Yield every method with its front end.
 
-    All share one run, made with the model of ``config``, but for the video alone, whose front end sees no
-    fix.
+    All share one run with the model of ``config``, except the method without GPS, whose run gets no fix.
 
     Raises:
         VgpsError: The recording does not determine the answer.
@@ -118,27 +125,30 @@ def front_ends(
         yield shared, method
 
 
-def _placed(solution: Solution, true: Trajectory) -> Solution:
-    """Moved, turned and scaled so that the first frames lie where they truly were."""
+def _place(solution: Solution, true: Trajectory) -> Solution:
+    """Return the solution after the similarity that brings its first frames to their true poses."""
     e, t = match_times(solution.t_s, true.t_s, float(np.median(np.diff(solution.t_s))) / 2)
     e, t = e[:_FIRST_FRAMES], t[:_FIRST_FRAMES]
     if len(e) < 2:
-        raise TrajectoryError("the truth has fewer than two of the first frames", expected=f"{_FIRST_FRAMES}")
-    found, wanted = solution.world_T_camera[e], true.world_T_camera[t]
-    way = [np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum() for poses in (found, wanted)]
-    R = Rotation.from_matrix(wanted[:, :3, :3] @ found[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
-    scale = float(way[1] / max(way[0], 1e-12))
+        raise TrajectoryError(
+            f"the truth has {len(e)} of the first frames",
+            expected=f"2 to {_FIRST_FRAMES} to place the video by",
+        )
+    estimated, wanted = solution.world_T_camera[e], true.world_T_camera[t]
+    length = [np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum() for poses in (estimated, wanted)]
+    R = Rotation.from_matrix(wanted[:, :3, :3] @ estimated[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
+    scale = float(length[1] / max(length[0], 1e-12))
     poses = solution.world_T_camera.copy()
     poses[:, :3, :3] = R @ poses[:, :3, :3]
-    shift = wanted[:, :3, 3].mean(axis=0) - scale * R @ found[:, :3, 3].mean(axis=0)
+    shift = wanted[:, :3, 3].mean(axis=0) - scale * R @ estimated[:, :3, 3].mean(axis=0)
     poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + shift
     sigma = scale * solution.sigma_position_m
     return replace(solution, georeferenced=True, world_T_camera=poses, sigma_position_m=sigma)
 
 
-def check_world(found: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:
-    """Raise TrajectoryError where a run and its truth are not in the same ENU."""
-    if found is not None and true is not None and not np.allclose(found, true, rtol=0, atol=1e-9):
+def check_origin(origin: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:
+    """Raise TrajectoryError if a run and its truth have different world origins."""
+    if origin is not None and true is not None and not np.allclose(origin, true, rtol=0, atol=1e-9):
         raise TrajectoryError(
             "the truth's world_origin is not the recording's",
             file=truth,

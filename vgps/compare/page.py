@@ -1,5 +1,6 @@
-"""A comparison as one HTML page, JSON, and the plots of Figs 15 and 16, Kume 2010."""
+"""A comparison as an HTML page, with the plots of Figs 15 and 16, Kume 2010, and as JSON."""
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,13 @@ from vgps.evaluation import to_json
 from vgps.writers.atomic import check_file, new_file
 from vgps.writers.page import embedded, tidy, write_page
 
-_COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")
+_COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")  # one per method
+_WIDTH = 7.2  # of the path from above, inches, beside its legend
+_MAX_VECTORS = 3000  # frames
 
 
-def as_json(comparison: Comparison) -> dict[str, Any]:
-    """Errors of every method, and the ratios of their means to methods B and C."""
+def comparison_to_json(comparison: Comparison) -> dict[str, Any]:
+    """Convert a comparison to JSON types: errors of every method, and ratios of their means to B and C."""
     methods: dict[str, Any] = {}
     for name, evaluation in comparison.evaluations.items():
         methods[name] = {**to_json(evaluation), "seconds": comparison.seconds[name]}
@@ -25,7 +28,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def ratios(comparison: Comparison) -> dict[str, dict[str, float]]:
-    """Mean antenna error, which the thesis has, of each method over that of B and of C, where these ran."""
+    """Return the mean antenna error of each method over those of B and C, as in the thesis, if these ran."""
     means = {name: e.antenna_position_m.mean for name, e in comparison.evaluations.items()}
     bases = {base: mean for name, mean in means.items() for base in "BC" if name.startswith(f"{base} ")}
     return {
@@ -51,12 +54,12 @@ def write_comparison(comparison: Comparison, out: Path) -> tuple[Path, Path]:
         "recording": comparison.recording.name,
         "rows": [(name, e, comparison.seconds[name]) for name, e in comparison.evaluations.items()],
         "ratios": ratios(comparison),
-        "errors": embedded(_errors(comparison)),
-        "paths": embedded(_paths(comparison)),
+        "errors": embedded(_plot_errors(comparison)),
+        "paths": embedded(_plot_paths(comparison)),
     }
     write_page("vgps.compare", values, page)
     with new_file(data) as scratch:
-        scratch.write_text(json.dumps(as_json(comparison), indent=2) + "\n", encoding="utf-8")
+        scratch.write_text(json.dumps(comparison_to_json(comparison), indent=2) + "\n", encoding="utf-8")
     return page, data
 
 
@@ -64,44 +67,51 @@ def _outputs(out: Path) -> tuple[Path, Path]:
     return out / "comparison.html", out / "comparison.json"
 
 
-def _coloured(comparison: Comparison) -> list[tuple[str, str]]:
-    return [(name, _COLOURS[k % len(_COLOURS)]) for k, name in enumerate(comparison.evaluations)]
-
-
-def _errors(comparison: Comparison) -> Figure:
-    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
+def _plot_errors(comparison: Comparison) -> Figure:
+    figure = Figure(figsize=(10.0, 3.4), layout="constrained")
     axes = figure.subplots()
-    for name, colour in _coloured(comparison):
-        evaluation = comparison.evaluations[name]
+    for (name, evaluation), colour in zip(
+        comparison.evaluations.items(), itertools.cycle(_COLOURS), strict=False
+    ):
         error = np.linalg.norm(evaluation.camera_error_m, axis=1)
         axes.plot(evaluation.t_s, error, color=colour, label=name, lw=1.2)
-    axes.set(xlabel="time [s]", ylabel="camera error, unaligned [m]", yscale="log")
-    tidy(axes)
-    axes.legend(fontsize=8)
+    axes.set(xlabel="time [s]", ylabel="camera error [m]", yscale="log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    _finish(axes, comparison)
     return figure
 
 
-def _paths(comparison: Comparison) -> Figure:
-    figure = Figure(figsize=(9.5, 8.0), layout="constrained")
-    above, side = figure.subplots(2, 1, height_ratios=[3, 1])
-    true = comparison.truth.world_T_camera[:, :3, 3]
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(true, axis=0), axis=1))])
-    at = np.interp(next(iter(comparison.evaluations.values())).t_s, comparison.truth.t_s, way)
-    _line(above, true, "truth", "k", 2.0)
-    side.plot(way, true[:, 2], color="k", lw=2.0)
-    fixes = comparison.world_p_fix
-    above.plot(fixes[:, 0], fixes[:, 1], "+", color="#444444", ms=6, label="fixes")
-    for name, colour in _coloured(comparison):
+def _plot_paths(comparison: Comparison) -> Figure:
+    """Plot north over east around the true path, and height over the true distance."""
+    true, fixes = comparison.truth.world_T_camera[:, :3, 3], comparison.world_p_fix
+    low, high = true[:, :2].min(axis=0), true[:, :2].max(axis=0)
+    low, high = low - 0.1 * (high - low).max() - 1.0, high + 0.1 * (high - low).max() + 1.0
+    height = float(np.clip(_WIDTH * (high[1] - low[1]) / (high[0] - low[0]), 2.0, 7.0))
+    figure = Figure(figsize=(10.0, height + 2.8), layout="constrained")
+    above, side = figure.subplots(2, 1, height_ratios=[height, 2.2])
+    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(true, axis=0), axis=1))])
+    above.plot(true[:, 0], true[:, 1], color="k", lw=2.0, label="truth")
+    side.plot(distance, true[:, 2], color="k", lw=2.0, label="truth")
+    for (name, evaluation), colour in zip(
+        comparison.evaluations.items(), itertools.cycle(_COLOURS), strict=False
+    ):
         path = comparison.paths[name]
-        _line(above, path, name, colour, 1.1)
-        if len(path) == len(at):
-            side.plot(at, path[:, 2], color=colour, lw=1.1)
-    above.set(xlabel="east [m]", ylabel="north [m]", aspect="equal")
-    above.legend(fontsize=8)
-    side.set(xlabel="way [m]", ylabel="up [m]")
-    tidy(above, side)
+        above.plot(path[:, 0], path[:, 1], color=colour, lw=1.1, label=name)
+        if len(path) == len(evaluation.t_s):
+            at = np.interp(evaluation.t_s, comparison.truth.t_s, distance)
+            side.plot(at, path[:, 2], color=colour, lw=1.1, label=name)
+    above.plot(fixes[:, 0], fixes[:, 1], "+", color="#444444", ms=5, label="fixes", zorder=1)
+    above.set(xlabel="east [m]", ylabel="north [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    above.set(aspect="equal", anchor="W")
+    side.set(xlabel="distance along the true path [m]", ylabel="up [m]")
+    _finish(above, comparison)
+    _finish(side, comparison)
     return figure
 
 
-def _line(axes: Axes, path: np.ndarray, name: str, colour: str, width: float) -> None:
-    axes.plot(path[:, 0], path[:, 1], color=colour, lw=width, label=name)
+def _finish(axes: Axes, comparison: Comparison) -> None:
+    """Add the legend beside the axes; draw a long recording as pixels, which bounds the page's size."""
+    tidy(axes)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if len(comparison.truth.t_s) > _MAX_VECTORS:
+        axes.set_rasterization_zorder(10.0)

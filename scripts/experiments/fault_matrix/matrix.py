@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scripts.experiments.fault_matrix.faults import Fault, Faulty
-from vgps.compare.methods import METHODS, Method, check_world, front_ends
+from vgps.compare.methods import METHODS, Method, check_origin, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError, VgpsError
 from vgps.evaluation import evaluate
@@ -85,7 +85,7 @@ def run_fault(
     try:
         faulty = fault.into(recording, rng)
         for front, method in front_ends(faulty.recording, config, progress, MODELS):
-            check_world(front.origin, rig.world_origin, truth)
+            check_origin(front.origin, rig.world_origin, truth)
             progress.stage(f"{fault.name}, stage D: {method.name}")
             try:
                 solution = optimise_all(front, config.with_gps(method.model))
