@@ -10,16 +10,25 @@ from hypothesis import strategies as st
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, unix_s
-from vgps.readers.leap_seconds import utc_from_gps
 from vgps.readers.rtklib import looks_like_pos, read_pos
 
 NAMES = (
     "latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) "
 )
+
+
 HEADER = "%  {time}          " + NAMES + "age(s)  ratio\n"
+
+
 REST = "2  11   0.0200   0.0100   0.0300  -0.0464   0.0980  -0.1219   1.50    0.0"
+
+
 PLACE = (40.097025378, -105.147247371, 1578.8456)
+
+
 ROW = "2020/12/24 21:28:42.500 40.097025378 -105.147247371 1578.8456 " + REST
+
+
 UTC_S = unix_s(datetime(2020, 12, 24, 21, 28, 24, 500000, UTC))  # 18 s of leap seconds
 
 
@@ -171,35 +180,6 @@ def test_without_a_header_it_is_said_what_was_assumed():
 def test_heights_above_the_geoid_are_told():
     log = read("% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n" + HEADER.format(time="GPST") + ROW)
     assert "above the geoid" in log.notes[0]
-
-
-@pytest.mark.parametrize(
-    ("gps", "utc"),
-    [
-        (datetime(1980, 1, 6), datetime(1980, 1, 6)),
-        (datetime(2008, 12, 31, 23, 59, 59), datetime(2008, 12, 31, 23, 59, 45)),
-        (datetime(2012, 7, 1, 0, 0, 14), datetime(2012, 6, 30, 23, 59, 59)),
-        (datetime(2012, 7, 1, 0, 0, 16), datetime(2012, 7, 1)),
-        (datetime(2017, 1, 1, 0, 0, 16), datetime(2016, 12, 31, 23, 59, 59)),
-        (datetime(2017, 1, 1, 0, 0, 18), datetime(2017, 1, 1)),
-        (datetime(2025, 8, 28, 17, 30, 39), datetime(2025, 8, 28, 17, 30, 21)),
-    ],
-)
-def test_leap_seconds_of_the_date(gps, utc):
-    assert utc_from_gps(np.array([unix_s(gps)]))[0] == unix_s(utc)
-
-
-def test_the_table_is_that_of_the_system():
-    """Against the IERS list that ships with the time zone database, where it is installed."""
-    source = Path("/usr/share/zoneinfo/leap-seconds.list")
-    if not source.is_file():
-        pytest.skip(f"no {source}")
-    rows = [line.split()[:2] for line in source.read_text().splitlines() if not line.startswith("#")]
-    from_1900 = unix_s(datetime(1900, 1, 1))
-    for since_1900, tai_minus_utc in rows:
-        utc, offset = from_1900 + int(since_1900), int(tai_minus_utc) - 19
-        if offset >= 0:
-            assert utc_from_gps(np.array([utc + offset]))[0] == utc
 
 
 @given(

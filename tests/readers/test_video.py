@@ -1,30 +1,12 @@
-import threading
-import time
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 import pytest
-from clips import noise, picture, shade, write_clip
+from clips import checked_frames, limited, noise, shade, write_clip
 
 from vgps.errors import VideoError
-from vgps.readers.luma import luma
 from vgps.readers.video import VideoFile
-
-
-def limited(value: int) -> int:
-    """Y of a grey value in video range, ITU-R BT.601."""
-    return round(16 + 219 * value / 255)
-
-
-def checked_frames(video: VideoFile) -> list:
-    """All frames, after checking that they correspond to the times one to one."""
-    frames = list(video.frames())
-    assert [frame.index for frame in frames] == list(range(len(video.times_s)))
-    assert [frame.t_s for frame in frames] == video.times_s.tolist()
-    assert {frame.gray.shape for frame in frames} == {(video.height, video.width)}
-    return frames
 
 
 @pytest.mark.parametrize(
@@ -52,88 +34,6 @@ def test_variable_rate_keeps_every_time(tmp_path):
     np.testing.assert_allclose(video.times_s, (np.array(pts) - 500) / 1000, atol=1e-9)
     grays = [int(frame.gray[40, 40]) for frame in checked_frames(video)]
     np.testing.assert_allclose(grays, [limited(shade(i)) for i in range(10)], atol=3)
-
-
-@pytest.mark.parametrize("rotation", [90, 180, -90])
-def test_the_rotation_flag_is_applied(tmp_path, rotation):
-    path = write_clip(tmp_path / "v.mp4", rotation=rotation)
-    video = VideoFile(path)
-    assert (video.width, video.height) == ((64, 48) if rotation == 180 else (48, 64))
-    gray = checked_frames(video)[0].gray
-    _, shown = cv2.VideoCapture(str(path)).read()  # turns the picture by the flag itself
-    np.testing.assert_allclose(gray > 128, shown[..., 0] > 128)
-
-
-@pytest.mark.parametrize(
-    ("codec", "pix_fmt", "expected"),
-    [
-        ("libx265", "yuv420p10le", limited(shade(0))),
-        ("libx264", "yuv422p10le", limited(shade(0))),
-        ("ffv1", "yuv420p16le", limited(shade(0))),
-        ("ffv1", "bgr0", shade(0)),
-        ("ffv1", "gray", shade(0)),
-        ("ffv1", "gray16le", shade(0)),
-        ("libx264", "nv12", limited(shade(0))),
-    ],
-)
-def test_every_pixel_format_gives_eight_bit_luminance(tmp_path, codec, pix_fmt, expected):
-    video = VideoFile(write_clip(tmp_path / "v.mkv", codec=codec, pix_fmt=pix_fmt))
-    gray = checked_frames(video)[0].gray
-    assert gray.dtype == np.uint8
-    assert gray.flags.c_contiguous
-    assert abs(int(gray[40, 40]) - expected) <= 2
-    assert gray[4, 4] >= 233
-
-
-def test_padded_rows_are_cut(tmp_path):
-    def draw(index: int) -> np.ndarray:
-        return picture(index, width=70, height=50)
-
-    video = VideoFile(write_clip(tmp_path / "v.mp4", draw=draw, frames=2))
-    gray = checked_frames(video)[0].gray
-    assert gray.shape == (50, 70)
-    np.testing.assert_allclose(gray[20:, :], limited(shade(0)), atol=3)
-
-
-def test_big_endian_and_high_aligned_formats():
-    values = np.arange(64 * 48, dtype=np.uint16).reshape(48, 64) * 21
-    big = av.VideoFrame.from_ndarray(values, "gray16be")
-    np.testing.assert_array_equal(luma(big), (values >> 8).astype(np.uint8))
-    flat = av.VideoFrame.from_ndarray(picture(3), "rgb24").reformat(format="p010le")
-    assert abs(int(luma(flat)[40, 40]) - shade(3)) <= 16  # converted, range included
-
-
-def test_frame_times_override(tmp_path):
-    path = write_clip(tmp_path / "v.mp4", frames=3)
-    table = tmp_path / "frame_times.csv"
-    table.write_text("frame,t_s\n0,7.0\n1,7.25\n2,7.75\n")
-    video = VideoFile(path, table)
-    assert video.times_s.tolist() == [0.0, 0.25, 0.75]
-    assert video.start_s == 7.0
-    assert [int(f.gray[40, 40]) for f in checked_frames(video)] == pytest.approx(
-        [limited(shade(i)) for i in range(3)], abs=3
-    )
-    table.write_text("frame,t_s\n0,7.0\n1,7.25\n")
-    with pytest.raises(VideoError, match=r"frame_times\.csv: 2 times; expected 3"):
-        VideoFile(path, table)
-
-
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ("0,0\n2,1\n", "line 3: frame 2; expected frame 1"),
-        ("0,0\n1,0\n", "line 3: t_s 0; expected a time later"),
-        ("0,0\n1,1e999\n", "line 3: t_s inf; expected a time later"),
-        ("0,0\n1,nan\n", "line 3: t_s nan"),
-        ("0,0\n1,soon\n", "line 3: 'soon' in column t_s; expected a number"),
-        ("", "no rows"),
-    ],
-)
-def test_wrong_frame_times_are_told(tmp_path, rows, message):
-    path = write_clip(tmp_path / "v.mp4", frames=2)
-    (tmp_path / "t.csv").write_text("frame,t_s\n" + rows)
-    with pytest.raises(VideoError, match=message):
-        VideoFile(path, tmp_path / "t.csv")
 
 
 def test_damage_in_the_middle_costs_only_its_frames(tmp_path):
@@ -173,38 +73,6 @@ def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
     for frame in frames:
         np.testing.assert_array_equal(frame.gray, clean[frame.index])
     assert name.endswith("mkv") or "truncated" in video.warnings[0]
-
-
-def test_an_abandoned_pass_ends_its_thread(tmp_path):
-    video = VideoFile(write_clip(tmp_path / "v.mp4", frames=200))
-    before = threading.active_count()
-    frames = video.frames()
-    next(frames)
-    assert threading.active_count() == before + 1
-    frames.close()
-    assert threading.active_count() == before
-    unread = video.frames()
-    del unread
-    assert threading.active_count() == before
-    assert len(list(video.frames())) == 200
-
-
-def test_an_error_in_the_decoder_thread_reaches_the_reader(tmp_path):
-    path = write_clip(tmp_path / "v.mp4")
-    video = VideoFile(path)
-    path.unlink()
-    with pytest.raises(VideoError):
-        list(video.frames())
-
-
-def test_decoding_runs_ahead(tmp_path):
-    frames = VideoFile(write_clip(tmp_path / "v.mp4", frames=6)).frames()
-    next(frames)
-    deadline = time.monotonic() + 10
-    while any(thread.name == "decoder" for thread in threading.enumerate()):
-        assert time.monotonic() < deadline, "the decoder waits for its reader"
-        time.sleep(0.01)
-    assert len(list(frames)) == 5
 
 
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\x00" * 1000, None])

@@ -6,6 +6,8 @@ from pathlib import Path
 import av
 import numpy as np
 
+from vgps.readers.video import VideoFile
+
 
 def shade(index: int) -> int:
     """Grey value of frame ``index`` of a clip."""
@@ -54,3 +56,17 @@ def write_clip(
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
+
+
+def limited(value: int) -> int:
+    """Y of a grey value in video range, ITU-R BT.601."""
+    return round(16 + 219 * value / 255)
+
+
+def checked_frames(video: VideoFile) -> list:
+    """All frames, after checking that they correspond to the times one to one."""
+    frames = list(video.frames())
+    assert [frame.index for frame in frames] == list(range(len(video.times_s)))
+    assert [frame.t_s for frame in frames] == video.times_s.tolist()
+    assert {frame.gray.shape for frame in frames} == {(video.height, video.width)}
+    return frames

@@ -74,3 +74,17 @@ def doppler_speeds(found: Telemetry) -> tuple[np.ndarray, np.ndarray]:
     blocks = found.sensors.get("GPS9") or found.sensors["GPS5"]
     t_s = sample_times(blocks, found.sensors["SHUT"][0])
     return t_s, np.concatenate([block.samples for block in blocks])[:, 3:5]
+
+
+ROW = (33.1267, -117.3273, -22.9, 1.2, 1.3)
+
+
+def shutter(stamp_us: int, exposure_s: float = 0.01) -> bytes:
+    return stream(encode("SHUT", "f", [[exposure_s]] * 30), stamp_us=stamp_us)
+
+
+def walk(fix: int = 3, dop: int = 154):
+    """Two payloads of four fixes each, stamped 0.1 s after the frames, and the second with another fix."""
+    first = device("Hero9", shutter(500_000), gps5([ROW] * 4, 3, 154, 600_000))
+    second = device("Hero9", shutter(1_500_000), gps5([ROW] * 4, fix, dop, 1_600_000))
+    return telemetry(first, second)

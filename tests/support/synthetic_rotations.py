@@ -67,3 +67,11 @@ def gyro_log(
 def apart_deg(a: FloatArray, b: FloatArray) -> float:
     """Angle between two rotations, degrees."""
     return float(np.degrees(Rotation.from_matrix(a.T @ b).magnitude()))
+
+
+NOISE = 1e-3  # rad, of a rotation from the image
+
+
+def noisy(rates, seconds=15.0, seed=0):
+    rng = np.random.default_rng(seed)
+    return camera_rotations(rates, seconds, NOISE, rng), gyro_log(rates, seconds, noise_rad_s=2e-3, rng=rng)
