@@ -1,0 +1,32 @@
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.writers import measurements
+from vgps.writers.measurements import write_measurements
+
+
+def documented() -> set[str]:
+    """Keys of the module's table."""
+    rows = [
+        line[:31].strip() for line in measurements.__doc__.splitlines() if line[32:44].strip().startswith("(")
+    ]
+    keys = set()
+    for row in rows:
+        first, *others = row.split(", ")
+        prefix = first.rpartition(".")[0]
+        keys |= {first, *(name if "." in name or not prefix else f"{prefix}.{name}" for name in others)}
+    return keys
+
+
+def test_the_keys_are_those_of_the_table(solution, tmp_path):
+    write_measurements(solution, tmp_path / "m.npz")
+    with np.load(tmp_path / "m.npz", allow_pickle=False) as archive:
+        assert set(archive.files) == documented()
+
+
+def test_keys_of_absent_parts_are_absent(solution, tmp_path):
+    write_measurements(replace(solution, gps=None, fixes=None, world_p_before=None), tmp_path / "m.npz")
+    with np.load(tmp_path / "m.npz") as archive:
+        absent = documented() - set(archive.files)
+    assert absent == {key for key in documented() if key.startswith(("gps.", "fixes."))} | {"world_p_before"}
