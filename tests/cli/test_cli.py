@@ -65,12 +65,12 @@ def test_a_note_is_told_as_it_is(capsys):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--plot", "p.xyz"], r"p\.xyz: no picture is written as \.xyz; expected \.png, "),
-        (["--plot", "s.yaml"], r"s\.yaml: is the name of the survey and of its picture"),
+        (["--plot", "p.xyz"], r"p\.xyz: cannot plot to \.xyz; expected \.png, "),
+        (["--plot", "s.yaml"], r"s\.yaml: is the name of both the survey and its plot"),
         (["--plot", "folder.png"], r"folder\.png: is a folder"),
     ],
 )
-def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
+def test_a_plot_that_cannot_be_written_is_refused_before_the_work(
     tmp_path, monkeypatch, vgps_verb, words, told
 ):
     monkeypatch.chdir(tmp_path)
@@ -80,6 +80,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
     assert not (tmp_path / "s.yaml").exists()
 
 
+@pytest.mark.slow
 def test_demo_ends_with_its_error(tmp_path):
     words = [sys.executable, "-m", "vgps", "demo", "--out", str(tmp_path / "demo")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
