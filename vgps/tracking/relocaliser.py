@@ -6,10 +6,13 @@ import numpy as np
 from vgps.camera import undistort
 from vgps.config import TrackingConfig
 from vgps.mapping.local_map import LocalMap
-from vgps.model import Camera, FloatArray, GrayImage
+from vgps.model import Camera, Float32Array, FloatArray, GrayImage, IntArray
+from vgps.tracking.corners import new_corners
 from vgps.tracking.pose import Correspondences, lmeds_pose
 
-_SCALE_PX = 12.0  # of the descriptors of tracked features, which have no scale of their own
+_RATIO = 0.8  # Lowe's test between the best and the second best match
+_SCALE_PX = 12.0
+_MAX_CORNERS = 2000
 
 
 class Relocaliser:
@@ -24,14 +27,9 @@ class Relocaliser:
         local_map: LocalMap,
     ) -> None:
         self._camera, self._config, self._rng = camera, config, rng
-        self._sift = cv2.SIFT.create(nfeatures=config.recovery_features)
         rows = np.flatnonzero(local_map.positioned)
-        keypoints = [
-            cv2.KeyPoint(float(u), float(v), _SCALE_PX, -1, 0, 0, int(row))
-            for row, (u, v) in zip(rows, local_map.raw_uv_px[rows], strict=True)
-        ]
-        kept, self._descriptors = self._sift.compute(view_image, keypoints)
-        self._points = local_map.points[local_map.ids[[keypoint.class_id for keypoint in kept]]]
+        kept, self._descriptors = _describe(view_image, local_map.raw_uv_px[rows])
+        self._points = local_map.points[local_map.ids[rows[kept]]]
 
     def locate(self, gray: GrayImage, predicted: FloatArray) -> FloatArray | None:
         """Return the pose (4, 4) of a frame, or None if it shows too few of the features.
@@ -50,14 +48,26 @@ class Relocaliser:
 
     def _match(self, gray: GrayImage) -> Correspondences:
         """Return the features that pass the ratio test, and where a frame shows them."""
-        keypoints, descriptors = self._sift.detectAndCompute(gray, None)
-        if descriptors is None or self._descriptors is None or len(keypoints) < 2:
+        corners = new_corners(gray, np.zeros((0, 2)), _MAX_CORNERS, self._config, self._rng)
+        kept, descriptors = _describe(gray, corners)
+        if len(self._descriptors) == 0 or len(descriptors) < 2:
             return Correspondences(np.zeros((0, 3)), np.zeros((0, 2)))
         pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(self._descriptors, descriptors, k=2)
-        good = [
-            best for best, second in pairs if best.distance < self._config.recovery_ratio * second.distance
-        ]
-        raw = np.array([keypoints[match.trainIdx].pt for match in good]).reshape(-1, 2)
-        uv = undistort(self._camera, raw)
+        good = [best for best, second in pairs if best.distance < _RATIO * second.distance]
+        uv = undistort(self._camera, corners[kept[[match.trainIdx for match in good]]])
         points = self._points[[match.queryIdx for match in good]]
         return Correspondences(points, uv).where(np.asarray(np.isfinite(uv).all(axis=1)))
+
+
+def _describe(gray: GrayImage, raw_uv_px: FloatArray) -> tuple[IntArray, Float32Array]:
+    """Return SIFT descriptors (n, 128) of pixels, all of one scale and upright, and the rows that have one.
+
+    Both images are described alike: an orientation that SIFT detects would match no upright descriptor.
+    """
+    keypoints = [
+        cv2.KeyPoint(float(u), float(v), _SCALE_PX, 0.0, 0.0, 0, row) for row, (u, v) in enumerate(raw_uv_px)
+    ]
+    kept, descriptors = cv2.SIFT.create().compute(gray, keypoints)
+    if descriptors is None:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 128), dtype=np.float32)
+    return np.array([keypoint.class_id for keypoint in kept]), np.asarray(descriptors, np.float32)
