@@ -15,7 +15,7 @@ def poses():
     return out
 
 
-def test_halfway_is_half_the_way_and_half_the_turn():
+def test_halfway_is_half_the_distance_and_half_the_rotation():
     found = interpolate_poses(T_S, poses(), np.array([0.5, 2.0]))
     np.testing.assert_allclose(found[:, :3, 3], [[0.5, 1.0, 0.0], [1.0, 2.0, 2.0]])
     half = Rotation.from_rotvec([0.0, 0.0, np.radians(45)]).as_matrix()

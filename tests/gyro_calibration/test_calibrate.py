@@ -12,7 +12,7 @@ from vgps.model import GyroLog
 CONFIG = GyroCalibrationConfig()
 
 
-def test_mount_clock_and_bias_are_found_within_what_is_said_of_them():
+def test_rotation_offset_and_bias_are_estimated_within_their_sigmas():
     found = calibrate_from_rotations(*noisy(rich), CONFIG)
     assert apart_deg(found.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.15
     assert abs(found.mount.time_offset_s - MOUNT.time_offset_s) < 4 * found.time_offset_sigma_s < 0.005
@@ -36,7 +36,7 @@ def test_what_goes_into_the_rig():
     assert apart_deg(np.array(fields["gyro_R_camera"]), MOUNT.gyro_R_camera) < 0.15
 
 
-def test_what_is_not_known_is_not_written_and_said():
+def test_uncertain_estimates_are_noted_and_not_written():
     strict = replace_config(max_offset_sigma_s=1e-7, max_bias_sigma_deg_s=1e-5)
     found = calibrate_from_rotations(*noisy(rich), strict)
     assert not found.offset_known and not found.bias_known
@@ -58,7 +58,7 @@ def test_a_motion_that_repeats_itself_leaves_the_offset_open():
     assert any("repeats itself" in note for note in found.notes)
 
 
-def test_a_wrong_focal_length_is_said():
+def test_a_wrong_focal_length_is_noted():
     turns, gyro = noisy(rich)
     found = calibrate_from_rotations(turns, replace(gyro, rate_rad_s=1.08 * gyro.rate_rad_s), CONFIG)
     assert found.scale == pytest.approx(1 / 1.08, abs=0.01)

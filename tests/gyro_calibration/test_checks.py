@@ -44,7 +44,7 @@ def test_mirrored_axes_are_refused():
         calibrate_from_rotations(turns, mirrored, CONFIG)
 
 
-def test_another_unit_than_radians_is_said():
+def test_rates_in_degrees_are_refused():
     turns, gyro = noisy(rich)
     degrees = replace(gyro, rate_rad_s=np.degrees(gyro.rate_rad_s))
     with pytest.raises(GyroLogError, match=r"rotates 57\.\d times as far as the video; .*rad/s, not deg/s"):

@@ -114,7 +114,7 @@ def test_a_missing_key_is_named(tmp_path):
         ("video_start_utc: 2011-19-26T12:00:00", "month must be in"),
     ],
 )
-def test_what_is_no_yaml_is_told(tmp_path, text, message):
+def test_a_file_that_is_not_yaml_is_refused(tmp_path, text, message):
     with pytest.raises(CalibrationError, match=message):
         camera(tmp_path, text)
     with pytest.raises(CalibrationError, match=r"none\.yaml: cannot be read"):

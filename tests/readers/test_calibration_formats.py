@@ -113,7 +113,7 @@ def test_opencv_size_as_a_sequence(read):
         (("data: [", "data: [ 1, "), "damaged OpenCV storage"),
     ],
 )
-def test_a_bad_opencv_storage_is_told_in_one_line(tmp_path, read, change, message):
+def test_a_bad_opencv_storage_is_refused_in_one_line(tmp_path, read, change, message):
     text = storage(tmp_path / "a.yml", None).read_text()
     text = text.replace("500., 0.", "5.0000000000000000e+02, 0.") if "e+02" in change[0] else text
     assert change[0] in text
@@ -124,7 +124,7 @@ def test_a_bad_opencv_storage_is_told_in_one_line(tmp_path, read, change, messag
 
 
 @pytest.mark.parametrize("suffix", ["yml", "xml", "json"])
-def test_a_truncated_opencv_storage_is_told_or_whole(tmp_path, read, suffix):
+def test_a_truncated_opencv_storage_is_refused_or_complete(tmp_path, read, suffix):
     """YAML that ends between two keys is whole; it is the camera without the keys that are lost."""
     whole = storage(tmp_path / f"a.{suffix}", CAMERAS[1].distortion).read_bytes()
     between = whole.find(b"distortion_coefficients") if suffix == "yml" else len(whole)
@@ -163,7 +163,7 @@ def test_kalibrs_chain_of_one_camera(read):
         ({"cam0": KALIBR, "cam1": KALIBR}, r"2 cameras \(cam0, cam1\); expected one; keep only the camera"),
     ],
 )
-def test_a_bad_chain_is_told_in_one_line(read, content, message):
+def test_a_bad_chain_is_refused_in_one_line(read, content, message):
     with pytest.raises(CalibrationError, match=message) as error:
         read(content)
     assert "\n" not in str(error.value)
@@ -208,7 +208,7 @@ def test_colmaps_lens_models_project_as_colmap_does(read, name, parameters, orac
         ("1 PINHOLE 4 4 5 5 2 2\n2 PINHOLE 4 4 5 5 2 2", r"2 cameras \(1, 2\); expected one"),
     ],
 )
-def test_a_bad_line_of_colmap_is_told(read, line, message):
+def test_a_bad_line_of_colmap_is_refused(read, line, message):
     with pytest.raises(CalibrationError, match=message):
         read(f"# comment\n{line}\n", "cameras.txt")
 

@@ -30,14 +30,14 @@ def test_local_and_geodetic(tmp_path):
         ("", "no control points"),
     ],
 )
-def test_what_is_no_observation_is_told(tmp_path, row, message):
+def test_an_impossible_observation_is_refused(tmp_path, row, message):
     path = tmp_path / "control_points.csv"
     path.write_text("frame,u_px,v_px,east_m,north_m,up_m\n" + row + "\n")
     with pytest.raises(RecordingError, match=message):
         read_control_points(path)
 
 
-def test_a_latitude_beyond_the_pole_is_told(tmp_path):
+def test_a_latitude_beyond_the_pole_is_refused(tmp_path):
     path = tmp_path / "control_points.csv"
     path.write_text("frame,u_px,v_px,latitude_deg,longitude_deg,height_m\n0,1,2,91,8.2,163\n")
     with pytest.raises(RecordingError, match="line 2"):

@@ -90,7 +90,7 @@ def test_a_drone_that_stands_still_has_a_fix_a_second(read):
     np.testing.assert_allclose(found.t_s, [0, 1, 2, 3], atol=1e-9)
 
 
-def test_heights_above_the_take_off_are_told(read):
+def test_heights_above_the_take_off_are_noted(read):
     found = read(subtitles(["[latitude: 48] [longitude: 11] [rel_alt: 3.5]"]))
     assert found.height_m[0] == 3.5
     assert found.skipped == ("heights are above the take-off point but taken as ellipsoidal",)
@@ -130,14 +130,14 @@ def test_a_truncated_file_keeps_what_is_whole(read):
 @pytest.mark.parametrize(
     "text", [subtitles(["Hello", "[iso : 100]"]), subtitles(["GPS(n/a,n/a,n/a)"]), subtitles([""])]
 )
-def test_subtitles_without_positions_are_told(read, text):
+def test_subtitles_without_positions_are_refused(read, text):
     with pytest.raises(
         GpsLogError, match=r"DJI_0001\.SRT: \d subtitles?, none with a position; expected \[latitude"
     ):
         read(text)
 
 
-def test_a_place_off_the_globe_is_dropped_and_told(read):
+def test_a_latitude_beyond_90_degrees_is_dropped(read):
     with pytest.raises(GpsLogError, match="1 fix without a possible position dropped"):
         read(subtitles(["GPS(49.0,118.4,16)"]))  # latitude first
 
@@ -162,7 +162,7 @@ def test_what_is_written_comes_back(places):
 
 
 @given(st.text(max_size=300))
-def test_any_text_is_read_or_told(text):
+def test_any_text_is_read_or_refused(text):
     try:
         raw = read_dji_srt(("1\n00:00:00,000 --> 00:00:01,000\n" + text).encode(), "a")
     except GpsLogError:

@@ -31,7 +31,7 @@ def test_frame_times_override(tmp_path):
         ("", "no rows"),
     ],
 )
-def test_wrong_frame_times_are_told(tmp_path, rows, message):
+def test_wrong_frame_times_are_refused(tmp_path, rows, message):
     path = write_clip(tmp_path / "v.mp4", frames=2)
     (tmp_path / "t.csv").write_text("frame,t_s\n" + rows)
     with pytest.raises(VideoError, match=message):

@@ -93,7 +93,7 @@ def test_a_hero5_without_stamps():
     assert "no time stamps" in raw.notes[0]
 
 
-def test_heights_above_the_sea_are_told():
+def test_heights_above_the_sea_are_noted():
     sea = stream(encode("GPS5", "l", [[1, 2, 3, 4, 5]]), text("GPSA", "MSLV"), stamp_us=1)
     assert "above the sea" in read_gopro_gps(telemetry(device("HERO10", sea))).notes[0]
 
@@ -129,14 +129,14 @@ def test_the_gyros_axes_are_put_in_order(order, name, expected):
 
 
 @pytest.mark.parametrize("order", ["XY", "XXY", "abc"])
-def test_an_order_of_axes_that_is_none_is_told(order):
+def test_an_impossible_order_of_axes_is_refused(order):
     with pytest.raises(
         GyroLogError, match=rf"walk\.mp4, GYRO: 3 columns in the order '{order}'; expected 3 axes"
     ):
         read_gopro_gyro(gyro(order))
 
 
-def test_a_stream_of_changing_width_is_told():
+def test_a_stream_of_changing_width_is_refused():
     payloads = [device("C", stream(encode("GPS5", "l", [[1] * n]), stamp_us=1)) for n in (5, 3)]
     with pytest.raises(RecordingError, match=r"walk\.mp4, GPS5: 3 and 5 columns; expected at least 5"):
         read_gopro_gps(telemetry(*payloads))

@@ -66,7 +66,7 @@ def test_a_videos_metadata_are_read_once(folder, telling, monkeypatch):
     assert calls == [folder / "GX010042.MP4"]
 
 
-def test_files_come_before_what_the_video_says(folder, telling):
+def test_files_take_precedence_over_the_videos_metadata(folder, telling):
     telling(walk())
     (folder / "gps.csv").write_text(
         "t_s,latitude_deg,longitude_deg,height_m,fix_class\n0.5,49,8,100,rtk_fix\n"
@@ -79,7 +79,7 @@ def test_files_come_before_what_the_video_says(folder, telling):
     assert opened.rig.exposure_s == 0.5 and opened.rig.gyro_R_camera is None
 
 
-def test_a_camera_that_never_had_a_fix_goes_on_without_and_says_so(folder, telling, caplog):
+def test_a_camera_without_a_fix_is_opened_without_gps_and_a_warning(folder, telling, caplog):
     telling(telemetry(device("HERO9", shutter(0), gps5([ROW] * 4, 0, 9999, 0))))
     with caplog.at_level(logging.WARNING):
         assert open_recording(folder / "GX010042.MP4").gps is None
@@ -89,7 +89,7 @@ def test_a_camera_that_never_had_a_fix_goes_on_without_and_says_so(folder, telli
         open_recording(folder / "GX010042.MP4", gps="GX010042.MP4")
 
 
-def test_a_video_without_metadata_named_as_log_is_told(folder):
+def test_a_video_without_metadata_named_as_log_is_refused(folder):
     assert open_recording(folder / "GX010042.MP4").gps is None
     with pytest.raises(GpsLogError, match=r"GX010042\.MP4: a video without GoPro metadata"):
         open_recording(folder / "GX010042.MP4", gps="GX010042.MP4")
@@ -176,7 +176,7 @@ def test_the_walk_damaged_in_one_payload_keeps_the_others(data_dir, tmp_path):
     assert np.diff(log.t_s).max() == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_walk_cut_short_is_told(data_dir, tmp_path):
+def test_the_truncated_walk_is_refused(data_dir, tmp_path):
     whole = (data_dir / "gopro_walk/video.mp4").read_bytes()
     (tmp_path / "video.mp4").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "camera.yaml").write_text((data_dir / "gopro_walk/camera.yaml").read_text())

@@ -66,7 +66,7 @@ def test_any_bytes_are_read_or_refused(data):
 
 
 @given(tables(), st.integers(0, 200))
-def test_a_truncated_payload_is_told_or_ends(table, cut):
+def test_a_truncated_payload_is_refused_or_ends(table, cut):
     data = nest("STRM", encode("STMP", "J", [[1]]), encode("GYRO", *table))
     try:
         for outer in parse(data[:cut]):
@@ -152,7 +152,7 @@ def test_the_first_number_of_an_entry_or_the_default(said, expected):
     assert first_number({found.key: found}, "GPSF", -1.0) == expected
 
 
-def test_a_file_that_is_no_video_is_told(tmp_path):
+def test_a_file_that_is_not_a_video_is_refused(tmp_path):
     broken = tmp_path / "v.mp4"
     broken.write_bytes(b"\0\0\0\x18ftypmp42" + b"\0" * 40)
     with pytest.raises(RecordingError, match=r"v\.mp4: cannot be read"):

@@ -28,7 +28,7 @@ def test_a_video_cut_at_its_beginning_keeps_its_clock():
 
 
 @pytest.mark.parametrize("stamps", [(np.nan, np.nan), (10.0, np.nan), (10.0, 0.1)])
-def test_without_stamps_or_with_stamps_that_begin_anew_samples_are_spread(stamps):
+def test_without_stamps_or_with_restarting_stamps_samples_are_spread(stamps):
     sensor = blocks((stamps[0], 4, 0.0), (stamps[1], 2, 1.0))
     np.testing.assert_allclose(sample_times(sensor), [0, 0.25, 0.5, 0.75, 1.0, 1.5])
 

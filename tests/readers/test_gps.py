@@ -114,7 +114,7 @@ def test_a_csv_on_the_videos_clock_needs_no_start(log):
     assert read.sigma_m.shape == (2, 3)
 
 
-def test_impossible_positions_are_dropped_and_told(log):
+def test_impossible_positions_are_dropped_and_counted(log):
     rows = ["0,49,8,100,4", "1,nan,8,100,4", "2,49,inf,100,4", "3,91,8,100,4", "4,49,8,,4", "5,49,8,100,4"]
     read = log(CSV + "\n".join(rows))
     assert read.t_s.tolist() == [0, 5]
@@ -150,20 +150,20 @@ def test_longitudes_beyond_180_come_back(log):
         (gga("120000").replace("*", "*0").encode(), "no fix with a position .*damaged"),
     ],
 )
-def test_what_cannot_be_used_is_told_in_one_line(log, content, message):
+def test_unusable_logs_are_refused_in_one_line(log, content, message):
     with pytest.raises(GpsLogError, match=message) as error:
         log(content)
     assert "gps.txt" in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(GpsLogError, match=r"none\.nmea: cannot be read \(No such file"):
         read_gps_log(tmp_path / "none.nmea")
     assert gps_format(tmp_path / "none.nmea") is None
 
 
-def test_overlap_tells_both_spans(log):
+def test_no_overlap_names_both_spans(log):
     rig = Rig(video_start_utc=NOON)
     read = log(gga("120000") + zda("120000", 25, 9, 2011) + gga("120010"))
     with pytest.raises(GpsLogError) as error:
@@ -181,7 +181,7 @@ def test_one_fix_within_the_video_is_an_overlap(log):
         check_overlap(read, np.arange(2.0), Rig())
 
 
-def test_a_year_out_of_the_calendar_is_told_too(log):
+def test_a_year_out_of_the_calendar_has_a_message_too(log):
     with pytest.raises(GpsLogError, match="no fix during the video"):
         check_overlap(log(CSV + "1e15,49,8,100,4\n"), np.arange(3.0), Rig(video_start_utc=NOON))
 
@@ -189,7 +189,7 @@ def test_a_year_out_of_the_calendar_is_told_too(log):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", TEXTS)
 @given(st.data())
-def test_an_absurd_number_is_left_out_or_told(tmp_path_factory, name, data):
+def test_an_absurd_number_is_skipped_or_refused(tmp_path_factory, name, data):
     """Instead of any number of a log, whatever the format: a fix less, or a message, and no other harm."""
     text, path = TEXTS[name], tmp_path_factory.getbasetemp() / "absurd.txt"
     number = data.draw(st.sampled_from(list(re.finditer(r"\d+(\.\d+)?", text))))

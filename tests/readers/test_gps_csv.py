@@ -65,7 +65,7 @@ def test_numbers_of_another_meaning_are_not_taken_for_the_class(tmp_path, name):
         ("%time", "1714979289250000000"),
     ],
 )
-def test_every_way_to_write_utc(tmp_path, name, cell):
+def test_every_form_of_utc(tmp_path, name, cell):
     log = read(tmp_path, f"{name},lat,lon,height,quality\n{cell},49,8,100,4\n")
     assert log.clock is Clock.UTC
     assert log.fixes[0].t_s == pytest.approx(INSTANT_S, abs=1e-6)

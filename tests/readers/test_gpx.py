@@ -43,7 +43,7 @@ def test_an_absurd_number_of_satellites_is_unknown(tmp_path):
         (GPX.replace("time>", "tyme>"), "none with a time"),
     ],
 )
-def test_what_is_no_track_is_told(tmp_path, text, told):
+def test_a_file_without_a_track_is_refused(tmp_path, text, told):
     file = tmp_path / "gps.gpx"
     file.write_text(text)
     with pytest.raises(GpsLogError, match=told):
@@ -90,7 +90,7 @@ def test_the_fix_of_a_route_or_a_waypoint_is_not_that_of_the_track_point_before_
     assert "1 point without a fix skipped" in read_gps_log(file).skipped
 
 
-def test_points_without_a_fix_are_told(tmp_path):
+def test_points_without_a_fix_are_counted(tmp_path):
     file = tmp_path / "gps.gpx"
     file.write_text(GPX)
     assert "1 point without a fix skipped" in read_gps_log(file).skipped
@@ -103,7 +103,7 @@ def test_times_with_an_offset_are_put_on_utc(tmp_path):
 
 
 @given(st.integers(0, len(GPX)))
-def test_a_truncated_file_is_told(cut):
+def test_a_truncated_file_is_refused(cut):
     data = GPX.encode()[:cut]
     if data.rstrip().endswith(b"</gpx>"):
         assert len(read_gpx(data, "a").fixes) == 2

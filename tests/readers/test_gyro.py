@@ -25,7 +25,7 @@ def test_samples_are_sorted_unique_and_on_the_videos_clock(tmp_path):
         (HEADER + "0,1,2,3\n1,fast,2,3\n", "line 3: 'fast' in column wx_rad_s; expected a number"),
     ],
 )
-def test_what_cannot_be_read_is_told(tmp_path, text, message):
+def test_unreadable_files_are_refused(tmp_path, text, message):
     path = tmp_path / "gyro.csv"
     path.write_text(text)
     with pytest.raises(GyroLogError, match=message):

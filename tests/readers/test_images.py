@@ -45,7 +45,7 @@ def test_times_by_file_beside_the_folder(folder):
     assert [int(frame.gray[40, 40]) for frame in frames] == pytest.approx([shade(10), shade(0)], abs=1)
 
 
-def test_a_damaged_image_is_black_and_told(folder):
+def test_a_damaged_image_is_black_with_a_warning(folder):
     (folder / "f2.png").write_bytes(b"no image")
     (folder / "frame_times.csv").write_text("frame,t_s\n0,0\n1,1\n2,2\n")
     video = ImageFolder(folder)
@@ -65,14 +65,14 @@ def test_a_damaged_image_is_black_and_told(folder):
         ("frame\n0\n", "no column t_s"),
     ],
 )
-def test_what_does_not_match_is_told(folder, table, message):
+def test_times_and_images_that_do_not_match_are_refused(folder, table, message):
     if table is not None:
         (folder / "frame_times.csv").write_text(table)
     with pytest.raises(VideoError, match=message):
         ImageFolder(folder)
 
 
-def test_an_image_of_another_size_is_told(folder):
+def test_an_image_of_another_size_is_refused(folder):
     save(folder / "f2.png", 2, (32, 48))
     (folder / "frame_times.csv").write_text("frame,t_s\n0,0\n1,1\n2,2\n")
     with pytest.raises(VideoError, match=r"f2\.png: an image of 32 x 48; expected 64 x 48"):

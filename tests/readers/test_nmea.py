@@ -71,7 +71,7 @@ def test_epochs_without_a_fix_are_counted():
 
 
 @pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "GB", "BD", "GQ"])
-def test_every_talker_is_heard(talker):
+def test_every_talker_is_read(talker):
     assert len(read(gga("120000", talker=talker)).fixes) == 1
 
 
@@ -94,7 +94,7 @@ def test_a_log_resumed_days_later_takes_the_new_date_at_once():
     np.testing.assert_allclose([fix.t_s for fix in log.fixes], expected, atol=1e-6)
 
 
-def test_rmc_before_the_first_fix_tells_no_date():
+def test_rmc_before_the_first_fix_gives_no_date():
     log = read(rmc("120000", "060180", "V") + gga("120000"))
     assert log.clock is Clock.TIME_OF_DAY
     assert log.fixes[0].t_s == 43200.0

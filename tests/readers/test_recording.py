@@ -101,7 +101,7 @@ def test_a_log_named_gps_must_be_readable(folder):
         open_recording(folder)
 
 
-def test_a_log_of_another_day_is_told(folder):
+def test_a_log_of_another_day_is_refused(folder):
     (folder / "rig.yaml").write_text("video_start_utc: 2011-09-26T12:00:00\n")
     (folder / "gps.nmea").write_text(gga("120000.25") + zda("120000.25", 27, 9, 2011))
     with pytest.raises(GpsLogError, match=r"2011-09-27 12:00:00 .* 2011-09-26 12:00:00"):
@@ -133,7 +133,7 @@ def test_frame_times_beside_a_video(folder):
     assert open_recording(folder).video.times_s[-1] == 2.25
 
 
-def test_what_is_missing_is_told(folder, tmp_path):
+def test_missing_files_are_named(folder, tmp_path):
     with pytest.raises(RecordingError, match="no such recording; expected a folder"):
         open_recording(tmp_path / "none")
     (folder / "video.mov").write_bytes((folder / "video.mp4").read_bytes())
@@ -146,13 +146,13 @@ def test_what_is_missing_is_told(folder, tmp_path):
         open_recording(tmp_path)
 
 
-def test_a_camera_of_another_size_is_told_with_both(folder):
+def test_a_camera_of_another_size_is_refused_with_both(folder):
     (folder / "camera.yaml").write_text(CAMERA.replace("64", "128"))
     with pytest.raises(CalibrationError, match=r"a camera of 128 x 48; expected 64 x 48 as in .*video\.mp4"):
         open_recording(folder)
 
 
-def test_a_control_point_beyond_the_video_is_told(folder):
+def test_a_control_point_beyond_the_video_is_refused(folder):
     (folder / "control_points.csv").write_text("frame,u_px,v_px,east_m,north_m,up_m\n10,1,2,3,4,5\n")
     with pytest.raises(RecordingError, match="frame 10; expected frames 0 to 9"):
         open_recording(folder)

@@ -159,7 +159,7 @@ def test_absurd_numbers_are_damage(number, absurd):
 
 
 @pytest.mark.parametrize("place", ["1e308 -105 1669", "95 -105 1669", "40 -105 1e30", "nan nan nan"])
-def test_a_base_station_off_the_earth_is_told(place):
+def test_a_base_station_off_the_earth_is_refused(place):
     with pytest.raises(GpsLogError, match="base station of the baselines is unknown"):
         read(f"% ref pos : {place}\n%  GPST  e-baseline(m)\n2137 422922.5 100.0 -200.0 5.0 1 11\n")
 
@@ -171,13 +171,13 @@ def test_more_columns_and_fewer_columns():
     assert np.isnan([*fix.sigma_m, fix.satellites, fix.correction_age_s]).all()
 
 
-def test_without_a_header_it_is_said_what_was_assumed():
+def test_assumptions_without_a_header_are_noted():
     log = read(ROW + "\n")
     assert log.fixes[0].t_s == pytest.approx(UTC_S, abs=1e-6)
     assert "assumed GPST" in log.notes[0]
 
 
-def test_heights_above_the_geoid_are_told():
+def test_heights_above_the_geoid_are_noted():
     log = read("% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n" + HEADER.format(time="GPST") + ROW)
     assert "above the geoid" in log.notes[0]
 

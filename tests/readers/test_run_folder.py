@@ -76,21 +76,21 @@ def test_a_run_of_a_later_schema_is_refused(
 
 
 @pytest.mark.parametrize("name", ["solution.json", "measurements.npz", "config.yaml"])
-def test_a_missing_piece_is_named(solution: Solution, tmp_path: Path, name: str) -> None:
+def test_a_missing_file_of_a_run_is_named(solution: Solution, tmp_path: Path, name: str) -> None:
     write_run(solution, tmp_path / "run")
     (tmp_path / "run" / name).unlink()
     with pytest.raises(RunFolderError, match=f"{name}: is missing"):
         read_run(tmp_path / "run")
 
 
-def test_no_folder_at_all_is_told(tmp_path: Path) -> None:
+def test_a_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="not a folder"):
         read_run(tmp_path / "absent")
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(name=st.sampled_from(["solution.json", "measurements.npz"]), data=st.data())
-def test_a_damaged_piece_is_an_error_or_harmless(
+def test_a_damaged_file_is_an_error_or_harmless(
     solution: Solution, tmp_path: Path, name: str, data: st.DataObject
 ) -> None:
     write_run(solution, tmp_path / "run")
@@ -109,7 +109,7 @@ def test_a_damaged_piece_is_an_error_or_harmless(
         assert "\n" not in str(error)
 
 
-def test_pieces_that_do_not_fit_are_told(solution: Solution, tmp_path: Path) -> None:
+def test_arrays_that_do_not_fit_are_refused(solution: Solution, tmp_path: Path) -> None:
     seen = solution.observations
     far = dataclasses.replace(seen, landmark=np.array([0, 2, 0, 3]))
     write_run(dataclasses.replace(solution, t_s=solution.t_s), tmp_path / "run")

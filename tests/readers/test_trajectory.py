@@ -30,7 +30,7 @@ def test_poses_with_normalised_quaternions(tmp_path):
         ("1 1 2 3 0 0 0 1\n# x\n1 1 2 3 0 0 0 1\n", "line 3: time 1; expected one later"),
     ],
 )
-def test_what_is_no_pose_is_told(tmp_path, text, message):
+def test_a_line_that_is_not_a_pose_is_refused(tmp_path, text, message):
     path = tmp_path / "truth.tum"
     path.write_text(text)
     with pytest.raises(TrajectoryError, match=message):

@@ -81,13 +81,13 @@ def test_a_stream_cut_in_the_middle_keeps_what_is_whole(tmp_path):
     assert len(read_gps_log(log(tmp_path, pvt() + pvt(second=30)[:40]))) == 1
 
 
-def test_ubx_without_positions_is_told(tmp_path):
+def test_ubx_without_positions_is_refused(tmp_path):
     other = UBXMessage("NAV", "NAV-STATUS", GET).serialize()
     with pytest.raises(GpsLogError, match="UBX without NAV-PVT"):
         read_gps_log(log(tmp_path, other * 50))
 
 
-def test_the_real_walk_is_the_same_three_ways(data_dir, tmp_path):
+def test_the_real_walk_is_the_same_in_three_formats(data_dir, tmp_path):
     walk = data_dir / "rtk_walk"
     ubx, pos = read_gps_log(walk / "gnss.ubx"), read_gps_log(walk / "gnss.pos")
     text = [line for line in (walk / "gnss.ubx").read_bytes().split(b"\r\n") if b"$GN" in line]
@@ -150,7 +150,7 @@ def test_a_precise_position_that_is_invalid_is_left(tmp_path):
     assert found.longitude_deg[0] == 8.4
 
 
-def test_the_time_of_week_begins_anew_within_a_log(tmp_path):
+def test_the_time_of_week_may_restart_within_a_log(tmp_path):
     """The same time of week a week later is another epoch; the date carries the time on."""
     later = {"year": 2025, "month": 1, "day": 7}
     data = at(604_799_500) + at(604_799_500, **later) + at(500, **{**NEXT, "day": 8})
@@ -165,7 +165,7 @@ def test_midnight_of_a_new_year(tmp_path):
     np.testing.assert_allclose(read_gps_log(log(tmp_path, pvt() + after), rig).t_s, [-0.5, 0.25], atol=1e-6)
 
 
-def test_times_before_the_leap_seconds_are_known_are_told(tmp_path):
+def test_times_before_the_leap_seconds_are_known_are_noted(tmp_path):
     found = read_gps_log(log(tmp_path, pvt(fullyResolved=0)))
     assert found.skipped == (
         "1 fix before the receiver knew the leap seconds: times may be wrong by whole seconds",

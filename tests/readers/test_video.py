@@ -76,7 +76,7 @@ def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
 
 
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\x00" * 1000, None])
-def test_what_is_no_video_is_told(tmp_path, content):
+def test_a_file_that_is_not_a_video_is_refused(tmp_path, content):
     path = tmp_path / "v.mp4"
     if content is not None:
         path.write_bytes(content)

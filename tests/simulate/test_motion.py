@@ -89,7 +89,7 @@ def test_center_line_follows_the_path_and_goes_on_straight() -> None:
     assert np.ptp(line[-30:, 3]) == 0.0
 
 
-def test_a_camera_held_askew_stays_so_and_goes_the_same_way() -> None:
+def test_a_tilted_camera_stays_tilted_and_keeps_its_path() -> None:
     config = replace(SCENES["walk"], look_deg=0.0, sway_deg=0.0, bob_m=0.0)
     t = np.arange(0.0, 5.0, 0.5)
     level, askew = (

@@ -60,7 +60,7 @@ def log_of(path: Path, error_m: np.ndarray, fix_class: tuple[FixClass, ...], mov
 
 
 @pytest.mark.parametrize(("sigma", "time_s"), [(0.7, 8.0), (2.5, 40.0)])
-def test_a_process_is_found_again(sigma: float, time_s: float) -> None:
+def test_a_process_is_recovered(sigma: float, time_s: float) -> None:
     error = gauss_markov(
         40_000, 1.0, FixErrors(sigma_h_m=sigma, sigma_v_m=sigma, correlation_s=time_s), rng()
     )
@@ -78,7 +78,7 @@ def test_gaps_and_other_intervals_do_not_matter() -> None:
     assert found.sigma_m == pytest.approx(1.0, rel=0.1) and found.correlation_s == pytest.approx(5.0, rel=0.2)
 
 
-def test_the_doubt_is_as_large_as_the_scatter_of_short_logs() -> None:
+def test_the_relative_sigma_is_the_scatter_of_short_logs() -> None:
     model = FixErrors(sigma_h_m=1.0, sigma_v_m=1.0, correlation_s=20.0)
     fits = [
         fit_gauss_markov(np.arange(600.0), gauss_markov(600, 1.0, model, rng(k))[:, 0]) for k in range(60)
@@ -110,7 +110,7 @@ def test_errors_of_a_receiver_that_moves_are_about_its_reference(tmp_path: Path)
     assert found.fix_class == (FLOAT, FIX)
 
 
-def test_a_reference_of_another_day_is_told(tmp_path: Path) -> None:
+def test_a_reference_of_another_day_is_refused(tmp_path: Path) -> None:
     log = log_of(tmp_path / "a.nmea", np.zeros((3, 3)), (FIX,) * 3)
     later = replace(WALK, start_utc=WALK.start_utc + timedelta(days=3))
     t = np.arange(3.0)
@@ -153,7 +153,7 @@ def test_a_simulated_receiver_replays_the_classes_that_its_log_has() -> None:
     np.testing.assert_allclose(fixes.reported_m[~floats][0], FIX_ERRORS[FIX].reported_m)
 
 
-def test_sigmas_that_the_log_does_not_tell_are_the_model_s() -> None:
+def test_unknown_sigmas_of_the_log_are_the_models() -> None:
     silent = replace(series(100), sigma_m=np.full((100, 3), np.nan))
     config = replace(WALK, gps=GpsConfig(replay=silent))
     fixes = simulate_fixes(build_motion(config, rng()), config, rng())
@@ -177,12 +177,12 @@ def test_a_drive_s_errors_are_those_against_its_reference(data_dir: Path) -> Non
     np.testing.assert_allclose(spread, [0.133, 0.190, 0.422], atol=2e-3)
 
 
-def test_a_reference_alone_is_told() -> None:
+def test_a_reference_alone_is_refused() -> None:
     with pytest.raises(ConfigError, match="reference without a log"):
         scene_with_errors("walk", None, Path("b.pos"))
 
 
-def test_a_log_that_is_none_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_log_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.nmea").write_text("nothing\n")
     with pytest.raises(GpsLogError, match=r"x\.nmea: not a GPS log of a known format"):
         scene_with_errors("walk", tmp_path / "x.nmea")

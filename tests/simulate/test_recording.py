@@ -152,7 +152,7 @@ def test_folders_of_others_are_not_overwritten(tmp_path: Path, names: list[str])
     assert {entry.name: entry.read_text() for entry in tmp_path.iterdir()} == dict.fromkeys(names, "kept")
 
 
-def test_a_file_in_the_way_and_an_unknown_scene_are_told(tmp_path: Path) -> None:
+def test_an_existing_file_and_an_unknown_scene_are_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with pytest.raises(RunFolderError, match="is a file"):
         simulate(tmp_path / "out", TINY)

@@ -136,7 +136,7 @@ def test_crossing_walls_part_where_they_cross() -> None:
 
 
 @pytest.mark.parametrize("turned", [0.0, np.pi])
-def test_backs_are_not_drawn_nor_what_lies_behind(turned: float) -> None:
+def test_back_sides_and_things_behind_the_camera_are_not_drawn(turned: float) -> None:
     builder = Builder()
     builder.upright(FRONT, WEST, 4.0, 4.0, builder.image(plain((0, 0, 200))))
     world = builder.world()
@@ -185,7 +185,7 @@ def test_blur_is_as_long_as_the_rotation_within_the_exposure(rate_deg_s: float) 
     assert renderer.samples(0.0) >= length
 
 
-def test_things_that_move_are_where_their_velocity_takes_them() -> None:
+def test_moving_things_follow_their_velocity() -> None:
     builder = Builder(velocity=np.array([0.0, -1.0, 0.0]), epoch_s=0.5)
     builder.upright(FRONT, WEST, 0.5, 2.0, builder.image(plain((0, 0, 0))))
     renderer = Renderer(builder.world(), moving(), CONFIG)

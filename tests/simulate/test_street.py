@@ -9,7 +9,7 @@ from vgps.simulate.street import build_world
 
 
 @pytest.mark.parametrize("name", ["demo", "drive"])
-def test_nothing_that_stands_is_in_the_way_of_the_camera(name: str) -> None:
+def test_nothing_stands_on_the_cameras_path(name: str) -> None:
     config = replace(SCENES[name], texture_scale=0.05)
     world = build_world(config, np.random.default_rng(4))
     t_s = np.arange(config.frames) / config.fps

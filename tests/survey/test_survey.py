@@ -60,7 +60,7 @@ def test_without_a_fix_the_truth_must_be_given(tmp_path):
     assert "30 epochs count as" in found.warnings[-1]
 
 
-def test_a_receiver_that_moves_is_told(tmp_path):
+def test_a_receiver_that_moves_is_refused(tmp_path):
     walk = np.arange(60)[:, None] * [1.0, 0.0, 0.0]
     with pytest.raises(GpsLogError, match="moved"):
         survey_logs([csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)])

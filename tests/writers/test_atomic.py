@@ -50,7 +50,7 @@ def test_a_folder_of_other_things_is_left_alone(solution: Solution, tmp_path: Pa
     assert [path.name for path in tmp_path.iterdir()] == ["holiday.jpg"]
 
 
-def test_a_file_in_the_way_is_told(solution: Solution, tmp_path: Path) -> None:
+def test_an_existing_file_is_refused(solution: Solution, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(RunFolderError, match="is a file; expected a folder"):
         check_writable(tmp_path / "file")
@@ -61,7 +61,7 @@ def test_a_file_in_the_way_is_told(solution: Solution, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_place_without_permission_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_permission_is_refused(tmp_path: Path) -> None:
     (tmp_path / "locked").mkdir(mode=0o500)
     with pytest.raises(RunFolderError, match="cannot be written"):
         check_writable(tmp_path / "locked/run")

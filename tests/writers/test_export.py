@@ -51,7 +51,7 @@ def test_a_failure_keeps_the_file_that_was_there(
     assert {path.name for path in tmp_path.iterdir()} == {"run", "out"}
 
 
-def test_a_folder_in_the_way_is_told(run: Path, tmp_path: Path) -> None:
+def test_an_existing_folder_is_refused(run: Path, tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="is a folder; expected the name of a file"):
         export(run, "ply", tmp_path)
 

@@ -49,7 +49,7 @@ def test_with_a_geoid_heights_are_above_it_and_say_so(timed, tmp_path):
     assert "geoid, taken to be 47.9 m above the WGS84 ellipsoid" in gpx.description
 
 
-def test_our_own_reader_gets_the_ellipsoidal_height_back_either_way(timed, tmp_path):
+def test_reading_back_restores_the_ellipsoidal_height_with_and_without_geoid(timed, tmp_path):
     heights = []
     for geoid_m in (None, 47.9):
         write_gpx(timed, tmp_path / "run.gpx", geoid_m)
@@ -64,7 +64,7 @@ def test_a_start_in_another_zone_is_the_same_instant(timed, tmp_path):
     assert points_of(local, tmp_path / "run.gpx")[1][0].time == START
 
 
-def test_without_a_start_points_have_no_time_and_the_file_says_so(solution, tmp_path):
+def test_without_a_start_points_have_no_time_and_the_description_says_so(solution, tmp_path):
     gpx, points = points_of(replace(solution, video_start_utc=None, recording=None), tmp_path / "run.gpx")
     assert all(p.time is None for p in points) and "points have no time" in gpx.description
 

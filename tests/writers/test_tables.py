@@ -9,7 +9,7 @@ from vgps.solution import Solution
 from vgps.writers.run_folder import write_run
 
 
-def test_poses_csv_says_where_on_the_globe_and_how_sure(solution: Solution, tmp_path: Path) -> None:
+def test_poses_csv_has_geodetic_positions_and_sigmas(solution: Solution, tmp_path: Path) -> None:
     write_run(solution, tmp_path / "run")
     first, second, _, last = rows(tmp_path / "run/poses.csv")
     assert (first["frame"], first["state"], second["state"]) == ("0", "tracked", "bridged")

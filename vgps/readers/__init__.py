@@ -1,1 +1,1 @@
-"""A file in, a piece of a recording out; formats are told by content, not by suffix alone."""
+"""Readers: from files to the parts of a recording; the content tells the format, not the suffix."""

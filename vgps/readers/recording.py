@@ -1,4 +1,4 @@
-"""A recording: a folder of files under known names, or a video with the others beside it."""
+"""Recordings: folders of files under known names, or videos with the other files beside them."""
 
 import logging
 from dataclasses import replace

@@ -211,15 +211,15 @@ def _report(summary: Mapping[str, Any]) -> SolverReport:
 
 def _check(solution: Solution, file: Path) -> None:
     frames, landmarks = len(solution.t_s), len(solution.landmarks.world_p_landmark)
-    seen = solution.observations
+    observed = solution.observations
     shapes = {
         "world_T_camera": (solution.world_T_camera.shape, (frames, 4, 4)),
         "sigma_rotation_rad": (solution.sigma_rotation_rad.shape, (frames, 3)),
         "sigma_position_m": (solution.sigma_position_m.shape, (frames, 3)),
         "state": ((len(solution.state),), (frames,)),
         "landmarks.sigma_px": (solution.landmarks.sigma_px.shape, (landmarks,)),
-        "observations.landmark": (seen.landmark.shape, seen.frame.shape),
-        "observations.uv_px": (seen.uv_px.shape, (*seen.frame.shape, 2)),
+        "observations.landmark": (observed.landmark.shape, observed.frame.shape),
+        "observations.uv_px": (observed.uv_px.shape, (*observed.frame.shape, 2)),
     }
     if solution.world_p_before is not None:
         shapes["world_p_before"] = (solution.world_p_before.shape, (frames, 3))
@@ -231,7 +231,7 @@ def _check(solution: Solution, file: Path) -> None:
             raise RunFolderError(
                 f"shape {found}", file=file, place=f"key {key}", expected=f"shape {expected}", remedy=_REMEDY
             )
-    for key, rows, count in (("frame", seen.frame, frames), ("landmark", seen.landmark, landmarks)):
+    for key, rows, count in (("frame", observed.frame, frames), ("landmark", observed.landmark, landmarks)):
         if rows.size and not 0 <= rows.min() <= rows.max() < count:
             raise RunFolderError(
                 f"points at row {rows.max()} of {count}",

@@ -28,7 +28,7 @@ gps.line                        (M,)         line of the log
 fixes.world_p_fix               (M, 3)       the fixes in ENU metres
 fixes.residual_m                (M, 3)       estimated antenna minus fix, east, north, up
 fixes.r_m, fixes.h_m            (M,)         region that the fix was given
-fixes.probability               (M,)         of being what its class says
+fixes.probability               (M,)         that the error is one of its class
 fixes.verdict                   (M,)         used, down-classed, rejected, not used
 fixes.reason                    (M,)         why or why not
 =============================== ============ ============================================================
