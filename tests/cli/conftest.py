@@ -1,7 +1,9 @@
 """Verbs run in this process."""
 
+import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -24,3 +26,13 @@ def vgps_verb(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str
         return code, *capsys.readouterr()
 
     return run
+
+
+@pytest.fixture(scope="session")
+def smoothed(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run folder of the small recording, made by the command."""
+    out = tmp_path_factory.mktemp("cli") / "run"
+    words = [sys.executable, "-m", "vgps", "smooth", str(recording), "--out", str(out)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return out

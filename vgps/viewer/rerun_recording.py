@@ -115,11 +115,11 @@ def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, 
     _check_display()
     stream = rr.RecordingStream(_APPLICATION)
     # the SDK installs the viewer in the same environment, which need not be on the PATH
-    beside = shutil.which("rerun", path=sysconfig.get_path("scripts"))
+    viewer = shutil.which("rerun", path=sysconfig.get_path("scripts"))
     try:
         rr.spawn(
             connect=False,
-            executable_path=beside,
+            executable_path=viewer,
             hide_welcome_screen=True,
             port=_PORT,
             recording=stream,

@@ -1,26 +1,12 @@
-import json
-import re
+"""``vgps smooth`` as a user runs it, and what it makes of bad input."""
+
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from vgps.cli.app import print_note
 
-
-@pytest.fixture(scope="module")
-def smoothed(recording, tmp_path_factory):
-    """A run made as a user makes it."""
-    out = tmp_path_factory.mktemp("cli") / "run"
-    words = [sys.executable, "-m", "vgps", "smooth", str(recording), "--out", str(out)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return out
-
-
-def test_smooth_writes_a_whole_run(smoothed):
+def test_smooth_writes_a_complete_run(smoothed):
     names = {
         "poses.tum",
         "poses.csv",
@@ -32,62 +18,6 @@ def test_smooth_writes_a_whole_run(smoothed):
     }
     assert names <= {file.name for file in smoothed.iterdir()}
     assert len((smoothed / "poses.tum").read_text().splitlines()) >= 90
-
-
-def test_evaluate(smoothed, recording, vgps_verb):
-    truth = recording / "truth.tum"
-    code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth, "--json")
-    assert code == 0
-    assert json.loads(out)["camera_position_m"]["mean"] < 0.1
-    code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth)
-    assert code == 0 and "camera position [m]" in out
-
-
-@pytest.mark.parametrize("to", ["tum", "ply", "kitti", "nerfstudio", "geojson", "kml", "gpx"])
-def test_export(smoothed, tmp_path, vgps_verb, to):
-    code, _, _ = vgps_verb("export", smoothed, "--to", to, "--out", tmp_path / f"x.{to}")
-    assert code == 0 and (tmp_path / f"x.{to}").stat().st_size > 1000
-
-
-@pytest.mark.slow
-def test_what_stands_in_brackets_in_a_path_is_no_markup(smoothed, tmp_path, vgps_verb):
-    """Nor are names between colons emoji."""
-    out = tmp_path / "[bold]a[/bold] :car:" / "x[/red].tum"
-    code, told, _ = vgps_verb("export", smoothed, "--to", "tum", "--out", out)
-    assert code == 0 and told == f"wrote {out}\n"
-
-
-def test_a_note_is_told_as_it_is(capsys):
-    print_note("[red]run[/blue] :car: 1")
-    assert capsys.readouterr().out == "note: [red]run[/blue] :car: 1\n"
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["--plot", "p.xyz"], r"p\.xyz: cannot plot to \.xyz; expected \.png, "),
-        (["--plot", "s.yaml"], r"s\.yaml: is the name of both the survey and its plot"),
-        (["--plot", "folder.png"], r"folder\.png: is a folder"),
-    ],
-)
-def test_a_plot_that_cannot_be_written_is_refused_before_the_work(
-    tmp_path, monkeypatch, vgps_verb, words, told
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "folder.png").mkdir()
-    code, _, err = vgps_verb("survey", "no.log", "--out", "s.yaml", *words)
-    assert code == 2 and err.count("\n") == 1 and re.search(told, err)
-    assert not (tmp_path / "s.yaml").exists()
-
-
-@pytest.mark.slow
-def test_demo_ends_with_its_error(tmp_path):
-    words = [sys.executable, "-m", "vgps", "demo", "--out", str(tmp_path / "demo")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "camera position [m]" in done.stdout
-    assert (tmp_path / "demo" / "run" / "solution.json").is_file()
-    assert (tmp_path / "demo" / "report.html").is_file()
 
 
 def broken(folder: Path, name: str, how) -> Path:
@@ -170,12 +100,3 @@ def test_nothing_else_is_overwritten(recording, tmp_path, vgps_verb):
     code, _, err = vgps_verb("smooth", recording, "--out", precious)
     assert code == 2 and "thesis" in err
     assert (precious / "chapter1.txt").read_text() == "words"
-
-
-def test_survey(data_dir, tmp_path, vgps_verb):
-    log, out = data_dir / "survey/stationary.nmea", tmp_path / "receiver.yaml"
-    code, text, _ = vgps_verb("survey", log, "--out", out)
-    assert code == 0 and "rtk_float" in text and "survey longer" in text
-    assert out.is_file() and out.with_suffix(".png").is_file()
-    code, _, err = vgps_verb("survey", log, "--out", out, "--truth", "1,2")
-    assert code == 2 and "LATITUDE,LONGITUDE,HEIGHT" in err and err.count("\n") == 1
