@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def telling(monkeypatch):
+def with_telemetry(monkeypatch):
     """Let videos have the given telemetry."""
 
     def tell(found):
@@ -45,10 +45,12 @@ def telling(monkeypatch):
     return tell
 
 
-def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, telling):
+def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, with_telemetry):
     about = text("ORIN", "XYZ")
     spin = stream(encode("GYRO", "s", [[1, 2, 3]] * 10), about, stamp_us=500_000)
-    telling(telemetry(device("HERO9", shutter(500_000, 0.004), gps5([ROW] * 4, 3, 154, 600_000), spin)))
+    with_telemetry(
+        telemetry(device("HERO9", shutter(500_000, 0.004), gps5([ROW] * 4, 3, 154, 600_000), spin))
+    )
     opened = open_recording(folder / "GX010042.MP4")
     np.testing.assert_allclose(opened.gps.t_s, [0.1, 0.35, 0.6, 0.85])
     assert opened.gps.source == folder / "GX010042.MP4"
@@ -57,8 +59,8 @@ def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, telling
     np.testing.assert_array_equal(opened.rig.gyro_R_camera, GYRO_R_CAMERA)
 
 
-def test_a_videos_metadata_are_read_once(folder, telling, monkeypatch):
-    telling(walk())
+def test_a_videos_metadata_are_read_once(folder, with_telemetry, monkeypatch):
+    with_telemetry(walk())
     told, calls = opening.read_gpmf, []
     for place in ("vgps.readers.recording.read_gpmf", "vgps.readers.gps.read_gpmf"):
         monkeypatch.setattr(place, lambda path: calls.append(path) or told(path))
@@ -66,8 +68,8 @@ def test_a_videos_metadata_are_read_once(folder, telling, monkeypatch):
     assert calls == [folder / "GX010042.MP4"]
 
 
-def test_files_take_precedence_over_the_videos_metadata(folder, telling):
-    telling(walk())
+def test_files_take_precedence_over_the_videos_metadata(folder, with_telemetry):
+    with_telemetry(walk())
     (folder / "gps.csv").write_text(
         "t_s,latitude_deg,longitude_deg,height_m,fix_class\n0.5,49,8,100,rtk_fix\n"
     )
@@ -79,8 +81,8 @@ def test_files_take_precedence_over_the_videos_metadata(folder, telling):
     assert opened.rig.exposure_s == 0.5 and opened.rig.gyro_R_camera is None
 
 
-def test_a_camera_without_a_fix_is_opened_without_gps_and_a_warning(folder, telling, caplog):
-    telling(telemetry(device("HERO9", shutter(0), gps5([ROW] * 4, 0, 9999, 0))))
+def test_a_camera_without_a_fix_is_opened_without_gps_and_a_warning(folder, with_telemetry, caplog):
+    with_telemetry(telemetry(device("HERO9", shutter(0), gps5([ROW] * 4, 0, 9999, 0))))
     with caplog.at_level(logging.WARNING):
         assert open_recording(folder / "GX010042.MP4").gps is None
     assert "never had a fix; continuing without GPS" in caplog.text

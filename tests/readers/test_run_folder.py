@@ -41,8 +41,8 @@ def test_settings_of_an_older_run_have_their_present_names(solution: Solution, t
     assert config["window"] == {"iterations": 4}
 
 
-def test_a_run_as_version_0_1_wrote_it_loads(solution: Solution, tmp_path: Path) -> None:
-    """It has no schema versions."""
+def test_a_run_without_schema_versions_loads(solution: Solution, tmp_path: Path) -> None:
+    """As written before version 0.1.0."""
     run = tmp_path / "run"
     write_run(solution, run)
     summary = json.loads((run / "solution.json").read_text("utf-8"))

@@ -85,7 +85,7 @@ def read_summary(path: Path) -> dict[str, Any]:
 
 
 def _check_schema(found: Any, file: Path) -> None:
-    """Refuse what a later vgps wrote differently; what version 0.1 wrote has no schema version."""
+    """Refuse what a later vgps wrote differently; runs from before version 0.1.0 have no schema version."""
     if found is None:
         return
     if not isinstance(found, int) or found < 1:

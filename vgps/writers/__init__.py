@@ -1,1 +1,1 @@
-"""A Solution in, a file out: the run folder, and what a run is exported to."""
+"""Writers: run folders, and their export to the files of other programs."""

@@ -33,8 +33,8 @@ fixes.verdict                   (M,)         used, down-classed, rejected, not u
 fixes.reason                    (M,)         why or why not
 =============================== ============ ============================================================
 
-The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts; version 0.1 did not write
-``schema_version``, and at first not ``world_p_before``. The intrinsics are in ``solution.json``. Nothing is
+The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts; ``schema_version`` and
+``world_p_before`` in runs from before version 0.1.0. The intrinsics are in ``solution.json``. Nothing is
 pickled.
 """
 

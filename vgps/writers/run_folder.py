@@ -89,7 +89,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
 
 
 def _sensors(report: SensorReport) -> dict[str, Any]:
-    """Return the sensors' estimates under the keys of version 0.1, where the time offset is a lag."""
+    """Return the sensors' estimates under their first keys, where the time offset is a lag."""
     return {
         "lag_s": report.time_offset_s,
         "lag_sigma_s": report.time_offset_sigma_s,
