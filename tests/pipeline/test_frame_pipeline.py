@@ -1,0 +1,251 @@
+"""Stages A, B and C frame by frame, on images of a room with exact truth."""
+
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_of_size
+from textured_room import (
+    CAMERA,
+    CONFIG,
+    FPS,
+    image,
+    images,
+    path,
+    pixels,
+    points_at,
+    rotation_error_deg,
+)
+
+from vgps.errors import GeometryError
+from vgps.gps.fixes import Fixes
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
+from vgps.mapping.retention import RetentionPolicy
+from vgps.model import Frame
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.smoothing.context import SmoothingContext
+
+COUNT = 30
+POSES = path(COUNT)
+
+
+def exact_fixes(until=COUNT):
+    """A fix every three frames on the camera's path: its antenna is the camera's centre."""
+    frame = np.arange(0, until, 3)
+    size = np.full(len(frame), 0.05)
+    return fixes_of_size(frame / FPS, POSES[frame, :3, 3], size, size)
+
+
+def pipeline(fixes=None, config=CONFIG, retention=None, controls=NO_CONTROL_OBSERVATIONS):
+    fixes = Fixes.none() if fixes is None else fixes
+    return FramePipeline(SmoothingContext(CAMERA, config, controls), np.zeros(3), fixes, retention)
+
+
+def room(count=COUNT, black=()):
+    """Frames along the path; those in ``black`` show nothing."""
+    for index, gray in enumerate(images(COUNT)[:count]):
+        yield Frame(index, index / FPS, np.zeros_like(gray) if index in black else gray)
+
+
+def fed(these, *args, **kwargs):
+    made = pipeline(*args, **kwargs)
+    for frame in these:
+        made.add_frame(frame)
+    made.finish_window()
+    return made
+
+
+def another_room(start, count=12):
+    """Frames from ``start`` on, of another room along the beginning of the path."""
+    return [Frame(i, i / FPS, image(POSES[i - start], seed=1)) for i in range(start, start + count)]
+
+
+def errors_m(local_map, true=POSES):
+    """Distance of every frame of an aligned map from where it was."""
+    true = true[local_map.first_frame : local_map.next_frame, :3, 3]
+    return np.linalg.norm(local_map.poses[:, :3, 3] - true, axis=1)
+
+
+@pytest.fixture(scope="module")
+def aligned():
+    return fed(room(), exact_fixes())
+
+
+def test_every_frame_is_posed_in_the_world(aligned):
+    (local_map,) = aligned.maps
+    assert local_map.aligned and aligned.current is local_map
+    assert (local_map.first_frame, local_map.next_frame) == (0, COUNT)
+    assert errors_m(local_map).max() < 0.05
+    # a path as straight as this hardly shows the roll
+    assert max(rotation_error_deg(a, b) for a, b in zip(local_map.poses, POSES, strict=True)) < 1.5
+    np.testing.assert_allclose(aligned.t_s, np.arange(COUNT) / FPS)
+    assert set(aligned.timer.by_stage) >= {"start", "track", "map", "align", "drift", "window"}
+
+
+def test_its_points_are_those_of_the_room(aligned):
+    """As the last camera sees them, to 2 % of their distance, in the median."""
+    local_map = aligned.maps[0]
+    log = local_map.observations()
+    last = log.frame == COUNT - 1
+    rows = log.landmark[last]
+    known = np.isfinite(local_map.points[rows, 0])
+    true = points_at(POSES[-1], log.uv_px[last][known])
+    assert known.sum() > 50
+    found = (local_map.points[rows][known] - local_map.poses[-1, :3, 3]) @ local_map.poses[-1, :3, :3]
+    expected = (true - POSES[-1, :3, 3]) @ POSES[-1, :3, :3]
+    assert np.median(np.linalg.norm(found - expected, axis=1) / expected[:, 2]) < 0.02
+
+
+def test_without_fixes_the_path_has_its_shape_alone():
+    (local_map,) = fed(room(20)).maps
+    assert not local_map.aligned
+    np.testing.assert_allclose(local_map.poses[0], np.eye(4), atol=1e-9)
+    relative = np.linalg.inv(POSES[0]) @ POSES[:20]
+    scale = np.linalg.norm(local_map.poses[-1, :3, 3]) / np.linalg.norm(relative[-1, :3, 3])
+    np.testing.assert_allclose(local_map.poses[:, :3, 3], scale * relative[:, :3, 3], atol=0.05 * scale)
+
+
+def test_fixes_that_come_late_align_the_map_and_the_frames_before():
+    made = pipeline()
+    for frame in room(24):
+        if frame.index == 20:
+            made.add_fixes(exact_fixes(20))
+        made.add_frame(frame)
+        assert made.maps == [] or made.maps[0].aligned == (frame.index >= 20)
+    assert errors_m(made.maps[0]).max() < 0.05
+
+
+def test_control_points_align_a_map_without_fixes():
+    """Ten corners of the room, seen in the frames 2 and 14."""
+    uv = np.random.default_rng(0).uniform((30, 30), (290, 210), (10, 2))
+    points = points_at(POSES[8], uv)
+    seen = [pixels(POSES[k], points) for k in (2, 14)]
+    controls = ControlObservations(np.repeat([2, 14], 10), np.concatenate(seen), np.tile(points, (2, 1)))
+    made = fed(room(18), controls=controls)
+    assert made.maps[0].aligned and errors_m(made.maps[0]).max() < 0.1
+
+
+def test_standing_frames_get_a_constraint_and_no_view():
+    """The camera stands from frame 12 to 19 and goes on."""
+    order = [*range(12), *[12] * 8, *range(13, 20)]
+    these = [Frame(i, i / FPS, images(COUNT)[k]) for i, k in enumerate(order)]
+    made = fed(these)
+    (local_map,) = made.maps
+    assert {m.frame: m.reference for m in local_map.zero_motions} == dict.fromkeys(range(13, 20), 12)
+    assert not set(range(13, 20)) & set(local_map.observations().frame.tolist())
+    step = np.linalg.norm(np.diff(local_map.poses[:, :3, 3], axis=0), axis=1)
+    assert step[12:19].max() < 0.05 * np.median(step) and step[20:].min() > 0.5 * np.median(step)
+
+
+def test_stage_c_waits_for_moving_frames(monkeypatch):
+    made, calls = pipeline(), []
+    optimise = made._worker.optimise
+    monkeypatch.setattr(made._worker, "optimise", lambda m: calls.append(len(made.t_s)) or optimise(m))
+    order = [*range(12), *[12] * 8, *range(13, 20)]
+    for i, k in enumerate(order):
+        made.add_frame(Frame(i, i / FPS, images(COUNT)[k]))
+    start = calls[0]
+    moving = [n for n in range(start + 1, len(order) + 1) if not 13 < n <= 20]
+    assert calls == [start, *moving[4::5]]  # every five moving frames
+
+
+def test_black_frames_are_bridged():
+    made = fed(room(black=(14, 15, 16)), exact_fixes())
+    (local_map,) = made.maps
+    assert local_map.bridged == {14, 15, 16} and errors_m(local_map).max() < 0.1
+    assert any("from frame 14 to 16" in warning for warning in made.warnings)
+
+
+def test_a_camera_that_went_on_in_the_dark_is_found_again():
+    """From frame 13 to 25 it moves 1.4 m: too far for the motion model and for optical flow."""
+    made = fed(room(black=range(14, 25)), exact_fixes())
+    (local_map,) = made.maps
+    assert local_map.bridged == set(range(14, 25))
+    assert errors_m(local_map)[25:].max() < 0.1
+
+
+def test_where_tracking_is_not_resumed_a_new_map_begins():
+    """The camera is suddenly in another room."""
+    made = fed([*room(15), *another_room(15)])
+    first, second = made.maps
+    assert (first.next_frame, second.first_frame, second.next_frame) == (15, 15, 27)
+    assert made.current is second and np.isfinite(second.poses).all()
+    assert any("after frame 14" in w and "begins at frame 15" in w for w in made.warnings)
+
+
+def test_a_camera_that_never_moves_starts_no_map():
+    made = fed(Frame(i, i / FPS, images(COUNT)[0]) for i in range(6))
+    assert made.maps == [] and made.current is None
+
+
+def test_the_past_is_discarded_and_its_poses_are_handed_over():
+    """Two seconds of the path and its fixes stay."""
+    made, retired = pipeline(exact_fixes(), retention=RetentionPolicy(view_frames=14, path_s=2.0)), []
+    assert made.discard() == []
+    for frame in room():
+        made.add_frame(frame)
+        retired += made.discard()
+    (local_map,) = made.maps
+    first = local_map.first_frame
+    assert first == COUNT - 1 - 20
+    assert made.fix_buffer.fixes.t_s.min() >= made.t_s[-1] - 2.0
+    rows = np.concatenate([part.first_frame + np.arange(len(part.poses)) for part in retired])
+    assert rows.tolist() == list(range(first))
+    assert all(part.aligned for part in retired)
+    gone = np.concatenate([part.poses for part in retired])
+    assert np.linalg.norm(gone[:, :3, 3] - POSES[:first, :3, 3], axis=1).max() < 0.1
+    assert errors_m(local_map).max() < 0.1
+
+
+def test_a_finished_map_is_retired_whole():
+    policy = RetentionPolicy(view_frames=14, path_s=60.0)
+    made = fed([*room(15), *another_room(15)], retention=policy)
+    first, second = made.maps
+    (retired,) = made.discard()
+    np.testing.assert_array_equal(retired.poses, first.poses)
+    assert made.maps == [second]
+
+
+def test_a_failure_of_stage_c_leaves_the_map_and_three_in_a_row_end_it(monkeypatch):
+    made, kept = pipeline(), []
+
+    def fail(local_map):
+        kept.append((local_map, local_map.poses.copy()))
+        raise GeometryError("no minimum")
+
+    monkeypatch.setattr(made._worker, "optimise", fail)
+    for frame in room():
+        made.add_frame(frame)
+        if len(kept) == 3:
+            break
+    assert made.current is None and len({id(local_map) for local_map, _ in kept}) == 1
+    np.testing.assert_array_equal(made.maps[0].poses[: len(kept[0][1])], kept[0][1])
+    assert sum("stage C failed at" in w and "no minimum" in w for w in made.warnings) == 3
+    assert "a new map begins" in made.warnings[-1]
+    monkeypatch.undo()
+    for later in another_room(frame.index + 1):
+        made.add_frame(later)
+    assert len(made.maps) == 2 and made.current is made.maps[1]
+
+
+def test_a_failure_is_forgotten_after_a_success(monkeypatch):
+    made, calls = pipeline(), []
+    optimise = made._worker.optimise
+
+    def fail_twice_of_three(local_map):
+        calls.append(local_map)
+        if len(calls) % 3:
+            raise RuntimeError("not now")
+        return optimise(local_map)
+
+    monkeypatch.setattr(made._worker, "optimise", fail_twice_of_three)
+    for frame in room():
+        made.add_frame(frame)
+    assert len(calls) >= 6 and len(made.maps) == 1 and made.current is made.maps[0]
+
+
+def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
+    window = CONFIG.window.model_copy(update={"delay_frames": 3})
+    beside = fed(room(), exact_fixes(), config=CONFIG.model_copy(update={"window": window}))
+    assert any(stage.endswith("beside") for stage in beside.timer.by_stage)
+    assert errors_m(beside.maps[0]).max() < 0.05
+    again = fed(room(), exact_fixes(), config=CONFIG.model_copy(update={"window": window}))
+    np.testing.assert_array_equal(again.maps[0].poses, beside.maps[0].poses)

@@ -1,0 +1,123 @@
+"""Stages A to C over a recording of a room, and what they leave to stage D."""
+
+from dataclasses import FrozenInstanceError, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solutions import make_gps_log
+from textured_room import CAMERA, CONFIG, RoomVideo, path, pixels, points_at
+
+from vgps.errors import GeometryError, GpsLogError, RecordingError
+from vgps.geodesy import to_geodetic
+from vgps.model import ControlPoints, FixClass, GeodeticPoint, Recording, Rig
+from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.runtime.progress import NoProgress
+
+POSES = path(24)
+ORIGIN = GeodeticPoint(49.0, 8.4, 160.0)
+
+
+def recording(poses=POSES, **parts):
+    video = RoomVideo(poses)
+    return Recording(path=Path("room"), video=video, camera=CAMERA, rig=Rig(world_origin=ORIGIN), **parts)
+
+
+def gps_log(count=8):
+    """Exact RTK fixes of every third frame."""
+    frame = 3 * np.arange(count)
+    latitude, longitude, height = to_geodetic(ORIGIN, POSES[frame, :3, 3]).T
+    fixes = make_gps_log(0.1 * frame, (FixClass.RTK_FIX,) * len(frame))
+    return replace(fixes, latitude_deg=latitude, longitude_deg=longitude, height_m=height)
+
+
+def control_points(geodetic):
+    """Six points of the room in the frames 2 and 12."""
+    uv = np.random.default_rng(0).uniform((40, 40), (280, 200), (6, 2))
+    points = points_at(POSES[7], uv)
+    return ControlPoints(
+        frame=np.repeat([2, 12], 6),
+        uv_px=np.concatenate([pixels(POSES[k], points) for k in (2, 12)]),
+        world_p_point=np.tile(to_geodetic(ORIGIN, points) if geodetic else points, (2, 1)),
+        geodetic=geodetic,
+        source=Path("control_points.csv"),
+    )
+
+
+def run(opened, progress=None):
+    return run_front_end(opened, CONFIG, progress or NoProgress())
+
+
+@pytest.fixture(scope="module")
+def front_end():
+    return run(recording(gps=gps_log()))
+
+
+def test_every_frame_is_in_an_aligned_map(front_end):
+    (local_map,) = front_end.maps
+    assert local_map.aligned and len(local_map.poses) == 24
+    assert np.linalg.norm(local_map.poses[:, :3, 3] - POSES[:, :3, 3], axis=1).max() < 0.1
+    np.testing.assert_allclose(front_end.t_s, 0.1 * np.arange(24))
+    assert front_end.origin == ORIGIN
+
+
+def test_fixes_lie_in_the_world_at_the_times_of_their_own_clock(front_end):
+    np.testing.assert_allclose(front_end.fixes.t_s, 0.1 * np.arange(0, 24, 3))
+    np.testing.assert_allclose(front_end.fixes.world_p_fix, POSES[::3, :3, 3], atol=1e-3)
+    assert front_end.sensors.time_offset_s == 0.0
+
+
+def test_it_is_plain_data(front_end):
+    assert isinstance(front_end.maps, tuple) and isinstance(front_end.warnings, tuple)
+    for field in fields(FrontEnd):
+        with pytest.raises(FrozenInstanceError):
+            setattr(front_end, field.name, None)
+    assert {"decode", "start", "track", "map", "align", "window"} <= set(front_end.seconds)
+    context = front_end.context(CONFIG)
+    assert (context.camera, context.config, context.controls) == (CAMERA, CONFIG, front_end.controls)
+
+
+def test_warnings_of_the_video_come_first():
+    opened = recording(POSES[:12])
+    opened.video.warnings = ("two frames could not be decoded",)
+    assert run(opened).warnings[0] == "two frames could not be decoded"
+
+
+def test_progress_counts_every_frame_once():
+    class Counter(NoProgress):
+        seen, total = 0, 0
+
+        def track(self, items, total):
+            self.total = total
+            for item in items:
+                self.seen += 1
+                yield item
+
+    counter = Counter()
+    run(recording(POSES[:12]), counter)
+    assert (counter.seen, counter.total) == (12, 12)
+
+
+def test_a_camera_that_stands_cannot_start_a_map():
+    with pytest.raises(GeometryError, match=r"room\.mp4.*hardly moves.*30 common features.*15 px"):
+        run(recording(np.repeat(POSES[:1], 6, axis=0)))
+
+
+def test_too_few_fixes_are_refused_before_any_frame_is_read():
+    opened = recording(gps=gps_log(2))
+    opened.video.frames = None
+    with pytest.raises(GpsLogError, match=r"2 usable fixes.*at least 3"):
+        run(opened)
+
+
+def test_control_points_take_the_place_of_gps():
+    front_end = run(recording(POSES[:16], control_points=control_points(geodetic=True)))
+    (local_map,) = front_end.maps
+    assert local_map.aligned and len(front_end.fixes) == 0 and len(front_end.controls.frame) == 12
+    assert np.linalg.norm(local_map.poses[:, :3, 3] - POSES[:16, :3, 3], axis=1).max() < 0.1
+
+
+def test_control_points_in_the_world_beside_gps_need_an_origin():
+    opened = recording(gps=gps_log(), control_points=control_points(geodetic=False))
+    with pytest.raises(RecordingError, match=r"control_points\.csv.*world_origin"):
+        run(replace(opened, rig=Rig()))

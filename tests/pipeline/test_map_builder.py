@@ -1,0 +1,130 @@
+"""A map under construction, with results of stage A made by hand."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vgps.config import TrackingConfig
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewView
+from vgps.mapping.retention import RetentionPolicy
+from vgps.model import Frame
+from vgps.pipeline.map_builder import MapBuilder
+from vgps.tracking.frame_tracker import TrackingResult
+
+UNKNOWN = np.full((4, 4), np.nan)
+FEATURES = np.array([[10.0, 10.0], [50.0, 20.0], [90.0, 80.0]])
+CONFIG = TrackingConfig(static_px=0.4)
+
+
+def pose(x, angle=0.0):
+    out = np.eye(4)
+    out[:3, :3], out[0, 3] = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix(), x
+    return out
+
+
+def image(gray=0):
+    return np.full((4, 6), gray, dtype=np.uint8)
+
+
+def builder(*poses, first=0, interval_s=0.1):
+    """A map of frames with these poses; its newest view is the last frame and shows three features."""
+    local_map, nothing = LocalMap(first, 5), np.zeros((0, 2))
+    made = MapBuilder(local_map=local_map, view_image=image())
+    for k, each in enumerate(poses):
+        made.add_pose(interval_s * (first + k), each)
+    view = NewView(first + len(poses) - 1, nothing, nothing, np.zeros(0, dtype=bool))
+    features = NewFeatures(FEATURES, FEATURES, np.zeros(3, dtype=np.uint8))
+    local_map.apply(MapUpdate(view=view, features=features))
+    return made
+
+
+def result(moved_px=(0.0, 0.0, 0.0), found=(True, True, True), **pose_of):
+    uv = FEATURES + np.outer(moved_px, [0.6, 0.8])
+    return TrackingResult(raw_uv_px=uv, uv_px=uv, found=np.array(found), **pose_of)
+
+
+def test_the_velocity_of_the_last_two_frames_goes_on():
+    """Half a metre ahead and 0.1 rad a frame: the displacement turns with the camera."""
+    made = builder(pose(0.0), pose(0.5, 0.1))
+    predicted = made.predict(0.2)
+    expected = pose(0.5, 0.2)
+    expected[:2, 3] = 0.5 + 0.5 * np.cos(0.1), 0.5 * np.sin(0.1)
+    np.testing.assert_allclose(predicted, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("now_s", "x"), [(0.24, 1.0), (0.26, 0.5), (3.0, 0.5)])
+def test_after_a_gap_the_last_pose_is_the_prediction(now_s, x):
+    assert builder(pose(0.0), pose(0.5)).predict(now_s)[0, 3] == pytest.approx(x)
+
+
+def test_without_a_pose_before_the_last_one_it_is_the_prediction():
+    np.testing.assert_array_equal(builder(UNKNOWN, pose(0.5)).predict(0.2), pose(0.5))
+
+
+def stands(moved_px, found=(True, True, True), frame=3, retention=None):
+    made = builder(pose(0.0), pose(0.5))
+    return made.stands(Frame(frame, 0.1 * frame, image()), result(moved_px, found), CONFIG, retention)
+
+
+def test_a_frame_stands_if_its_median_feature_does():
+    assert stands((0.1, 0.39, 9.0)) and not stands((0.1, 0.41, 9.0))
+    assert stands((0.1, 0.2, 9.0), (True, True, False))
+    assert not stands((0.1, 9.0, 9.0), (False, True, True))
+
+
+def test_a_frame_that_shows_no_feature_does_not_stand():
+    assert not stands((0.0, 0.0, 0.0), (False, False, False))
+
+
+def test_a_long_stop_gets_a_view_before_the_last_one_is_discarded():
+    policy = RetentionPolicy(view_frames=10, path_s=1.0)
+    still = (0.0, 0.0, 0.0)
+    assert stands(still, frame=6, retention=policy) and not stands(still, frame=7, retention=policy)
+    assert stands(still, frame=700)
+
+
+def test_a_standing_frame_is_constrained_to_the_newest_view_by_its_pose():
+    made = builder(pose(0.0), pose(2.0, np.pi / 2))
+    sigma = np.array([1e-3, 1e-3, 0.0, 0.1, 0.1, 1e-9])
+    made.add_zero_motion(2, result(world_T_camera=pose(2.5, np.pi / 2), pose_sigma=sigma))
+    (motion,) = made.local_map.zero_motions
+    assert (motion.frame, motion.reference) == (2, 1)
+    # half a metre along the world's x is along the camera's -y
+    np.testing.assert_allclose(motion.reference_T_frame[:3, 3], [0.0, -0.5, 0.0], atol=1e-12)
+    assert motion.sigma.tolist() == [1e-3, 1e-3, 1e-6, 0.1, 0.1, 1e-6]
+
+
+def test_before_the_map_has_poses_a_standing_frame_is_constrained_to_no_motion():
+    made = builder(UNKNOWN, UNKNOWN)
+    made.add_zero_motion(2, result())
+    (motion,) = made.local_map.zero_motions
+    np.testing.assert_array_equal(motion.reference_T_frame, np.eye(4))
+    assert (motion.frame, motion.reference) == (2, 1) and motion.sigma.min() > 0
+
+
+def test_frames_of_a_gap_are_posed_between_its_ends():
+    made = builder(pose(0.0), pose(1.0), first=7)
+    t_s = np.array([*np.arange(9) * 0.1, 0.9, 1.0, 1.2])
+    warning = made.bridge(t_s, 11, pose(3.0, 0.4))
+    assert made.local_map.next_frame == 11 and made.local_map.bridged == {9, 10}
+    # frame 8 at 0.8 s, frame 11 at 1.2 s: a quarter and a half of the way
+    expected = [pose(1.5, 0.1), pose(2.0, 0.2)]
+    np.testing.assert_allclose(made.local_map.poses[2:], expected, atol=1e-12)
+    np.testing.assert_allclose(made.local_map.t_s[2:], [0.9, 1.0])
+    assert "from frame 9 to 10" in warning
+
+
+def test_without_a_gap_nothing_is_bridged():
+    made = builder(pose(0.0), pose(1.0))
+    assert made.bridge(np.array([0.0, 0.1, 0.2]), 2, pose(2.0)) is None
+    assert made.local_map.next_frame == 2 and not made.local_map.bridged
+
+
+def test_a_view_takes_over_image_and_features_that_were_found():
+    made = builder(pose(0.0))
+    made.add_pose(0.1, pose(0.5))
+    made.add_view(Frame(1, 0.1, image(9)), result((5.0, 5.0, 5.0), (True, False, True)))
+    assert made.view_image[0, 0] == 9 and made.local_map.view_frames[-1] == 1
+    assert made.local_map.ids.tolist() == [0, 2]
+    np.testing.assert_array_equal(made.local_map.last_uv_px, FEATURES[[0, 2]] + (3.0, 4.0))
