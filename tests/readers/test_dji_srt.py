@@ -112,12 +112,16 @@ def test_hours_and_a_byte_order_mark(read):
     assert found.t_s.tolist() == [3725.25]
 
 
-def test_a_subtitle_with_an_absurd_time_is_left_out(read):
+def test_an_absurd_time_is_refused_in_one_line(read):
     text = subtitles([NEW.format(48 + k / 1000, 11, 1, 2) for k in range(3)], 0.5)
-    found = read(text.replace("00:00:00,500 -->", f"{'9' * 400}:00:00,500 -->"))
-    assert found.t_s.tolist() == [0.0, 1.0]
-    assert found.latitude_deg.tolist() == [48.0, 48.002]
-    assert "1 subtitle without a valid time skipped" in found.skipped
+    with pytest.raises(GpsLogError, match="a subtitle at an impossible time; expected HH:MM:SS,mmm"):
+        read(text.replace("00:00:00,500 -->", f"{'9' * 400}:00:00,500 -->"))
+
+
+def test_text_that_is_no_subtitle_is_left_out_and_not_logged(read, caplog):
+    text = subtitles([NEW.format(48, 11, 1, 2)])
+    assert read("rubbish\n\n" + text + "\n\nno subtitle").t_s.tolist() == [0.0]
+    assert not caplog.records
 
 
 def test_a_truncated_file_keeps_what_is_whole(read):

@@ -5,11 +5,13 @@ Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 
 longitude first.
 """
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import srt
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
@@ -20,8 +22,8 @@ _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?i
 _GPS = re.compile(r"GPS\s*:?\s*\(([^()]*)\)")
 _ABSOLUTE = re.compile(rf"(?:abs_alt|\baltitude){_NUMBER}")
 _RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
-_CLOCK = r"(\d{1,3}):(\d\d):(\d\d)[,.:](\d{1,3})"
-_TIMES = re.compile(rf"^[^\S\n]*{_CLOCK}\s*-->\s*{_CLOCK}", re.MULTILINE)
+_TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
+logging.getLogger("srt").setLevel(logging.ERROR)  # it logs the whole text that it skips
 _STILL_S = 1.0  # a position repeated for longer than this is a new fix
 
 
@@ -40,7 +42,7 @@ class _Row:
 
 def looks_like_srt(data: bytes) -> bool:
     """Whether the file begins with the times of a subtitle."""
-    return _TIMES.search(data[:400].decode("utf-8-sig", errors="replace")) is not None
+    return _TIMES.search(data[:400]) is not None
 
 
 def read_dji_srt(data: bytes, path: Path) -> RawLog:
@@ -52,11 +54,9 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     level of the third number. A note says so.
 
     Raises:
-        GpsLogError: No subtitle has a position.
+        GpsLogError: No subtitle has a position, or one has an impossible time.
     """
-    text = data.decode("utf-8-sig", errors="replace")
-    subtitles = _subtitles(text)
-    untimed = text.count("-->") - len(subtitles)
+    subtitles = _subtitles(data.decode("utf-8-sig", errors="replace"), path)
     found = [_row(number, t_s, text) for number, (t_s, text) in enumerate(subtitles, 1)]
     rows = [row for row in found if row is not None]
     if not rows:
@@ -73,8 +73,6 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
         for row, h, keep in zip(rows, height.tolist(), new, strict=True)
         if keep
     ]
-    if untimed:
-        notes.append(f"{counted(untimed, 'subtitle')} without a valid time skipped")
     if len(rows) < len(found):
         notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
     if len(fixes) < len(rows):
@@ -82,16 +80,18 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     return RawLog(Clock.VIDEO, fixes, notes)
 
 
-def _subtitles(text: str) -> list[tuple[float, str]]:
+def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
     """Return the start time [s] and the text of each subtitle."""
-    times = list(_TIMES.finditer(text))
-    ends = [following.start() for following in times[1:]] + [len(text)]
-    return [(_seconds(time), text[time.end() : end]) for time, end in zip(times, ends, strict=True)]
-
-
-def _seconds(time: re.Match[str]) -> float:
-    hours, minutes, seconds, milliseconds = map(int, time.groups()[:4])
-    return (((hours * 60 + minutes) * 60 + seconds) * 1000 + milliseconds) / 1000
+    try:
+        parsed = list(srt.parse(text, ignore_errors=True))
+    except OverflowError as error:
+        raise GpsLogError(
+            "a subtitle at an impossible time",
+            file=path,
+            expected="HH:MM:SS,mmm --> HH:MM:SS,mmm",
+            remedy="remove that subtitle",
+        ) from error
+    return [(subtitle.start.total_seconds(), subtitle.content) for subtitle in parsed]
 
 
 def _row(number: int, t_s: float, text: str) -> _Row | None:
