@@ -1,4 +1,4 @@
-"""GTSAM factors for cameras with GPS, usable without vgps: they need gtsam and numpy only."""
+"""GTSAM factors for cameras with GPS; they import gtsam and numpy only and do not need vgps."""
 
 from factors.custom import (
     POINT3,
@@ -7,7 +7,7 @@ from factors.custom import (
     VECTOR1,
     VECTOR3,
     Kind,
-    Linearization,
+    Linearisation,
     Variable,
     custom_factor,
 )
@@ -37,7 +37,7 @@ __all__ = [
     "Ellipsoid",
     "Gaussian",
     "Kind",
-    "Linearization",
+    "Linearisation",
     "Loss",
     "Penalty",
     "PreintegratedRates",

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-Linearization = tuple[FloatArray, Sequence[FloatArray]]
+Linearisation = tuple[FloatArray, Sequence[FloatArray]]
 """Residual (m,), and a Jacobian (m, d_k) for each variable."""
 
 
@@ -47,7 +47,7 @@ class Variable(NamedTuple):
 def custom_factor(
     noise_model: gtsam.noiseModel.Base,
     variables: Sequence[Variable],
-    error_function: Callable[..., Linearization],
+    error_function: Callable[..., Linearisation],
 ) -> gtsam.CustomFactor:
     """Make a factor whose unwhitened residual and Jacobians come from a pure function.
 
@@ -72,9 +72,9 @@ def custom_factor(
     m = noise_model.dim()
     shapes = [(m, variable.kind.dim) for variable in variables]
 
-    last: dict[tuple[bytes, ...], Linearization] = {}
+    last: dict[tuple[bytes, ...], Linearisation] = {}
 
-    def linearize(values: gtsam.Values) -> Linearization:
+    def linearise(values: gtsam.Values) -> Linearisation:
         arguments = [read(values, key) for read, key in reads]
         bits = tuple(_bytes(value) for value in arguments)
         if bits not in last:
@@ -83,7 +83,7 @@ def custom_factor(
         return last[bits]
 
     def evaluate(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians_out: Any | None) -> FloatArray:
-        residual, jacobians = linearize(values)
+        residual, jacobians = linearise(values)
         residual = _checked(residual, (m,), "the residual", keys)
         if jacobians_out is None:
             return residual

@@ -7,7 +7,7 @@ antenna is a point in the camera frame, Eq. (17), Kume 2010. Penalties: :mod:`fa
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, VECTOR1, VECTOR3, FloatArray, Linearization, Variable, custom_factor
+from factors.custom import POSE3, VECTOR1, VECTOR3, FloatArray, Linearisation, Variable, custom_factor
 from factors.penalties import Penalty
 
 
@@ -30,7 +30,7 @@ def gps_factor(
     """
     fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
 
-    def error(world_T_camera: gtsam.Pose3) -> Linearization:
+    def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
         return residual, [by_pose]
 
@@ -64,7 +64,7 @@ def gps_factor_interpolated(
         raise ValueError(f"alpha is {alpha}, expected 0 to 1: the fix is not between the two frames")
     fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
 
-    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3) -> Linearization:
+    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3) -> Linearisation:
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
         residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
@@ -106,15 +106,15 @@ def gps_factor_calibrating(
 
     def error(
         world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, time_offset: FloatArray, antenna: FloatArray
-    ) -> Linearization:
+    ) -> Linearisation:
         alpha = (t_fix - float(time_offset[0]) - t_a) / (t_b - t_a)
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
         residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
-        # from a to b the pose moves by the twist Log(T_a^-1 T_b) in its own axes
+        # d pose / d alpha is the twist Log(T_a^-1 T_b), in the camera's axes
         twist = gtsam.Pose3.Logmap(world_T_a.between(world_T_b))
         by_time_offset = -(by_pose @ twist)[:, None] / (t_b - t_a)
-        # translating the camera in its own axes equals shifting the antenna
+        # a translation in the camera's axes shifts the antenna by as much
         by_antenna = by_pose[:, 3:]
         return residual, [by_pose @ pose_by_a, by_pose @ pose_by_b, by_time_offset, by_antenna]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, VECTOR3, FloatArray, Linearization, Variable, custom_factor
+from factors.custom import POSE3, VECTOR3, FloatArray, Linearisation, Variable, custom_factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ def preintegrate_rates(
 def gyro_factor(
     pose_keys: tuple[int, int], bias_key: int, rates: PreintegratedRates, gyro_R_camera: FloatArray
 ) -> gtsam.CustomFactor:
-    """Return a factor for the camera's rotation between two frames by a gyro whose bias is estimated.
+    """Return a factor for the camera's rotation between two frames, measured by a gyro of unknown bias.
 
     Residual (3,): ``Log(measured(bias)^T R_i^T R_j)``, radians in the camera's axes at j, where ``measured``
     is the preintegrated rotation in the camera's axes, corrected for the bias to first order. Jacobians:
@@ -91,7 +91,7 @@ def gyro_factor(
         raise ValueError(f"gyro_R_camera is {mount.tolist()}, expected a rotation matrix")
     measured, by_bias = mount.T @ rates.i_R_j @ mount, mount.T @ rates.by_bias
 
-    def error(world_T_i: gtsam.Pose3, world_T_j: gtsam.Pose3, bias: FloatArray) -> Linearization:
+    def error(world_T_i: gtsam.Pose3, world_T_j: gtsam.Pose3, bias: FloatArray) -> Linearisation:
         correction = by_bias @ (bias - rates.bias_rad_s)
         i_R_j = world_T_i.rotation().between(world_T_j.rotation()).matrix()
         difference = (measured @ gtsam.Rot3.Expmap(correction).matrix()).T @ i_R_j

@@ -1,9 +1,9 @@
-"""A camera against landmarks of known position."""
+"""A pose factor for observations of landmarks of known position."""
 
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, FloatArray, Linearization, Variable, custom_factor
+from factors.custom import POSE3, FloatArray, Linearisation, Variable, custom_factor
 
 _MIN_DEPTH_M = 1e-3
 
@@ -45,7 +45,7 @@ def known_points_factor(
         raise ValueError(f"smallest sigma_px is {sigma.min()}, huber_px {huber_px}, expected positive pixels")
     fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
 
-    def error(world_T_camera: gtsam.Pose3) -> Linearization:
+    def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         pose = world_T_camera.matrix()
         camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
         front = camera_p[:, 2] > _MIN_DEPTH_M

@@ -1,9 +1,9 @@
-"""A weak prior that the camera is level, for rotations that nothing else determines."""
+"""A weak prior that the camera is level, for rotations that no other factor determines."""
 
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, Linearization, Variable, custom_factor
+from factors.custom import POSE3, Linearisation, Variable, custom_factor
 
 _AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # camera x (right) and z (forward)
 _SKEW = np.array([[[0, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, -1, 0], [1, 0, 0], [0, 0, 0]]], dtype=np.float64)
@@ -26,7 +26,7 @@ def level_factor(pose_key: int, roll_sigma_rad: float, pitch_sigma_rad: float) -
     if not (roll_sigma_rad > 0 and pitch_sigma_rad > 0):
         raise ValueError(f"sigmas are {roll_sigma_rad}, {pitch_sigma_rad} rad, expected positive numbers")
 
-    def error(world_T_camera: gtsam.Pose3) -> Linearization:
+    def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         up = world_T_camera.rotation().matrix()[2]
         jacobian = np.zeros((2, 6))
         jacobian[:, :3] = -up @ _SKEW

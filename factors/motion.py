@@ -8,7 +8,7 @@ with a weight that rises from 0 to 1 over ab and falls to 0 over bc, so that thi
 import gtsam
 import numpy as np
 
-from factors.custom import POSE3, Linearization, Variable, custom_factor
+from factors.custom import POSE3, Linearisation, Variable, custom_factor
 
 
 def constant_velocity_factor(
@@ -36,7 +36,7 @@ def constant_velocity_factor(
     _require_positive(intervals_s, rotation_density_rad_s1p5, translation_density_m_s1p5)
     densities = np.repeat([rotation_density_rad_s1p5, translation_density_m_s1p5], 3)
 
-    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, world_T_c: gtsam.Pose3) -> Linearization:
+    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, world_T_c: gtsam.Pose3) -> Linearisation:
         ab_by_a, ab_by_b, bc_by_b, bc_by_c = (np.zeros((6, 6), order="F") for _ in range(4))
         ab = world_T_a.logmap(world_T_b, ab_by_a, ab_by_b)
         bc = world_T_b.logmap(world_T_c, bc_by_b, bc_by_c)
@@ -66,7 +66,7 @@ def constant_centre_velocity_factor(
     _require_positive(intervals_s, density_m_s1p5)
     by_a, by_c = 1 / intervals_s[0], 1 / intervals_s[1]
 
-    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, world_T_c: gtsam.Pose3) -> Linearization:
+    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, world_T_c: gtsam.Pose3) -> Linearisation:
         a, b, c = (pose.translation() for pose in (world_T_a, world_T_b, world_T_c))
         jacobians = [
             np.hstack([np.zeros((3, 3)), factor * pose.rotation().matrix()])

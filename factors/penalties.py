@@ -16,9 +16,9 @@ at ``a_max (1 - 1/n)``, and about ``ln(WALL_LIMIT) = 7`` more reach the wall, wh
 convex in the offset and C1. An optimum whose residuals are all below the limit (a cost of 5e5 for one fix)
 does not move.
 
-**Exponent continuation.** From inside, Gauss-Newton does not see a wall with large n until it hits it: where
-the rest of the graph pulls through the wall, steps are rejected until they are short. Solving with the
-exponents of :func:`exponent_schedule` in turn, each from the previous optimum, raises the wall gradually.
+**Exponent continuation.** Inside a wall with large n the gradient vanishes, so Gauss-Newton steps straight
+through it: where the rest of the graph pulls that far, steps are rejected until they are short. Solving with
+the exponents of :func:`exponent_schedule` in turn, each from the previous optimum, raises the wall gradually.
 """
 
 from dataclasses import dataclass
@@ -140,7 +140,7 @@ class Gaussian:
 
     Attributes:
         sigma_m: Standard deviations east, north, up. The same numbers for every fix give Eq. (14) with
-            ``omega = 1 / (2 sigma^2)``; the receiver's own tau give Eq. (15) with omega = 1/2, and
+            ``omega = 1 / (2 sigma^2)``; the receiver's tau give Eq. (15) with omega = 1/2, and
             ``tau / sqrt(2 omega)`` another omega.
         cauchy_k: Constant of a Cauchy loss on the length of offset / sigma (2.385 keeps 95 % efficiency on
             one-dimensional Gaussian errors); None for no loss.

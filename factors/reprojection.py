@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from factors.custom import POSE3, FloatArray, Linearization, Variable, custom_factor
+from factors.custom import POSE3, FloatArray, Linearisation, Variable, custom_factor
 
 Loss = Literal["none", "huber", "cauchy"]
 
@@ -122,7 +122,7 @@ def control_point_factor(
     uv, point = np.array(uv_px, dtype=np.float64), np.array(world_p_point, dtype=np.float64)
     behind = np.full(2, 2 * calibration.fx()), [np.zeros((2, 6))]
 
-    def error(world_T_camera: gtsam.Pose3) -> Linearization:
+    def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         if world_T_camera.transformTo(point)[2] <= 0:
             return behind
         jacobian = np.zeros((2, 6), order="F")

@@ -15,7 +15,7 @@ from scripts.common.command import ScriptParser
 from scripts.common.stopwatch import stopwatch
 from vgps.model import FloatArray, IntArray
 from vgps.solver.bundle_adjustment import Solver, SolverSettings, solve
-from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 
@@ -145,7 +145,7 @@ def main() -> None:
     with parser.refusals():
         results = parser.results(given)
     problem = make_problem(given.frames, given.landmarks, given.track, given.laps)
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     print(f"{given.frames} frames, {len(problem.frame)} observations, {given.landmarks} landmarks")
     stored = "in blocks" if structure.blocks else f"half bandwidth {structure.half_bandwidth}"
     print(f"{stored}, {structure.flops / 1e9:.1f} Gflop per factorisation")

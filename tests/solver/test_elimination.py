@@ -12,8 +12,8 @@ from vgps.solver import elimination
 from vgps.solver.band_matrix import BandMatrix
 from vgps.solver.block_matrix import BlockSparseMatrix
 from vgps.solver.bundle_adjustment import solve
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.graph_optimizer import optimise_graph
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.graph_optimiser import optimise_graph
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
@@ -85,11 +85,11 @@ def blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_second_lap_is_cheaper_in_blocks(blocks: None, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     assert structure.blocks is not None and isinstance(structure.empty(), BlockSparseMatrix)
     assert structure.half_bandwidth > 6 * LAP
     force_band(monkeypatch)
-    band = analyze_sparsity(problem)
+    band = analyse_sparsity(problem)
     assert band.blocks is None and isinstance(band.empty(), BandMatrix)
     assert structure.flops < 0.5 * band.flops and structure.bytes < band.bytes
 
@@ -108,11 +108,11 @@ def test_minimum_of_two_laps_is_that_of_gtsam(blocks: None) -> None:
 def test_blocks_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
     force_band(monkeypatch)
-    assert analyze_sparsity(problem).blocks is None
+    assert analyse_sparsity(problem).blocks is None
     band = solve(problem, replace(TIGHT, max_iterations=3))
     monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
     monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
-    assert analyze_sparsity(problem).blocks is not None
+    assert analyse_sparsity(problem).blocks is not None
     in_blocks = solve(problem, replace(TIGHT, max_iterations=3))
     np.testing.assert_allclose(in_blocks.problem.world_T_camera, band.problem.world_T_camera, atol=1e-9)
     np.testing.assert_allclose(in_blocks.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
@@ -126,7 +126,7 @@ def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
     start[held] = ring(2)[held]
     problem = replace(problem, world_T_camera=start, fixed=held)
     problem = with_loss(problem, "huber", 1.5)
-    assert analyze_sparsity(problem).blocks is not None
+    assert analyse_sparsity(problem).blocks is not None
     result, reference = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
     assert total_cost(result.problem) == pytest.approx(total_cost(reference.problem), rel=1e-8)
     np.testing.assert_array_equal(result.problem.world_T_camera[held], problem.world_T_camera[held])
@@ -134,7 +134,7 @@ def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
 
 def test_covariances_in_blocks_equal_gtsams_marginals(blocks: None) -> None:
     problem = solve(two_laps(), TIGHT).problem
-    assert analyze_sparsity(problem).blocks is not None
+    assert analyse_sparsity(problem).blocks is not None
     marginals = gtsam.Marginals(*to_graph(problem))
     expected = np.stack([marginals.marginalCovariance(X(i)) for i in range(2 * LAP)])
     found = marginal_covariances(problem).poses
@@ -151,7 +151,7 @@ def test_graph_interface_uses_blocks(blocks: None) -> None:
 
 def test_short_drive_is_stored_as_a_band() -> None:
     problem, _ = drive(frames=20, landmarks=100)
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     assert structure.blocks is None
     span = max(np.ptp(problem.frame[problem.landmark == row]) for row in np.unique(problem.landmark))
     assert structure.half_bandwidth == 6 * (span + 1) - 1
@@ -159,13 +159,13 @@ def test_short_drive_is_stored_as_a_band() -> None:
 
 def test_held_frames_are_not_numbered() -> None:
     problem, _ = drive(frames=6, landmarks=30)
-    structure = analyze_sparsity(replace(problem, fixed=np.isin(np.arange(6), [0, 3])))
+    structure = analyse_sparsity(replace(problem, fixed=np.isin(np.arange(6), [0, 3])))
     np.testing.assert_array_equal(structure.free, [-1, 0, 1, -1, 2, 3])
     assert structure.n_free == 4
 
 
 def test_limits_apply_to_operations_and_to_memory() -> None:
-    structure = analyze_sparsity(drive(frames=12, landmarks=60)[0])
+    structure = analyse_sparsity(drive(frames=12, landmarks=60)[0])
     assert structure.fits(structure.flops, structure.bytes)
     assert not structure.fits(0.99 * structure.flops, structure.bytes)
     assert not structure.fits(structure.flops, 0.99 * structure.bytes)
@@ -175,4 +175,4 @@ def test_pose_factor_between_distant_frames_widens_the_band() -> None:
     problem, _ = drive(frames=30, landmarks=100)
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
     graph.add(gtsam.BetweenFactorPose3(X(0), X(29), gtsam.Pose3(), gtsam.noiseModel.Unit.Create(6)))
-    assert analyze_sparsity(replace(problem, pose_graph=graph)).half_bandwidth == 6 * 30 - 1
+    assert analyse_sparsity(replace(problem, pose_graph=graph)).half_bandwidth == 6 * 30 - 1

@@ -7,7 +7,7 @@ from synthetic_bundle import drive
 from vgps.geometry import triangulate
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.cost import camera_points, pixel_errors, video_cost
-from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.landmark_refinement import (
     anchor_frames,
     landmark_costs,
@@ -21,7 +21,7 @@ MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
 
 def test_costs_of_landmarks_add_up_to_that_of_the_video():
     problem, _ = drive(20, 200, seed=1, disturbed=0.3)
-    costs = landmark_costs(problem, analyze_sparsity(problem))
+    costs = landmark_costs(problem, analyse_sparsity(problem))
     assert costs.sum() == pytest.approx(video_cost(problem), rel=1e-12)
     one = int(problem.landmark[0])
     rows = problem.landmark == one
@@ -71,7 +71,7 @@ def test_cost_of_a_refined_landmark_never_rises():
         0.0, 30.0, problem.world_p_landmark.shape
     )
     start = replace(problem, world_p_landmark=away)
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool))
     before = landmark_costs(start, structure)
     after = landmark_costs(replace(start, world_p_landmark=found), structure)
@@ -97,7 +97,7 @@ def test_bad_steps_are_replaced_by_the_motion_of_the_frames():
     after = poses.copy()
     after[:, :3, 3] += [3.0, 0.0, 0.0]
     before = replace(problem, world_T_camera=poses)
-    moved, structure = replace(problem, world_T_camera=after), analyze_sparsity(problem)
+    moved, structure = replace(problem, world_T_camera=after), analyse_sparsity(problem)
     wild = np.random.default_rng(0).normal(0.0, 50.0, problem.world_p_landmark.shape)
     points, cost = step_landmarks(moved, before, anchor_frames(problem), wild, structure)
     assert cost == pytest.approx(video_cost(replace(moved, world_p_landmark=points)), rel=1e-9)

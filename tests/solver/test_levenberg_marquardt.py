@@ -7,13 +7,13 @@ from gtsam.symbol_shorthand import X
 from synthetic_bundle import TIGHT, drive, held_frames, keep_observations, total_cost, wrong_sign_factor
 
 from vgps.solver import levenberg_marquardt
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.levenberg_marquardt import SolverSettings, Termination, minimize
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.levenberg_marquardt import SolverSettings, Termination, minimise
 from vgps.solver.problem import BundleProblem
 
 
 def run(problem: BundleProblem, settings: SolverSettings = TIGHT) -> tuple[BundleProblem, Termination]:
-    return minimize(problem, analyze_sparsity(problem), settings)
+    return minimise(problem, analyse_sparsity(problem), settings)
 
 
 def poses_only(graph: gtsam.NonlinearFactorGraph, frames: int = 1) -> BundleProblem:

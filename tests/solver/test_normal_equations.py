@@ -4,15 +4,15 @@ import pytest
 from synthetic_bundle import drive, one_point, total_cost, with_loss
 
 from vgps.solver.cost import camera_points, pixel_errors
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.normal_equations import linearize, linearize_chunk, whitening
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.normal_equations import linearise, linearise_chunk, whitening
 from vgps.solver.problem import BundleProblem, all_pose_values
 
 
 def test_gradient_is_that_of_the_cost_in_gtsams_chart() -> None:
     problem = with_loss(drive(frames=8, landmarks=60, outliers=0.1)[0], "cauchy")
-    structure = analyze_sparsity(problem)
-    linear = linearize(problem, all_pose_values(problem), structure)
+    structure = analyse_sparsity(problem)
+    linear = linearise(problem, all_pose_values(problem), structure)
     rng = np.random.default_rng(1)
     for _ in range(5):
         pose_step, point_step = rng.normal(size=(8, 6)), rng.normal(size=(60, 3))
@@ -39,7 +39,7 @@ def test_jacobians_equal_numerical_ones(depth_m: float) -> None:
     pose = gtsam.Pose3.Expmap(np.array([0.3, -0.2, 0.5, 1.0, 2.0, 3.0]))
     point = pose.transformFrom(depth_m * np.array([0.4, -0.3, 1.0]))
     problem = one_point(point.tolist(), [440.0, 498.0], world_T_camera=pose.matrix()[None])
-    part = linearize_chunk(problem, analyze_sparsity(problem).chunks[0])
+    part = linearise_chunk(problem, analyse_sparsity(problem).chunks[0])
     np.testing.assert_allclose(part.r, whitened_errors(problem))
     step = 1e-6
     for k, delta in enumerate(step * np.eye(6)):
@@ -60,7 +60,7 @@ def test_jacobians_equal_numerical_ones(depth_m: float) -> None:
 
 def test_landmark_behind_the_camera_has_a_residual_and_no_jacobian() -> None:
     problem = one_point([1.0, 2.0, -4.0], [440.0, 498.0])
-    part = linearize_chunk(problem, analyze_sparsity(problem).chunks[0])
+    part = linearise_chunk(problem, analyse_sparsity(problem).chunks[0])
     np.testing.assert_allclose(part.r, 500.0)  # 2 fx at a sigma of 2 px
     assert not np.any(part.jp) and not np.any(part.jl)
 
@@ -74,9 +74,9 @@ def test_whitening_is_the_root_of_the_weight_over_sigma() -> None:
 
 def test_hessian_of_the_poses_is_that_of_gtsam_with_the_landmarks_held() -> None:
     problem, _ = drive(frames=8, landmarks=60)
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     values = all_pose_values(problem)
-    linear = linearize(problem, values, structure)
+    linear = linearise(problem, values, structure)
     expected = np.zeros((48, 48))
     for part in linear.chunks:
         for row, frame in enumerate((part.chunk.first_frame + part.chunk.frame).tolist()):

@@ -8,8 +8,8 @@ from synthetic_bundle import ANTENNA, drive
 
 from factors import Gaussian, gps_factor_calibrating
 from vgps.solver.band_matrix import BandMatrix
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.pose_equations import Border, linearize_pose_graph, whitened_jacobian
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.pose_equations import Border, linearise_pose_graph, whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values, pose_values
 
 
@@ -43,8 +43,8 @@ def gtsam_system(problem: BundleProblem) -> tuple[np.ndarray, np.ndarray]:
 def test_normal_equations_equal_those_of_gtsam() -> None:
     problem = with_sensors()
     H, g = gtsam_system(problem)
-    hessian, gradient, border = linearize_pose_graph(
-        problem, all_pose_values(problem), analyze_sparsity(problem)
+    hessian, gradient, border = linearise_pose_graph(
+        problem, all_pose_values(problem), analyse_sparsity(problem)
     )
     scale = np.abs(H).max()
     np.testing.assert_allclose(hessian.toarray(), np.tril(H[:48, :48]), atol=1e-12 * scale)
@@ -57,7 +57,7 @@ def test_normal_equations_equal_those_of_gtsam() -> None:
 def test_columns_of_held_poses_are_left_out() -> None:
     problem = with_sensors(fixed=[0, 5])
     H, _ = gtsam_system(problem)
-    hessian, _, border = linearize_pose_graph(problem, all_pose_values(problem), analyze_sparsity(problem))
+    hessian, _, border = linearise_pose_graph(problem, all_pose_values(problem), analyse_sparsity(problem))
     free = np.concatenate([6 * i + np.arange(6) for i in (1, 2, 3, 4, 6, 7)])
     np.testing.assert_allclose(
         hessian.toarray(), np.tril(H[np.ix_(free, free)]), atol=1e-12 * np.abs(H).max()
@@ -69,13 +69,13 @@ def test_jacobian_of_some_factors_has_all_columns() -> None:
     problem = with_sensors()
     graph = gtsam.NonlinearFactorGraph()
     graph.add(gtsam.GPSFactor(X(3), np.array([1.0, 2.0, 3.0]), gtsam.noiseModel.Isotropic.Sigma(3, 0.5)))
-    J, b = whitened_jacobian(problem, graph, all_pose_values(problem), analyze_sparsity(problem))
+    J, b = whitened_jacobian(problem, graph, all_pose_values(problem), analyse_sparsity(problem))
     assert J.shape == (3, 52)
     pose = problem.world_T_camera[3]
     np.testing.assert_allclose(J.toarray()[:, 21:24], pose[:3, :3] / 0.5)
     np.testing.assert_allclose(b, -(pose[:3, 3] - [1.0, 2.0, 3.0]) / 0.5)
     empty, nothing = whitened_jacobian(
-        problem, gtsam.NonlinearFactorGraph(), all_pose_values(problem), analyze_sparsity(problem)
+        problem, gtsam.NonlinearFactorGraph(), all_pose_values(problem), analyse_sparsity(problem)
     )
     assert empty.shape == (0, 52) and len(nothing) == 0
 

@@ -4,22 +4,22 @@ import pytest
 from gtsam.symbol_shorthand import L, X
 from synthetic_bundle import drive, one_point, with_loss
 
-from vgps.solver.elimination import SparsityStructure, analyze_sparsity
+from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.normal_equations import Linearization, linearize
+from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import (
     LandmarkFactors,
-    factorize_landmarks,
+    factorise_landmarks,
     landmark_steps,
     pose_scores,
     reduce_to_poses,
 )
 
 
-def linearized(problem: BundleProblem) -> tuple[Linearization, SparsityStructure]:
-    structure = analyze_sparsity(problem)
-    return linearize(problem, all_pose_values(problem), structure), structure
+def linearized(problem: BundleProblem) -> tuple[Linearisation, SparsityStructure]:
+    structure = analyse_sparsity(problem)
+    return linearise(problem, all_pose_values(problem), structure), structure
 
 
 def dense(factors: LandmarkFactors) -> np.ndarray:
@@ -41,8 +41,8 @@ def test_reduced_matrix_and_gradient_equal_those_of_gtsam() -> None:
     coupling = np.linalg.solve(H[:n, :n], H[:n, n:])
     expected, expected_gradient = H[n:, n:] - H[n:, :n] @ coupling, -(g[n:] - coupling.T @ g[:n])
 
-    structure = analyze_sparsity(problem)
-    band, gradient = reduce_to_poses(linearize(problem, values, structure), structure, 0.0)
+    structure = analyse_sparsity(problem)
+    band, gradient = reduce_to_poses(linearise(problem, values, structure), structure, 0.0)
     rows, columns = np.tril_indices(48)
     inside = rows - columns <= structure.half_bandwidth
     rows, columns = rows[inside], columns[inside]
@@ -60,7 +60,7 @@ def test_landmark_factors_invert_the_damped_blocks(damping: float) -> None:
     V[:, *np.tril_indices(3)] = part.hessian.T
     V = np.tril(V) + np.tril(V, -1).transpose(0, 2, 1)
     V[:, range(3), range(3)] += damping * part.diagonal.T
-    factors = factorize_landmarks(part, damping)
+    factors = factorise_landmarks(part, damping)
     M = dense(factors)
     np.testing.assert_allclose(M @ V @ M.transpose(0, 2, 1), np.broadcast_to(np.eye(3), V.shape), atol=1e-8)
     v = np.random.default_rng(0).normal(size=(3, len(V)))
@@ -74,8 +74,8 @@ def test_landmark_observed_once_keeps_its_depth() -> None:
     """Its block is singular along the ray; of the steps that meet the observation the shortest is taken."""
     linear, _ = linearized(one_point([1.0, 2.0, 4.0], [440.0, 498.0]))
     (part,) = linear.chunks
-    assert np.isfinite(factorize_landmarks(part, 0.0).m).all()
-    factors = factorize_landmarks(part, 1e-6)
+    assert np.isfinite(factorise_landmarks(part, 0.0).m).all()
+    factors = factorise_landmarks(part, 1e-6)
     step = -factors.transposed_times(factors.times(part.gradient))[:, 0]
     np.testing.assert_allclose(part.jl[:, :, 0] @ step, -part.r[:, 0], rtol=1e-4)
     ray, scaled = np.array([1.0, 2.0, 4.0]), part.diagonal[:, 0] * step

@@ -1,4 +1,4 @@
-"""Integrals of a gyro's rates between any two times, many intervals at once."""
+"""Integrals of a gyro's rates over many time intervals at once."""
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -6,15 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from vgps.model import BoolArray, FloatArray, GyroLog
 
-_GAP = 5.0  # a gap is this many sample intervals without a sample
-_MIN_STEPS = 4  # of the integration over an interval, however short
+_GAP = 5.0  # sample intervals; a longer time without samples is a gap
+_MIN_STEPS = 4  # integration steps over even the shortest interval
 
 
 class GyroIntegral:
-    """Integral of rates that are linear between the samples.
+    """Integral of a gyro's rates, interpolated linearly between samples.
 
     Args:
-        gyro: The log; its clock is that of all times given to the methods.
+        gyro: The log; all methods take times on its clock.
     """
 
     def __init__(self, gyro: GyroLog) -> None:
@@ -26,7 +26,7 @@ class GyroIntegral:
         self._gap_ends = gyro.t_s[1:][steps > _GAP * self.interval_s]
 
     def covers(self, start_s: FloatArray, end_s: FloatArray) -> BoolArray:
-        """Return (P,) whether each interval from (P,) to (P,) lies within the log and touches no gap."""
+        """Return whether each interval (P,) from (P,) to (P,) is inside the log and touches no gap."""
         inside = (start_s >= self._t_s[0]) & (end_s <= self._t_s[-1])
         # every gap that begins before the interval's end also ends before its start
         over = np.searchsorted(self._gap_ends, start_s, side="right")

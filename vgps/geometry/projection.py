@@ -10,7 +10,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-MIN_DEPTH = 1e-6  # keeps the division by depth finite; what is nearer counts as behind
+MIN_DEPTH = 1e-6  # keeps the division by depth finite; points nearer than this count as behind
 
 
 def project(K: FloatArray, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -128,7 +128,7 @@ def _step(
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    # parallel rays make the system singular; the damping sends such a feature far away
+    # parallel rays make the system singular; with damping the feature ends far away instead
     trace = np.trace(normal, axis1=1, axis2=2)
     damped = normal + (1e-9 * trace + 1e-300)[:, None, None] * np.eye(3)
     return np.asarray(np.linalg.solve(damped, right[..., None])[..., 0])
@@ -158,7 +158,7 @@ def linearise_projection(
 def reprojection_inliers(
     K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
 ) -> BoolArray:
-    """Return (N,) whether a match reprojects within ``limit_px`` and lies in front of the camera."""
+    """Return whether each match (N,) reprojects within ``limit_px`` and lies in front of the camera."""
     predicted, depth = project(K, world_T_camera, points)
     return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
 

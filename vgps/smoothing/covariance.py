@@ -28,9 +28,9 @@ from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import SparsityStructure, analyze_sparsity
-from vgps.solver.marginals import Covariances, factorize_pose_system, shared_blocks
-from vgps.solver.normal_equations import Linearization, linearize
+from vgps.solver.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.marginals import Covariances, factorise_pose_system, shared_blocks
+from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import pose_scores
@@ -64,11 +64,11 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         GeometryError: Observations and factors do not determine the poses.
     """
     rng = np.random.default_rng(seed)
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     with one_blas_thread():
         values = all_pose_values(problem)
-        linear = linearize(problem, values, structure)
-        factor, gradient = factorize_pose_system(linear, structure)
+        linear = linearise(problem, values, structure)
+        factor, gradient = factorise_pose_system(linear, structure)
         size = POSE_DIM * structure.n_free
         right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
         right[:size] += _track_draws(linear, structure, draws, rng)
@@ -86,7 +86,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
 
 
 def _track_draws(
-    linear: Linearization, structure: SparsityStructure, draws: int, rng: np.random.Generator
+    linear: Linearisation, structure: SparsityStructure, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return gradients (6 n_free, K) when every track's residuals keep or change their sign."""
     signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))

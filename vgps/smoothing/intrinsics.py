@@ -18,11 +18,11 @@ from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
 from vgps.solver.cost import camera_points, pixel_errors
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.marginals import factorize_pose_system
-from vgps.solver.normal_equations import LinearizedChunk, linearize, whitening
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.marginals import factorise_pose_system
+from vgps.solver.normal_equations import LinearisedChunk, linearise, whitening
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import factorize_landmarks, landmark_steps
+from vgps.solver.schur_complement import factorise_landmarks, landmark_steps
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that give the Jacobian
@@ -135,8 +135,8 @@ def _step(
 
     Time offset and lever arm are held meanwhile.
     """
-    structure, size = analyze_sparsity(problem), _parameters(camera)
-    linear = linearize(problem, all_pose_values(problem), structure)
+    structure, size = analyse_sparsity(problem), _parameters(camera)
+    linear = linearise(problem, all_pose_values(problem), structure)
     coupling = np.zeros((6, len(structure.free), size))
     own, gradient = np.zeros((size, size)), np.zeros(size)
     by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
@@ -148,7 +148,7 @@ def _step(
         gradient += np.einsum("in,kin->k", part.r, reduced)
     moves = structure.free >= 0
     V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
-    factor, pose_gradient = factorize_pose_system(linear, structure)
+    factor, pose_gradient = factorise_pose_system(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     prior = 1.0 / _sigmas(config)[:size] ** 2
     information = own - V.T @ follow[:, :-1] + np.diag(prior)
@@ -165,7 +165,7 @@ def _step(
     return delta, sigma, (np.stack(retracted), points)
 
 
-def _by_camera(problem: BundleProblem, part: LinearizedChunk, camera: Camera, size: int) -> FloatArray:
+def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
     """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
     here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
@@ -184,14 +184,14 @@ def _by_camera(problem: BundleProblem, part: LinearizedChunk, camera: Camera, si
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
 
 
-def _without_points(part: LinearizedChunk, r: FloatArray) -> FloatArray:
+def _without_points(part: LinearisedChunk, r: FloatArray) -> FloatArray:
     """Return what remains of residuals r (2, n) after the points have moved to reduce them."""
-    points = factorize_landmarks(part, 0.0)
+    points = factorise_landmarks(part, 0.0)
     step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
 
 
-def _moved(part: LinearizedChunk, J: FloatArray, delta: FloatArray) -> LinearizedChunk:
+def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:
     """Return the chunk's linearisation after a step of the calibration."""
     shift = np.einsum("kin,k->in", J, delta)
     return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

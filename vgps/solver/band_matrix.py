@@ -52,7 +52,7 @@ class BandMatrix:
         return len(self.ab) - 1
 
     def block(self, rows: slice, columns: slice) -> FloatArray:
-        """Return a view of a dense block; outside the stored band it shows unrelated entries."""
+        """Return a view of a dense block; outside the stored band it contains unrelated entries."""
         step = self.ab.itemsize
         shape = rows.stop - rows.start, columns.stop - columns.start
         offset = step * (rows.start + columns.start * self.stride)
@@ -125,13 +125,13 @@ class BandMatrix:
         blocks: list[FloatArray] = []
         following: FloatArray | None = None
         for start in reversed(range(0, n, size)):
-            own = slice(start, min(start + size, n))
-            middle = np.eye(own.stop - start)
+            span = slice(start, min(start + size, n))
+            middle = np.eye(span.stop - start)
             if following is not None:
-                below = self._below(own, len(following))
+                below = self._below(span, len(following))
                 middle += below.T @ following @ below
-            lower = self.block(own, own)
-            # outside the band the view shows unrelated entries
+            lower = self.block(span, span)
+            # outside the band the view contains unrelated entries
             inverse, _ = lapack.dtrtri(np.tril(lower) - np.tril(lower, -self.stride - 1), lower=1)
             following = inverse.T @ middle @ inverse
             poses = following.reshape(len(following) // POSE_DIM, POSE_DIM, -1, POSE_DIM)

@@ -21,7 +21,7 @@ class BlockSparseMatrix:
     """A symmetric matrix, its Cholesky factor or its inverse.
 
     Attributes:
-        layout: Which blocks are stored, and where.
+        layout: Stored blocks and their positions in ``flat``.
         flat: (layout.size,) the entries.
     """
 

@@ -15,9 +15,9 @@ from vgps.errors import GeometryError
 from vgps.runtime.threads import one_blas_thread
 from vgps.solution import SolverReport
 from vgps.solver.cost import cost_terms
-from vgps.solver.elimination import analyze_sparsity
+from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.gtsam_backend import solve_with_gtsam
-from vgps.solver.levenberg_marquardt import SolverSettings, minimize
+from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.problem import BundleProblem
 
 __all__ = ["BundleResult", "Solver", "SolverSettings", "solve"]
@@ -70,10 +70,10 @@ def solve(
             expected="poses near enough for every factor",
             remedy="start from better poses, or raise the wall's exponent in stages",
         )
-    structure = analyze_sparsity(problem) if solver == "schur" else None
+    structure = analyse_sparsity(problem) if solver == "schur" else None
     if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
         with one_blas_thread():
-            solved, end = minimize(problem, structure, settings)
+            solved, end = minimise(problem, structure, settings)
     else:
         solver = "gtsam"
         solved, end = solve_with_gtsam(problem, settings)

@@ -17,17 +17,17 @@ from vgps.solver.block_matrix import BlockSparseMatrix
 from vgps.solver.landmark_groups import Chunk, group_by_blocks, group_by_track, split_into_chunks
 from vgps.solver.problem import BundleProblem
 
-__all__ = ["Chunk", "PoseMatrix", "SparsityStructure", "analyze_sparsity"]
+__all__ = ["Chunk", "PoseMatrix", "SparsityStructure", "analyse_sparsity"]
 
 PoseMatrix = BandMatrix | BlockSparseMatrix
 
 _CHEAP_BAND_FLOPS = 5e9  # a band that takes fewer operations is used without comparing it with blocks
-_BLOCK_SLOWDOWN = 4.0  # time of an operation in blocks, relative to one in a band
+_BLOCK_SLOWDOWN = 4.0  # measured time of an operation in blocks relative to one in a band
 
 
 @dataclass(frozen=True, kw_only=True)
 class SparsityStructure:
-    """What stays the same while the poses and landmarks of a problem move.
+    """Structure of the normal equations; it does not depend on the values of poses and landmarks.
 
     Attributes:
         free: (F,) number of each frame among the free ones, -1 if its pose is held.
@@ -86,7 +86,7 @@ class SparsityStructure:
         return matrix.cholesky(self.half_bandwidth, min_pivot)
 
 
-def analyze_sparsity(problem: BundleProblem) -> SparsityStructure:
+def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     """Choose between a band and blocks, whichever is faster, and group the landmarks accordingly.
 
     Raises:

@@ -65,7 +65,7 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
     Raises:
         NotABundleError: The graph is no bundle problem: few projections, variables that are neither poses nor
             vectors, keys beyond 63 bits, hard constraints other than held poses, or factors that are not
-            least squares.
+            sums of squares.
     """
     if any(key > _MAX_KEY for key in graph.keyVector()):
         raise NotABundleError(f"keys beyond {_MAX_KEY}")
@@ -114,7 +114,7 @@ def _bundle(
     landmark_keys, landmark = np.unique(projections.point_key, return_inverse=True)
     frame = np.searchsorted(sorted_keys, projections.pose_key)
     pose_keys, frame = _narrow_order(sorted_keys, frame, landmark)
-    # projections whose noise cannot be read are not among these: the placeholder is never used
+    # unreadable projections were deselected, so the placeholder is never used
     noises = [noise or PixelNoise(1.0, "none", np.inf) for noise in projections.noise_models]
     losses = {noises[i].loss for i in np.unique(projections.noise).tolist()} - {"none"}
     fx, fy, _, cx, cy = projections.calibrations[int(projections.camera[0])]
@@ -187,7 +187,7 @@ def _shared_vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArra
 
 
 def _verify(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-    """Compare the cost with the graph's error; a body_P_sensor, which GTSAM does not expose, shows there."""
+    """Compare the cost with the graph's error, which reveals a body_P_sensor that GTSAM does not expose."""
     error, cost = graph.error(values), sum(cost_terms(problem).values())
     if not np.isclose(cost, error, rtol=_COST_TOLERANCE, atol=1e-12):
         raise NotABundleError(f"its error is {error:.9g}, that of the factors as read {cost:.9g}")

@@ -27,16 +27,16 @@ def optimise_with_gtsam(
     """
     if not graph.size():
         return values, Termination(0, "converged: there are no factors", converged=True)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, _parameters(order, settings))
-    start = optimizer.error()
+    optimiser = gtsam.LevenbergMarquardtOptimizer(graph, values, _parameters(order, settings))
+    start = optimiser.error()
     try:
-        result = optimizer.optimize()
+        result = optimiser.optimize()
     except RuntimeError as error:
         lines = str(error).strip().splitlines() or ["no reason given"]
         return values, Termination(0, f"GTSAM failed: {lines[0]}", stuck=True)
-    iterations = optimizer.iterations()
+    iterations = optimiser.iterations()
     if not graph.error(result) < start:
-        if optimizer.lambda_() <= LIGHT_DAMPING:
+        if optimiser.lambda_() <= LIGHT_DAMPING:
             return values, Termination(0, "converged: the start is a minimum", converged=True)
         return values, Termination(0, "no step lowers the cost", stuck=True)
     if iterations >= settings.max_iterations:

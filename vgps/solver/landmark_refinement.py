@@ -1,8 +1,8 @@
 """Landmarks refined one by one with the poses held, so that a few bad ones do not hold back the poses.
 
 A Levenberg-Marquardt step moves poses and landmarks together by a linear model. For a few landmarks, distant
-ones or those seen along nearly one ray, the model fails even for short steps, and damping the whole system
-for their sake would slow every pose. So each landmark takes its part of a step only if its own observations
+ones or those of small parallax, the model fails even for short steps, and damping the whole system for
+their sake would slow every pose. So each landmark takes its part of a step only if its own observations
 gain.
 """
 
@@ -12,13 +12,13 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solver.cost import observation_costs
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.landmark_groups import Chunk
-from vgps.solver.normal_equations import linearize_chunk
+from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import factorize_landmarks
+from vgps.solver.schur_complement import factorise_landmarks
 
-_MIN_LOSS = 1e-3  # cost that a step must add for a landmark before it is refined by itself
+_MIN_LOSS = 1e-3  # a landmark is refined by itself if a step raises its cost by more
 _START_DAMPING = 1e-3  # relative to the diagonal
-_ITERATIONS = 4  # a guard: a landmark has three unknowns, and the next step of all refines it further
+_ITERATIONS = 4  # enough for three unknowns; the next common step refines the landmark further
 
 
 def anchor_frames(problem: BundleProblem) -> IntArray:
@@ -106,8 +106,8 @@ def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArr
     cost = _chunk_costs(problem, chunk)
     start = float(cost.sum())
     for _ in range(_ITERATIONS):
-        linear = linearize_chunk(problem.moved(problem.world_T_camera, points), chunk)
-        factors = factorize_landmarks(linear, damping)
+        linear = linearise_chunk(problem.moved(problem.world_T_camera, points), chunk)
+        factors = factorise_landmarks(linear, damping)
         trial = points.copy()
         trial[refined] -= factors.transposed_times(factors.times(linear.gradient)).T
         trial_cost = _chunk_costs(problem.moved(problem.world_T_camera, trial), chunk)

@@ -10,16 +10,15 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
-from vgps.solver.normal_equations import Linearization, linearize
+from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
-LIGHT_DAMPING = (
-    1e-2  # up to this a step is nearly a Gauss-Newton step: if it gains nothing, it is at a minimum
-)
-_STEP_FRACTIONS = (1.0, 0.5, 0.25)  # of a step with a poor gain that are tried
+LIGHT_DAMPING = 1e-2
+"""Damping up to which a step is nearly Gauss-Newton's, so that no decrease means a minimum."""
+_STEP_FRACTIONS = (1.0, 0.5, 0.25)  # tried in turn while the gain is poor
 _POOR_GAIN_RATIO = 0.25  # below this ratio of actual to predicted decrease, shorter steps are tried
-_MAX_SMALL_STEPS = 3  # steps below the tolerance in succession that end the search even under heavy damping
+_MAX_SMALL_STEPS = 3  # successive steps below the tolerance that end the search even under heavy damping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +34,7 @@ class SolverSettings:
         lambda_min, lambda_max: Bounds of the damping; no step is tried above the upper one.
         min_gain_ratio: A step is accepted if the cost falls by more than this fraction of the prediction.
         max_flops: Operations per iteration above which GTSAM's optimiser is used instead.
-        max_bytes: Memory of matrix, factor and buffers above which it is used.
+        max_bytes: Memory of matrix, factor and buffers above which GTSAM's optimiser is used instead.
     """
 
     max_iterations: int = 100
@@ -50,7 +49,7 @@ class SolverSettings:
     max_bytes: float = 2e9
 
     def tolerance(self, cost: float) -> float:
-        """Return the decrease of this cost that counts as none."""
+        """Return the decrease below which this cost counts as unchanged."""
         return max(self.absolute_tolerance, self.relative_tolerance * cost)
 
 
@@ -102,7 +101,7 @@ class _SearchResult(NamedTuple):
     at_minimum: bool
 
 
-def minimize(
+def minimise(
     problem: BundleProblem, structure: SparsityStructure, settings: SolverSettings
 ) -> tuple[BundleProblem, Termination]:
     """Minimise the cost by Levenberg-Marquardt.
@@ -141,7 +140,7 @@ def _search(
     iterate: _Iterate, structure: SparsityStructure, damping: float, settings: SolverSettings
 ) -> _SearchResult:
     """Raise the damping until a step lowers the cost."""
-    linear = linearize(iterate.problem, iterate.values, structure)
+    linear = linearise(iterate.problem, iterate.values, structure)
     used = damping
     while damping <= settings.lambda_max:
         used = damping
@@ -154,7 +153,7 @@ def _search(
     return _SearchResult(iterate, used, False)
 
 
-def _solve_step(linear: Linearization, structure: SparsityStructure, damping: float) -> _Step | None:
+def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: float) -> _Step | None:
     """Return the step of the damped normal equations; None if they are not positive definite."""
     matrix, gradient = reduce_to_poses(linear, structure, damping)
     try:

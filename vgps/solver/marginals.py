@@ -9,12 +9,12 @@ from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
-from vgps.solver.elimination import PoseMatrix, SparsityStructure, analyze_sparsity
-from vgps.solver.normal_equations import Linearization, linearize
+from vgps.solver.elimination import PoseMatrix, SparsityStructure, analyse_sparsity
+from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import reduce_to_poses
 
-_MIN_PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a direction that nothing determines
+_MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in an undetermined direction
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ def marginal_covariances(problem: BundleProblem) -> Covariances:
     Raises:
         GeometryError: Observations and factors do not determine the poses.
     """
-    structure = analyze_sparsity(problem)
+    structure = analyse_sparsity(problem)
     free = structure.free >= 0
     poses = np.zeros((len(free), POSE_DIM, POSE_DIM))
     with one_blas_thread():
-        linear = linearize(problem, all_pose_values(problem), structure)
-        factor, gradient = factorize_pose_system(linear, structure)
+        linear = linearise(problem, all_pose_values(problem), structure)
+        factor, gradient = factorise_pose_system(linear, structure)
         poses[free] = factor.inverse_diagonal_blocks()
         if not problem.shared:
             return Covariances(poses, {})
@@ -65,8 +65,8 @@ def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, F
     return blocks
 
 
-def factorize_pose_system(
-    linear: Linearization, structure: SparsityStructure
+def factorise_pose_system(
+    linear: Linearisation, structure: SparsityStructure
 ) -> tuple[PoseMatrix, FloatArray]:
     """Return the Cholesky factor of the undamped reduced matrix of the poses, and the reduced gradient.
 

@@ -9,7 +9,7 @@ from gtsam.noiseModel import mEstimator
 from vgps.model import FloatArray
 from vgps.solver.problem import RobustLoss
 
-_WEIGHT_TOLERANCE = 1e-9  # relative, between GTSAM's weights and those that the numbers give
+_WEIGHT_TOLERANCE = 1e-9  # relative, between GTSAM's weights and those by sigma and k
 
 
 class PixelNoise(NamedTuple):
@@ -23,8 +23,8 @@ class PixelNoise(NamedTuple):
 def read_noise_model(model: gtsam.noiseModel.Base) -> PixelNoise | None:
     """Read sigma and loss of a noise model for two pixel coordinates.
 
-    GTSAM does not expose the constant of a loss, so it is derived from a weight. The model's weights of small
-    and large errors are then compared with those that the numbers give.
+    GTSAM does not expose the constant of a loss, so it is derived from a weight. GTSAM's weights of
+    small and large errors must then equal those by sigma and the constant.
 
     Returns:
         None if the coordinates have unequal sigmas or are correlated, or the loss is neither Huber's nor
@@ -60,7 +60,7 @@ def _cauchy_constant(loss: mEstimator.Cauchy) -> float:
 
 
 def _same_weights(model: gtsam.noiseModel.Base, noise: PixelNoise) -> bool:
-    """Return whether the model weighs errors as the numbers say, which one per coordinate does not."""
+    """Return whether GTSAM weighs errors as ``noise`` does; a loss on each coordinate alone would not."""
     for size in (0.3, 0.9, 1.1, 3.0, 100.0):
         error: FloatArray = noise.k * noise.sigma_px * size * np.array([0.28, -0.96])
         weight = min(1.0, 1.0 / size) if noise.loss == "huber" else 1.0 / (1.0 + size**2)

@@ -15,22 +15,16 @@ from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.elimination import Chunk, SparsityStructure
-from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearize_pose_graph
+from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
 
-_ROWS = (
-    (0, 1),
-    (0, 1),
-    (0, 1),
-    (0,),
-    (1,),
-    (0, 1),
-)  # image coordinates (u, v) that each pose coordinate moves
+# image coordinates (u, v) that each pose coordinate moves
+_ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))
 _LOWER = tuple((a, b) for a in range(POSE_DIM) for b in range(a + 1))
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinearizedChunk:
+class LinearisedChunk:
     """Whitened, reweighted Jacobians of a chunk's observations, and its landmarks' normal equations.
 
     Attributes:
@@ -69,7 +63,7 @@ class LinearizedChunk:
 
 
 @dataclass(frozen=True)
-class Linearization:
+class Linearisation:
     """Linearised chunks, and the normal equations of the free poses before landmarks are eliminated.
 
     Attributes:
@@ -80,7 +74,7 @@ class Linearization:
         border: Normal equations of the shared vectors.
     """
 
-    chunks: tuple[LinearizedChunk, ...]
+    chunks: tuple[LinearisedChunk, ...]
     hessian: sparse.coo_array
     gradient: FloatArray
     landmarks: int
@@ -93,7 +87,7 @@ class Linearization:
         return diagonal
 
 
-def linearize(problem: BundleProblem, values: gtsam.Values, structure: SparsityStructure) -> Linearization:
+def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityStructure) -> Linearisation:
     """Linearise all observations and pose factors.
 
     Args:
@@ -105,19 +99,19 @@ def linearize(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
     blocks = np.zeros((len(_LOWER), len(structure.free)))
     gradient = np.zeros((POSE_DIM, len(structure.free)))
     for chunk in structure.chunks:
-        linear = linearize_chunk(problem, chunk)
+        linear = linearise_chunk(problem, chunk)
         frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
         blocks[:, frames] += _pose_blocks(linear)
         gradient[:, frames] += linear.pose_gradient(linear.r)
         chunks.append(linear)
     free = structure.free >= 0
-    hessian, factor_gradient, border = linearize_pose_graph(problem, values, structure)
+    hessian, factor_gradient, border = linearise_pose_graph(problem, values, structure)
     total = (hessian + _block_diagonal(blocks[:, free])).tocoo()
     total_gradient = gradient[:, free].T.ravel() + factor_gradient
-    return Linearization(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
+    return Linearisation(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
 
 
-def linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearizedChunk:
+def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     """Linearise a chunk's observations at the poses and landmarks of ``problem``."""
     here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
@@ -129,13 +123,13 @@ def linearize_chunk(problem: BundleProblem, chunk: Chunk) -> LinearizedChunk:
     at = chunk.landmark
     hessian = [np.bincount(at, _dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
     gradient = [np.bincount(at, _dot(jl[:, a], r), size) for a in range(3)]
-    return LinearizedChunk(
+    return LinearisedChunk(
         chunk=chunk, jp=jp, jl=jl, r=r, hessian=np.array(hessian), gradient=np.array(gradient)
     )
 
 
 def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
-    """Return what whitens pixel errors (2, n): the square root of the robust weight over sigma, (n,)."""
+    """Return the factors (n,) that whiten pixel errors (2, n): the root of the robust weight over sigma."""
     weight = robust_weight(problem, np.sum(error**2, axis=0) / problem.sigma_px**2)
     return np.asarray(np.sqrt(weight) / problem.sigma_px)
 
@@ -165,7 +159,7 @@ def _jacobians(
     return jp, jl
 
 
-def _pose_blocks(linear: LinearizedChunk) -> FloatArray:
+def _pose_blocks(linear: LinearisedChunk) -> FloatArray:
     """Return the lower triangles of the poses' blocks, row by row: (21, frames of the chunk)."""
     jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
     blocks = np.zeros((len(_LOWER), frames))

@@ -12,7 +12,7 @@ from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.problem import BundleProblem
 
-MIN_DIAGONAL = 1e-6  # diagonals below are damped as if they were this, as GTSAM does by default
+MIN_DIAGONAL = 1e-6  # smaller diagonals are damped as if they had this value, GTSAM's default
 
 
 class BorderedSolution(NamedTuple):
@@ -66,7 +66,7 @@ class Border:
         return BorderedSolution(-by_gradient - by_shared @ shared, shared, by_shared, complement)
 
 
-def linearize_pose_graph(
+def linearise_pose_graph(
     problem: BundleProblem, values: gtsam.Values, structure: SparsityStructure
 ) -> tuple[sparse.csr_array, FloatArray, Border]:
     """Return the lower triangle of J^T J and J^T r of the pose factors, and the border."""

@@ -29,7 +29,7 @@ class BundleProblem:
 
     Attributes:
         K: fx, fy, cx, cy of the undistorted image, pixels.
-        world_T_camera: (F, 4, 4); an order of time keeps the reduced matrix narrow.
+        world_T_camera: (F, 4, 4); chronological order keeps the reduced matrix narrow.
         world_p_landmark: (L, 3) metres.
         frame, landmark: (N,) frame and landmark of each observation; a pair occurs at most once.
         uv_px: (N, 2) observed position in the undistorted image.
@@ -101,13 +101,13 @@ class BundleProblem:
         Raises:
             ValueError: A key belongs to no pose.
         """
-        wanted, own = np.array(list(keys), dtype=np.int64), self.keys
+        wanted, pose_keys = np.array(list(keys), dtype=np.int64), self.keys
         if self.pose_keys is None:
-            _check_range("frame of a pose factor", wanted - X(0), len(own))
+            _check_range("frame of a pose factor", wanted - X(0), len(pose_keys))
             return wanted - X(0)
-        order = np.argsort(own, kind="stable")
-        at = np.searchsorted(own[order[:-1]], wanted)
-        unknown = wanted[wanted != own[order][at]]
+        order = np.argsort(pose_keys, kind="stable")
+        at = np.searchsorted(pose_keys[order[:-1]], wanted)
+        unknown = wanted[wanted != pose_keys[order][at]]
         if len(unknown):
             raise ValueError(f"key {gtsam.DefaultKeyFormatter(int(unknown[0]))} belongs to no pose")
         return np.asarray(order[at], np.int64)

@@ -56,7 +56,7 @@ class ProjectionFactors:
 def split_projections(graph: gtsam.NonlinearFactorGraph) -> tuple[ProjectionFactors, list[int]]:
     """Return the projection factors of a graph, and the indices of all its other factors."""
     rows, uv_px, others = [], [], []
-    # GTSAM's wrapper returns the same object for a model as long as it lives, so each is read only once
+    # the wrapper returns one object per model while it is referenced, so that each is read only once
     models: dict[int, tuple[int, gtsam.noiseModel.Base]] = {}
     cameras: dict[int, tuple[int, gtsam.Cal3_S2]] = {}
     for index in range(graph.size()):

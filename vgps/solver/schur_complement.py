@@ -12,9 +12,9 @@ import numpy as np
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseMatrix, SparsityStructure
-from vgps.solver.normal_equations import Linearization, LinearizedChunk
+from vgps.solver.normal_equations import Linearisation, LinearisedChunk
 
-_MIN_PIVOT = 1e-14  # relative to the diagonal: what rounding leaves of a landmark seen along a single ray
+_MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in the depth along a single ray
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class LandmarkFactors:
         return np.stack([m[0] * v[0] + m[1] * v[1] + m[3] * v[2], m[2] * v[1] + m[4] * v[2], m[5] * v[2]])
 
 
-def factorize_landmarks(linear: LinearizedChunk, damping: FloatArray | float) -> LandmarkFactors:
+def factorise_landmarks(linear: LinearisedChunk, damping: FloatArray | float) -> LandmarkFactors:
     """Factor the landmarks' blocks with ``damping``, a number or (m,), times their diagonal added.
 
-    A landmark seen once, or along nearly one ray, has a singular block. The damping, or without it a pivot
-    kept above rounding, makes it keep its depth.
+    A landmark observed once, or without parallax, has a singular block. The damping, or without it the lower
+    bound of a pivot, keeps its depth.
     """
     a, b, c, d, e, f = linear.hessian
     more = damping * linear.diagonal
@@ -59,7 +59,7 @@ def factorize_landmarks(linear: LinearizedChunk, damping: FloatArray | float) ->
 
 
 def reduce_to_poses(
-    linear: Linearization, structure: SparsityStructure, damping: float
+    linear: Linearisation, structure: SparsityStructure, damping: float
 ) -> tuple[PoseMatrix, FloatArray]:
     """Return the Schur complement on the free poses and its gradient.
 
@@ -79,7 +79,7 @@ def reduce_to_poses(
     scratch = np.empty(max((chunk.size for chunk in structure.chunks), default=0))
     for part in linear.chunks:
         chunk = part.chunk
-        coupling, r = _coupling(part, factorize_landmarks(part, damping))
+        coupling, r = _coupling(part, factorise_landmarks(part, damping))
         explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += part.pose_gradient(r)
         buffer = scratch[: chunk.size]
         _fill_groups(part, coupling, buffer)
@@ -88,7 +88,7 @@ def reduce_to_poses(
     return matrix, linear.gradient - explained[:, structure.free >= 0].T.ravel()
 
 
-def _coupling(linear: LinearizedChunk, factors: LandmarkFactors) -> tuple[FloatArray, FloatArray]:
+def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatArray, FloatArray]:
     """Return B = J_l M^T of each observation (2, 3, n), and the residuals (2, n) that landmarks absorb."""
     at, jl = linear.chunk.landmark, linear.jl
     m = factors.m[:, at]
@@ -101,14 +101,14 @@ def _coupling(linear: LinearizedChunk, factors: LandmarkFactors) -> tuple[FloatA
     return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
 
 
-def pose_scores(linear: LinearizedChunk) -> FloatArray:
+def pose_scores(linear: LinearisedChunk) -> FloatArray:
     """Return the contribution of each observation to the reduced gradient, (6, n)."""
-    _, explained = _coupling(linear, factorize_landmarks(linear, 0.0))
+    _, explained = _coupling(linear, factorise_landmarks(linear, 0.0))
     r = linear.r - explained
     return np.array([linear.pose_products(r, a) for a in range(POSE_DIM)])
 
 
-def _fill_groups(linear: LinearizedChunk, coupling: FloatArray, buffer: FloatArray) -> None:
+def _fill_groups(linear: LinearisedChunk, coupling: FloatArray, buffer: FloatArray) -> None:
     """Write Z = B^T J_p of every observation in a free frame into the matrices of the groups."""
     buffer[:] = 0.0
     chunk = linear.chunk
@@ -120,7 +120,7 @@ def _fill_groups(linear: LinearizedChunk, coupling: FloatArray, buffer: FloatArr
             buffer[a:][entry] = value if all_free else value[chunk.free_rows]
 
 
-def landmark_steps(linear: Linearization, pose_step: FloatArray, damping: float) -> FloatArray:
+def landmark_steps(linear: Linearisation, pose_step: FloatArray, damping: float) -> FloatArray:
     """Return the landmarks' steps (3, L) that follow from the poses' steps (F, 6)."""
     steps = np.zeros((3, linear.landmarks))
     for part in linear.chunks:
@@ -129,7 +129,7 @@ def landmark_steps(linear: Linearization, pose_step: FloatArray, damping: float)
         r = np.stack(
             [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
         )
-        factors = factorize_landmarks(part, damping)
+        factors = factorise_landmarks(part, damping)
         gradient = part.gradient + part.landmark_gradient(r)
         steps[:, chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
     return steps

@@ -25,9 +25,9 @@ from synthetic_graphs import (
 
 from factors import Gaussian, gps_factor_calibrating
 from vgps.errors import GeometryError
-from vgps.solver import graph_optimizer
-from vgps.solver.elimination import analyze_sparsity
-from vgps.solver.graph_optimizer import GraphResult, SolverSettings, optimise_graph, pose_marginals
+from vgps.solver import graph_optimiser
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.graph_optimiser import GraphResult, SolverSettings, optimise_graph, pose_marginals
 from vgps.solver.graph_reading import read_graph
 from vgps.solver.gtsam_backend import optimise_with_gtsam
 from vgps.solver.gtsam_export import to_graph
@@ -75,8 +75,8 @@ def test_minimum_is_that_of_gtsam(case: str) -> None:
 
 
 def test_shuffled_keys_give_a_narrow_band() -> None:
-    narrow = analyze_sparsity(read_graph(*graph_with_shuffled_keys(100)).problem).half_bandwidth
-    by_time = analyze_sparsity(drive(frames=100, landmarks=600)[0]).half_bandwidth
+    narrow = analyse_sparsity(read_graph(*graph_with_shuffled_keys(100)).problem).half_bandwidth
+    by_time = analyse_sparsity(drive(frames=100, landmarks=600)[0]).half_bandwidth
     assert by_time < 200 and narrow < 1.3 * by_time
 
 
@@ -221,7 +221,7 @@ def test_gtsam_eliminates_landmarks_before_lever_arms(monkeypatch) -> None:
         graph.push_back(gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), at, fix, penalty))
     orders = []
     own = optimise_with_gtsam
-    monkeypatch.setattr(graph_optimizer, "optimise_with_gtsam", lambda *a: orders.append(a[2]) or own(*a))
+    monkeypatch.setattr(graph_optimiser, "optimise_with_gtsam", lambda *a: orders.append(a[2]) or own(*a))
     optimise_graph(graph, values, replace(TIGHT, max_flops=1e3))
     (order,) = orders
     seen = [gtsam.Symbol(key).chr() == ord("l") for key in order]

@@ -11,10 +11,10 @@ from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.bundle_adjustment import Solver
-from vgps.solver.elimination import SparsityStructure, analyze_sparsity
+from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.graph_reading import NotABundleError, is_pose, read_graph
 from vgps.solver.gtsam_backend import optimise_with_gtsam
-from vgps.solver.levenberg_marquardt import SolverSettings, minimize
+from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.marginals import marginal_covariances
 
 __all__ = ["GraphResult", "SolverSettings", "optimise_graph", "pose_marginals"]
@@ -70,16 +70,16 @@ def optimise_graph(
     before = _finite_error(graph, values)
     try:
         bundle = read_graph(graph, values)
-        structure = analyze_sparsity(bundle.problem)
+        structure = analyse_sparsity(bundle.problem)
         if not structure.fits(settings.max_flops, settings.max_bytes):
             raise NotABundleError(_too_dense(structure, settings))
     except NotABundleError as error:
-        why = str(error)
+        fallback_reason = str(error)
         result, end = optimise_with_gtsam(graph, values, _landmarks_first(graph), settings)
     else:
-        why = ""
+        fallback_reason = ""
         with one_blas_thread():
-            solved, end = minimize(bundle.problem, structure, settings)
+            solved, end = minimise(bundle.problem, structure, settings)
         result = bundle.values_of(solved)
     return GraphResult(
         values=result,
@@ -88,8 +88,8 @@ def optimise_graph(
         iterations=end.iterations,
         reason=end.reason,
         converged=end.converged,
-        solver="gtsam" if why else "schur",
-        fallback_reason=why,
+        solver="gtsam" if fallback_reason else "schur",
+        fallback_reason=fallback_reason,
         seconds=time.perf_counter() - begin,
     )
 
@@ -116,7 +116,7 @@ def pose_marginals(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> M
         problem = read_graph(graph, values).problem
     except NotABundleError:
         return _marginals_of_gtsam(graph, values)
-    if not analyze_sparsity(problem).fits(limits.max_flops, limits.max_bytes):
+    if not analyse_sparsity(problem).fits(limits.max_flops, limits.max_bytes):
         return _marginals_of_gtsam(graph, values)
     return dict(zip(problem.keys.tolist(), marginal_covariances(problem).poses, strict=True))
 
