@@ -7,8 +7,11 @@ from textured_room import (
     CAMERA,
     CONFIG,
     FPS,
+    distance_m,
+    frames,
     image,
     images,
+    moved,
     path,
     pixels,
     points_at,
@@ -18,9 +21,12 @@ from textured_room import (
 from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
+from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Frame
 from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.reconciliation import Reconciliation
+from vgps.pipeline.window_worker import WindowOutcome
 from vgps.smoothing.context import SmoothingContext
 
 COUNT = 30
@@ -135,16 +141,19 @@ def test_standing_frames_get_a_constraint_and_no_view():
     assert step[12:19].max() < 0.05 * np.median(step) and step[20:].min() > 0.5 * np.median(step)
 
 
-def test_stage_c_waits_for_moving_frames(monkeypatch):
-    made, calls = pipeline(), []
+def test_stage_c_and_alignment_wait_for_moving_frames(monkeypatch):
+    made, windows, alignments = pipeline(), [], []
     optimise = made._worker.optimise
-    monkeypatch.setattr(made._worker, "optimise", lambda m: calls.append(len(made.t_s)) or optimise(m))
+    monkeypatch.setattr(made._worker, "optimise", lambda m: windows.append(len(made.t_s)) or optimise(m))
+    monkeypatch.setattr(made, "_align", lambda builder: alignments.append(len(made.t_s)))
     order = [*range(12), *[12] * 8, *range(13, 20)]
     for i, k in enumerate(order):
         made.add_frame(Frame(i, i / FPS, images(COUNT)[k]))
-    start = calls[0]
+        made.refine()
+    start = windows[0]
     moving = [n for n in range(start + 1, len(order) + 1) if not 13 < n <= 20]
-    assert calls == [start, *moving[4::5]]  # every five moving frames
+    assert windows == [start, *moving[4::5]]  # every five moving frames
+    assert alignments == moving
 
 
 def test_black_frames_are_bridged():
@@ -154,12 +163,23 @@ def test_black_frames_are_bridged():
     assert any("from frame 14 to 16" in warning for warning in made.warnings)
 
 
-def test_a_camera_that_went_on_in_the_dark_is_found_again():
-    """From frame 13 to 25 it moves 1.4 m: too far for the motion model and for optical flow."""
-    made = fed(room(black=range(14, 25)), exact_fixes())
+def test_a_camera_that_turned_in_the_dark_is_found_again():
+    """By 14 degrees, which is 60 px: too far for the motion model and for optical flow."""
+    dark = [Frame(i, i / FPS, np.zeros_like(images(1)[0])) for i in range(20, 24)]
+    turned = [moved(pose, 0.0, (3.0, 14.0, 6.0)) for pose in POSES[24:28]]
+    made = fed([*room(20), *dark, *frames(turned, start=24)], exact_fixes(20))
     (local_map,) = made.maps
-    assert local_map.bridged == set(range(14, 25))
-    assert errors_m(local_map)[25:].max() < 0.1
+    assert local_map.bridged == {20, 21, 22, 23} and local_map.next_frame == 28
+    assert max(distance_m(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 0.2
+    assert max(rotation_error_deg(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 2.0
+
+
+def test_a_map_begun_while_tracking_was_lost_is_dropped_when_it_is_resumed():
+    lost = another_room(14, 2)
+    back = [Frame(i, i / FPS, images(COUNT)[i]) for i in range(16, 20)]
+    made = fed([*room(14), *lost, *back, *another_room(20)])
+    first, second = made.maps
+    assert first.bridged == {14, 15} and first.next_frame == 20 and second.first_frame == 20
 
 
 def test_where_tracking_is_not_resumed_a_new_map_begins():
@@ -249,3 +269,33 @@ def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
     assert errors_m(beside.maps[0]).max() < 0.05
     again = fed(room(), exact_fixes(), config=CONFIG.model_copy(update={"window": window}))
     np.testing.assert_array_equal(again.maps[0].poses, beside.maps[0].poses)
+
+
+def test_the_result_of_stage_c_is_taken_a_fixed_number_of_frames_later(monkeypatch):
+    window = CONFIG.window.model_copy(update={"delay_frames": 3})
+    made, begun, taken = (
+        pipeline(exact_fixes(), config=CONFIG.model_copy(update={"window": window})),
+        [],
+        [],
+    )
+    start, finish = made._worker.start, made._worker.finish
+    monkeypatch.setattr(made._worker, "start", lambda m: begun.append(len(made.t_s)) or start(m))
+    monkeypatch.setattr(made._worker, "finish", lambda: taken.append(len(made.t_s)) or finish())
+    for frame in room():
+        made.add_frame(frame)
+    assert len(taken) > 1 and taken == [at + 3 for at in begun[: len(taken)]]
+    # five moving frames after it began, stage C begins again
+    assert begun == list(range(begun[0], COUNT + 1, 5))
+
+
+def test_positions_that_stage_c_did_not_refine_are_triangulated_anew(aligned):
+    local_map = aligned.maps[0].snapshot()
+    ids = local_map.ids[local_map.positioned & (np.isfinite(local_map.views[..., 0]).sum(axis=1) > 10)][:6]
+    wrong = Positions(ids, local_map.points[ids] + 1.0, np.full(6, 0.3))
+    before = local_map.points[ids].copy()
+    reconciliation = Reconciliation(MapUpdate(positions=wrong), unrefined=ids[:4])
+    made = pipeline()
+    made._apply(WindowOutcome(local_map, reconciliation, ("a warning",)))
+    np.testing.assert_allclose(local_map.points[ids[:4]], before[:4], atol=0.3)
+    np.testing.assert_allclose(local_map.points[ids[4:]], before[4:] + 1.0)
+    assert made.warnings == ["a warning"]

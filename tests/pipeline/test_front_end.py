@@ -77,6 +77,14 @@ def test_it_is_plain_data(front_end):
     assert (context.camera, context.config, context.controls) == (CAMERA, CONFIG, front_end.controls)
 
 
+def test_stage_c_has_ended_when_the_front_end_has():
+    """A delay longer than the recording: only the end waits for it."""
+    window = CONFIG.window.model_copy(update={"delay_frames": 1000})
+    config = CONFIG.model_copy(update={"window": window})
+    front_end = run_front_end(recording(gps=gps_log()), config, NoProgress())
+    assert "wait" in front_end.seconds and "window beside" in front_end.seconds
+
+
 def test_warnings_of_the_video_come_first():
     opened = recording(POSES[:12])
     opened.video.warnings = ("two frames could not be decoded",)

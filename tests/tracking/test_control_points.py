@@ -2,7 +2,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from textured_room import CAMERA, LENS, path, pixels, points_at
+from textured_room import CAMERA, LENS, distance_m, path, pixels, points_at
 
 from vgps.camera import distort
 from vgps.mapping.control_observations import ControlObservations
@@ -27,6 +27,15 @@ def test_frames_with_four_control_points_are_posed():
     assert list(poses) == [0, 2]
     for frame, pose in poses.items():
         np.testing.assert_allclose(pose, POSES[frame], atol=1e-4)
+
+
+def test_one_wrong_observation_hardly_moves_the_pose():
+    """20 px off: without (18) the camera would be 1.5 m off."""
+    uv = np.array([[u, v] for u in (40.0, 160.0, 280.0) for v in (40.0, 120.0, 200.0)])
+    points = points_at(POSES[0], uv)
+    uv[4] += 20.0
+    poses = control_poses(ControlObservations(np.zeros(9, dtype=np.int64), uv, points), CAMERA.K)
+    assert distance_m(poses[0], POSES[0]) < 0.1
 
 
 def control_points(**changes):

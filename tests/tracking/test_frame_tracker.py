@@ -122,6 +122,36 @@ def test_matches_that_disagree_with_the_pose_are_dropped(scene):
     assert distance_m(result.world_T_camera, TRUE[-1]) < 0.01
 
 
+class SearchRecorder:
+    """Finds nothing, and remembers where it was to search."""
+
+    def match(self, previous, current, uv_px, predicted_uv_px):
+        self.predicted_uv_px = predicted_uv_px
+        return Match(uv_px.copy(), np.zeros(len(uv_px), dtype=bool))
+
+
+def test_features_are_searched_where_the_predicted_pose_puts_them(scene):
+    """Without a position: at the median depth of the others; out of view: where they were."""
+    local_map, points = scene
+    unpositioned = np.arange(0, len(points), 3)
+    depth = (points - TRUE[LAST][:3, 3]) @ TRUE[LAST][:3, 2]
+    move_points(local_map, unpositioned, np.nan)
+    predicted = moved(TRUE[LAST], 0.5, (0.0, 12.0, 0.0))
+    stage_a = tracker()
+    stage_a._matcher = matcher = SearchRecorder()
+    stage_a.track(local_map, *images(LAST + 2)[LAST:], predicted)
+    assumed = points.copy()
+    lines = (points[unpositioned] - TRUE[LAST][:3, 3]) / depth[unpositioned, None]
+    median = np.median(np.delete(depth, unpositioned))
+    # depth along the ray: a unit ray times the median depth
+    assumed[unpositioned] = TRUE[LAST][:3, 3] + median * lines / np.linalg.norm(lines, axis=1)[:, None]
+    expected = pixels(predicted, assumed)
+    outside = ~np.all((expected > 0) & (expected < (CAMERA.width, CAMERA.height)), axis=1)
+    expected[outside] = local_map.raw_uv_px[outside]
+    assert 5 < outside.sum() < 60
+    np.testing.assert_allclose(matcher.predicted_uv_px, expected, atol=1e-6)
+
+
 class PoorMatcher:
     """Loses or mismatches every third feature at first; the second match is that of ``matcher``, if any."""
 

@@ -43,6 +43,14 @@ def test_a_camera_is_found_after_a_gap(camera):
     assert distance_m(POSES[-1], LATER) > 0.5
 
 
+def test_half_an_image_is_enough(local_map):
+    """The other half shows another room: its features must not outvote the right ones."""
+    gray = image(LATER)
+    gray[:, 160:] = image(LATER, seed=1)[:, 160:]
+    pose = relocaliser(local_map).locate(gray, POSES[-1])
+    assert pose is not None and distance_m(pose, LATER) < 0.3
+
+
 def test_a_prediction_that_fits_is_taken(local_map):
     pose = relocaliser(local_map, lmeds_samples=1).locate(images(5)[-1], POSES[-1])
     np.testing.assert_allclose(pose, POSES[-1], atol=0.05)
