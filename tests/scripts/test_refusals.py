@@ -31,6 +31,7 @@ GONE = {
     "benchmarks.accuracy": ("{gone}", "--logs", "gps.nmea"),
     "benchmarks.growth": ("{gone}", "--one", "10"),
     "benchmarks.online": ("{gone}",),
+    "benchmarks.receivers.__main__": ("--recordings", "{gone}"),
     "benchmarks.sky_view": ("--recording", "{gone}"),
     "benchmarks.tracker": ("{gone}", "--landmarks", "street.vgps"),
     "benchmarks.window.__main__": ("{gone}",),
