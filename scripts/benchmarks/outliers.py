@@ -104,9 +104,11 @@ def by_vgps(
     scene = Scene(t_s, start.world_T_camera, start.world_p_landmark, observations)
     judged = detects_outliers(config)
     first = (
-        detect_outliers(scene.trajectory, fixes, antenna, config) if judged else FixAssessment.none(len(t_s))
+        detect_outliers(scene.trajectory, fixes, antenna, config)
+        if judged
+        else FixAssessment.unassessed(len(t_s))
     )
-    sensors = Sensors.begin(antenna, config.sensors)
+    sensors = Sensors.from_config(antenna, config.sensors)
     found = optimise_batch(scene, fixes, sensors, SmoothingContext(run.camera, config), assessment=first)
     return found.trajectory.world_T_camera[:, :3, 3], found.assessment if judged else None
 
@@ -134,7 +136,7 @@ def one(share: float, seed: int, run: Solution, true: FloatArray, given: argpars
         path, assessment = engine(start, run, priors, seed)
         counts: tuple[int, ...] = ()
         if assessment is not None:
-            doubted = assessment.rejected | assessment.lowered
+            doubted = assessment.rejected | assessment.down_classed
             counts = int((doubted & wrong).sum()), int((doubted & ~wrong).sum())
         rows.append(Errors(float(np.linalg.norm(path - true, axis=1).mean()), *counts))
     return rows

@@ -27,7 +27,7 @@ def test_jacobian_is_the_offsets():
         ],
         axis=2,
     )
-    found = of._jacobian(of.bent(parameters)[0], of.time_offset_s(parameters))
+    found = of._jacobian(of.corrected(parameters)[0], of.time_offset_s(parameters))
     np.testing.assert_allclose(found, numerical, atol=1e-3 * np.abs(numerical).max())
 
 

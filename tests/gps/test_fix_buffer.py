@@ -21,7 +21,7 @@ def rows_of(fixes, rows):
 def test_fixes_land_at_their_time_in_any_order_of_coming():
     _, _, _, fixes = scene()
     at_once = FixBuffer(fixes, ANTENNA, Config())
-    one_by_one = FixBuffer(Fixes.none(), ANTENNA, Config())
+    one_by_one = FixBuffer(Fixes.empty(), ANTENNA, Config())
     order = np.random.default_rng(0).permutation(len(fixes))
     for row in order.tolist():
         one_by_one.add(rows_of(fixes, [row]), now_s=3.0)
@@ -37,7 +37,7 @@ def test_verdicts_stay_with_their_fixes_when_others_come_between():
     fix_buffer.add(rows_of(fixes, [1, 3]), now_s=9.0)
     assert fix_buffer.number.tolist() == [0, 3, 1, 4, 2]
     assert fix_buffer.assessment.rejected.tolist() == [False, False, True, False, False]
-    assert np.isnan(fix_buffer.assessment.own[[1, 3]]).all()
+    assert np.isnan(fix_buffer.assessment.nominal[[1, 3]]).all()
     fix_buffer.discard_before(float(fixes.t_s[2]))
     assert fix_buffer.number.tolist() == [1, 4, 2] and fix_buffer.assessment.rejected.tolist() == [
         True,
@@ -94,7 +94,7 @@ def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
     judged.sensors = replace(judged.sensors, time_offset_s=0.25)
     fix_buffer.update_from(judged)
     assert fix_buffer.number.tolist() == [3, 1, 4, 2] and fix_buffer.sensors.time_offset_s == 0.25
-    np.testing.assert_array_equal(fix_buffer.assessment.own, [np.nan, 0.1, np.nan, 0.8])
+    np.testing.assert_array_equal(fix_buffer.assessment.nominal, [np.nan, 0.1, np.nan, 0.8])
 
 
 def test_a_path_that_begins_after_the_first_fixes_keeps_the_clock_they_showed():

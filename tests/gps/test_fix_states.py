@@ -7,10 +7,10 @@ from synthetic_fixes import fixes_at
 from vgps.config import Config
 from vgps.gps.fix_states import (
     LOWER,
+    NOMINAL,
     OUTLIER,
-    OWN,
-    STILL_LOWER,
-    STILL_OUTLIER,
+    REPEATED_LOWER,
+    REPEATED_OUTLIER,
     state_probabilities,
 )
 
@@ -20,9 +20,9 @@ FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
 
 
 def density(offset, r_m, h_m):
-    """Of one fix alone, by a survey's core and tail: what :data:`OWN` is worth without its prior."""
+    """Of one fix alone, by a survey's core and tail: what :data:`NOMINAL` is worth without its prior."""
     own, likelihood = state_probabilities(np.array([offset]), fixes_at(np.zeros(1), r_m, h_m), CONFIG)
-    return own[0, OWN] * np.exp(likelihood) / (1.0 - JUDGE.outlier_share)
+    return own[0, NOMINAL] * np.exp(likelihood) / (1.0 - JUDGE.outlier_share)
 
 
 def by_enumeration(offset, has_lower):
@@ -35,16 +35,18 @@ def by_enumeration(offset, has_lower):
         for k, state in enumerate(states):
             low = JUDGE.lower_share if has_lower[k] else 0.0
             prior = [1.0 - JUDGE.outlier_share - low, low, JUDGE.outlier_share, 0.0, 0.0]
-            before = states[k - 1] if k else OWN
-            still = {LOWER: STILL_LOWER, STILL_LOWER: STILL_LOWER}.get(before) if has_lower[k] else None
-            still = STILL_OUTLIER if before in {OUTLIER, STILL_OUTLIER} else still
+            before = states[k - 1] if k else NOMINAL
+            still = (
+                {LOWER: REPEATED_LOWER, REPEATED_LOWER: REPEATED_LOWER}.get(before) if has_lower[k] else None
+            )
+            still = REPEATED_OUTLIER if before in {OUTLIER, REPEATED_OUTLIER} else still
             goes_on = lasts if still is not None else 0.0
             weight *= (1.0 - goes_on) * prior[state] + goes_on * (state == still)
             if not weight:
                 break
             regions = [FIX if lower else FLOAT for lower in has_lower]
-            if state in {OWN, LOWER}:
-                weight *= density(offset[k], *(regions[k] if state == OWN else FLOAT))
+            if state in {NOMINAL, LOWER}:
+                weight *= density(offset[k], *(regions[k] if state == NOMINAL else FLOAT))
             elif state == OUTLIER:
                 weight *= bad
             else:
@@ -78,8 +80,8 @@ def test_six_wrong_fixes_that_agree_are_one_misfortune():
     apart = rng.permuted(np.tile(one_off, (6, 1)), axis=1) * rng.choice([-1, 1], (6, 3))
     scattered, six = state_probabilities(apart, fixes, CONFIG)
     assert together > single and six < 5 * single
-    assert found[1:, STILL_OUTLIER].min() > 0.99 and found[0, OUTLIER] > 0.99
-    assert scattered[:, OWN].max() < 1e-6
+    assert found[1:, REPEATED_OUTLIER].min() > 0.99 and found[0, OUTLIER] > 0.99
+    assert scattered[:, NOMINAL].max() < 1e-6
 
 
 def test_a_fix_without_a_class_below_is_never_that():
@@ -87,4 +89,6 @@ def test_a_fix_without_a_class_below_is_never_that():
     lower = [np.array([size, np.nan]) for size in FLOAT]
     r, h = np.array([FIX[0], FLOAT[0]]), np.array([FIX[1], FLOAT[1]])
     found, _ = state_probabilities(np.tile([1.0, 0.0, 0.0], (2, 1)), fixes_at(t_s, r, h, lower=lower), CONFIG)
-    assert found[0, LOWER] > 0.9 and found[1, [LOWER, STILL_LOWER]].max() == 0.0 and found[1, OWN] > 0.9
+    assert (
+        found[0, LOWER] > 0.9 and found[1, [LOWER, REPEATED_LOWER]].max() == 0.0 and found[1, NOMINAL] > 0.9
+    )

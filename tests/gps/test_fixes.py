@@ -59,7 +59,7 @@ def test_the_ellipsoid_grows_with_its_region():
 
 def test_a_down_classed_fix_has_the_ellipsoid_of_the_class_below():
     found = fixes(SURVEYED)
-    lowered = FixAssessment(own=np.array([0.1, 0.9, 0.9]), lower=np.array([0.8, 0.0, 0.0])).applied(found)
+    lowered = FixAssessment(nominal=np.array([0.1, 0.9, 0.9]), lower=np.array([0.8, 0.0, 0.0])).applied(found)
     assert semi_axes(lowered, 0) == pytest.approx((3.0, 6.0))
     assert semi_axes(lowered, 1) == pytest.approx((3.0, 6.0))
 

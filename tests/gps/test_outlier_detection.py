@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 
 from vgps.config import Config
-from vgps.gps.outlier_detection import FixAssessment, detect_outliers, probabilities, suspect_runs
+from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detect_outliers, suspect_runs
 
 CONFIG = Config()
 T_FIX = np.arange(0.05, 19.0)
@@ -25,15 +25,15 @@ def test_bayes_by_hand():
     tail = CONFIG.outliers.tail_share
     good = 0.95 * (1.0 - tail + tail / CONFIG.outliers.tail_size**3) / (area * length)
     bad = 0.05 / (2 * np.pi * 50.0**3)
-    found = probabilities(np.zeros((1, 3)), fixes_at(np.zeros(1), *FLOAT), CONFIG)
-    assert found.own[0] == pytest.approx(good / (good + bad), rel=1e-9)
+    found = assess_offsets(np.zeros((1, 3)), fixes_at(np.zeros(1), *FLOAT), CONFIG)
+    assert found.nominal[0] == pytest.approx(good / (good + bad), rel=1e-9)
     assert found.lower[0] == 0.0
 
 
 def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
     offset = np.array([[0.02, 0, 0], [1.0, 0, 0], [30.0, 0, 0], [0, 0, 3.0]])
-    found = probabilities(offset, fixes_at(1e3 * np.arange(4.0), *FIX, lower=FLOAT), CONFIG)
-    assert found.lowered.tolist() == [False, True, False, True]
+    found = assess_offsets(offset, fixes_at(1e3 * np.arange(4.0), *FIX, lower=FLOAT), CONFIG)
+    assert found.down_classed.tolist() == [False, True, False, True]
     assert found.rejected.tolist() == [False, False, True, False]
 
 
@@ -41,16 +41,16 @@ def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
 @settings(deadline=None)
 def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
     offset = np.array([[near, 0, 0], [near + more, 0, 0]])
-    found = probabilities(offset, fixes_at(1e3 * np.arange(2.0), *FIX, lower=FLOAT), CONFIG)
-    assert np.all((found.own >= 0) & (found.lower >= 0) & (found.own + found.lower <= 1 + 1e-12))
-    assert found.own[1] <= found.own[0] + 1e-12
+    found = assess_offsets(offset, fixes_at(1e3 * np.arange(2.0), *FIX, lower=FLOAT), CONFIG)
+    assert np.all((found.nominal >= 0) & (found.lower >= 0) & (found.nominal + found.lower <= 1 + 1e-12))
+    assert found.nominal[1] <= found.nominal[0] + 1e-12
 
 
 def test_clean_fixes_on_a_drifting_path_are_all_believed():
     rng = np.random.default_rng(0)
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=rng.normal(0, 0.15, (19, 3)))
     found = judged(drifting(), fixes)
-    assert not found.rejected.any() and found.own.min() > 0.5
+    assert not found.rejected.any() and found.nominal.min() > 0.5
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -76,7 +76,7 @@ def test_fixes_inside_the_video_grow_by_their_own_sky_and_the_others_stay():
     t_s = np.array([-5.0, 5.0, 15.0])
     fixes = fixes_at(t_s, 2.0, 5.0, lower=(3.0, 7.0))
     walls = ring(30.0) - HERE + path(np.array([5.0]))
-    trajectory, sensors = Trajectory(T_S, poses(path(T_S))), Sensors.known(np.zeros(3))
+    trajectory, sensors = Trajectory(T_S, poses(path(T_S))), Sensors.fixed(np.zeros(3))
     satellites = np.full(3, 8.0)
     config = GpsConfig(sky=SKY.model_copy(update={"max_distance_m": 25.0}), quality=QUALITY)
     found = under_sky(fixes, trajectory, walls, sensors, satellites, config)
@@ -90,5 +90,5 @@ def test_fixes_inside_the_video_grow_by_their_own_sky_and_the_others_stay():
     off = config.model_copy(update={"sky": config.sky.model_copy(update={"enlarge": False})})
     assert under_sky(fixes, trajectory, walls, sensors, satellites, off) is fixes
     late = replace(fixes, t_s=t_s + 0.5)
-    again = under_sky(late, trajectory, walls, Sensors.known(np.zeros(3), 0.5), satellites, config)
+    again = under_sky(late, trajectory, walls, Sensors.fixed(np.zeros(3), 0.5), satellites, config)
     np.testing.assert_allclose(again.r_m, found.r_m)

@@ -7,11 +7,11 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import best_time_offset, least_gain, neighbour_pairs, update_time_offset
+from vgps.gps.time_offset import best_time_offset, min_gain, neighbour_pairs, update_time_offset
 
 BELIEVED = TimeOffset(0.0, 0.5)
 NONE = np.zeros(3)
-SENSORS = Sensors.known(NONE)
+SENSORS = Sensors.fixed(NONE)
 
 
 def by_differences(camera_path, fixes, antenna, prior):
@@ -32,7 +32,7 @@ def no_offset_is_found(camera_path, fixes):
     """Whether the time offset stays; a remark says no more than that the motion does not show it."""
     sensors, remarks = update_time_offset(SENSORS, camera_path, fixes, SensorsConfig())
     held = (SENSORS.time_offset_s, SENSORS.prior_time_offset)
-    assert all("does not show" in remark for remark in remarks)
+    assert all("does not determine" in remark for remark in remarks)
     return (sensors.time_offset_s, sensors.prior_time_offset) == held
 
 
@@ -69,11 +69,11 @@ def test_a_straight_at_constant_speed_keeps_the_prior_and_says_so(estimate):
     fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
     settings = SensorsConfig(estimate_time_offset=estimate)
     sensors, remark = update_time_offset(SENSORS, trajectory(line), fixes, settings)
-    assert sensors.time_offset_s == 0.0 and "does not show the time offset" in remark[0]
+    assert sensors.time_offset_s == 0.0 and "does not determine the time offset" in remark[0]
 
 
 def test_without_fixes_there_is_no_remark_on_their_clock():
-    assert update_time_offset(SENSORS, trajectory(path(T_S)), Fixes.none(), SensorsConfig())[1] == ()
+    assert update_time_offset(SENSORS, trajectory(path(T_S)), Fixes.empty(), SensorsConfig())[1] == ()
 
 
 def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
@@ -120,10 +120,10 @@ def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_i
 
 
 def test_few_pairs_or_many_trials_must_gain_more():
-    assert abs(least_gain(3.0, 10**6, 1.0) - 9.0) < 0.01
-    assert abs(least_gain(3.0, 9, 1.0) - 4.094**2) < 0.05  # tables of Student's t, 0.27 % on both sides
-    assert least_gain(3.0, 5, 30.0) > least_gain(3.0, 50, 30.0) > least_gain(3.0, 50, 1.0)
-    assert least_gain(3.0, 0, 1.0) == np.inf
+    assert abs(min_gain(3.0, 10**6, 1.0) - 9.0) < 0.01
+    assert abs(min_gain(3.0, 9, 1.0) - 4.094**2) < 0.05  # tables of Student's t, 0.27 % on both sides
+    assert min_gain(3.0, 5, 30.0) > min_gain(3.0, 50, 30.0) > min_gain(3.0, 50, 1.0)
+    assert min_gain(3.0, 0, 1.0) == np.inf
 
 
 def test_a_handful_of_fixes_shows_no_lag_by_chance():

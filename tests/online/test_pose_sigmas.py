@@ -31,7 +31,7 @@ class Drive:
         self.current.apply(MapUpdate(aligned=True))
         self.sensors = SimpleNamespace(camera_p_antenna=np.zeros(3), time_offset_s=0.0)
         self.fix_buffer = self
-        self.fixes = Fixes.none()
+        self.fixes = Fixes.empty()
         self.uncertainty = PoseUncertainty(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
 
     def believed(self, until_s):

@@ -41,7 +41,7 @@ def exact_fixes(until=COUNT):
 
 
 def pipeline(fixes=None, config=CONFIG, retention=None, controls=NO_CONTROL_OBSERVATIONS):
-    fixes = Fixes.none() if fixes is None else fixes
+    fixes = Fixes.empty() if fixes is None else fixes
     return FramePipeline(SmoothingContext(CAMERA, config, controls), np.zeros(3), fixes, retention)
 
 

@@ -13,7 +13,7 @@ from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
 
 CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"))
-SENSORS = Sensors.known(ANTENNA)
+SENSORS = Sensors.fixed(ANTENNA)
 
 
 def whole(disturbed=0.5, seed=0):

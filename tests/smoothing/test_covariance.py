@@ -45,7 +45,7 @@ def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
     noise = rng.normal(0.0, noise_px, problem.uv_px.shape) + slip[problem.landmark] * ramp[:, None]
     fixes = fixes_of(poses, rng)
     times = INTERVAL_S * np.arange(frames)
-    gps = gps_graph(fixes, times, Sensors.known(CAMERA_P_ANTENNA), GAUSSIAN)
+    gps = gps_graph(fixes, times, Sensors.fixed(CAMERA_P_ANTENNA), GAUSSIAN)
     sigma_px = np.full(len(problem.frame), noise_px)
     given = replace(problem, uv_px=exact + noise, sigma_px=sigma_px, robust="none", pose_graph=gps)
     sources = ErrorSources(gps, gtsam.NonlinearFactorGraph(), fixes)

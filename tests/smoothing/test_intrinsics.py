@@ -29,7 +29,7 @@ def refined(camera, wrong, **believed):
     start = _changed(camera, np.array(wrong))
 
     def optimise(scene, camera):
-        return optimise_batch(scene, fixes, Sensors.known(ANTENNA), SmoothingContext(camera, CONFIG))
+        return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
     result, found = refine_camera(_seen_by(start, camera, made), start, optimise, settings)

@@ -35,7 +35,7 @@ def two_maps(aligned=(True, True)):
 def merged(maps, t_s, fixes):
     """The merged maps; the maps themselves are checked to stay as they were."""
     before = [local_map.poses.copy() for local_map in maps]
-    found = merge_maps(maps, t_s, fixes, Sensors.known(ANTENNA), context(CONFIG))
+    found = merge_maps(maps, t_s, fixes, Sensors.fixed(ANTENNA), context(CONFIG))
     for local_map, poses in zip(maps, before, strict=True):
         np.testing.assert_array_equal(local_map.poses, poses)
     return found
@@ -70,7 +70,7 @@ def test_nothing_to_align_with_is_an_error_and_no_fix_at_all_a_warning():
     with pytest.raises(GeometryError, match="too little for scale and heading"):
         merged(maps, t_s, near)
     maps, _, t_s, _ = two_maps((False, False))
-    found = merged(maps, t_s, Fixes.none())
+    found = merged(maps, t_s, Fixes.empty())
     assert not found.georeferenced and "no fix ties" in found.warnings[0]
     assert np.isfinite(found.scene.poses).all()
 
@@ -90,4 +90,4 @@ def test_fixes_that_contradict_the_maps_bend_them():
     found = merged(maps, t_s, fixes)
     assert away(found.scene.poses, true) < 0.4
     judged = replace(fixes, used=np.ones(len(fixes), dtype=bool))
-    assert not found.assessment.rejected.any() and len(judged) == len(found.assessment.own)
+    assert not found.assessment.rejected.any() and len(judged) == len(found.assessment.nominal)

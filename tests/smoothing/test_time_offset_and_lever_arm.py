@@ -74,6 +74,6 @@ def test_what_is_held_stays():
 
 def test_nothing_to_estimate_is_nothing_shared():
     config = SensorsConfig(estimate_time_offset="no", time_offset_s=0.25)
-    sensors = Sensors.begin(TRUE_ANTENNA, config)
-    assert not sensors.to_estimate and sensors.shared() == {} and sensors.priors().size() == 0
+    sensors = Sensors.from_config(TRUE_ANTENNA, config)
+    assert not sensors.is_estimated and sensors.shared() == {} and sensors.priors().size() == 0
     assert sensors.moved({}).time_offset_s == 0.25

@@ -53,12 +53,12 @@ def test_it_stays_within_its_range_and_can_be_fixed():
 def test_without_fixes_it_stays():
     config = Config()
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"balance": "estimated"})})
-    assert balanced(config, 8.0, STANDING, Fixes.none(), np.zeros(3)) == 8.0
+    assert balanced(config, 8.0, STANDING, Fixes.empty(), np.zeros(3)) == 8.0
 
 
 def test_the_variance_factor_is_one_where_fixes_fit_and_where_there_are_none():
     def factor(found):
         return variance_factor(Config(), STANDING, found, np.zeros(3))
 
-    assert factor(fixes(1.0)) == pytest.approx(1.0) and factor(Fixes.none()) == 1.0
+    assert factor(fixes(1.0)) == pytest.approx(1.0) and factor(Fixes.empty()) == 1.0
     assert factor(fixes(3.0)) == pytest.approx((4 + 50 * 9) / 54)

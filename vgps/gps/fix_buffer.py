@@ -1,4 +1,4 @@
-"""The fixes of a recording as they come: in order of time, with their assessment and their time offset."""
+"""Fixes of a recording in chronological order, with their assessment and time offset."""
 
 import copy
 
@@ -14,21 +14,21 @@ from vgps.solution import Trajectory
 
 
 class FixBuffer:
-    """All fixes so far, in order of time however they came.
+    """All fixes so far, in chronological order whatever the order in which they arrived.
 
     Attributes:
-        fixes: By their own clock.
-        number: (M,) how many fixes had been added before each: its identity, while rows move.
-        assessment: Of all fixes, as far as they have been assessed.
-        sensors: The time offset of the fixes as the path so far shows it, and the lever arm.
+        fixes: Fixes at the times of their time stamps.
+        number: (M,) sequence number in order of arrival; it identifies a fix when rows move.
+        assessment: Assessment of all fixes, NaN before the first one.
+        sensors: Time offset estimated so far, and lever arm.
     """
 
     def __init__(self, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> None:
         self._config = config
         self.fixes = fixes
         self.number: IntArray = np.arange(len(fixes))
-        self.assessment = FixAssessment.none(len(fixes))
-        self.sensors = Sensors.begin(camera_p_antenna, config.sensors)
+        self.assessment = FixAssessment.unassessed(len(fixes))
+        self.sensors = Sensors.from_config(camera_p_antenna, config.sensors)
         self._added = len(fixes)
         self._late = False
         self._discarded = False
@@ -38,7 +38,7 @@ class FixBuffer:
         self.fixes, order = self.fixes.merged(more)
         self.number = np.append(self.number, self._added + np.arange(len(more)))[order]
         self._added += len(more)
-        self.assessment = self.assessment.merged(FixAssessment.none(len(more)), order)
+        self.assessment = self.assessment.merged(FixAssessment.unassessed(len(more)), order)
         self._late |= bool((more.used & (more.t_s <= now_s)).any())
 
     def discard_before(self, before_s: float) -> None:
@@ -55,34 +55,35 @@ class FixBuffer:
         return copy.copy(self)
 
     def update_from(self, snapshot: "FixBuffer") -> None:
-        """Take over what a snapshot found of the time offset and of the fixes that this one still holds."""
+        """Take over a snapshot's time offset, and its assessment of the fixes that this buffer still
+        holds."""
         self.sensors = snapshot.sensors
-        found = FixAssessment.none(len(self.number))
-        _, own, its = np.intersect1d(self.number, snapshot.number, return_indices=True)
-        found.own[own], found.lower[own] = snapshot.assessment.own[its], snapshot.assessment.lower[its]
-        self.assessment = self.assessment.updated(found)
+        newer, other = FixAssessment.unassessed(len(self.number)), snapshot.assessment
+        _, row, other_row = np.intersect1d(self.number, snapshot.number, return_indices=True)
+        newer.nominal[row], newer.lower[row] = other.nominal[other_row], other.lower[other_row]
+        self.assessment = self.assessment.updated(newer)
 
     def has_new(self, since_s: float, until_s: float) -> bool:
-        """Return whether a usable fix lies after ``since_s`` and by ``until_s``, or came late since the
-        last call."""
+        """Return whether a usable fix is in (``since_s``, ``until_s``], or one arrived late since the last
+        call."""
         t_s = self.fixes.t_s
-        found = self._late or bool((self.fixes.used & (t_s > since_s) & (t_s <= until_s)).any())
+        has_new = self._late or bool((self.fixes.used & (t_s > since_s) & (t_s <= until_s)).any())
         self._late = False
-        return found
+        return has_new
 
     def believed(self, until_s: float) -> Fixes:
-        """Return the fixes until a time as they are assessed, in time."""
-        return self.assessment.applied(self._in_time).until(until_s)
+        """Return the fixes until a time with their verdicts applied and their time offset removed."""
+        return self.assessment.applied(self._corrected).until(until_s)
 
     @property
-    def _in_time(self) -> Fixes:
+    def _corrected(self) -> Fixes:
         return self.fixes.earlier(self.sensors.time_offset_s)
 
     def update_time_offset(self, path: Trajectory) -> None:
-        """Estimate the clock's time offset from a path before the window bends to it.
+        """Estimate the time offset from the odometry of a path.
 
-        Where fixes lie before the path, the offset found by them is kept until many fixes disagree: a few,
-        as after an outage, agree with some offset by chance.
+        If there are fixes from before the path, the offset estimated from them is kept until enough fixes are
+        within the path: a few, as after an outage, agree with some offset by chance.
         """
         config = self._config.sensors
         if self._discarded or bool((self.fixes.used & (self.fixes.t_s < path.t_s[0])).any()):
@@ -90,20 +91,24 @@ class FixBuffer:
             if inside.sum() < config.time_offset.min_fixes:
                 return
             config = config.model_copy(update={"time_offset_s": self.sensors.time_offset_s})
-        believed = self.assessment.applied(self.fixes)
-        self.sensors, _ = update_time_offset(self.sensors, path, believed, config)
+        assessed = self.assessment.applied(self.fixes)
+        self.sensors, _ = update_time_offset(self.sensors, path, assessed, config)
 
     def detect_outliers(self, path: Trajectory, used_until_s: float = -np.inf) -> float:
-        """Assess all fixes along a path anew: what came later may reverse a verdict.
+        """Assess all fixes along a path again: later fixes and frames may reverse a verdict.
+
+        Args:
+            path: The path so far.
+            used_until_s: Time until which fixes have been used before.
 
         Returns:
-            Time of the first fix by ``used_until_s`` that was believed and is not any more; infinity if there
-            is none.
+            Time of the first fix by ``used_until_s`` that is now rejected and was not before; infinity if
+            there is none.
         """
         if not detects_outliers(self._config):
             return np.inf
-        fixes, before = self._in_time, self.assessment.rejected
-        found = detect_outliers(path, fixes, self.sensors.camera_p_antenna, self._config)
-        self.assessment = self.assessment.updated(found)
-        given_up = self.assessment.rejected & ~before & (fixes.t_s <= used_until_s)
-        return float(fixes.t_s[given_up].min(initial=np.inf))
+        fixes, before = self._corrected, self.assessment.rejected
+        newer = detect_outliers(path, fixes, self.sensors.camera_p_antenna, self._config)
+        self.assessment = self.assessment.updated(newer)
+        newly_rejected = self.assessment.rejected & ~before & (fixes.t_s <= used_until_s)
+        return float(fixes.t_s[newly_rejected].min(initial=np.inf))

@@ -1,9 +1,9 @@
-"""A hidden Markov model of the receiver: what each fix of a log may be, and how likely that is.
+"""A hidden Markov model of the receiver's errors.
 
-A fix is what its class says, or what the class below says (a wrong integer ambiguity leaves an RTK-fix with
-an RTK-float's error), or an outlier anywhere within tens of metres. An error may last: a wrong ambiguity or a
-reflection gives the next fixes the same error. So six fixes that agree with each other and with nothing else
-are more likely one error than six.
+The error of a fix is that of its class, or that of the class below (a wrong integer ambiguity leaves an
+RTK-fix with the error of an RTK-float), or it is an outlier of up to tens of metres. An error may persist:
+a wrong ambiguity or a reflection gives the next fixes the same error. So six fixes that agree with each other
+but with no other fix are more likely one error than six.
 """
 
 from math import gamma
@@ -14,24 +14,24 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray
 
-OWN, LOWER, OUTLIER, STILL_LOWER, STILL_OUTLIER = range(5)
-_LASTS_AS = {
-    LOWER: STILL_LOWER,
-    STILL_LOWER: STILL_LOWER,
-    OUTLIER: STILL_OUTLIER,
-    STILL_OUTLIER: STILL_OUTLIER,
+NOMINAL, LOWER, OUTLIER, REPEATED_LOWER, REPEATED_OUTLIER = range(5)
+_REPEATED = {
+    LOWER: REPEATED_LOWER,
+    REPEATED_LOWER: REPEATED_LOWER,
+    OUTLIER: REPEATED_OUTLIER,
+    REPEATED_OUTLIER: REPEATED_OUTLIER,
 }
 
 
 def state_probabilities(
     offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
 ) -> tuple[FloatArray, float]:
-    """Return the probability of each fix's states given all fixes, by the forward-backward algorithm.
+    """Return the probabilities of each fix's states given all fixes, by the forward-backward algorithm.
 
     The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
-    survey drops its worst epochs, so a small share of a class lies in a cylinder of a larger size. An outlier
-    lies anywhere within ``outlier_radius_m`` of the antenna. An error that lasts is that of the fix before,
-    up to the regions of the two.
+    survey drops its worst epochs, so a small share of a class has a larger cylinder. Outliers are uniform
+    within ``outlier_radius_m`` of the antenna. A repeated error equals that of the previous fix up to the
+    regions of the two.
 
     Args:
         offset: (M, 3) antenna minus fix, metres.
@@ -40,8 +40,8 @@ def state_probabilities(
         tolerance_m: Error of the path itself.
 
     Returns:
-        (M, 5), columns OWN, LOWER, OUTLIER, STILL_LOWER, STILL_OUTLIER, and the log of the density of all
-        offsets.
+        (M, 5), columns NOMINAL, LOWER, OUTLIER, REPEATED_LOWER, REPEATED_OUTLIER, and the log of the density
+        of all offsets.
     """
     log_density = _log_densities(offset, fixes, config, tolerance_m)
     highest = log_density.max(axis=1)
@@ -49,11 +49,11 @@ def state_probabilities(
     prior = _prior(fixes, config)
     change = _transitions(prior, config.outliers.persistence)
     forward, size = np.empty_like(density), np.empty(len(density))
-    reached = prior[0]
+    belief = prior[0]
     for k, likelihood in enumerate(density):
-        reached = (reached if k == 0 else reached @ change[k - 1]) * likelihood
-        size[k] = reached.sum()
-        reached = forward[k] = reached / size[k]
+        belief = (belief if k == 0 else belief @ change[k - 1]) * likelihood
+        size[k] = belief.sum()
+        belief = forward[k] = belief / size[k]
     backward = np.ones_like(density)
     for k in range(len(density) - 2, -1, -1):
         backward[k] = change[k] @ (density[k + 1] * backward[k + 1]) / size[k + 1]
@@ -61,7 +61,7 @@ def state_probabilities(
 
 
 def _prior(fixes: Fixes, config: Config) -> FloatArray:
-    """Return the prior (M, 5) of each fix's states, whatever the fix before was."""
+    """Return the prior (M, 5) of each fix's states, independent of the previous fix."""
     lower = np.where(np.isfinite(fixes.lower_r_m), config.outliers.lower_share, 0.0)
     bad = np.full(len(fixes), config.outliers.outlier_share)
     none = np.zeros(len(fixes))
@@ -71,26 +71,26 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
 def _transitions(prior: FloatArray, persistence: float) -> FloatArray:
     """Return the transition probabilities (M - 1, 5, 5) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
-    for state, still in _LASTS_AS.items():
-        # a class that has none below it cannot go on in that state
-        possible = prior[1:, LOWER] > 0.0 if still == STILL_LOWER else True
+    for state, repeated in _REPEATED.items():
+        # a fix whose class has none below it cannot be in that state
+        possible = prior[1:, LOWER] > 0.0 if repeated == REPEATED_LOWER else True
         share = np.where(possible, persistence, 0.0)
         change[:, state] *= (1.0 - share)[..., None]
-        change[:, state, still] += share
+        change[:, state, repeated] += share
     return change
 
 
 def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float) -> FloatArray:
     """Return the log density (M, 5) of the offset [1/m^3] in each state."""
-    own = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
-    with np.errstate(invalid="ignore"):  # no class below, no density
+    nominal = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
+    with np.errstate(invalid="ignore"):  # NaN where there is no class below
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
     lower = np.where(np.isnan(lower), -np.inf, lower)
     bad = np.full(len(offset), -np.log(2.0 * np.pi * config.outliers.outlier_radius_m**3))
     r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
-    alike = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
-    still = np.append(-np.inf, alike)
-    return np.stack([own, lower, bad, still, still], axis=1)
+    same = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
+    repeated = np.append(-np.inf, same)
+    return np.stack([nominal, lower, bad, repeated, repeated], axis=1)
 
 
 def _log_class_density(
@@ -106,7 +106,7 @@ def _log_class_density(
 def _log_density(
     offset: FloatArray, r_m: FloatArray, h_m: FloatArray, config: Config, tolerance_m: float
 ) -> FloatArray:
-    """Return the log (M,) of the cylinder's density [1/m^3], NaN without a region."""
+    """Return the log (M,) of the cylinder's density [1/m^3]; NaN without a region."""
     n, omega = config.gps.n, config.gps.omega
     r, h = np.hypot(r_m, tolerance_m), np.hypot(h_m, tolerance_m)
     horizontal, vertical = np.hypot(offset[:, 0], offset[:, 1]) / r, np.abs(offset[:, 2]) / h

@@ -1,4 +1,4 @@
-"""GPS fixes in the world: position, time between frames, and the penalty on the antenna's offset."""
+"""GPS fixes in the world: interpolation of the antenna at their times, and factors with a penalty on it."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -23,11 +23,12 @@ class Fixes:
         t_s: (M,) on the video's clock.
         world_p_fix: (M, 3) ENU metres.
         r_m, h_m: (M,) the region of each fix's class; NaN where the class has none.
-        lower_r_m, lower_h_m: (M,) the region of the class that a fix of its class may really be; NaN if none.
+        lower_r_m, lower_h_m: (M,) the region of the class below, see :func:`lower_class`; NaN if there is
+            none.
         shape, lower_shape: (M, 2) semi-axes of the ellipsoid (22) over r and h, of either class.
-        sigma_m: (M, 3) the receiver's own standard deviations, NaN where it gave none.
-        used: (M,) whether a fix takes part.
-        correlation_s: (M,) after this time the error of a fix of its class counts as a new one.
+        sigma_m: (M, 3) standard deviations reported by the receiver; NaN where it reports none.
+        used: (M,) whether a fix contributes.
+        correlation_s: (M,) time after which the error of a fix of this class counts as independent.
     """
 
     t_s: FloatArray
@@ -46,19 +47,19 @@ class Fixes:
         return len(self.t_s)
 
     def until(self, t_s: float) -> "Fixes":
-        """Return those taken by the time ``t_s``."""
+        """Return the fixes until a time."""
         return self.where(self.t_s <= t_s)
 
     def earlier(self, time_offset_s: float) -> "Fixes":
-        """Return the same fixes in time: at their time stamps less a time offset."""
+        """Return the fixes with a time offset removed from their times."""
         return replace(self, t_s=self.t_s - time_offset_s)
 
     def where(self, mask: BoolArray) -> "Fixes":
-        """Return those of ``mask`` (M,)."""
+        """Return the fixes for which ``mask`` (M,) is true."""
         return Fixes(**{column.name: getattr(self, column.name)[mask] for column in fields(self)})
 
     def merged(self, more: "Fixes") -> tuple["Fixes", IntArray]:
-        """Return these with more fixes in order of time, and the row (M + N,) of each in both together."""
+        """Return both sets of fixes in chronological order, and the permutation (M + N,) that sorts them."""
         order = np.argsort(np.concatenate([self.t_s, more.t_s]), kind="stable")
         columns = {
             column.name: np.concatenate([getattr(self, column.name), getattr(more, column.name)])[order]
@@ -67,8 +68,8 @@ class Fixes:
         return Fixes(**columns), order
 
     @classmethod
-    def none(cls) -> "Fixes":
-        """Return no fix at all."""
+    def empty(cls) -> "Fixes":
+        """Return an empty table."""
         n, points, shape = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2))
         return cls(
             t_s=n,
@@ -89,14 +90,14 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
     """Return the fixes of a log with their regions; those of a class without one are not used.
 
     Args:
-        log: As read.
+        log: The log.
         world_p_fix: (M, 3) its positions, ENU metres.
-        config: Regions.
+        config: Regions of the classes.
     """
     r_m, h_m = enlarged(*region_sizes(log.fix_class, config), log, config.quality)
     lower = tuple(lower_class(name) for name in log.fix_class)
     lower_r_m, lower_h_m = enlarged(*region_sizes(lower, config), log, config.quality)
-    alike = [
+    correlation_s = [
         config.regions[name].correlation_s if name in config.regions else np.nan for name in log.fix_class
     ]
     return Fixes(
@@ -110,18 +111,18 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
         lower_shape=ellipsoid_shapes(lower, config),
         sigma_m=log.sigma_m,
         used=np.isfinite(r_m),
-        correlation_s=np.array(alike),
+        correlation_s=np.array(correlation_s),
     )
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Between which frames each fix lies.
+    """Times of fixes relative to the frames around them.
 
     Attributes:
-        frame: (M,) the frame before it.
-        alpha: (M,) share of the interval to the next frame, in [0, 1].
-        inside: (M,) whether it lies within the video at all.
+        frame: (M,) frame before each fix.
+        alpha: (M,) fraction of the interval to the next frame, in [0, 1].
+        inside: (M,) whether the fix is within the video.
     """
 
     frame: IntArray
@@ -130,12 +131,12 @@ class Placement:
 
 
 def place(frame_t_s: FloatArray, fix_t_s: FloatArray, beyond: bool = False) -> Placement:
-    """Return between which frames fixes lie by their time.
+    """Return the frames around each fix and the fraction of the interval between them.
 
     Args:
         frame_t_s: (F,) strictly increasing, F >= 2.
-        fix_t_s: (M,).
-        beyond: Let alpha leave [0, 1] for fixes outside the video, instead of clipping it.
+        fix_t_s: (M,) times of the fixes.
+        beyond: Whether alpha extrapolates, leaving [0, 1], for fixes outside the video; else it is clipped.
     """
     frame = np.clip(np.searchsorted(frame_t_s, fix_t_s, side="right") - 1, 0, len(frame_t_s) - 2)
     alpha = (fix_t_s - frame_t_s[frame]) / (frame_t_s[frame + 1] - frame_t_s[frame])
@@ -144,13 +145,13 @@ def place(frame_t_s: FloatArray, fix_t_s: FloatArray, beyond: bool = False) -> P
 
 
 def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatArray) -> FloatArray:
-    """Return the antenna (M, 3) in the world at the fixes' times, straight between the frames' antennas.
+    """Return the antenna (M, 3) in the world at the fixes' times by linear interpolation between frames.
 
-    Over one frame interval this differs from interpolation on SE(3) by the sagitta of the arc alone.
+    Over one frame interval it differs from interpolation on SE(3) only by the sagitta of the arc.
 
     Args:
         poses: (F, 4, 4) world_T_camera.
-        placement: Of the fixes in these frames.
+        placement: Times of the fixes relative to these frames.
         camera_p_antenna: (3,) metres.
     """
     antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
@@ -163,9 +164,9 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
 
     Args:
         fixes: All fixes.
-        row: Which.
-        config: Names the model: (14), (15), (16), (22) of Kume 2010 or Cauchy on (15).
-        n: Exponent, if another than the configured.
+        row: Row of the fix.
+        config: Selects the model: (14), (15), (16), (22) of Kume 2010 or Cauchy on (15).
+        n: Exponent, if not the configured one.
     """
     r_m, h_m = float(fixes.r_m[row]), float(fixes.h_m[row])
     exponent = n or config.n
@@ -176,15 +177,15 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
         return Ellipsoid(alpha * r_m, beta * h_m, exponent, config.omega)
     if config.model == "gaussian":
         return Gaussian((config.gaussian_sigma_m,) * 3)
-    # a receiver that gives no sigmas is taken at half its class's region
+    # without the receiver's sigmas, half the region of the class
     sigma = np.where(np.isfinite(fixes.sigma_m[row]), fixes.sigma_m[row], np.array([r_m, r_m, h_m]) / 2.0)
     sigma = np.maximum(sigma, config.min_sigma_m)
     k = _CAUCHY_K if config.model == "cauchy" else None
     return Gaussian((float(sigma[0]), float(sigma[1]), float(sigma[2])), k)
 
 
-def taking_part(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -> BoolArray:
-    """Return which fixes (M,) are used and within the frames, if the model takes any."""
+def contributing_fixes(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -> BoolArray:
+    """Return which fixes (M,) get a factor: used ones within the frames, none for the model ``none``."""
     if config.model == "none" or len(frame_t_s) < 2:
         return np.zeros(len(fixes), dtype=bool)
     return np.asarray(fixes.used & place(frame_t_s, fixes.t_s).inside)
@@ -197,25 +198,24 @@ def gps_graph(
     config: GpsConfig,
     n: int | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """Return the GPS term of the energy (11) over frames with keys ``x0..``, a factor per fix that takes
-    part.
+    """Return the GPS term of the energy (11) over frames with keys ``x0..``, one factor per contributing fix.
 
     Args:
-        fixes: In time, as far as the time offset is known; those of :func:`taking_part` count.
+        fixes: Fixes with the time offset removed; :func:`contributing_fixes` selects among them.
         frame_t_s: (F,) times of the frames.
-        sensors: Lever arm, and what is to be estimated with the poses.
-        config: The model; none gives an empty graph.
-        n: Exponent, if another than the configured.
+        sensors: Lever arm, and whether it and the time offset are estimated with the poses.
+        config: GPS model; ``none`` gives an empty graph.
+        n: Exponent, if not the configured one.
     """
     graph = gtsam.NonlinearFactorGraph()
-    taking = taking_part(fixes, frame_t_s, config)
-    if not taking.any():
+    contributing = contributing_fixes(fixes, frame_t_s, config)
+    if not contributing.any():
         return graph
     placement = place(frame_t_s, fixes.t_s)
-    for row in np.flatnonzero(taking).tolist():
+    for row in np.flatnonzero(contributing).tolist():
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
-        if sensors.to_estimate:
+        if sensors.is_estimated:
             times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
             factor = gps_factor_calibrating((X(a), X(b)), (TIME_OFFSET, ANTENNA), times, fix, cost)
         else:

@@ -1,8 +1,7 @@
-"""The region of every fix: that of its class, enlarged where the log says that the fix is worse than its
-class.
+"""The region of every fix: that of its class, enlarged where the log reports worse conditions.
 
 A survey is made in good conditions, and r(p) and h(p) hold there (future work of Kume 2010: accuracy from
-more than the fix class). Nothing makes a region smaller: receivers are too confident.
+more than the fix class). Regions are never reduced, because receivers are overconfident.
 """
 
 from collections.abc import Sequence
@@ -14,11 +13,11 @@ from vgps.model import FixClass, FloatArray, GpsLog
 
 INSIDE_PLANE, INSIDE_LINE = float(np.sqrt(-2.0 * np.log(0.05))), 1.96
 """Sigmas within which 95 % of Gaussian errors lie, in a plane and along a line."""
-UNKNOWNS = 4  # position and clock: with so many satellites none is left to check the others
+UNKNOWNS = 4  # position and clock; only satellites beyond these are redundant
 
 
 def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[FloatArray, FloatArray]:
-    """Return radius (M,) and half height (M,) of every fix by its class, NaN for a class without a region."""
+    """Return radius (M,) and half height (M,) of the class of every fix; NaN for a class without a region."""
     regions = config.regions
     r_m = np.array([regions[name].r_m if name in regions else np.nan for name in fix_class])
     h_m = np.array([regions[name].h_m if name in regions else np.nan for name in fix_class])
@@ -26,7 +25,7 @@ def region_sizes(fix_class: tuple[FixClass, ...], config: GpsConfig) -> tuple[Fl
 
 
 def lower_class(fix_class: FixClass) -> FixClass:
-    """Return the class whose error a fix may have instead of its own; UNKNOWN if there is none.
+    """Return the class below, whose error a fix may have; UNKNOWN if there is none.
 
     A wrong integer ambiguity leaves an RTK-fix with the error of an RTK-float.
     """
@@ -43,11 +42,10 @@ def ellipsoid_shapes(fix_class: Sequence[FixClass], config: GpsConfig) -> FloatA
 def enlarged(
     r_m: FloatArray, h_m: FloatArray, log: GpsLog, config: QualityConfig
 ) -> tuple[FloatArray, FloatArray]:
-    """Return radius (M,) and half height (M,) of the log's fixes, enlarged by DOP, satellites, age and
-    sigmas.
+    """Return radius (M,) and half height (M,) enlarged by DOP, satellites, age of corrections and sigmas.
 
-    In this order: times :func:`geometry_factor`; plus the error of corrections that are no longer fresh; and
-    at least the region of 95 % of the errors of the receiver's own sigmas.
+    In this order: multiplied by :func:`geometry_factor`; plus the error of old corrections; and at least the
+    region of 95 % of the errors by the receiver's sigmas.
     """
     if not config.enlarge:
         return r_m, h_m
@@ -61,12 +59,12 @@ def enlarged(
 
 
 def geometry_factor(hdop: FloatArray, satellites: FloatArray, config: QualityConfig) -> FloatArray:
-    """Return how much worse (M,) the geometry of the satellites is than in a survey, at least 1.
+    """Return the factor (M,), at least 1, by which the satellites' geometry is worse than in a survey.
 
-    An error grows with the dilution of precision; where the log has none, with the root of the satellites
-    that are left over to check the others.
+    The error is proportional to the dilution of precision; where the log has none, to the inverse root of the
+    number of redundant satellites.
     """
     by_dilution = hdop / config.good_hdop
-    left = np.maximum(satellites - UNKNOWNS, 1.0)  # unknown stays unknown
-    by_count = np.sqrt((config.good_satellites - UNKNOWNS) / left)
+    redundant = np.maximum(satellites - UNKNOWNS, 1.0)  # NaN stays NaN
+    by_count = np.sqrt((config.good_satellites - UNKNOWNS) / redundant)
     return np.fmax(np.where(np.isfinite(hdop), by_dilution, by_count), 1.0)

@@ -1,8 +1,8 @@
-"""How much of the sky the scene hides from the antenna, and how much worse that makes a fix.
+"""The share of the sky that the scene hides from the antenna, and the resulting enlargement of regions.
 
 Future work of Kume 2010: multipath, estimated from the reconstructed scene. The landmarks around the antenna
-give the height of the horizon in every direction, and the satellites behind it count as lost: their signals
-arrive weakened, or reflected by a wall.
+give the elevation of the horizon in every direction. Satellites below it count as lost: their signals arrive
+attenuated, or reflected by a wall.
 """
 
 from dataclasses import replace
@@ -28,12 +28,13 @@ def under_sky(
     """Return the fixes with regions enlarged by the hidden share of their sky.
 
     Args:
-        fixes: With the regions of their classes, by their own clock; those outside the video keep theirs.
-        trajectory: The camera's path as far as it is known before stage D.
+        fixes: At the times of their time stamps, with the regions of their classes; those outside the video
+            are not changed.
+        trajectory: The camera's path before stage D.
         world_p_landmark: (L, 3) metres.
-        sensors: Lever arm and time offset, as far as they are known.
-        satellites: (M,) that the receiver says it used, NaN where it does not say.
-        config: What counts as hidden, and how many satellites are good; switched off, nothing changes.
+        sensors: Lever arm and time offset, as estimated so far.
+        satellites: (M,) number of satellites that the receiver used; NaN where unknown.
+        config: Limits of the horizon, and the number of satellites in a survey; may disable the enlargement.
     """
     if not config.sky.enlarge:
         return fixes
@@ -46,19 +47,19 @@ def under_sky(
 
 
 def hidden_factor(share: FloatArray, satellites: FloatArray, quality: QualityConfig) -> FloatArray:
-    """Return how much larger (M,) a region becomes, at least 1, where a share (M,) of the sky is hidden.
+    """Return the factor (M,), at least 1, by which a region grows where a share (M,) of the sky is hidden.
 
-    An error grows with the root of the satellites that are left over to check the others; of those used, or
-    as many as are good, the ones in the hidden share are not left.
+    The error is proportional to the inverse root of the number of redundant satellites. Of the satellites
+    used, or of a survey's number where unknown, those in the hidden share are lost.
     """
     used = np.maximum(np.where(np.isfinite(satellites), satellites, quality.good_satellites), UNKNOWNS + 1.0)
     return np.sqrt((used - UNKNOWNS) / np.maximum(used * (1.0 - share) - UNKNOWNS, 1.0))
 
 
 def hidden_share(world_p_antenna: FloatArray, world_p_landmark: FloatArray, sky: SkyConfig) -> FloatArray:
-    """Return the share (M,) of the sky above the elevation mask that lies below the horizon.
+    """Return the share (M,) of the sky above the elevation mask that is below the horizon, by solid angle.
 
-    By solid angle: between the elevations e and 90 degrees lies a share 1 - sin(e) of the half sphere.
+    The zone between elevation e and the zenith is a share 1 - sin(e) of the hemisphere.
     """
     low = np.sin(np.radians(sky.mask_deg))
     points = world_p_landmark[np.isfinite(world_p_landmark).all(axis=1)]
@@ -69,28 +70,28 @@ def hidden_share(world_p_antenna: FloatArray, world_p_landmark: FloatArray, sky:
 
 
 def horizon_sin(antenna: FloatArray, points: FloatArray, sky: SkyConfig) -> FloatArray:
-    """Return the sine (sectors,) of the horizon's elevation in sectors of azimuth, from east over north; 0 if
-    open.
+    """Return the sine (S,) of the horizon's elevation in sectors of azimuth, from east over north; 0 if open.
 
-    A sector's horizon is the highest that ``min_landmarks`` of its landmarks reach: single ones may be
-    triangulated wrongly. Landmarks further away than ``max_distance_m`` are left out, for the same reason,
-    and those nearer than ``min_distance_m``: they may be of the vehicle itself.
+    A sector's horizon is the highest elevation that ``min_landmarks`` of its landmarks reach, since single
+    ones may be triangulated wrongly. Landmarks farther than ``max_distance_m`` are ignored for the same
+    reason, and those nearer than ``min_distance_m`` because they may be on the vehicle.
 
     Args:
         antenna: (3,) ENU metres.
         points: (L, 3) landmarks.
-        sky: Sectors, limits.
+        sky: Number of sectors, and limits.
     """
-    away = points - antenna
-    flat = np.hypot(away[:, 0], away[:, 1])
-    rows = np.flatnonzero((away[:, 2] > 0.0) & (flat > sky.min_distance_m) & (flat < sky.max_distance_m))
-    height = away[rows, 2] / np.hypot(flat[rows], away[rows, 2])
-    azimuth = np.arctan2(away[rows, 1], away[rows, 0]) / (2.0 * np.pi) % 1.0
+    v = points - antenna
+    distance = np.hypot(v[:, 0], v[:, 1])
+    near, far = sky.min_distance_m, sky.max_distance_m
+    rows = np.flatnonzero((v[:, 2] > 0.0) & (distance > near) & (distance < far))
+    elevation_sin = v[rows, 2] / np.hypot(distance[rows], v[rows, 2])
+    azimuth = np.arctan2(v[rows, 1], v[rows, 0]) / (2.0 * np.pi) % 1.0
     sector = np.minimum((azimuth * sky.sectors).astype(np.int64), sky.sectors - 1)
-    order = np.lexsort((-height, sector))
+    order = np.lexsort((-elevation_sin, sector))
     begin = np.searchsorted(sector[order], np.arange(sky.sectors + 1))
     at = begin[:-1] + sky.min_landmarks - 1
     horizon = np.zeros(sky.sectors)
     enough = at < begin[1:]
-    horizon[enough] = height[order[at[enough]]]
+    horizon[enough] = elevation_sin[order[at[enough]]]
     return horizon

@@ -1,11 +1,11 @@
-"""The time offset of the GPS's clock behind the video, from speed and turn rate.
+"""Estimation of the time offset between GPS and video from changes of speed and heading.
 
-The error of a fix wanders slowly, over a minute for an RTK-float, so the displacement from one fix to the
-next is far better known than their positions. Compared with the camera's displacement over the same second,
-it shows the time offset wherever speed or heading change, and shows nothing on a straight at constant speed.
-A camera's scale and heading are wrong by a factor that changes slowly, which would pass for a time offset
-wherever a vehicle keeps accelerating or turning: so at every offset the displacements are compared at the
-best such factor.
+The error of a fix changes slowly, over a minute for an RTK-float, so the displacement between successive
+fixes is far more accurate than their positions. Compared with the camera's displacement over the same time it
+makes the time offset observable wherever speed or heading changes, but not on a straight at constant speed.
+Scale and heading of visual odometry are wrong by a slowly changing factor, which would look like a time
+offset while a vehicle keeps accelerating or turning. So the displacements are compared at the best such
+factor for every time offset.
 """
 
 from typing import NamedTuple
@@ -20,10 +20,10 @@ from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
-_MIN_SPREAD_M = 0.005  # of differences that agree exactly, as simulated ones may
-_ITERATIONS = 30  # a guard: from the best of the grid a handful suffices
-_DELTA_S = 0.01  # of the difference quotient
-_REWEIGHTED = 2  # times, within each step of the time offset
+_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
+_ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
+_DELTA_S = 0.01  # step of the difference quotient
+_REWEIGHTINGS = 2  # within each step of the time offset
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -31,94 +31,96 @@ ComplexArray = npt.NDArray[np.complex128]
 def update_time_offset(
     sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig
 ) -> tuple[Sensors, tuple[str, ...]]:
-    """Return whether a time offset is to be estimated with the poses, and from which value; with remarks.
+    """Decide whether the time offset is estimated with the poses, and set its prior; also return warnings.
 
     Args:
-        sensors: The lever arm.
-        path: As it is so far.
-        fixes: By their own clock, as they are assessed.
-        config: The prior, and what is significant.
+        sensors: Lever arm, and the time offset to update.
+        path: The path so far.
+        fixes: Fixes at the times of their time stamps, with their verdicts applied.
+        config: Prior of the time offset, and limits of significance.
     """
-    believed = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
-    if not believed.sigma_s:
+    prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
+    if not prior.sigma_s:
         return sensors, ()
-    pairs = neighbour_pairs(path, fixes, sensors.camera_p_antenna, believed, config.time_offset)
-    found = best_time_offset(pairs, believed)
-    change_s = abs(found.time_offset_s - believed.time_offset_s)
-    shown = found.sigma_s < config.time_offset.shown_share * believed.sigma_s
-    chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, found.sigma_s))
-    # the best of a grid is narrow by chance too: it must explain the fixes better than the prior does
-    tried = 1.0 + 2.0 * config.time_offset.search_sigmas * believed.sigma_s / found.sigma_s
-    needed = least_gain(config.significance_sigmas, pairs.freedom, tried)
-    real = change_s > chance_s and pairs.gain(found.time_offset_s, believed.time_offset_s) > needed
-    if shown and (config.estimate_time_offset == "yes" or real):
-        # the path was fitted to the fixes before, at another offset, and may hide as much
-        doubtful = TimeOffset(
-            found.time_offset_s, float(np.hypot(found.sigma_s, config.trusted_time_offset_s))
-        )
-        return sensors.with_time_offset(doubtful), (
-            f"the positions of the GPS log are {found.time_offset_s:.2f} s older than their time stamps say; "
-            "this was corrected",
+    pairs = neighbour_pairs(path, fixes, sensors.camera_p_antenna, prior, config.time_offset)
+    best = best_time_offset(pairs, prior)
+    change_s = abs(best.time_offset_s - prior.time_offset_s)
+    observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
+    chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, best.sigma_s))
+    # the best value of a grid may be precise by chance: it must explain the fixes better than the prior
+    tried = 1.0 + 2.0 * config.time_offset.search_sigmas * prior.sigma_s / best.sigma_s
+    needed = min_gain(config.significance_sigmas, pairs.degrees_of_freedom, tried)
+    significant = change_s > chance_s and pairs.gain(best.time_offset_s, prior.time_offset_s) > needed
+    if observable and (config.estimate_time_offset == "yes" or significant):
+        # the path was fitted before at another time offset, which may hide part of it: a wider prior
+        sigma_s = float(np.hypot(best.sigma_s, config.trusted_time_offset_s))
+        return sensors.with_time_offset(TimeOffset(best.time_offset_s, sigma_s)), (
+            f"the GPS positions are {best.time_offset_s:.2f} s older than their time stamps; the fixes were "
+            "shifted accordingly",
         )
     held = sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0))
-    if shown or not fixes.used.any():
+    if observable or not fixes.used.any():
         return held, ()
     return held, (
-        "the motion does not show the time offset between video and GPS (standard deviation "
-        f"{found.sigma_s:.2f} s): it was held at {config.time_offset_s:g} s; turns or braking would show it",
+        "the motion does not determine the time offset between video and GPS (standard deviation "
+        f"{best.sigma_s:.2f} s); it was held at {config.time_offset_s:g} s: record turns or braking to "
+        "estimate it",
     )
 
 
-def least_gain(significant: float, freedom: int, tried: float) -> float:
-    """Return what the best of many values must gain to be as rare by chance as so many standard deviations.
+def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:
+    """Return the gain in log-likelihood, times two, above which the best of many values is significant.
 
-    Student's t, as few pairs may agree by chance, over the number of values tried (Bonferroni).
+    Student's t, since the spread is estimated from few pairs, with Bonferroni's correction for the number of
+    values.
 
     Args:
-        significant: Standard deviations, for one value and a known spread.
-        freedom: Degrees of freedom of the residuals that give the spread.
-        tried: How many distinguishable values there are.
+        significance_sigmas: Significance as standard deviations of a single value of known spread.
+        degrees_of_freedom: Degrees of freedom of the residuals that give the spread.
+        values: Number of distinguishable values.
     """
-    if freedom < 1:
+    if degrees_of_freedom < 1:
         return float("inf")
-    chance = float(ndtr(-significant)) / tried
-    return float(stdtrit(freedom, chance)) ** 2
+    chance = float(ndtr(-significance_sigmas)) / values
+    return float(stdtrit(degrees_of_freedom, chance)) ** 2
 
 
 def neighbour_pairs(
     path: Trajectory,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
-    believed: TimeOffset,
+    prior: TimeOffset,
     config: TimeOffsetConfig,
 ) -> "NeighbourPairs":
-    """Return the pairs of fixes that stay within the video whatever the time offset is.
+    """Return the pairs of fixes that are within the video for every time offset searched.
 
     Args:
-        path: In the world, its scale about right.
-        fixes: By their own clock; those used take part.
+        path: In the world, at approximately the right scale.
+        fixes: Fixes at the times of their time stamps; used ones are paired.
         camera_p_antenna: (3,) metres.
-        believed: The prior.
-        config: Which pairs, and how they are compared.
+        prior: Prior of the time offset.
+        config: Selection and comparison of pairs.
     """
-    taken_s, reach = fixes.t_s - believed.time_offset_s, config.search_sigmas * believed.sigma_s
-    inside = fixes.used & (taken_s > path.t_s[0] + reach) & (taken_s < path.t_s[-1] - reach)
+    t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
+    inside = fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach)
     return NeighbourPairs(path, fixes.where(inside), camera_p_antenna, config)
 
 
-def best_time_offset(pairs: "NeighbourPairs", believed: TimeOffset) -> TimeOffset:
+def best_time_offset(pairs: "NeighbourPairs", prior: TimeOffset) -> TimeOffset:
     """Return the time offset at which the displacements of the fixes agree best with the camera's.
 
-    Minimises a Cauchy loss of the differences, in units of their own spread, and of the distance from the
-    prior; from the best of a grid.
+    Minimises a Cauchy loss of the differences relative to their spread, plus the prior, from the best value
+    of a grid.
     """
     if pairs.count < 3:
-        return believed
-    reach, step_s = pairs.config.search_sigmas * believed.sigma_s, pairs.config.search_step_s
-    grid = believed.time_offset_s + np.arange(-reach, reach + step_s, step_s)
-    time_offset_s = float(grid[int(np.argmin([np.median(pairs.difference(lag)) for lag in grid.tolist()]))])
+        return prior
+    reach, step_s = pairs.config.search_sigmas * prior.sigma_s, pairs.config.search_step_s
+    grid = prior.time_offset_s + np.arange(-reach, reach + step_s, step_s)
+    time_offset_s = float(
+        grid[int(np.argmin([np.median(pairs.difference(value)) for value in grid.tolist()]))]
+    )
     for _ in range(_ITERATIONS):
-        step, sigma_s = pairs.step(time_offset_s, believed)
+        step, sigma_s = pairs.step(time_offset_s, prior)
         time_offset_s += step
         if abs(step) < 1e-5:
             break
@@ -126,9 +128,9 @@ def best_time_offset(pairs: "NeighbourPairs", believed: TimeOffset) -> TimeOffse
 
 
 class NeighbourPairs:
-    """Neighbouring fixes of like accuracy.
+    """Pairs of successive fixes with equal regions.
 
-    Displacements in the plane are complex numbers, so that a factor rotates and scales them.
+    Horizontal displacements are complex numbers, so that a complex factor rotates and scales them.
     """
 
     def __init__(
@@ -137,13 +139,13 @@ class NeighbourPairs:
         self.config = config
         self._path, self._fixes, self._antenna = path, fixes, camera_p_antenna
         t_s = path.t_s
-        alike = np.isclose(np.diff(fixes.r_m), 0.0)
-        self._rows = np.flatnonzero(alike & (np.diff(fixes.t_s) <= config.max_pair_s))
+        equal = np.isclose(np.diff(fixes.r_m), 0.0)
+        self._rows = np.flatnonzero(equal & (np.diff(fixes.t_s) <= config.max_pair_s))
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
         at_s = fixes.t_s[self._rows]
-        # (n, K) how much each knot counts for each pair
-        self._share = np.stack([np.interp(at_s, knots, row) for row in np.eye(len(knots))], axis=1)
+        # (n, K) weight of each knot for each pair
+        self._knot_weight = np.stack([np.interp(at_s, knots, row) for row in np.eye(len(knots))], axis=1)
 
     @property
     def count(self) -> int:
@@ -151,37 +153,36 @@ class NeighbourPairs:
         return len(self._rows)
 
     @property
-    def freedom(self) -> int:
-        """Degrees of freedom: residuals beyond the factors and the time offset."""
-        return 2 * self.count - 2 * int(self._share.shape[1]) - 1
+    def degrees_of_freedom(self) -> int:
+        """Number of residuals minus that of the factors' parameters and the time offset."""
+        return 2 * self.count - 2 * int(self._knot_weight.shape[1]) - 1
 
     def difference(self, time_offset_s: float) -> FloatArray:
         """Return the lengths (n,) of the differences, metres."""
         return np.abs(self._fitted(time_offset_s).difference)
 
-    def step(self, time_offset_s: float, believed: TimeOffset) -> tuple[float, float]:
-        """Return the Gauss-Newton step of the reweighted problem, and the standard deviation, factors
-        free."""
-        found = self._fitted(time_offset_s)
+    def step(self, time_offset_s: float, prior: TimeOffset) -> tuple[float, float]:
+        """Return the Gauss-Newton step of the reweighted problem, and the marginal standard deviation."""
+        fit = self._fitted(time_offset_s)
         by_time_offset = (
-            (self._camera_displacement(time_offset_s + _DELTA_S) - found.displacement)
+            (self._camera_displacement(time_offset_s + _DELTA_S) - fit.displacement)
             / _DELTA_S
-            * (self._share @ found.factor)
+            * (self._knot_weight @ fit.factor)
         )
-        weight = _weight(found.difference, self.config.robust_spreads)
-        hessian, A = self._normal(found.displacement, weight)
+        weight = _weight(fit.difference, self.config.robust_spreads)
+        hessian, A = self._normal(fit.displacement, weight)
         shared = A.conj().T @ (weight * by_time_offset)
-        known = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # what the factors could explain too
-        information = np.sum(weight * np.abs(by_time_offset) ** 2) - known + believed.sigma_s**-2
-        # the factors are at their best, so they do not pull
+        absorbed = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # by the factors
+        information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
+        # the gradient of the factors is zero at their optimum
         gradient = (
-            np.vdot(by_time_offset, weight * found.difference).real
-            + (time_offset_s - believed.time_offset_s) / believed.sigma_s**2
+            np.vdot(by_time_offset, weight * fit.difference).real
+            + (time_offset_s - prior.time_offset_s) / prior.sigma_s**2
         )
         return -float(gradient / information), float(information**-0.5)
 
     def gain(self, time_offset_s: float, other_s: float) -> float:
-        """Return twice the log of how much more likely a time offset is than another one."""
+        """Return twice the log-likelihood ratio of a time offset over another one."""
         if self.count == 0:
             return 0.0
         ends = self._fitted(time_offset_s), self._fitted(other_s)
@@ -199,27 +200,27 @@ class NeighbourPairs:
         return _displacements(antenna_at(self._path.world_T_camera, placement, self._antenna))[self._rows]
 
     def _fitted(self, time_offset_s: float) -> "_Fitted":
-        """Return the best factors for a time offset: least squares, reweighted."""
+        """Return the best factors for a time offset by reweighted least squares."""
         displacement = self._camera_displacement(time_offset_s)
-        factor: ComplexArray = np.ones(self._share.shape[1], dtype=np.complex128)
-        for _ in range(_REWEIGHTED):
+        factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
+        for _ in range(_REWEIGHTINGS):
             weight = _weight(
-                displacement * (self._share @ factor) - self._displacement, self.config.robust_spreads
+                displacement * (self._knot_weight @ factor) - self._displacement, self.config.robust_spreads
             )
             hessian, A = self._normal(displacement, weight)
-            pull = A.conj().T @ (weight * self._displacement) + self.config.factor_sigma**-2
-            factor = np.asarray(np.linalg.solve(hessian, pull), np.complex128)
-        return _Fitted(displacement, factor, displacement * (self._share @ factor) - self._displacement)
+            right = A.conj().T @ (weight * self._displacement) + self.config.factor_sigma**-2
+            factor = np.asarray(np.linalg.solve(hessian, right), np.complex128)
+        return _Fitted(displacement, factor, displacement * (self._knot_weight @ factor) - self._displacement)
 
     def _normal(self, displacement: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the Hessian (K, K) of the factors, and the displacements' derivatives by them (n, K)."""
-        A = self._share * displacement[:, None]
+        """Return the Hessian (K, K) of the factors, and the derivatives (n, K) of the displacements by
+        them."""
+        A = self._knot_weight * displacement[:, None]
         return A.conj().T @ (weight[:, None] * A) + np.eye(A.shape[1]) / self.config.factor_sigma**2, A
 
 
 class _Fitted(NamedTuple):
-    """The camera's displacements (n,), the factors at the knots (K,), and the differences to the fixes'
-    (n,)."""
+    """Displacements (n,) of the camera, factors (K,) at the knots, and differences (n,) from the fixes."""
 
     displacement: ComplexArray
     factor: ComplexArray
@@ -232,11 +233,11 @@ def _displacements(points: FloatArray) -> ComplexArray:
 
 
 def _weight(difference: ComplexArray, width: float) -> FloatArray:
-    """Return Cauchy's weight over the variance."""
+    """Return Cauchy's weight divided by the variance."""
     spread = _spread(difference)
     return np.asarray(1.0 / (1.0 + np.abs(difference / (width * spread)) ** 2) / spread**2)
 
 
 def _spread(difference: ComplexArray) -> float:
-    """Return the spread per axis: the median length of a Gaussian in the plane is 1.18 times that."""
+    """Return the spread per axis; the median length of a Gaussian vector in the plane is 1.18 times that."""
     return max(float(np.median(np.abs(difference))) / 1.1774, _MIN_SPREAD_M)

@@ -1,4 +1,4 @@
-"""One verdict per fix: where the antenna was against it, whether it took part, and why."""
+"""One verdict per fix: the antenna's offset from it, whether the fix was used, and the reason."""
 
 import numpy as np
 
@@ -21,18 +21,18 @@ def fix_table(
 
     Args:
         log: The fixes as read.
-        fixes: The same fixes in the world, in time.
-        assessment: Of these.
-        trajectory: The result.
+        fixes: The same fixes in the world, with the time offset removed.
+        assessment: Assessment of these fixes.
+        trajectory: The estimated poses.
         camera_p_antenna: (3,) metres.
-        config: Names the GPS model.
+        config: Gives the GPS model.
     """
     placement = place(trajectory.t_s, fixes.t_s)
     residual = antenna_at(trajectory.world_T_camera, placement, camera_p_antenna) - fixes.world_p_fix
     residual[~placement.inside] = np.nan
-    believed = assessment.applied(fixes)
-    found = verdicts_of(assessment)
-    lasts = _repeats_error(residual, fixes, assessment.rejected)
+    assessed = assessment.applied(fixes)
+    by_assessment = verdicts_of(assessment)
+    repeats = _repeats_error(residual, fixes, assessment.rejected)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
         why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
@@ -40,16 +40,16 @@ def fix_table(
             verdicts.append(Verdict.NOT_USED)
             reasons.append(f"not used: {why_not}")
             continue
-        verdicts.append(found[row])
-        where = _where(residual[row], float(believed.r_m[row]), float(believed.h_m[row]))
-        lasting = ", in error as the fix before it" if lasts[row] else ""
-        reasons.append(_in_words(verdicts[-1], fix_class, where, assessment, row) + lasting)
+        verdicts.append(by_assessment[row])
+        where = _where(residual[row], float(assessed.r_m[row]), float(assessed.h_m[row]))
+        repeated = ", in error as the fix before it" if repeats[row] else ""
+        reasons.append(_in_words(verdicts[-1], fix_class, where, assessment, row) + repeated)
     return FixTable(
         world_p_fix=fixes.world_p_fix,
         residual_m=residual,
-        r_m=believed.r_m,
-        h_m=believed.h_m,
-        probability=assessment.own,
+        r_m=assessed.r_m,
+        h_m=assessed.h_m,
+        probability=assessment.nominal,
         verdict=tuple(verdicts),
         reason=tuple(reasons),
     )
@@ -64,17 +64,17 @@ def _why_not(fix_class: FixClass, inside: bool, r_m: float, config: Config) -> s
 
 
 def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
-    """Return the verdict on each fix (M,) that took part."""
+    """Return the verdict on each fix (M,), as if all of them contributed."""
     return [
-        Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if lowered else Verdict.USED
-        for rejected, lowered in zip(assessment.rejected, assessment.lowered, strict=True)
+        Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if down_classed else Verdict.USED
+        for rejected, down_classed in zip(assessment.rejected, assessment.down_classed, strict=True)
     ]
 
 
 def _repeats_error(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:
-    """Return whether each rejected fix (M,) has the error of the one before it, which was rejected too."""
+    """Return whether each fix (M,) and the one before it are rejected with the same error."""
     step, r, h = np.diff(residual, axis=0), fixes.r_m, fixes.h_m
-    with np.errstate(invalid="ignore"):  # no residual, no region
+    with np.errstate(invalid="ignore"):  # NaN without a residual or a region
         near = (np.hypot(step[:, 0], step[:, 1]) <= r[1:] + r[:-1]) & (np.abs(step[:, 2]) <= h[1:] + h[:-1])
     return np.append(False, near & rejected[1:] & rejected[:-1])
 
@@ -87,11 +87,10 @@ def _where(residual: FloatArray, r_m: float, h_m: float) -> str:
 
 
 def _in_words(verdict: Verdict, fix_class: FixClass, where: str, assessment: FixAssessment, row: int) -> str:
-    own, lower = assessment.own[row], assessment.lower[row]
+    nominal, lower = assessment.nominal[row], assessment.lower[row]
     if verdict == Verdict.REJECTED:
-        return (
-            f"rejected: {where}, by the video and the other fixes; an outlier with p = {1 - own - lower:.4f}"
-        )
+        outlier = 1 - nominal - lower
+        return f"rejected: {where}, by the video and the other fixes; an outlier with p = {outlier:.4f}"
     if verdict == Verdict.DOWN_CLASSED:
         return f"down-classed: not as good as {fix_class} says, p = {lower:.4f}; in the class below {where}"
     return f"used: {where}"

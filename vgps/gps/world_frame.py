@@ -13,15 +13,15 @@ from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording
 def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:
     """Return the origin of the world frame and the log's fixes in it.
 
-    The origin is the rig's, else the first control point's, else the first usable fix.
+    The origin is that of the rig, else the first control point, else the first usable fix.
 
     Raises:
-        GpsLogError: Fewer usable fixes than it takes to align, or none of a class with a region.
+        GpsLogError: Fewer usable fixes than the alignment needs.
         RecordingError: Control points in ENU beside a GPS log, and no origin.
     """
     log, origin = recording.gps, _given_origin(recording)
     if log is None:
-        return origin, Fixes.none()
+        return origin, Fixes.empty()
     usable = _usable(log, recording.video.times_s, config)
     if origin is None:
         origin = fix_origin(log, int(np.flatnonzero(usable)[0]))
@@ -37,7 +37,7 @@ def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
 
 
 def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
-    """Return which fixes (M,) lie within the video and are of a class with a region."""
+    """Return which fixes (M,) are within the video and of a class with a region."""
     r_m, _ = region_sizes(log.fix_class, config.gps)
     usable = np.isfinite(r_m) & place(times_s, log.t_s).inside
     if usable.sum() < config.start.min_fixes:

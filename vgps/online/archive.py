@@ -88,7 +88,7 @@ class FixArchive:
 
     def set_assessment(self, number: np.ndarray, assessment: FixAssessment) -> None:
         """Store the newest assessment, of the fixes ``number`` (M,)."""
-        self._assessed.values[number] = np.stack([assessment.own, assessment.lower], axis=1)
+        self._assessed.values[number] = np.stack([assessment.nominal, assessment.lower], axis=1)
 
     def log(self, source: Path, rows: slice | np.ndarray = slice(None)) -> GpsLog:
         """Return fixes in the order of ``rows``."""

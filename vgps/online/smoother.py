@@ -69,7 +69,7 @@ class OnlineSmoother:
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
         retention = None if keep_all else RetentionPolicy.of(config)
         context = SmoothingContext(camera, config)
-        self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.none(), retention)
+        self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)

@@ -44,7 +44,7 @@ class VerdictEvents:
         events = []
         for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
             if before.get(number) != verdict:
-                t_s, own = float(fixes.t_s[row]), float(assessment.own[row])
+                t_s, own = float(fixes.t_s[row]), float(assessment.nominal[row])
                 kind = class_of(number)
                 events.append(_event(until_s, t_s, kind, verdict, before.get(number), own))
         return events

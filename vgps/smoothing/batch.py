@@ -9,7 +9,7 @@ from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.gps.outlier_detection import FixAssessment, detects_outliers, probabilities
+from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray
@@ -51,7 +51,7 @@ def optimise_batch(
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
     config = context.config
-    estimate = _Estimate(scene, sensors, assessment or FixAssessment.none(len(fixes)), context)
+    estimate = _Estimate(scene, sensors, assessment or FixAssessment.unassessed(len(fixes)), context)
     rounds, iterations = config.batch.rounds, 0
     remark: tuple[str, ...] = ()
     for round_ in range(rounds):
@@ -145,10 +145,10 @@ def _assessed(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> F
     placement = place(scene.t_s, fixes.t_s)
     inside = fixes.used & placement.inside
     if not detects_outliers(config) or not inside.any():
-        return FixAssessment.none(len(fixes))
+        return FixAssessment.unassessed(len(fixes))
     offset = antenna_at(scene.poses, placement, sensors.camera_p_antenna) - fixes.world_p_fix
     offset[~inside] = np.nan
-    return probabilities(offset, fixes, config)
+    return assess_offsets(offset, fixes, config)
 
 
 def _settings(config: BatchConfig, last: bool) -> SolverSettings:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.errors import GeometryError
-from vgps.gps.fixes import Fixes, gps_graph, taking_part
+from vgps.gps.fixes import Fixes, contributing_fixes, gps_graph
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FloatArray
@@ -132,7 +132,7 @@ def _covariance(solved: SolvedBatch, context: SmoothingContext) -> tuple[Covaria
     sources = ErrorSources(
         gps_graph(fixes, scene.t_s, solved.sensors, config.gps),
         other_pose_factors(scene, solved.sensors, context),
-        fixes.where(taking_part(fixes, scene.t_s, config.gps)),
+        fixes.where(contributing_fixes(fixes, scene.t_s, config.gps)),
     )
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()

@@ -96,9 +96,9 @@ def bend_path(
     regions = in_step.regions()
     found = in_step.refine(in_step.fit_coarse_to_fine(everything, config.drift.finest_m), everything, regions)
     if not config.sensors.time_offset_prior_s:
-        return in_step.bent(found)
+        return in_step.corrected(found)
     # a time offset must explain the fixes better: on a straight any offset does as well as none
     late = model_with(config.sensors.time_offset_prior_s)
     shifted = late.refine(found, everything, regions)
     gain = in_step.cost(found, everything, regions) - late.cost(shifted, everything, regions)
-    return in_step.bent(found if gain <= config.sensors.significance_sigmas**2 else shifted)
+    return in_step.corrected(found if gain <= config.sensors.significance_sigmas**2 else shifted)

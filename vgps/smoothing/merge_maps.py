@@ -64,7 +64,7 @@ def merge_maps(
     maps = [local_map.snapshot() for local_map in maps]
     georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
     warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
-    assessment = FixAssessment.none(len(fixes))
+    assessment = FixAssessment.unassessed(len(fixes))
     in_time = fixes.earlier(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
         poses, _ = _every_frame(maps, t_s)

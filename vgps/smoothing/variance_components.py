@@ -9,7 +9,7 @@ with a prior for the few independent errors that a log contains.
 import numpy as np
 
 from vgps.config import BatchConfig, Config
-from vgps.gps.fixes import Fixes, antenna_at, place, taking_part
+from vgps.gps.fixes import Fixes, antenna_at, contributing_fixes, place
 from vgps.model import FloatArray
 from vgps.smoothing.covariance import region_sigmas
 from vgps.solution import Trajectory
@@ -44,7 +44,7 @@ def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_ant
     Geodesy's variance factor after an adjustment; covariances are scaled by it as well. Arguments are those
     of :func:`balanced`; it is 1 without fixes.
     """
-    taking = fixes.where(taking_part(fixes, path.t_s, config.gps))
+    taking = fixes.where(contributing_fixes(fixes, path.t_s, config.gps))
     if len(taking) == 0:
         return 1.0
     offset = (

@@ -67,7 +67,7 @@ def optimise_window(
     scene, sigma = select_observations(scene, context, tolerance)
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
-        graph = gps_and_motion(scene, fixes, Sensors.known(camera_p_antenna), context)
+        graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:

@@ -63,7 +63,7 @@ class HeldWindow:
             robust="huber",
             robust_k=np.full(len(rows), ROBUST_K),
             pose_graph=gps_graph(
-                replay.fixes.until(times[-1]), times, Sensors.known(replay.antenna), GpsConfig()
+                replay.fixes.until(times[-1]), times, Sensors.fixed(replay.antenna), GpsConfig()
             ),
             fixed=np.arange(begin, last + 1) < max(since, 2),
         )
@@ -115,7 +115,7 @@ class Incremental:
         fixes, last_s = replay.fixes, float(replay.t_s[batch.last])
         new = fixes.where((fixes.t_s > self.fixes_until_s) & (fixes.t_s <= last_s))
         times = replay.t_s[: batch.last + 1]
-        graph.push_back(gps_graph(new, times, Sensors.known(replay.antenna), GpsConfig()))
+        graph.push_back(gps_graph(new, times, Sensors.fixed(replay.antenna), GpsConfig()))
         self.fixes_until_s = last_s
         if isinstance(self.smoother, gtsam.ISAM2):
             self.smoother.update(graph, values)
