@@ -1,47 +1,25 @@
 """Stages A to C over a recording of a room, and what they leave to stage D."""
 
 from dataclasses import FrozenInstanceError, fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from solutions import make_gps_log
-from textured_room import CAMERA, CONFIG, RoomVideo, path, pixels, points_at
+from textured_room import (
+    CAMERA,
+    CONFIG,
+    ROOM_ORIGIN,
+    path,
+    room_control_points,
+    room_gps_log,
+    room_recording,
+)
 
 from vgps.errors import GeometryError, GpsLogError, RecordingError
-from vgps.geodesy import to_geodetic
-from vgps.model import ControlPoints, FixClass, GeodeticPoint, Recording, Rig
+from vgps.model import Rig
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.runtime.progress import NoProgress
 
 POSES = path(24)
-ORIGIN = GeodeticPoint(49.0, 8.4, 160.0)
-
-
-def recording(poses=POSES, **parts):
-    video = RoomVideo(poses)
-    return Recording(path=Path("room"), video=video, camera=CAMERA, rig=Rig(world_origin=ORIGIN), **parts)
-
-
-def gps_log(count=8):
-    """Exact RTK fixes of every third frame."""
-    frame = 3 * np.arange(count)
-    latitude, longitude, height = to_geodetic(ORIGIN, POSES[frame, :3, 3]).T
-    fixes = make_gps_log(0.1 * frame, (FixClass.RTK_FIX,) * len(frame))
-    return replace(fixes, latitude_deg=latitude, longitude_deg=longitude, height_m=height)
-
-
-def control_points(geodetic):
-    """Six points of the room in the frames 2 and 12."""
-    uv = np.random.default_rng(0).uniform((40, 40), (280, 200), (6, 2))
-    points = points_at(POSES[7], uv)
-    return ControlPoints(
-        frame=np.repeat([2, 12], 6),
-        uv_px=np.concatenate([pixels(POSES[k], points) for k in (2, 12)]),
-        world_p_point=np.tile(to_geodetic(ORIGIN, points) if geodetic else points, (2, 1)),
-        geodetic=geodetic,
-        source=Path("control_points.csv"),
-    )
 
 
 def run(opened, progress=None):
@@ -50,7 +28,7 @@ def run(opened, progress=None):
 
 @pytest.fixture(scope="module")
 def front_end():
-    return run(recording(gps=gps_log()))
+    return run(room_recording(POSES, gps=room_gps_log(POSES)))
 
 
 def test_every_frame_is_in_an_aligned_map(front_end):
@@ -58,7 +36,7 @@ def test_every_frame_is_in_an_aligned_map(front_end):
     assert local_map.aligned and len(local_map.poses) == 24
     assert np.linalg.norm(local_map.poses[:, :3, 3] - POSES[:, :3, 3], axis=1).max() < 0.1
     np.testing.assert_allclose(front_end.t_s, 0.1 * np.arange(24))
-    assert front_end.origin == ORIGIN
+    assert front_end.origin == ROOM_ORIGIN
 
 
 def test_fixes_lie_in_the_world_at_the_times_of_their_own_clock(front_end):
@@ -81,12 +59,12 @@ def test_stage_c_has_ended_when_the_front_end_has():
     """A delay longer than the recording: only the end waits for it."""
     window = CONFIG.window.model_copy(update={"delay_frames": 1000})
     config = CONFIG.model_copy(update={"window": window})
-    front_end = run_front_end(recording(gps=gps_log()), config, NoProgress())
+    front_end = run_front_end(room_recording(POSES, gps=room_gps_log(POSES)), config, NoProgress())
     assert "wait" in front_end.seconds and "window beside" in front_end.seconds
 
 
 def test_warnings_of_the_video_come_first():
-    opened = recording(POSES[:12])
+    opened = room_recording(POSES[:12])
     opened.video.warnings = ("two frames could not be decoded",)
     assert run(opened).warnings[0] == "two frames could not be decoded"
 
@@ -102,30 +80,32 @@ def test_progress_counts_every_frame_once():
                 yield item
 
     counter = Counter()
-    run(recording(POSES[:12]), counter)
+    run(room_recording(POSES[:12]), counter)
     assert (counter.seen, counter.total) == (12, 12)
 
 
 def test_a_camera_that_stands_cannot_start_a_map():
     with pytest.raises(GeometryError, match=r"room\.mp4.*hardly moves.*30 common features.*15 px"):
-        run(recording(np.repeat(POSES[:1], 6, axis=0)))
+        run(room_recording(np.repeat(POSES[:1], 6, axis=0)))
 
 
 def test_too_few_fixes_are_refused_before_any_frame_is_read():
-    opened = recording(gps=gps_log(2))
+    opened = room_recording(POSES, gps=room_gps_log(POSES[:6]))
     opened.video.frames = None
     with pytest.raises(GpsLogError, match=r"2 usable fixes.*at least 3"):
         run(opened)
 
 
 def test_control_points_take_the_place_of_gps():
-    front_end = run(recording(POSES[:16], control_points=control_points(geodetic=True)))
+    front_end = run(room_recording(POSES[:16], control_points=room_control_points(POSES, geodetic=True)))
     (local_map,) = front_end.maps
     assert local_map.aligned and len(front_end.fixes) == 0 and len(front_end.controls.frame) == 12
     assert np.linalg.norm(local_map.poses[:, :3, 3] - POSES[:16, :3, 3], axis=1).max() < 0.1
 
 
 def test_control_points_in_the_world_beside_gps_need_an_origin():
-    opened = recording(gps=gps_log(), control_points=control_points(geodetic=False))
+    opened = room_recording(
+        POSES, gps=room_gps_log(POSES), control_points=room_control_points(POSES, geodetic=False)
+    )
     with pytest.raises(RecordingError, match=r"control_points\.csv.*world_origin"):
         run(replace(opened, rig=Rig()))

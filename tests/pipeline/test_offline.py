@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from gpmf_bytes import doppler_speeds
+from textured_room import CONFIG, path, room_control_points, room_gps_log, room_recording
 
 import vgps
 from vgps.evaluation import evaluate
@@ -50,6 +51,39 @@ def test_without_gps_the_result_says_that_it_floats(recording):
     solution = vgps.smooth(opened)
     assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
     assert any("no fix ties" in warning for warning in solution.warnings)
+
+
+def test_a_video_alone_keeps_place_and_scale_of_its_map():
+    """Its first frame is held, and another one a little later."""
+    solution = vgps.smooth(room_recording(path(16)), CONFIG)
+    before, after = solution.world_p_before, solution.world_T_camera[:, :3, 3]
+    held = np.linalg.norm(after - before, axis=1) < 1e-6
+    assert held[0] and held.sum() == 2
+    np.testing.assert_allclose(solution.world_T_camera[0], np.eye(4), atol=1e-6)
+
+
+def test_control_points_give_place_and_scale_and_hold_no_frame():
+    poses = path(16)
+    solution = vgps.smooth(
+        room_recording(poses, control_points=room_control_points(poses, geodetic=True)), CONFIG
+    )
+    assert solution.georeferenced and solution.fixes is None
+    assert np.linalg.norm(solution.world_T_camera[:, :3, 3] - poses[:, :3, 3], axis=1).max() < 0.05
+    assert np.linalg.norm(solution.world_p_before - solution.world_T_camera[:, :3, 3], axis=1).min() > 1e-9
+
+
+def test_landmarks_are_the_features_that_were_observed():
+    poses = path(20)
+    solution = vgps.smooth(room_recording(poses, gps=room_gps_log(poses)), CONFIG)
+    observations, landmarks = solution.observations, solution.landmarks
+    assert set(observations.landmark) == set(range(len(landmarks.world_p_landmark)))
+    world_T_camera = solution.world_T_camera[observations.frame]
+    points = landmarks.world_p_landmark[observations.landmark] - world_T_camera[:, :3, 3]
+    camera_p = np.einsum("nji,nj->ni", world_T_camera[:, :3, :3], points)
+    K = solution.camera.K
+    uv = camera_p[:, :2] / camera_p[:, 2:] * K[[0, 1], [0, 1]] + K[:2, 2]
+    assert np.median(np.linalg.norm(uv - observations.uv_px, axis=1)) < 0.3
+    assert {"start", "track", "map", "window", "batch"} <= set(solution.seconds)
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_map import MATRIX, away, map_of, moved, no_positions, scene
 
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions, Similarity
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.pipeline.reconciliation import reconcile
 
 TO_WORLD = Similarity(1.1, Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix(), np.array([1.0, -2.0, 0.5]))
@@ -112,3 +113,17 @@ def test_nothing_changes_where_stage_c_changed_nothing(frames):
     np.testing.assert_array_equal(local_map.poses[:40], before[0][:40])
     assert away(local_map.poses, before[0]) < 0.02
     np.testing.assert_allclose(local_map.points, before[1], atol=1e-12)
+
+
+def test_zero_motions_since_the_snapshot_take_its_scale():
+    local_map, refined = grown()
+    held = tuple(ZeroMotion(frame, 30, np.eye(4) + np.eye(4, k=3), np.ones(6)) for frame in (38, 45))
+    local_map.apply(MapUpdate(zero_motions=held))
+    refined.apply(MapUpdate(zero_motions=held[:1]))
+    refined.apply(MOVED)
+    reconciled(refined, local_map)
+    before, after = local_map.zero_motions
+    # the snapshot ends at frame 39 and is larger by a tenth
+    assert (after.frame, after.reference) == (45, 30)
+    np.testing.assert_allclose(after.reference_T_frame[0, 3], 1.1, rtol=1e-6)
+    assert before.frame == 38

@@ -11,14 +11,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
-from solutions import NORTH_R_CAMERA, make_poses
+from solutions import NORTH_R_CAMERA, make_gps_log, make_poses
 
 from vgps.camera import distort, undistort
 from vgps.config import Config, MappingConfig, StartConfig, TrackingConfig, WindowConfig
+from vgps.geodesy import to_geodetic
 from vgps.geometry import project
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
-from vgps.model import Camera, Frame
+from vgps.model import Camera, ControlPoints, FixClass, Frame, GeodeticPoint, Recording, Rig
 from vgps.tracking.corners import new_corners
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=260.0, fy=255.0, cx=158.0, cy=121.0)
@@ -30,6 +31,7 @@ CONFIG = Config(
     window=WindowConfig(length_frames=12, every_frames=5, delay_frames=0),
 )
 FPS = 10.0
+ROOM_ORIGIN = GeodeticPoint(49.0, 8.4, 160.0)
 FACES = ((0, -4.0), (0, 4.0), (1, -9.0), (1, 13.0), (2, -2.5), (2, 2.5))  # an axis, and where the room ends
 TEXEL_M, TEXELS, MIDDLE = 0.05, 512, 200
 
@@ -125,6 +127,33 @@ class RoomVideo:
 
     def frames(self):
         return frames(self._poses)
+
+
+def room_recording(poses, **parts):
+    """A recording of the room by a camera whose antenna is its centre."""
+    rig = Rig(world_origin=ROOM_ORIGIN)
+    return Recording(path=Path("room"), video=RoomVideo(poses), camera=CAMERA, rig=rig, **parts)
+
+
+def room_gps_log(poses):
+    """Exact RTK fixes of every third frame."""
+    t_s = np.arange(0, len(poses), 3) / FPS
+    latitude, longitude, height = to_geodetic(ROOM_ORIGIN, poses[::3, :3, 3]).T
+    log = make_gps_log(t_s, (FixClass.RTK_FIX,) * len(t_s))
+    return replace(log, latitude_deg=latitude, longitude_deg=longitude, height_m=height)
+
+
+def room_control_points(poses, geodetic):
+    """Six points of the room in the frames 2 and 12."""
+    uv = np.random.default_rng(0).uniform((40, 40), (280, 200), (6, 2))
+    points = points_at(poses[7], uv)
+    return ControlPoints(
+        frame=np.repeat([2, 12], 6),
+        uv_px=np.concatenate([pixels(poses[k], points) for k in (2, 12)]),
+        world_p_point=np.tile(to_geodetic(ROOM_ORIGIN, points) if geodetic else points, (2, 1)),
+        geodetic=geodetic,
+        source=Path("control_points.csv"),
+    )
 
 
 def followed_map(poses, camera=CAMERA, positions=True, count=120):
