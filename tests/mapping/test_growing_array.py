@@ -12,7 +12,7 @@ def test_rows_come_back_in_order_beyond_every_doubling():
     np.testing.assert_array_equal(rows.values[:, 1], -np.arange(1000))
 
 
-def test_what_is_written_to_the_view_stays():
+def test_values_written_to_the_view_are_kept():
     rows = GrowingArray()
     rows.append(1.0)
     rows.values[0] = 7.0
@@ -20,7 +20,7 @@ def test_what_is_written_to_the_view_stays():
     assert rows.values.tolist() == [7.0, 2.0]
 
 
-def test_rows_given_at_once_are_copied_and_grow_on():
+def test_given_rows_are_copied_and_can_be_appended_to():
     given = np.arange(600.0).reshape(300, 2)
     rows = GrowingArray.of(given)
     rows.values[0] = 7.0

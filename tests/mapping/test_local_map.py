@@ -13,7 +13,7 @@ HISTORY = 5
 
 
 def walked(frames, rng, lost_share=0.2):
-    """A map whose features come and go, observations named by frame and a number of their own."""
+    """A map whose features come and go; a pixel is the frame and a number of the feature."""
     made = LocalMap(0, HISTORY)
     for frame in range(frames):
         pose = np.eye(4)
@@ -30,14 +30,14 @@ def walked(frames, rng, lost_share=0.2):
 
 
 def observations(made, since):
-    """Frame, place in the image, position and luminance of every observation: what does not depend on ids."""
+    """Frame, pixel, position and luminance of every observation, which do not depend on ids."""
     log = made.observations(since)
     return np.column_stack([log.frame, log.uv_px, made.points[log.landmark], made.gray[log.landmark]])
 
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(10, 40), st.integers(0, 45), st.integers(0, 45), st.integers(0, 3))
-def test_forgetting_leaves_the_rest_as_it_was(frames, before_frame, before_view, seed):
+def test_discarding_leaves_the_rest_as_it_was(frames, before_frame, before_view, seed):
     whole, cut = (walked(frames, np.random.default_rng(seed)) for _ in range(2))
     old = cut.discard_before(before_frame, before_view)
     since = min(before_view, frames - 1)
@@ -51,7 +51,7 @@ def test_forgetting_leaves_the_rest_as_it_was(frames, before_frame, before_view,
     np.testing.assert_array_equal(np.isfinite(cut.views[..., 0]) & ~valid, False)
 
 
-def test_ids_move_by_round_numbers_and_memory_is_given_back():
+def test_ids_are_lowered_by_hundreds_and_memory_is_released():
     made = walked(60, np.random.default_rng(0))
     before, count = made.ids.copy(), made.feature_count
     made.discard_before(40, 50)
@@ -60,17 +60,17 @@ def test_ids_move_by_round_numbers_and_memory_is_given_back():
     assert made.feature_count == count - moved[0]
 
 
-def test_ties_and_bridged_frames_of_long_ago_go():
+def test_old_zero_motions_and_bridged_frames_are_discarded():
     made = walked(30, np.random.default_rng(0))
     held = (ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25))
     bridged = tuple(NewFrame(float(frame), np.eye(4), frame in {31, 33}) for frame in range(30, 35))
     made.apply(MapUpdate(zero_motions=tuple(held), frames=bridged))
     assert made.bridged == {31, 33}
     made.discard_before(10, 20)
-    assert made.bridged == {31, 33} and [tie.frame for tie in made.zero_motions] == [25]
+    assert made.bridged == {31, 33} and [motion.frame for motion in made.zero_motions] == [25]
 
 
-def test_a_map_goes_on_growing_after_it_forgot_nearly_everything():
+def test_a_map_grows_on_after_nearly_everything_was_discarded():
     rng = np.random.default_rng(1)
     made = walked(30, rng)
     made.discard_before(28, 28)
@@ -105,7 +105,7 @@ def test_odometry_stays_as_it_was_tracked_when_poses_change():
 
 
 @pytest.mark.parametrize("name", ["poses", "t_s", "points", "sigma_px", "odometry"])
-def test_nothing_is_written_but_by_an_update(name):
+def test_arrays_are_read_only(name):
     made = walked(5, np.random.default_rng(0))
     with pytest.raises(ValueError, match="read-only"):
         getattr(made, name)[:] = 0.0

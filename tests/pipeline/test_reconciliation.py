@@ -18,7 +18,7 @@ def grown():
 
 
 def reconciled(refined, local_map, inlier_px=3.0):
-    """The features that the snapshot does not know, after the map was brought up to date."""
+    """The features that stage C did not refine, after the map was updated."""
     found = reconcile(refined, local_map, MATRIX, inlier_px, 12)
     local_map.apply(found.update)
     return found.unrefined
@@ -50,7 +50,7 @@ def test_the_map_itself_is_not_changed():
 
 
 def test_new_frames_are_posed_by_the_refined_positions():
-    """Their positions say that the newest frames drift away to the side: they follow no rigid motion."""
+    """The newest frames drift to the side, which the refined positions contradict."""
     local_map, refined = grown()
     true = local_map.poses.copy()
     drift = np.linspace(0.0, 0.4, 21)[1:]
@@ -64,7 +64,7 @@ def test_new_frames_are_posed_by_the_refined_positions():
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
 
 
-def test_what_was_discarded_or_given_up_since_stays_so():
+def test_discarded_frames_and_removed_positions_stay_so():
     local_map, refined = grown()
     twin, same = grown()
     given_up = local_map.ids[:3]
@@ -80,7 +80,7 @@ def test_what_was_discarded_or_given_up_since_stays_so():
     np.testing.assert_allclose(twin.points[twin.ids], local_map.points[local_map.ids], atol=1e-12)
 
 
-def test_features_the_snapshot_does_not_know_are_named():
+def test_features_without_a_refined_position_are_listed():
     local_map, refined = grown()
     new = reconciled(refined, local_map)
     assert len(new) and new.min() >= refined.feature_count

@@ -1,4 +1,4 @@
-"""Stage C of a snapshot: what it does before the window, and in which order."""
+"""Stage C of a snapshot: drift correction, then the window."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def true_map(last=59, aligned=True):
     return map_of(replace(problem, world_T_camera=true), 0, last, aligned=aligned), true, fixes
 
 
-def test_drift_that_fixes_contradict_is_taken_out_of_frames_that_the_window_would_hold():
+def test_drift_is_corrected_in_frames_that_the_window_holds():
     local_map, true, fixes = true_map()
 
     def too_long(poses):

@@ -24,7 +24,7 @@ def disturbed_map(last):
     return map_of(replace(problem, world_T_camera=start), 0, last), true, fixes
 
 
-def test_stage_c_beside_the_frames_finds_what_it_finds_while_they_wait():
+def test_stage_c_in_a_thread_gives_the_same_result_as_at_once():
     at_once, _, fixes = disturbed_map(39)
     beside, _, _ = disturbed_map(39)
     at_once.apply(worker_with(fixes).optimise(at_once).reconciliation.update)
@@ -37,7 +37,7 @@ def test_stage_c_beside_the_frames_finds_what_it_finds_while_they_wait():
     np.testing.assert_array_equal(beside.points, at_once.points)
 
 
-def test_frames_that_come_meanwhile_gain_as_well():
+def test_frames_added_meanwhile_are_corrected_too():
     """The map is taken at frame 39; when the result comes there are 50."""
     full, true, fixes = disturbed_map(49)
     part, _, _ = disturbed_map(39)
@@ -52,7 +52,7 @@ def test_frames_that_come_meanwhile_gain_as_well():
     assert away(full.poses[40:], true[40:50]) < 0.5 * before
 
 
-def test_what_cannot_be_optimised_is_raised_when_it_is_asked_for():
+def test_an_error_of_stage_c_is_raised_by_finish():
     broken, _, fixes = disturbed_map(39)
     moved(broken, 30, lambda poses: np.concatenate([np.full((1, 4, 4), np.nan), poses[1:]]))
     kept = broken.poses.copy()

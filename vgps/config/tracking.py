@@ -21,7 +21,7 @@ class TrackingConfig(SettingsModel):
     refill_share: Share = 0.75
     """New corners are added once fewer than this share of max_features is followed."""
     min_distance_px: PositiveFloat = 12.0
-    """Smallest distance of a new corner from the features already followed."""
+    """Side of the grid cells in which new corners start: one per cell, where no feature is followed."""
     harris_k: float = Field(default=0.04, gt=0.0, lt=0.25)
     """Harris's constant k in det(M) - k trace(M)^2, the response of a corner (A-1)."""
     harris_quality: Fraction = 1e-4

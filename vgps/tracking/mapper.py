@@ -24,7 +24,7 @@ class Mapper:
         self._rng = rng
 
     def triangulate_due(self, local_map: LocalMap) -> MapUpdate:
-        """Return first positions of features, and new ones of those features whose turn it is (19).
+        """Return first positions of features, and new ones of the features that are due (19).
 
         Features whose history is full continue as new ones afterwards.
         """

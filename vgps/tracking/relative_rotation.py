@@ -6,10 +6,8 @@ also moves, and for a distant scene.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
-import gtsam
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -17,11 +15,11 @@ from vgps.camera import undistort
 from vgps.config import RotationConfig, TrackingConfig
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.corners import new_corners
+from vgps.tracking.epipolar_fit import TwoViews, fit_epipolar_geometry
 from vgps.tracking.matching import make_matcher
 
 _SHIFT_WIDTH_PX = 200  # approximate width to which images are reduced to find their shift
 _ITERATIONS = 10  # a guard: from a fair start a few steps suffice
-_CONVERGED = 1e-6  # rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,15 +103,14 @@ def relative_rotation(
         return None
     rays = [(uv - K[:2, 2]) / (K[0, 0], K[1, 1]) for uv in (first_px, second_px)]
     first, second = (np.column_stack([xy, np.ones(len(xy))]) for xy in rays)
-    focal = float(np.sqrt(K[0, 0] * K[1, 1]))
-    limit = config.inlier_px
+    views = TwoViews(first, second, float(np.sqrt(K[0, 0] * K[1, 1])))
     starts = [
-        *_essential_matrix_starts(K, first_px, second_px, limit),
-        *_pure_rotation_starts(first, second, focal, limit),
+        *_essential_matrix_starts(K, first_px, second_px, config.inlier_px),
+        *_pure_rotation_starts(views, config.inlier_px),
     ]
-    fits = [_refine(*start, first, second, focal, config) for start in starts]
+    fits = [fit_epipolar_geometry(*start, views, config) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
-    fit = _refine(best.second_R_first, best.direction, first, second, focal, config, 2 * _ITERATIONS)
+    fit = fit_epipolar_geometry(best.second_R_first, best.direction, views, config, 2 * _ITERATIONS)
     rotation = fit.second_R_first
     if fit.inlier_share < config.min_inlier_share:
         return None
@@ -153,103 +150,17 @@ def _essential_matrix_starts(
         yield np.asarray(max(rotations, key=np.trace), np.float64), np.asarray(direction[:, 0], np.float64)
 
 
-def _pure_rotation_starts(
-    first: FloatArray, second: FloatArray, focal_px: float, inlier_px: float
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+def _pure_rotation_starts(views: TwoViews, inlier_px: float) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield the robust rotation of a camera that does not move, with motion along each axis.
 
     In a narrow field of view a small sideways motion and a small rotation look alike, so that a search needs
     several starts.
     """
-    a, b = (rays / np.linalg.norm(rays, axis=1)[:, None] for rays in (first, second))
+    a, b = (rays / np.linalg.norm(rays, axis=1)[:, None] for rays in (views.first, views.second))
     weight, rotation = np.ones(len(a)), np.eye(3)
     for _ in range(_ITERATIONS):
         rotation = Rotation.align_vectors(b, a, weights=weight)[0].as_matrix()
-        error = np.linalg.norm(b - a @ rotation.T, axis=1) * focal_px
+        error = np.linalg.norm(b - a @ rotation.T, axis=1) * views.focal_px
         weight = 1 / (1 + (error / max(float(np.median(error)), inlier_px)) ** 2)
     for direction in np.eye(3):
         yield rotation, direction
-
-
-class _Fit(NamedTuple):
-    """Rotation, direction of motion in the second's axes, covariance of the rotation in the first's axes,
-    share of inliers, and cost between 0 and 1."""
-
-    second_R_first: FloatArray
-    direction: FloatArray
-    covariance: FloatArray
-    inlier_share: float
-    cost: float
-
-
-def _refine(
-    second_R_first: FloatArray,
-    direction: FloatArray,
-    first: FloatArray,
-    second: FloatArray,
-    focal_px: float,
-    config: RotationConfig,
-    iterations: int = 6,
-) -> _Fit:
-    """Minimise the robust Sampson distance over rotation and direction of motion by Gauss-Newton."""
-    rotation, information, residual = second_R_first, np.eye(5), np.zeros(len(first))
-    for _ in range(iterations):
-        jacobian, residual = _sampson(rotation, direction, first, second, focal_px)
-        weight = 1 / (1 + (residual / config.inlier_px) ** 2)
-        # a pure rotation leaves the direction undetermined; a prior of one radian bounds it
-        information = (weight[:, None] * jacobian).T @ jacobian + np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
-        information += 1e-9 * np.trace(information) * np.eye(5)
-        step = -np.linalg.solve(information, jacobian.T @ (weight * residual))
-        rotation = rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
-        direction = direction + _tangent_basis(direction) @ step[3:]
-        direction = direction / np.linalg.norm(direction)
-        if np.abs(step).max() < _CONVERGED:
-            break
-    inlier = np.abs(residual) < config.inlier_px
-    behind = _behind(rotation, direction, first, second, focal_px, config.inlier_px)
-    cost = np.where(behind, 1.0, np.minimum((residual / config.inlier_px) ** 2, 1.0)).mean()
-    sigma = max(
-        1.4826 * float(np.median(np.abs(residual[inlier]))) if inlier.any() else 1.0, config.sigma_floor_px
-    )
-    covariance = np.asarray(sigma**2 * np.linalg.inv(information)[:3, :3], np.float64)
-    return _Fit(rotation, direction, covariance, float((inlier & ~behind).mean()), float(cost))
-
-
-def _behind(
-    rotation: FloatArray,
-    direction: FloatArray,
-    first: FloatArray,
-    second: FloatArray,
-    focal_px: float,
-    inlier_px: float,
-) -> BoolArray:
-    """Return (N,) whether a feature moved along its epipolar line as if it were behind the cameras."""
-    rotated = first @ rotation.T
-    parallax = second[:, :2] - rotated[:, :2] / rotated[:, 2:]
-    # second = rotated + direction / depth, in the image
-    outward = direction[:2] - direction[2] * second[:, :2]
-    along = np.sum(parallax * outward, axis=1) / np.maximum(np.linalg.norm(outward, axis=1), 1e-12) * focal_px
-    backward = along < -2 * inlier_px
-    forward = along > 2 * inlier_px
-    # the sign of the direction is arbitrary: most features are in front
-    return np.asarray(backward if backward.sum() < forward.sum() else forward)
-
-
-def _sampson(
-    rotation: FloatArray, direction: FloatArray, first: FloatArray, second: FloatArray, focal_px: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return Sampson distances (N,) in pixels and Jacobians (N, 5) by rotation (first's axes), direction."""
-    rotated = first @ rotation.T
-    cross = gtsam.Rot3.Hat(direction)
-    line = rotated @ cross.T  # in the second image
-    other = second @ cross @ rotation  # in the first
-    scale = focal_px / np.maximum(np.hypot(np.hypot(*line[:, :2].T), np.hypot(*other[:, :2].T)), 1e-12)
-    by_rotation = np.cross(first, other)
-    by_direction = np.cross(rotated, second) @ _tangent_basis(direction)
-    jacobian = np.hstack([by_rotation, by_direction]) * scale[:, None]
-    return jacobian, np.sum(line * second, axis=1) * scale
-
-
-def _tangent_basis(direction: FloatArray) -> FloatArray:
-    """Return two unit vectors (3, 2) perpendicular to a direction and to each other."""
-    return np.asarray(gtsam.Unit3(direction).basis())
