@@ -50,7 +50,7 @@ def test_without_gps_the_result_says_that_it_floats(recording):
     opened = replace(vgps.open_recording(recording), gps=None)
     solution = vgps.smooth(opened)
     assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
-    assert any("no fix ties" in warning for warning in solution.warnings)
+    assert any("no fix or control point ties" in warning for warning in solution.warnings)
 
 
 def test_a_video_alone_keeps_place_and_scale_of_its_map():

@@ -7,7 +7,7 @@ from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 from synthetic_map import map_of, moved, scene
 
 from vgps.config import Config
-from vgps.smoothing.drift_correction import bend_path, correct_drift, undo_bending
+from vgps.smoothing.drift_correction import correct_drift, remove_drift, undo_bending
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def away(bent):
 
 def test_forty_percent_of_scale_drift_is_taken_out(fixes):
     assert away(drifting().world_T_camera).mean() > 5.0
-    bent, scale = bend_path(drifting(), fixes, np.zeros(3), Config())
+    bent, scale = remove_drift(drifting(), fixes, np.zeros(3), Config())
     assert away(bent).mean() < 0.5
     assert scale[5] == pytest.approx(1.0, abs=0.1) and scale[-5] == pytest.approx(1 / 1.4, abs=0.1)
 
@@ -34,7 +34,7 @@ def test_forty_percent_of_scale_drift_is_taken_out(fixes):
 def test_one_wild_fix_bends_nothing(fixes):
     wild = fixes.world_p_fix.copy()
     wild[9] += [40.0, 0.0, 0.0]
-    bent, _ = bend_path(trajectory(path(T_S)), replace(fixes, world_p_fix=wild), np.zeros(3), Config())
+    bent, _ = remove_drift(trajectory(path(T_S)), replace(fixes, world_p_fix=wild), np.zeros(3), Config())
     assert away(bent).max() < 0.3
 
 
@@ -43,18 +43,18 @@ def test_fixes_that_no_lag_explains_bend_the_path_as_if_the_clock_were_known(fix
     wander = np.sin(fixes.t_s / 3)[:, None] * [0.0, 1.0, 0.0]
     biased = replace(fixes, world_p_fix=fixes.world_p_fix + wander)
     known = Config(sensors={"estimate_time_offset": "no"})
-    bent, scale = bend_path(drifting(0.05), biased, np.zeros(3), Config())
-    held, held_scale = bend_path(drifting(0.05), biased, np.zeros(3), known)
+    bent, scale = remove_drift(drifting(0.05), biased, np.zeros(3), Config())
+    held, held_scale = remove_drift(drifting(0.05), biased, np.zeros(3), known)
     np.testing.assert_array_equal(bent, held)
     np.testing.assert_array_equal(scale, held_scale)
 
 
 def test_late_fixes_in_bends_do_not_pull_the_path_into_their_shape(fixes):
     late = replace(fixes, t_s=fixes.t_s + 0.5, r_m=np.full(len(fixes), 0.1), h_m=np.full(len(fixes), 0.1))
-    bent, _ = bend_path(trajectory(path(T_S)), late, np.zeros(3), Config())
+    bent, _ = remove_drift(trajectory(path(T_S)), late, np.zeros(3), Config())
     assert away(bent).mean() < 0.1
     known = Config(sensors={"estimate_time_offset": "no"})
-    bent, _ = bend_path(trajectory(path(T_S)), late, np.zeros(3), known)
+    bent, _ = remove_drift(trajectory(path(T_S)), late, np.zeros(3), known)
     assert away(bent).mean() > 0.3
 
 
@@ -66,7 +66,7 @@ def test_a_path_that_hangs_on_a_held_one_keeps_its_start_and_bends_behind_it(fix
     step[half:] *= 1.3
     wrong = np.vstack([right[:1], right[0] + np.cumsum(step, axis=0)])
     part = fixes.where(fixes.t_s >= T_S[half])
-    bent, _ = bend_path(trajectory(wrong[half:], T_S[half:]), part, np.zeros(3), Config(), attached=True)
+    bent, _ = remove_drift(trajectory(wrong[half:], T_S[half:]), part, np.zeros(3), Config(), attached=True)
     off = np.linalg.norm(bent[:, :3, 3] - path(T_S)[half:], axis=1)
     before = np.linalg.norm(wrong[half:] - path(T_S)[half:], axis=1)
     assert off[0] < 0.01 and off.mean() < 0.2 * before.mean()

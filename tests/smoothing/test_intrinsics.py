@@ -15,7 +15,7 @@ from vgps.model import Camera
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import scene_of_map
-from vgps.smoothing.intrinsics import _changed, _seen_by, refine_camera
+from vgps.smoothing.intrinsics import _changed, _undistorted_by, refine_camera
 
 CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"), batch=BatchConfig(video_sigma_scale=4.0))
 TRUE = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
@@ -32,14 +32,14 @@ def refined(camera, wrong, **believed):
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
-    result, found = refine_camera(_seen_by(start, camera, made), start, optimise, settings)
+    result, found = refine_camera(_undistorted_by(start, camera, made), start, optimise, settings)
     return away(result.trajectory.world_T_camera, poses), start, found
 
 
 def test_a_wrong_focal_length_and_centre_are_found_within_their_sigmas():
     error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0])
     camera, sigma = found.camera, found.sigma
-    assert found.settled and error_m < 0.05
+    assert found.converged and error_m < 0.05
     assert abs(np.log(camera.fx / TRUE.fx)) < min(4 * sigma["focal"], 0.015)
     assert abs(camera.cx - TRUE.cx) < 4 * sigma["cx"] and abs(camera.cy - TRUE.cy) < 4 * sigma["cy"]
     assert camera.fx / camera.fy == pytest.approx(TRUE.fx / TRUE.fy)
@@ -64,6 +64,6 @@ def test_observations_go_through_the_old_lens_into_the_new():
     problem, poses, _, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
-    seen = _seen_by(other, LENS, made).observations.uv_px
+    seen = _undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)

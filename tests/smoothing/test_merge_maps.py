@@ -61,7 +61,7 @@ def test_without_fixes_of_its_own_it_continues_its_neighbour_and_that_is_told():
     early = fixes.where(fixes.t_s < 2.5)
     found = merged(maps, t_s, early)
     assert away(found.scene.poses[32:36], true[32:36]) < 0.5
-    assert "too few fixes of their own" in found.warnings[0]
+    assert "too few fixes to align" in found.warnings[0]
 
 
 def test_nothing_to_align_with_is_an_error_and_no_fix_at_all_a_warning():
@@ -71,7 +71,7 @@ def test_nothing_to_align_with_is_an_error_and_no_fix_at_all_a_warning():
         merged(maps, t_s, near)
     maps, _, t_s, _ = two_maps((False, False))
     found = merged(maps, t_s, Fixes.empty())
-    assert not found.georeferenced and "no fix ties" in found.warnings[0]
+    assert not found.georeferenced and "no fix or control point ties" in found.warnings[0]
     assert np.isfinite(found.scene.poses).all()
 
 

@@ -7,7 +7,7 @@ from synthetic_fixes import fixes_of_size
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.smoothing.covariance import region_sigmas
-from vgps.smoothing.variance_components import balanced, independent_epochs, variance_factor
+from vgps.smoothing.variance_components import balanced_sigma_scale, independent_epochs, variance_factor
 from vgps.solution import Trajectory
 
 T_S = np.arange(0.0, 100.0, 0.5)
@@ -27,7 +27,7 @@ def scale(misfit, correlation_s=1.0, **batch):
     config = Config()
     settings = {"balance": "estimated", "balance_prior_fixes": 4.0, "balance_range": 8.0, **batch}
     config = config.model_copy(update={"batch": config.batch.model_copy(update=settings)})
-    return balanced(config, 8.0, STANDING, fixes(misfit, correlation_s), np.zeros(3))
+    return balanced_sigma_scale(config, 8.0, STANDING, fixes(misfit, correlation_s), np.zeros(3))
 
 
 def test_fixes_that_fit_as_expected_change_nothing():
@@ -53,7 +53,7 @@ def test_it_stays_within_its_range_and_can_be_fixed():
 def test_without_fixes_it_stays():
     config = Config()
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"balance": "estimated"})})
-    assert balanced(config, 8.0, STANDING, Fixes.empty(), np.zeros(3)) == 8.0
+    assert balanced_sigma_scale(config, 8.0, STANDING, Fixes.empty(), np.zeros(3)) == 8.0
 
 
 def test_the_variance_factor_is_one_where_fixes_fit_and_where_there_are_none():

@@ -13,7 +13,7 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class Alignment:
-    """The similarity to the world, and whether the roll had to be taken from a level camera."""
+    """Similarity to the world, and whether the path is too straight to determine the camera's roll."""
 
     to_world: Similarity
     straight: bool
@@ -26,18 +26,21 @@ def align(
     camera_p_antenna: FloatArray,
     config: StartConfig,
 ) -> Alignment | None:
-    """Return the similarity from map to world that puts the antenna into the fixes' regions, if they suffice.
+    """Return the similarity from map to world that best fits the antenna to the fixes.
 
-    Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and position, with a loss that
-    forgives single wrong fixes, and a prior that the camera is upright, which decides the roll where the
-    fixes lie too close to a straight line to show it.
+    Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and translation. Cauchy's loss
+    rho bounds the effect of outliers, and a prior that the camera is upright determines the roll where the
+    fixes are nearly collinear.
 
     Args:
         map_T_camera: (M, 4, 4) camera poses in the map at the fixes' times.
         world_p_fix: (M, 3) the fixes.
         region_m: (M, 3) size of each fix's region east, north, up.
         camera_p_antenna: (3,) metres.
-        config: What it takes to align at all.
+        config: Minimum number and extent of the fixes, and the prior.
+
+    Returns:
+        The alignment, or None if the fixes do not suffice.
     """
     if len(world_p_fix) < config.min_fixes:
         return None
@@ -51,8 +54,8 @@ def align(
     level_sigma = np.sin(np.radians([config.level_sigma_deg, config.pitch_sigma_deg]))
 
     def residual(parameters: FloatArray) -> FloatArray:
-        scale, rotation, place = _unpack(parameters)
-        antenna = scale * map_T_camera[:, :3, 3] @ rotation.T + place
+        scale, rotation, translation = _unpack(parameters)
+        antenna = scale * map_T_camera[:, :3, 3] @ rotation.T + translation
         antenna = antenna + (rotation @ map_T_camera[:, :3, :3]) @ camera_p_antenna
         offset = (antenna - world_p_fix) / region_m
         level = (rotation @ map_T_camera[:, :3, [0, 2]].mean(axis=0))[2] / level_sigma
@@ -61,16 +64,16 @@ def align(
     best = least_squares(
         residual, start, loss="cauchy", f_scale=config.robust_regions, x_scale="jac", max_nfev=200
     )
-    scale, rotation, place = _unpack(best.x)
+    scale, rotation, translation = _unpack(best.x)
     path = scale * map_T_camera[:, :3, 3]
     straight = _roll_sigma_rad(path - path.mean(axis=0), region_m) > np.radians(config.level_sigma_deg)
-    return Alignment(Similarity(scale, rotation, place), straight)
+    return Alignment(Similarity(scale, rotation, translation), straight)
 
 
 def _roll_sigma_rad(spread: FloatArray, region_m: FloatArray) -> float:
-    """Return how well fixes determine the rotation about their own main axis, by their distances from it.
+    """Return the standard deviation of the rotation about the fixes' main axis, by their distances from it.
 
-    Regions count as uniform distributions, of sigma r / sqrt(3).
+    Regions are taken as uniform distributions, of sigma r / sqrt(3).
     """
     axis = _main_axis(spread)
     lever = np.linalg.norm(spread - np.outer(spread @ axis, axis), axis=1)
@@ -94,15 +97,15 @@ def _main_axis(spread: FloatArray) -> FloatArray:
 
 
 def _travel(world_p_fix: FloatArray, cell_m: float, min_places: int) -> float:
-    """Return how far the fixes spread, robust to single wrong ones; where the camera stood counts once."""
-    places = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
-    if len(places) < min_places:  # beside a stop, wrong fixes might be half of them
-        places = world_p_fix
-    return 2.0 * float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
+    """Return the extent of the fixes, robust to outliers; fixes during a stop count once."""
+    cells = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
+    if len(cells) < min_places:  # around a stop, outliers might be half of the cells
+        cells = world_p_fix
+    return 2.0 * float(np.median(np.linalg.norm(cells - np.median(cells, axis=0), axis=1)))
 
 
 def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArray | None:
-    """Return the start of the search: main directions of the paths aligned, and the camera level."""
+    """Return initial parameters: main directions of the paths aligned, and the camera level."""
     centres = map_T_camera[:, :3, 3]
     first, last = slice(None, max(1, len(centres) // 3)), slice(-max(1, len(centres) // 3), None)
     map_direction = centres[last].mean(axis=0) - centres[first].mean(axis=0)
@@ -117,8 +120,8 @@ def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArra
         up = _across(-map_T_camera[:, :3, 2].mean(axis=0), forward)
     world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
     rotation = _axes(world_forward, world_up) @ _axes(forward, up).T
-    place = np.median(world_p_fix - scale * centres @ rotation.T, axis=0)
-    return np.concatenate([[np.log(scale)], Rotation.from_matrix(rotation).as_rotvec(), place])
+    translation = np.median(world_p_fix - scale * centres @ rotation.T, axis=0)
+    return np.concatenate([[np.log(scale)], Rotation.from_matrix(rotation).as_rotvec(), translation])
 
 
 def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:

@@ -22,22 +22,22 @@ from vgps.solver.problem import BundleProblem
 
 @dataclass(frozen=True, kw_only=True)
 class BatchResult:
-    """What stage D found.
+    """Result of stage D.
 
     Attributes:
         trajectory: Poses of all frames.
-        covariance: (F, 6, 6) of the poses in the camera's tangent [rotation; translation], NaN if the system
+        covariance: (F, 6, 6) of the poses in the camera's tangent [rotation; translation]; NaN if the system
             does not determine them.
-        points: (L, 3) features.
-        sigma_px: (L,) their reliabilities, NaN for features that were left out.
-        observations: Those that took part.
-        assessment: Of the fixes.
-        sensors: Time offset and lever arm, estimated or as they were.
+        points: (L, 3) positions of the features.
+        sigma_px: (L,) their reliabilities; NaN for deselected features.
+        observations: Observations used.
+        assessment: Assessment of the fixes.
+        sensors: Time offset and lever arm, estimated or as given.
         time_offset_sigma_s: (1,) its standard deviation, NaN if it was not estimated.
         antenna_sigma_m: (3,) standard deviations of the lever arm, NaN if it was not estimated.
-        report: Cost per term before and after, iterations, why it stopped.
-        warnings: In words.
-        problem: What was solved last, at its end.
+        report: Cost per term before and after, iterations, reason for stopping.
+        warnings: Warnings for the user.
+        problem: The last problem at its optimum.
     """
 
     trajectory: Trajectory
@@ -55,54 +55,54 @@ class BatchResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolvedBatch:
-    """The solution of a problem of stage D, and what the problem was built from.
+class BatchSolution:
+    """Solution of one round of stage D, and the input of its problem.
 
     Attributes:
         result: The solution.
-        kept: The scene with the observations that took part.
-        sigma_px: (L,) reliabilities of all features, NaN for those that were left out.
-        fixes: In time.
-        sensors: As they were before.
+        scene: The scene with the observations used.
+        sigma_px: (L,) reliabilities of all features; NaN for deselected ones.
+        fixes: Fixes with their verdicts applied and their time offset removed.
+        sensors: Time offset and lever arm before the round.
     """
 
     result: BundleResult
-    kept: Scene
+    scene: Scene
     sigma_px: FloatArray
     fixes: Fixes
     sensors: Sensors
 
 
 def batch_result(
-    solved: SolvedBatch,
-    believed: Fixes,
+    solved: BatchSolution,
+    fixes: Fixes,
     assessment: FixAssessment,
     sensors: Sensors,
     report: SolverReport,
     context: SmoothingContext,
 ) -> BatchResult:
-    """Return the solution of the last problem with its standard deviations.
+    """Return the solution of the last round with its standard deviations.
 
     Args:
-        solved: The last problem.
-        believed: All fixes as they are assessed, in time.
-        assessment: Of all fixes.
-        sensors: As they were found.
-        report: Of the optimiser.
+        solved: The last round.
+        fixes: All fixes with their verdicts applied and their time offset removed.
+        assessment: Assessment of all fixes.
+        sensors: Time offset and lever arm after the last round.
+        report: Report of the optimiser.
         context: Calibration, weights and GPS model.
     """
     after = solved.result.problem
-    path = Trajectory(solved.kept.t_s, after.world_T_camera)
+    path = Trajectory(solved.scene.t_s, after.world_T_camera)
     covariance, warnings = _covariance(solved, context)
-    # what all tracks have in common shows in no track, but in fixes that fit worse than their regions say
-    factor = variance_factor(context.config, path, believed, sensors.camera_p_antenna)
+    # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
+    factor = variance_factor(context.config, path, fixes, sensors.camera_p_antenna)
     covariance = covariance.scaled(factor)
     return BatchResult(
         trajectory=path,
         covariance=covariance.poses,
         points=after.world_p_landmark,
         sigma_px=solved.sigma_px,
-        observations=solved.kept.observations,
+        observations=solved.scene.observations,
         assessment=assessment,
         sensors=sensors,
         time_offset_sigma_s=_sigma(covariance, TIME_OFFSET, sensors.prior_time_offset.sigma_s == 0.0),
@@ -113,22 +113,28 @@ def batch_result(
     )
 
 
-def report_of(start: Scene, result: BundleResult, iterations: int) -> tuple[SolverReport, tuple[str, ...]]:
-    """Return the costs of the final problem at the start of D and at its end, and warnings about them."""
+def report_with_warnings(
+    start: Scene, result: BundleResult, iterations: int
+) -> tuple[SolverReport, tuple[str, ...]]:
+    """Return the costs of the last problem at the start and the end of stage D, and warnings."""
     after, reason = result.problem, result.report.stop_reason
     before = cost_terms(replace(after, world_T_camera=start.poses, world_p_landmark=start.points))
     cost_after = cost_terms(after)
     warnings: list[str] = []
-    if sum(cost_after.values()) > sum(before.values()):
-        warnings += ["stage D ended at a higher cost than it began with, after outliers had been dropped"]
+    total_before, total_after = sum(before.values()), sum(cost_after.values())
+    if total_after > total_before:
+        warnings += [
+            f"stage D raised the cost from {total_before:.6g} to {total_after:.6g} when it removed outliers: "
+            "check the poses and the verdicts on the fixes"
+        ]
     if not result.converged:
-        warnings += [f"stage D did not reach a minimum: {reason}"]
+        warnings += [f"stage D did not converge ({reason}): the poses may improve with more batch.iterations"]
     return SolverReport(before, cost_after, iterations, reason), tuple(warnings)
 
 
-def _covariance(solved: SolvedBatch, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
-    """Return the covariances at the optimum, NaN with a warning where the system does not give them."""
-    scene, fixes, config = solved.kept, solved.fixes, context.config
+def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
+    """Return the covariances at the optimum, or NaN with a warning if the system does not determine them."""
+    scene, fixes, config = solved.scene, solved.fixes, context.config
     sources = ErrorSources(
         gps_graph(fixes, scene.t_s, solved.sensors, config.gps),
         other_pose_factors(scene, solved.sensors, context),
@@ -138,11 +144,11 @@ def _covariance(solved: SolvedBatch, context: SmoothingContext) -> tuple[Covaria
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
         unknown = np.full((len(scene.t_s), 6, 6), np.nan)
-        return Covariances(unknown, {}), (f"no standard deviations: {error}",)
+        return Covariances(unknown, {}), (f"the standard deviations of the poses are unknown: {error}",)
 
 
 def _sigma(covariance: Covariances, key: int, held: bool) -> FloatArray:
-    """Return the standard deviations of a shared vector, NaN if it was not estimated."""
+    """Return the standard deviations of a shared vector; NaN if it was not estimated."""
     if key not in covariance.shared or held:
         return np.full(3 if key == ANTENNA else 1, np.nan)
     return np.asarray(np.sqrt(np.diagonal(covariance.shared[key])))

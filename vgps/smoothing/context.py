@@ -1,4 +1,4 @@
-"""What stages C and D are given for a whole run: the camera, its control points and the settings."""
+"""Constant input of stages C and D: the camera, its control points and the settings."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from vgps.model import Camera, FloatArray
 
 @dataclass(frozen=True)
 class SmoothingContext:
-    """The parts of a problem that no stage estimates."""
+    """Camera, settings and control points, which no stage changes."""
 
     camera: Camera
     config: Config
@@ -17,5 +17,5 @@ class SmoothingContext:
 
     @property
     def K(self) -> FloatArray:
-        """(3, 3) calibration of the undistorted image."""
+        """(3, 3) calibration matrix of the undistorted image."""
         return self.camera.K

@@ -1,18 +1,17 @@
-"""Covariance of the poses: errors drawn for every track and every fix, and propagated to the optimum.
+"""Covariance of the poses by Monte Carlo: errors drawn per track and per fix move the linearised optimum.
 
-The curvature of the energy does not give it. A feature that slips does so over many frames, so its
-observations are far from independent; and a cylinder has no curvature in its middle, while the receiver's
-error is there. So draws of the errors move the linearised optimum, ``x = H^-1 J^T W e``, and their spread is
-the covariance:
+The inverse Hessian of the energy is not the covariance. A drifting feature does so over many frames, so that
+its observations are far from independent; and a cylinder has no curvature near its axis, where the receiver
+errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws of the errors e:
 
-- a **track** has one error: its own residuals, all of them, with a random sign (the wild bootstrap with a
+- a **track** has one error: its residuals, all of them, with a random sign (the wild bootstrap with a
   cluster per track; Cameron, Gelbach & Miller, Bootstrap-Based Improvements for Inference with Clustered
   Errors, 2008). The residuals give its size; pixel sigmas only weigh it, as in the estimate;
 - a **fix** has an error of the size of its class's region, which holds 95 %, and keeps it for the class's
   correlation time: a Gauss-Markov process;
-- every other factor has an error of its own sigma.
+- every other factor has an error of its sigma.
 
-Errors that all tracks share, of a wrong calibration or a scene that moves as one, are not included.
+Errors common to all tracks, from a wrong calibration or a moving scene, are not included.
 """
 
 from dataclasses import dataclass
@@ -43,7 +42,7 @@ class ErrorSources:
     Attributes:
         gps: A factor for each fix that takes part, in order, its residual (3,).
         others: All other pose factors.
-        fixes: The fixes of the factors in ``gps``, at the times by which the factors place them.
+        fixes: The fixes of the factors in ``gps``, with the time offset removed.
     """
 
     gps: gtsam.NonlinearFactorGraph
@@ -56,9 +55,9 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
 
     Args:
         problem: At its optimum; its pose graph is both parts of ``sources``.
-        sources: Of the errors that are drawn.
-        draws: Number of draws K; standard deviations are then known to 1 / sqrt(2 K) of themselves.
-        seed: Of the draws.
+        sources: Sources of the errors.
+        draws: Number of draws K; the relative error of the standard deviations is 1 / sqrt(2 K).
+        seed: Seed of the random generator.
 
     Raises:
         GeometryError: Observations and factors do not determine the poses.
@@ -88,7 +87,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
 def _track_draws(
     linear: Linearisation, structure: SparsityStructure, draws: int, rng: np.random.Generator
 ) -> FloatArray:
-    """Return gradients (6 n_free, K) when every track's residuals keep or change their sign."""
+    """Return gradients (6 n_free, K) with the residuals of every track multiplied by a random sign."""
     signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))
     total = np.zeros((POSE_DIM * structure.n_free, draws))
     for part in linear.chunks:
@@ -111,8 +110,8 @@ def _pose_factor_draws(
     rng: np.random.Generator,
 ) -> FloatArray:
     """Return gradients (6 n_free + shared, K) of drawn errors of fixes and of all other factors."""
-    own, _ = whitened_jacobian(problem, sources.others, values, structure)
-    total: FloatArray = own.T @ rng.standard_normal((own.shape[0], draws))
+    J, _ = whitened_jacobian(problem, sources.others, values, structure)
+    total: FloatArray = J.T @ rng.standard_normal((J.shape[0], draws))
     if sources.gps.size() == 0:
         return total
     by_fix, _ = whitened_jacobian(problem, sources.gps, values, structure)
@@ -126,7 +125,8 @@ def _residual_by_fix(
 ) -> FloatArray:
     """Return the derivative (M, 3, 3) of the whitened residuals by the fixes' positions, up to the sign.
 
-    Moving both frames alike moves the antenna against the fix: it is the sum of the translations' Jacobians.
+    A common translation of both frames moves the antenna relative to the fix, so that the derivative is the
+    sum of the Jacobians by their translations.
     """
     result = np.zeros((sources.gps.size(), 3, 3))
     for row in range(len(result)):
@@ -142,9 +142,9 @@ def _residual_by_fix(
 def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray:
     """Draw errors (M, 3, K) east, north, up: a Gauss-Markov process through fixes of one correlation time.
 
-    The correlation time is the time after which an error counts as a new one, the integral of its
-    autocorrelation to both sides; the process decays to 1/e in half of it. Its size is each fix's own: a fix
-    whose region was enlarged shares the error of its class, only larger.
+    The correlation time, after which an error counts as independent, is the two-sided integral of the
+    autocorrelation; the process decays to 1/e in half of it. It is scaled by the region of each fix: a fix
+    whose region was enlarged has the error of its class, only larger.
     """
     white = rng.standard_normal((len(fixes), 3, draws))
     unit = np.empty_like(white)
@@ -153,8 +153,8 @@ def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray
         unit[same[0]] = white[same[0]]
         for before, row in pairwise(same.tolist()):
             gap_s = fixes.t_s[row] - fixes.t_s[before]
-            kept = np.exp(-2.0 * gap_s / correlation_s)
-            unit[row] = kept * unit[before] + np.sqrt(1.0 - kept**2) * white[row]
+            decay = np.exp(-2.0 * gap_s / correlation_s)
+            unit[row] = decay * unit[before] + np.sqrt(1.0 - decay**2) * white[row]
     return np.asarray(region_sigmas(fixes)[:, :, None] * unit)
 
 

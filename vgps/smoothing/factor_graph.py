@@ -1,4 +1,4 @@
-"""Maps and fixes as one bundle problem, over a range of frames: the energy (11) of Kume 2010."""
+"""The energy (11) of Kume 2010 over a range of frames, as a bundle problem."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,21 +27,21 @@ from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
 
-_LEVEL_FRAMES = 20  # among which the one prior is shared out; how many does not change its weight
-_POSITION_LIMIT = 1e5  # in map units: points further away are rounding
+_LEVEL_FRAMES = 20  # that share the level prior; their number does not change its total weight
+_POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What stages C and D optimise: frames with their times and poses, features, and constraints.
+    """Input of stages C and D: frames with times and poses, features, observations and constraints.
 
     Attributes:
         t_s: (F,) times of the frames.
         poses: (F, 4, 4) world_T_camera.
-        points: (L, 3) positions of the features that have one.
-        observations: Of these features in these frames.
-        zero_motions: Frames held to another one because nothing moved; indices within these frames.
-        controls: Observations of known points.
+        points: (L, 3) positions of the features.
+        observations: Observations of these features in these frames.
+        zero_motions: Zero-motion constraints; frames counted from the first of the scene.
+        controls: Observations of control points.
     """
 
     t_s: FloatArray
@@ -53,17 +53,17 @@ class Scene:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The frames' poses over time."""
+        """Poses of the frames over time."""
         return Trajectory(self.t_s, self.poses)
 
 
 def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
-    """Return the frames of a map from ``first`` on, and the features behind the rows of its points.
+    """Return the frames of a map from ``first`` on as a scene, and the feature ids (L,) of its points.
 
     Args:
-        local_map: All its frames posed.
-        first: Index of the first frame to take.
-        controls: Observations of known points, of all frames.
+        local_map: Map, all frames posed.
+        first: Index of the first frame.
+        controls: Observations of control points in all frames.
     """
     log = local_map.observations(first)
     known = np.isfinite(local_map.points[log.landmark, 0])
@@ -86,11 +86,15 @@ def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations)
 def select_observations(
     scene: Scene, context: SmoothingContext, tolerance: float = 1.0
 ) -> tuple[Scene, FloatArray]:
-    """Drop observations that contradict the scene, and compute the reliability of what is left.
+    """Select the observations that agree with the scene, and compute the reliabilities of their features.
 
-    Observations with too large an error go, then features with too few observations or behind a camera. While
-    the poses are still rough a larger ``tolerance``, in ``max_reprojection_px``, keeps what holds them
-    together.
+    Observations with too large an error or behind the camera are dropped, then features with too few
+    observations.
+
+    Args:
+        scene: The scene.
+        context: Calibration and limits.
+        tolerance: Limit of the error in ``max_reprojection_px``; larger while the poses are still rough.
 
     Returns:
         The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) in pixels,
@@ -103,14 +107,14 @@ def select_observations(
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
     views = np.bincount(scene.observations.landmark[good], minlength=len(scene.points))
     good &= views[scene.observations.landmark] >= config.mapping.min_views
-    kept = _only(scene, good)
+    selected = _with_observations(scene, good)
     sigma = reliability_sigma_px(
-        error[good], kept.observations.landmark, len(scene.points), config.mapping.sigma_floor_px
+        error[good], selected.observations.landmark, len(scene.points), config.mapping.sigma_floor_px
     )
-    return kept, sigma
+    return selected, sigma
 
 
-def _only(scene: Scene, mask: BoolArray) -> Scene:
+def _with_observations(scene: Scene, mask: BoolArray) -> Scene:
     old = scene.observations
     observations = Observations(old.frame[mask], old.landmark[mask], old.uv_px[mask])
     return replace(scene, observations=observations)
@@ -137,15 +141,16 @@ def build_problem(
     fixed: BoolArray | None = None,
     shared: Mapping[int, FloatArray] | None = None,
 ) -> BundleProblem:
-    """Return the energy (11): reprojection weighted by (12)(13), and ``pose_graph`` for everything else.
+    """Return the energy (11): reprojection errors weighted by (12)(13), and all other terms in
+    ``pose_graph``.
 
     Args:
-        scene: Selected observations.
+        scene: The scene with selected observations.
         sigma_px: (L,) reliabilities.
         pose_graph: Fixes, motion and priors.
         context: Calibration, weights and loss.
         fixed: (F,) frames to hold.
-        shared: Start of the vectors that all frames share.
+        shared: Initial values of the vectors that all frames share.
     """
     observations, config, K = scene.observations, context.config, context.K
     if config.batch.weight == "per_frame":
@@ -175,7 +180,7 @@ def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsa
     """Return factors for frames without observations: zero motion for standing ones, else constant velocity.
 
     Args:
-        scene: Selected observations.
+        scene: The scene with selected observations.
         config: Densities of the motion noise.
         speed_scale: Map units per metre, for a map that has no scale yet.
     """
@@ -213,7 +218,7 @@ def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
 def gps_and_motion(
     scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
 ) -> gtsam.NonlinearFactorGraph:
-    """Return all factors on poses of a scene that lies in the world; the rest as for :func:`gps_graph`."""
+    """Return all factors on the poses of an aligned scene; other arguments as for :func:`gps_graph`."""
     graph = gps_graph(fixes, scene.t_s, sensors, context.config.gps, n)
     graph.push_back(other_pose_factors(scene, sensors, context))
     return graph
@@ -222,16 +227,18 @@ def gps_and_motion(
 def other_pose_factors(
     scene: Scene, sensors: Sensors, context: SmoothingContext
 ) -> gtsam.NonlinearFactorGraph:
-    """Return all factors on poses but those of the fixes."""
+    """Return all factors on poses except those of the fixes."""
     config = context.config
     graph = sensors.priors()
     graph.push_back(motion_graph(scene, config))
-    graph.push_back(_upright(len(scene.t_s), config))
-    graph.push_back(_known_points(scene.controls, context))
+    graph.push_back(_upright_priors(len(scene.t_s), config))
+    graph.push_back(_control_point_factors(scene.controls, context))
     return graph
 
 
-def _known_points(controls: ControlObservations, context: SmoothingContext) -> gtsam.NonlinearFactorGraph:
+def _control_point_factors(
+    controls: ControlObservations, context: SmoothingContext
+) -> gtsam.NonlinearFactorGraph:
     graph, K = gtsam.NonlinearFactorGraph(), context.K
     calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
     noise = projection_noise(context.config.start.control_sigma_px)
@@ -240,8 +247,8 @@ def _known_points(controls: ControlObservations, context: SmoothingContext) -> g
     return graph
 
 
-def _upright(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:
-    """Return one prior of an upright camera, spread over some frames: its mounting is one unknown."""
+def _upright_priors(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:
+    """Return the prior of a level camera, spread over some frames with the total weight of one."""
     graph = gtsam.NonlinearFactorGraph()
     rows = np.unique(np.linspace(0, frames - 1, _LEVEL_FRAMES).astype(int))
     sigmas = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg]) * np.sqrt(len(rows))

@@ -1,8 +1,8 @@
-"""Refinement of the camera's calibration, alternating with stage D, on request.
+"""Self-calibration: refinement of the camera's intrinsics in alternation with stage D, on request.
 
-Stage D is solved for poses and landmarks with the calibration held; then a Gauss-Newton step in the
-calibration is taken in which poses and landmarks follow as the linearised optimum predicts; and so on until
-the steps are small against their standard deviations.
+Stage D is solved for poses and landmarks with the calibration held. A Gauss-Newton step of the calibration
+follows, in which poses and landmarks move as the linearised optimum predicts. Both are repeated until the
+steps are small relative to their standard deviations.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import factorise_landmarks, landmark_steps
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
-_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the differences that give the Jacobian
+_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
 
 
 @dataclass(frozen=True)
@@ -33,30 +33,34 @@ class RefinedCamera:
     """An estimated calibration.
 
     Attributes:
-        camera: The lens model of the one given, with other numbers.
+        camera: The refined camera, of the same lens model.
         sigma: Standard deviations by name: ``focal`` (relative, of fx and fy together), ``cx``, ``cy`` [px],
             and where the lens has them ``k1``, ``k2``.
         steps: Number of steps.
-        settled: Whether the last step was small against its standard deviations.
+        converged: Whether the last step was small relative to its standard deviations.
     """
 
     camera: Camera
     sigma: Mapping[str, float]
     steps: int
-    settled: bool
+    converged: bool
 
     def note(self, given: Camera) -> str:
-        """Return a warning that says what was changed."""
-        found = self.camera
+        """Return a warning with the old and new parameters."""
+        refined = self.camera
         words = (
-            f"the calibration was refined: fx {given.fx:.1f} -> {found.fx:.1f} px "
-            f"(sigma {found.fx * self.sigma['focal']:.1f}), centre {given.cx:.1f}, {given.cy:.1f} -> "
-            f"{found.cx:.1f}, {found.cy:.1f} px (sigma {self.sigma['cx']:.1f}, {self.sigma['cy']:.1f})"
+            f"the calibration was refined: fx {given.fx:.1f} -> {refined.fx:.1f} px "
+            f"(sigma {refined.fx * self.sigma['focal']:.1f}), centre {given.cx:.1f}, {given.cy:.1f} -> "
+            f"{refined.cx:.1f}, {refined.cy:.1f} px (sigma {self.sigma['cx']:.1f}, {self.sigma['cy']:.1f})"
         )
         for k, name in enumerate(name for name in ("k1", "k2") if name in self.sigma):
-            was, now = given.distortion[k], found.distortion[k]
-            words += f", {name} {was:.4f} -> {now:.4f} (sigma {self.sigma[name]:.4f})"
-        return words if self.settled else f"{words}; it had not settled after {self.steps} turns"
+            before, after = given.distortion[k], refined.distortion[k]
+            words += f", {name} {before:.4f} -> {after:.4f} (sigma {self.sigma[name]:.4f})"
+        return (
+            words
+            if self.converged
+            else f"{words}; it did not converge in {self.steps} steps: raise intrinsics.iterations"
+        )
 
 
 def refine_camera(
@@ -68,25 +72,25 @@ def refine_camera(
     """Run stage D with the calibration as an unknown.
 
     Args:
-        scene: As for stage D, observations undistorted by ``camera``.
-        camera: The calibration to begin with, and its prior.
-        optimise: Stage D, of a scene and the camera of its observations.
-        config: How firmly the prior is believed, and when to stop.
+        scene: Input of stage D, observations undistorted by ``camera``.
+        camera: Initial calibration, and mean of its prior.
+        optimise: Stage D as a function of a scene and the camera that its observations were undistorted by.
+        config: Standard deviations of the prior, and stopping criteria.
     """
-    given, result, step, settled = camera, optimise(scene, camera), 0, False
-    while step < config.iterations and not settled:
+    given, result, step, converged = camera, optimise(scene, camera), 0, False
+    while step < config.iterations and not converged:
         step += 1
         delta, sigma, following = _step(result.problem, camera, given, config)
         moved = _changed(camera, delta)
-        scene = _seen_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
+        scene = _undistorted_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
         camera = moved
         result = optimise(scene, camera)
-        settled = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
-    return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, settled)
+        converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
+    return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
 def _changed(camera: Camera, delta: FloatArray) -> Camera:
-    """Return the camera with log focal length, principal point and first coefficients changed."""
+    """Return the camera with a change of log focal length, principal point and first two coefficients."""
     scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
     coefficients[: len(delta) - 3] += delta[3:]
     return replace(
@@ -110,22 +114,25 @@ def _sigmas(config: IntrinsicsConfig) -> FloatArray:
 
 
 def _difference(camera: Camera, given: Camera) -> FloatArray:
-    """Return the change so far."""
+    """Return the parameters (p,) of a camera relative to the given one."""
     ends = np.array(camera.distortion) - np.array(given.distortion)
     moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
     return np.array(moved[: _parameters(camera)])
 
 
-def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """Return the scene with its observations undistorted by another camera; those it cannot see stay."""
+def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
+    """Return the scene with its observations undistorted by another camera, unchanged outside its lens
+    model."""
     old, controls = scene.observations, scene.controls
 
-    def again(uv_px: FloatArray) -> FloatArray:
-        found = undistort(camera, distort(before, uv_px))
-        return np.where(np.isfinite(found), found, uv_px)
+    def undistorted(uv_px: FloatArray) -> FloatArray:
+        new = undistort(camera, distort(before, uv_px))
+        return np.where(np.isfinite(new), new, uv_px)
 
-    observations = Observations(old.frame, old.landmark, again(old.uv_px))
-    return replace(scene, observations=observations, controls=replace(controls, uv_px=again(controls.uv_px)))
+    observations = Observations(old.frame, old.landmark, undistorted(old.uv_px))
+    return replace(
+        scene, observations=observations, controls=replace(controls, uv_px=undistorted(controls.uv_px))
+    )
 
 
 def _step(
@@ -133,25 +140,25 @@ def _step(
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
     """Return step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow.
 
-    Time offset and lever arm are held meanwhile.
+    Time offset and lever arm are held.
     """
     structure, size = analyse_sparsity(problem), _parameters(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
     coupling = np.zeros((6, len(structure.free), size))
-    own, gradient = np.zeros((size, size)), np.zeros(size)
+    hessian, gradient = np.zeros((size, size)), np.zeros(size)
     by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
     for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([_without_points(part, J[k]) for k in range(size)])
+        reduced = np.stack([_projected_residuals(part, J[k]) for k in range(size)])
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
         coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
-        own += np.einsum("kin,min->km", J, reduced)
+        hessian += np.einsum("kin,min->km", J, reduced)
         gradient += np.einsum("in,kin->k", part.r, reduced)
     moves = structure.free >= 0
     V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
     factor, pose_gradient = factorise_pose_system(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     prior = 1.0 / _sigmas(config)[:size] ** 2
-    information = own - V.T @ follow[:, :-1] + np.diag(prior)
+    information = hessian - V.T @ follow[:, :-1] + np.diag(prior)
     gradient = gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
@@ -184,8 +191,8 @@ def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, si
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
 
 
-def _without_points(part: LinearisedChunk, r: FloatArray) -> FloatArray:
-    """Return what remains of residuals r (2, n) after the points have moved to reduce them."""
+def _projected_residuals(part: LinearisedChunk, r: FloatArray) -> FloatArray:
+    """Return residuals r (2, n) minus the part that the points absorb."""
     points = factorise_landmarks(part, 0.0)
     step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(r - np.einsum("ian,an->in", part.jl, step))

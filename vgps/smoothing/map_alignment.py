@@ -1,4 +1,4 @@
-"""When and how a map finds its place in the world: by the fixes so far, or by control points."""
+"""Alignment of a local map with the world by the fixes so far, or by control points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from vgps.smoothing.alignment import Alignment, align
 
 @dataclass(frozen=True)
 class AlignmentResult:
-    """The update that moves a map into the world, and warnings."""
+    """Update that aligns a map with the world, and warnings."""
 
     update: MapUpdate
     warnings: tuple[str, ...] = ()
@@ -27,25 +27,25 @@ class AlignmentResult:
 def align_to_fixes(
     local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> AlignmentResult | None:
-    """Move a map into the world if the fixes within its frames make that possible.
+    """Return the alignment of a map with the fixes within its frames, or None if they do not suffice.
 
     Args:
-        local_map: Not aligned yet.
-        fixes: All fixes; later ones than the map's last frame are not looked at.
+        local_map: Map that is not aligned.
+        fixes: All fixes; those after the map's last frame are ignored.
         camera_p_antenna: (3,) metres.
-        config: Its ``start`` says what it takes.
+        config: Gives the requirements, ``start``.
     """
-    found = find_alignment(local_map, fixes, camera_p_antenna, config.start)
-    if found is None:
+    alignment = find_alignment(local_map, fixes, camera_p_antenna, config.start)
+    if alignment is None:
         return None
-    update = MapUpdate(similarity=found.to_world, aligned=True)
-    if not found.straight:
+    update = MapUpdate(similarity=alignment.to_world, aligned=True)
+    if not alignment.straight:
         return AlignmentResult(update)
     return AlignmentResult(
         update,
         (
-            f"the track up to {local_map.t_s[-1]:.1f} s is too straight to show the camera's roll: it was "
-            f"started level, with a standard deviation of {config.start.level_sigma_deg:g} degrees",
+            f"the path up to {local_map.t_s[-1]:.1f} s is too straight to determine the camera's roll: the "
+            f"camera is assumed level with a standard deviation of {config.start.level_sigma_deg:g} degrees",
         ),
     )
 
@@ -53,35 +53,36 @@ def align_to_fixes(
 def align_to_control(
     local_map: LocalMap, poses: Mapping[int, FloatArray], min_travel_m: float
 ) -> AlignmentResult | None:
-    """Move a map into the world by frames whose poses control points give, if they suffice.
+    """Return the alignment of a map with frames posed by control points, or None if they do not suffice.
 
-    Rotation is the mean over these frames, scale the ratio of their spreads.
+    The rotation is the mean over these frames, the scale the ratio of their spreads.
 
     Args:
-        local_map: Not aligned yet.
-        poses: (4, 4) by frame.
-        min_travel_m: The frames must lie at least this far apart.
+        local_map: Map that is not aligned.
+        poses: World poses (4, 4) by frame.
+        min_travel_m: Minimum extent of the frames' positions.
     """
     frames = [f for f in sorted(poses) if local_map.first_posed <= f < local_map.next_frame]
     frames = [f for f in frames if np.isfinite(local_map.pose(f)[0, 0])]
     if len(frames) < 2:
         return None
     world = np.array([poses[f] for f in frames])
-    own = np.array([local_map.pose(f) for f in frames])
-    spread = [p[:, :3, 3] - p[:, :3, 3].mean(axis=0) for p in (world, own)]
+    in_map = np.array([local_map.pose(f) for f in frames])
+    spread = [p[:, :3, 3] - p[:, :3, 3].mean(axis=0) for p in (world, in_map)]
     if np.linalg.norm(np.ptp(world[:, :3, 3], axis=0)) < min_travel_m or np.abs(spread[1]).max() < 1e-9:
         return None
-    rotation = Rotation.from_matrix(world[:, :3, :3] @ own[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
+    rotation = (
+        Rotation.from_matrix(world[:, :3, :3] @ in_map[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
+    )
     scale = float(np.linalg.norm(spread[0]) / np.linalg.norm(spread[1]))
-    place = world[:, :3, 3].mean(axis=0) - scale * rotation @ own[:, :3, 3].mean(axis=0)
-    return AlignmentResult(MapUpdate(similarity=Similarity(scale, rotation, place), aligned=True))
+    translation = world[:, :3, 3].mean(axis=0) - scale * rotation @ in_map[:, :3, 3].mean(axis=0)
+    return AlignmentResult(MapUpdate(similarity=Similarity(scale, rotation, translation), aligned=True))
 
 
 def find_alignment(
     local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: StartConfig
 ) -> Alignment | None:
-    """Return the similarity that puts a map into the world by the fixes within its frames, if they
-    suffice."""
+    """Return the alignment of a map with the fixes within its frames, or None if they do not suffice."""
     path = map_trajectory(local_map)
     if len(path) < 2:
         return None

@@ -26,15 +26,15 @@ from vgps.solution import FrameState, Observations, Trajectory
 
 @dataclass(frozen=True, kw_only=True)
 class MergedMaps:
-    """All maps in one world.
+    """All maps in one world frame.
 
     Attributes:
-        scene: What stage D starts from.
-        assessment: Of the fixes, by which drift was taken out.
-        state: (F,) of each frame.
+        scene: Input of stage D.
+        assessment: Assessment of the fixes before the drift correction.
+        state: (F,) state of each frame.
         gray: (L,) luminance of the features, uint8.
-        georeferenced: Whether fixes or control points tie the world.
-        warnings: In words.
+        georeferenced: Whether fixes or control points define the world frame.
+        warnings: Warnings for the user.
     """
 
     scene: Scene
@@ -48,14 +48,14 @@ class MergedMaps:
 def merge_maps(
     maps: Sequence[LocalMap], t_s: FloatArray, fixes: Fixes, sensors: Sensors, context: SmoothingContext
 ) -> MergedMaps:
-    """Put every map into the world, by its own fixes or by continuing its neighbour, and pose every frame.
+    """Align every map with its fixes or else with its neighbour, and pose every frame.
 
     Args:
-        maps: In order of time, at least one; they are not changed.
+        maps: In chronological order, at least one; they are not changed.
         t_s: (F,) times of all frames.
-        fixes: All fixes, by their own clock.
-        sensors: Lever arm, and the time offset as far as it is known.
-        context: Control points, and what it takes to align.
+        fixes: All fixes, at the times of their time stamps.
+        sensors: Lever arm, and the time offset estimated so far.
+        context: Control points, and settings.
 
     Raises:
         GeometryError: There are fixes, but no map could be aligned with them.
@@ -65,16 +65,16 @@ def merge_maps(
     georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
     warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
     assessment = FixAssessment.unassessed(len(fixes))
-    in_time = fixes.earlier(sensors.time_offset_s)
+    corrected = fixes.earlier(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
-        poses, _ = _every_frame(maps, t_s)
-        assessment = detect_outliers(Trajectory(t_s, poses), in_time, antenna, config)
-    believed = assessment.applied(in_time)
+        poses, _ = _pose_all_frames(maps, t_s)
+        assessment = detect_outliers(Trajectory(t_s, poses), corrected, antenna, config)
+    usable = assessment.applied(corrected)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
-            if contradicts(local_map, believed, antenna, config, whole=True):
-                local_map.apply(correct_drift(local_map, believed, antenna, config))
-    poses, state = _every_frame(maps, t_s)
+            if contradicts(local_map, usable, antenna, config, whole=True):
+                local_map.apply(correct_drift(local_map, usable, antenna, config))
+    poses, state = _pose_all_frames(maps, t_s)
     return MergedMaps(
         scene=_scene(maps, Trajectory(t_s, poses), context),
         assessment=assessment,
@@ -88,35 +88,38 @@ def merge_maps(
 def _align_maps(
     maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> tuple[bool, list[str]]:
-    """Align each map by its own fixes; return whether any lies in the world, and warnings."""
+    """Align each map with the fixes within it; return whether the result is georeferenced, and warnings."""
     for local_map in maps:
         local_map.apply(pose_standing_frames(local_map))
         if not local_map.aligned:
-            found = find_alignment(local_map, fixes, camera_p_antenna, config.start)
-            if found is not None:
-                local_map.apply(MapUpdate(similarity=found.to_world, aligned=True))
+            alignment = find_alignment(local_map, fixes, camera_p_antenna, config.start)
+            if alignment is not None:
+                local_map.apply(MapUpdate(similarity=alignment.to_world, aligned=True))
     if any(local_map.aligned for local_map in maps):
         return True, []
     if fixes.used.any():
-        return True, [_align_poorly(maps, fixes, camera_p_antenna, config)]
+        return True, [_align_longest(maps, fixes, camera_p_antenna, config)]
     maps[0].apply(MapUpdate(aligned=True))
-    return False, ["no fix ties the result to the world: place, heading and scale are arbitrary"]
+    return False, [
+        "no fix or control point ties the result to the world: position, heading and scale are arbitrary; "
+        "give a GPS log or control points"
+    ]
 
 
-def _align_poorly(
+def _align_longest(
     maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> str:
-    """Align the longest map by fixes that hardly suffice; return a warning."""
+    """Align the longest map with fixes of too small an extent; return a warning."""
     start = config.start.model_copy(update={"min_travel_ratio": config.start.final_travel_ratio})
     longest = max(maps, key=lambda local_map: len(local_map.poses))
-    found = find_alignment(longest, fixes, camera_p_antenna, start)
-    if found is None:
+    alignment = find_alignment(longest, fixes, camera_p_antenna, start)
+    if alignment is None:
         raise _not_aligned(fixes, config)
-    longest.apply(MapUpdate(similarity=found.to_world, aligned=True))
+    longest.apply(MapUpdate(similarity=alignment.to_world, aligned=True))
     span, radius = _span(fixes)
     return (
-        f"the fixes span {span:.1f} m, each good to {radius:.1f} m: scale and heading are poorly known, "
-        f"which a path of {config.start.min_travel_ratio * radius:.0f} m or control points would show"
+        f"the fixes span {span:.1f} m with regions of {radius:.1f} m, so scale and heading are poorly known: "
+        f"record a path of {config.start.min_travel_ratio * radius:.0f} m, or give control points"
     )
 
 
@@ -137,7 +140,7 @@ def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
 
 
 def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int) -> list[str]:
-    """Let maps that no fix aligns go on where their neighbour ended, at its velocity; return warnings."""
+    """Align maps without fixes by continuing their neighbour at constant velocity; return warnings."""
     warnings = []
     order = sorted(
         range(len(maps)), key=lambda k: min(abs(k - j) for j in range(len(maps)) if maps[j].aligned)
@@ -151,8 +154,8 @@ def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int) 
         maps[k].apply(MapUpdate(similarity=to_world, aligned=True))
         first, last = maps[k].first_posed, maps[k].next_frame - 1
         warnings.append(
-            f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s) have too few fixes of their "
-            "own: they continue their neighbours' motion, scale included"
+            f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s) have too few fixes to align "
+            "them: position, heading and scale are extrapolated from the neighbouring frames"
         )
     return warnings
 
@@ -174,15 +177,15 @@ def _continuation(
         else max(local_map.first_posed, at - edge_frames)
     )
     velocity = (neighbour.pose(edge)[:3, 3] - neighbour.pose(inner)[:3, 3]) / (t_s[edge] - t_s[inner])
-    own = (local_map.pose(ahead)[:3, 3] - local_map.pose(at)[:3, 3]) / (t_s[ahead] - t_s[at])
-    scale = float(np.linalg.norm(velocity) / max(float(np.linalg.norm(own)), 1e-12))
+    in_map = (local_map.pose(ahead)[:3, 3] - local_map.pose(at)[:3, 3]) / (t_s[ahead] - t_s[at])
+    scale = float(np.linalg.norm(velocity) / max(float(np.linalg.norm(in_map)), 1e-12))
     rotation = neighbour.pose(edge)[:3, :3] @ local_map.pose(at)[:3, :3].T
     target = neighbour.pose(edge)[:3, 3] + velocity * (t_s[at] - t_s[edge])
     return Similarity(scale, rotation, target - scale * rotation @ local_map.pose(at)[:3, 3])
 
 
-def _every_frame(maps: Sequence[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tuple[FrameState, ...]]:
-    """Return poses (F, 4, 4): tracked, or interpolated between and extrapolated beyond tracked ones."""
+def _pose_all_frames(maps: Sequence[LocalMap], t_s: FloatArray) -> tuple[FloatArray, tuple[FrameState, ...]]:
+    """Return poses (F, 4, 4), inter- or extrapolated where frames were not tracked, and states (F,)."""
     poses = np.full((len(t_s), 4, 4), np.nan)
     state = [FrameState.BRIDGED] * len(t_s)
     for local_map in maps:

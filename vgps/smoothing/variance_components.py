@@ -1,9 +1,9 @@
-"""Variance components: the balance between video and GPS, estimated from how well the fixes fit.
+"""Variance components: the relative weight of video and GPS, estimated from the misfit of the fixes.
 
-If the fixes' misfit is not what their regions predict, the sigmas of video and GPS cannot both be right. The
+If the misfit differs from that expected by the regions, the sigmas of video and GPS cannot both be right. The
 regions come from a survey, so the video's scale is adapted: Förstner's update of a variance component
 (Förstner 1979, Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten), ``s^2 <- s^2 * misfit``,
-with a prior for the few independent errors that a log contains.
+with a prior, since a log contains few independent errors.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from vgps.smoothing.covariance import region_sigmas
 from vgps.solution import Trajectory
 
 
-def balanced(
+def balanced_sigma_scale(
     config: Config,
     scale: float,
     path: Trajectory,
@@ -25,10 +25,10 @@ def balanced(
     """Return the video's sigma scale for the next round, from the fixes' misfit in this one.
 
     Args:
-        config: The prior of the scale, and its weight.
-        scale: Of this round.
-        path: The result so far.
-        fixes: In time.
+        config: Prior of the scale, and its weight.
+        scale: Scale of this round.
+        path: Path after this round.
+        fixes: Fixes with their verdicts applied and their time offset removed.
         camera_p_antenna: (3,) metres.
     """
     batch = config.batch
@@ -39,26 +39,28 @@ def balanced(
 
 
 def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> float:
-    """Return the fixes' squared misfit over that expected from their regions, drawn towards 1 where few.
+    """Return the a posteriori variance factor: squared misfit of the fixes over that expected from their
+    regions.
 
-    Geodesy's variance factor after an adjustment; covariances are scaled by it as well. Arguments are those
-    of :func:`balanced`; it is 1 without fixes.
+    A prior of weight ``balance_prior_fixes`` pulls it towards 1, its value without fixes. Covariances are
+    scaled by it as well. Arguments are those of :func:`balanced_sigma_scale`.
     """
-    taking = fixes.where(contributing_fixes(fixes, path.t_s, config.gps))
-    if len(taking) == 0:
+    contributing = fixes.where(contributing_fixes(fixes, path.t_s, config.gps))
+    if len(contributing) == 0:
         return 1.0
     offset = (
-        antenna_at(path.world_T_camera, place(path.t_s, taking.t_s), camera_p_antenna) - taking.world_p_fix
+        antenna_at(path.world_T_camera, place(path.t_s, contributing.t_s), camera_p_antenna)
+        - contributing.world_p_fix
     )
-    misfit = np.mean((offset / region_sigmas(taking)) ** 2, axis=1)
-    worth, believed = independent_epochs(taking), config.batch.balance_prior_fixes
-    return float((believed + worth @ misfit) / (believed + worth.sum()))
+    misfit = np.mean((offset / region_sigmas(contributing)) ** 2, axis=1)
+    weight, prior = independent_epochs(contributing), config.batch.balance_prior_fixes
+    return float((prior + weight @ misfit) / (prior + weight.sum()))
 
 
 def independent_epochs(fixes: Fixes) -> FloatArray:
-    """Return how independent (M,) each fix's error is of the one before: their time apart, at most 1."""
-    apart = np.diff(fixes.t_s, prepend=-np.inf)
-    return np.asarray(np.minimum(apart / fixes.correlation_s, 1.0))
+    """Return the number of independent errors (M,), at most 1, that each fix adds to the one before."""
+    interval_s = np.diff(fixes.t_s, prepend=-np.inf)
+    return np.asarray(np.minimum(interval_s / fixes.correlation_s, 1.0))
 
 
 def _limits(batch: BatchConfig) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Stage C, Kume 2010: optimise the last frames of a map, with what is older held."""
+"""Stage C, Kume 2010: sliding-window optimisation of the last frames of a map, older ones held."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ from vgps.solver.bundle_adjustment import SolverSettings, solve
 
 @dataclass(frozen=True)
 class WindowResult:
-    """New poses and positions, and whether the optimiser found a way down; if not they are as they were."""
+    """New poses and positions, unchanged if ``converged`` is false: no step lowered the cost."""
 
     update: MapUpdate
     converged: bool
@@ -39,21 +39,21 @@ def optimise_window(
     context: SmoothingContext,
     tolerance: float = 1.0,
 ) -> WindowResult:
-    """Optimise the poses of the last frames and the features seen in them.
+    """Optimise the poses of the last frames and the features observed in them.
 
-    Older frames that share features with the window are held: what was learnt before, scale and place above
-    all, reaches the window through them alone, as if they were exact. Measured against iSAM2 and its fixed
-    lag this is faster and as near to the truth (``scripts.benchmarks.window``), but what is held can be
-    wrong: :func:`contradicts` asks the fixes. A map that begins in the window is held by GPS if it lies in
-    the world, else by its first two posed frames.
+    Older frames that share features with the window are held as if they were exact; they alone carry earlier
+    information, mainly scale and position, into the window. Compared with iSAM2 and a fixed-lag smoother this
+    is faster and as accurate (``scripts.benchmarks.window``), but held frames may be wrong, for which
+    :func:`contradicts` tests the fixes. A map that begins in the window is constrained by GPS if it is
+    aligned, else by holding its first posed frame and the farthest of the next few.
 
     Args:
         local_map: The map; it is not changed.
-        fixes: Fixes so far, in time.
+        fixes: Fixes so far, with the time offset removed.
         camera_p_antenna: (3,) metres.
         context: Calibration, control points, window, weights and GPS model.
-        tolerance: Limit of observations that contradict the start, in ``max_reprojection_px``: more where it
-            is rough.
+        tolerance: Limit of the initial reprojection error in ``max_reprojection_px``; larger if the poses are
+            rough.
 
     Raises:
         GeometryError: The poses are so far off that the cost is not finite.
@@ -93,15 +93,15 @@ def contradicts(
     config: Config,
     whole: bool = False,
 ) -> bool:
-    """Return whether fixes of the last window lie so far off that the older frames must be wrong as well.
+    """Return whether fixes of the last window are so far off that the older, held frames must be wrong.
 
-    They do where one lies farther outside its region than a camera drifts over the distance, or where all
-    together lie to one side of the path by more than their regions.
+    They are if one is farther outside its region than odometry drifts over the distance, or if the mean
+    offset of all of them exceeds their mean region.
 
     Args:
-        local_map: Aligned.
+        local_map: Aligned map.
         fixes, camera_p_antenna, config: As in :func:`optimise_window`.
-        whole: Look at the whole map instead of its last window.
+        whole: Whether to test the whole map instead of its last window.
     """
     begin = 0 if whole else local_map.next_frame - config.window.length_frames
     first = max(local_map.first_posed, begin) - local_map.first_frame
@@ -119,7 +119,7 @@ def contradicts(
         return True
     if rows.sum() < config.window.min_shared_fixes:
         return False
-    # a small offset that all fixes share is none of theirs: the held frames would keep it for good
+    # an offset common to all fixes is an error of the path, which the held frames would preserve
     shared = offset.mean(axis=0)
     return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
@@ -134,6 +134,6 @@ def _typical_speed(path: Trajectory) -> float:
 
 
 def _loose_prior(pose: FloatArray) -> gtsam.PriorFactorPose3:
-    # fixes alone leave a straight track free to roll; a few degrees keep the system definite
+    # on a straight path fixes do not determine the roll; this keeps the system positive definite
     sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0])
     return gtsam.PriorFactorPose3(X(0), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
