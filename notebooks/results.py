@@ -138,7 +138,8 @@ if "receivers" in FILES:
     axes.set_yticks(range(len(places)), list(places))
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="mean error of the default over the better of fixes and Gaussian")
-    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
+    axes.minorticks_off()
     plt.show()
 
 # %% [markdown]

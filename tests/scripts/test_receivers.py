@@ -143,7 +143,12 @@ def test_every_source_is_replayed_from_its_log(drive, data_dir, source):
     assert np.isfinite(found.log.sigma_m).all() == (source != "ublox")
     apart = drive.errors(found.log, found.late_s)[:, None] - whole.errors.error_m[None]
     assert np.abs(apart).max(axis=2).min(axis=1).max() < 1e-6  # each is an error of the series
-    assert make_errors(source, drive, data_dir, seed=1).log.t_s[0] != found.log.t_s[0]
+    others = (
+        make_errors(source, drive, data_dir, 1),
+        make_errors(source, replace(drive, name="b"), data_dir, 0),
+    )
+    assert len({one.log.t_s[0] for one in (found, *others)}) == 3
+    np.testing.assert_array_equal(make_errors(source, drive, data_dir, 0).log.height_m, found.log.height_m)
 
 
 def test_wrong_is_what_the_class_and_the_sigmas_exclude():
@@ -165,6 +170,21 @@ def test_wrong_is_what_the_class_and_the_sigmas_exclude():
     good, wrong = good_and_wrong(make_gps_log(np.arange(8.0), classes, sigma_m=sigma), error)
     assert np.flatnonzero(good).tolist() == [0, 4]
     assert np.flatnonzero(wrong).tolist() == [1, 3, 5]
+
+
+def test_wrong_fixes_of_a_shipped_log_are_found(data_dir):
+    folder = data_dir / "kitti03"
+    drive = open_drive("kitti03", data_dir, data_dir)
+    listed = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
+    for log, expected in (("gps_outliers.nmea", listed), ("gps_late.nmea", []), ("gps_float_b.nmea", [])):
+        errors = make_errors(log, drive, data_dir, 0)
+        _, wrong = good_and_wrong(errors.log, drive.errors(errors.log, errors.late_s))
+        assert np.flatnonzero(wrong).tolist() == expected and errors.seen
+
+
+def test_logs_of_the_same_drive_beside_a_recording_ship_with_it(data_dir):
+    names = open_drive("kitti03:300-600", data_dir, data_dir).shipped()
+    assert {"gps_fix.nmea", "kitti03_more/gps_moving.nmea"} <= set(names)
 
 
 def test_verdicts_are_counted_by_class():

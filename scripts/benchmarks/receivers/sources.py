@@ -117,7 +117,7 @@ def make_errors(source: str, drive: Drive, data: Path, seed: int) -> Errors:
         source: A name in ``REPLAYED``, or a log that ships with the drive.
         drive: Where the antenna truly was.
         data: Folder of the receivers' logs.
-        seed: Chooses the stretch that is replayed; a shipped log is always the same.
+        seed: Chooses the stretch that is replayed, another on each drive; a shipped log is always the same.
 
     Raises:
         GpsLogError: A log cannot be read.
@@ -128,7 +128,7 @@ def make_errors(source: str, drive: Drive, data: Path, seed: int) -> Errors:
         return Errors(drive.read_log(drive.shipped()[source]), receiver, _LATE_S.get(source, 0.0))
     chosen = REPLAYED[source]
     series = read_series(source, data)
-    rng = np.random.default_rng([seed, crc32(source.encode())])
+    rng = np.random.default_rng([seed, crc32(f"{Path(drive.name).name} {source}".encode())])
     return Errors(replayed(series, chosen.choose, drive, rng), chosen.receiver, series.late_s)
 
 
