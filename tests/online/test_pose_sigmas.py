@@ -59,7 +59,7 @@ class Drive:
         )
         if fixes and frame % 10 == 5:
             self.fix()
-        self.uncertainty.note_fixes()
+        self.uncertainty.record_fixes()
         return found
 
     def frames(self, count, **options):
@@ -90,8 +90,8 @@ def test_fixes_that_came_after_stage_c_do_not_count_yet():
     for each in (drive, later):
         each.frames(91, fixes=False)
     drive.fix()
-    drive.uncertainty.note_fixes()
-    later.uncertainty.note_fixes()
+    drive.uncertainty.record_fixes()
+    later.uncertainty.record_fixes()
     later.fix()
     drive.frames(15, fixes=False)
     assert drive.frame().position_m[0] < 0.2 * later.frames(1)[0, 0]

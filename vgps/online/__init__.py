@@ -1,4 +1,4 @@
-"""Poses while the video runs."""
+"""Live mode: poses while the video runs."""
 
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, OnlineState
 from vgps.online.smoother import OnlineSmoother

@@ -1,4 +1,4 @@
-"""What is kept of every frame and every fix for the run folder: about 100 bytes each."""
+"""Compact records of every frame and every fix for the run folder, about 100 bytes each."""
 
 from pathlib import Path
 
@@ -16,9 +16,9 @@ _CLASSES = tuple(FixClass)
 
 
 class FrameArchive:
-    """A pose for every frame: as it came, later as it was when it was discarded.
+    """Poses of all frames: as published first, later as they were when the map discarded them.
 
-    Its standard deviations stay those with which it came; corrections since made it no worse.
+    The standard deviations remain those published, since later corrections do not make a pose worse.
     """
 
     def __init__(self) -> None:
@@ -27,13 +27,13 @@ class FrameArchive:
         self._tracked = GrowingArray()
 
     def append(self, world_T_camera: FloatArray, sigmas: Sigmas, tracked: bool) -> None:
-        """Append the next frame; NaN if it has no pose in the world."""
+        """Append the next frame; its pose is NaN if it has none in the world."""
         self._sigmas.append([sigmas.position_m, sigmas.rotation_rad])
         self._poses.append(world_T_camera[:3])
         self._tracked.append(tracked)
 
     def update(self, part: RetiredPoses) -> None:
-        """Take over poses as they are now, unless their map is not aligned."""
+        """Replace poses by their final ones, if their map is aligned."""
         if not part.aligned:
             return
         known = np.flatnonzero(np.isfinite(part.poses[:, 0, 0]))
@@ -57,13 +57,13 @@ class FrameArchive:
         return Sigmas(self._sigmas.values[:, 0].copy(), self._sigmas.values[:, 1].copy())
 
     def states(self) -> tuple[FrameState, ...]:
-        """Return how each frame (F,) was posed."""
+        """Return the state of each frame (F,)."""
         states = FrameState.BRIDGED, FrameState.TRACKED
         return tuple(states[int(tracked)] for tracked in self._tracked.values)
 
 
 class FixArchive:
-    """Every fix that was added, in the order of adding, and the last verdict on each."""
+    """All fixes in order of arrival, and the newest assessment of each."""
 
     def __init__(self) -> None:
         self._rows = GrowingArray((12,))
@@ -87,11 +87,11 @@ class FixArchive:
         return _CLASSES[int(self._rows.values[row, 11])]
 
     def set_assessment(self, number: np.ndarray, assessment: FixAssessment) -> None:
-        """Store the newest assessment, of the fixes ``number`` (M,)."""
+        """Store the newest assessment of the fixes with sequence numbers (M,)."""
         self._assessed.values[number] = np.stack([assessment.nominal, assessment.lower], axis=1)
 
     def log(self, source: Path, rows: slice | np.ndarray = slice(None)) -> GpsLog:
-        """Return fixes in the order of ``rows``."""
+        """Return the fixes of ``rows``, in that order, as a log."""
         table = self._rows.values[rows]
         return GpsLog(
             t_s=table[:, 0].copy(),
@@ -108,10 +108,10 @@ class FixArchive:
         )
 
     def in_time_order(self) -> np.ndarray:
-        """Return the rows (M,) in order of time."""
+        """Return the rows (M,) in chronological order."""
         return np.argsort(self._rows.values[:, 0], kind="stable")
 
     def assessment(self, rows: np.ndarray) -> FixAssessment:
         """Return the assessment of the fixes ``rows`` (M,)."""
-        own, lower = self._assessed.values[rows].T
-        return FixAssessment(own.copy(), lower.copy())
+        nominal, lower = self._assessed.values[rows].T
+        return FixAssessment(nominal.copy(), lower.copy())

@@ -1,4 +1,4 @@
-"""A pose without jumps beside one that is corrected: it approaches the corrected one at a limited speed."""
+"""A smooth pose that approaches the corrected pose at a limited speed instead of jumping to it."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,7 +8,7 @@ from vgps.model import FloatArray
 
 
 class Blender:
-    """Follows the corrected poses, while the offset from them that a correction left decays.
+    """Smooth poses: the corrected poses plus an offset left by corrections, which decays.
 
     The offset's length decays by ``exp(-dt / blend_s)``, but by no more than ``blend_m_s * dt`` and
     ``blend_deg_s * dt``.
@@ -20,11 +20,11 @@ class Blender:
         self._rotation = np.zeros(3)
 
     def reset(self) -> None:
-        """Drop the offset: the next pose has no predecessor to be smooth with."""
+        """Drop the offset, for a pose without a predecessor."""
         self._shift, self._rotation = np.zeros(3), np.zeros(3)
 
     def correct(self, before: FloatArray, now: FloatArray) -> None:
-        """Take up a correction of the last frame's pose (4, 4), whose smooth pose stays."""
+        """Account for a correction of the last frame's pose (4, 4); its smooth pose does not change."""
         rotated = Rotation.from_rotvec(self._rotation) * Rotation.from_matrix(before[:3, :3])
         self._rotation = (rotated * Rotation.from_matrix(now[:3, :3]).inv()).as_rotvec()
         self._shift = self._shift + before[:3, 3] - now[:3, 3]
@@ -34,7 +34,7 @@ class Blender:
 
         Args:
             world_T_camera: (4, 4) its corrected pose.
-            interval_s: Since the frame before.
+            interval_s: Time since the previous frame.
         """
         config = self._config
         self._shift = _decayed(self._shift, interval_s, config.blend_s, config.blend_m_s)

@@ -1,4 +1,4 @@
-"""The output of the live mode: a pose per frame, and events."""
+"""Output of the live mode: a pose per frame, and events."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,17 +12,17 @@ class OnlineState(StrEnum):
     """How a frame was posed when it came."""
 
     STARTING = "starting"  # no map yet: the camera has not moved enough
-    UNALIGNED = "unaligned"  # tracked, but scale, heading and place are not known yet
+    UNALIGNED = "unaligned"  # tracked, but scale, heading and position are not known yet
     TRACKED = "tracked"
-    BRIDGED = "bridged"  # no usable features: the last motion goes on for a moment
+    BRIDGED = "bridged"  # no usable features: extrapolated at constant velocity for a short time
     LOST = "lost"
 
 
 @dataclass(frozen=True)
 class OnlineEvent:
-    """Something that happened, at a time of the video.
+    """An event at a time of the video.
 
-    ``kind``: ``aligned`` (scale, heading and place are known), ``corrected`` (the pose was moved by fixes),
+    ``kind``: ``aligned`` (scale, heading and position are known), ``corrected`` (fixes moved the pose),
     ``lost``, ``found``, ``fix`` (a verdict, new or changed) or ``note``.
     """
 
@@ -39,15 +39,15 @@ class OnlineEstimate:
     Attributes:
         frame: Its index.
         t_s: Seconds since the first frame.
-        state: How it was posed; without ``tracked`` or ``bridged`` both poses are NaN.
+        state: How it was posed; both poses are NaN unless ``tracked`` or ``bridged``.
         global_T_camera: (4, 4) world_T_camera, the best estimate; it jumps when fixes correct it.
-        local_T_camera: (4, 4) world_T_camera that moves smoothly: it approaches the other one at a limited
+        local_T_camera: (4, 4) world_T_camera without jumps; it approaches the best estimate at a limited
             speed.
         sigma_position_m: (3,) standard deviations of the best estimate's position, east, north, up, or NaN.
         sigma_rotation_rad: (3,) those of its rotation about east, north, up.
-        world_origin: Of the ENU world; absent until a usable fix came.
-        events: Since the frame before.
-        seconds: Spent on this frame until its pose was known.
+        world_origin: Origin of the ENU world; None before the first usable fix, unless the rig gives it.
+        events: Events since the previous frame.
+        seconds: Processing time until the pose was known.
     """
 
     frame: int

@@ -1,4 +1,4 @@
-"""Fixes from a stream of a receiver's messages, an epoch at a time, by the readers of logs."""
+"""Fixes from a receiver's stream of messages, epoch by epoch, parsed by the readers of logs."""
 
 import io
 from collections.abc import Iterator
@@ -11,17 +11,17 @@ from vgps.readers.fixes import Clock, Fix, RawLog
 from vgps.readers.nmea import read_nmea
 from vgps.readers.ubx import read_ubx
 
-_NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: where the time of week stands
+_NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: offset of the time of week
 _TIMED = (b"GGA", b"GST", b"RMC", b"ZDA")
 _DATED = (b"RMC", b"ZDA")
 _COLLECTED = (*_TIMED, b"GSA")
 
 
 class ByteStream(Protocol):
-    """A stream of bytes: reading blocks until there are some, and returns fewer at the end."""
+    """A stream of bytes whose methods block until data arrive."""
 
     def read(self, size: int, /) -> bytes:
-        """Return so many bytes, fewer at the end."""
+        """Return ``size`` bytes, fewer at the end."""
         ...
 
     def readline(self) -> bytes:
@@ -30,7 +30,7 @@ class ByteStream(Protocol):
 
 
 def messages(stream: ByteStream) -> Iterator[bytes]:
-    """Yield NMEA sentences and UBX messages of the right length, to the end of the stream; skip the rest."""
+    """Yield the complete NMEA sentences and UBX messages of a stream; skip everything else."""
     filters = NMEA_PROTOCOL | UBX_PROTOCOL
     reader = UBXReader(stream, protfilter=filters, quitonerror=0, parsing=PARSE_NONE)
     while True:
@@ -52,9 +52,9 @@ class StreamedFix:
 
 
 class Epochs:
-    """Collects messages of one time; a later message, or :meth:`flush`, ends the epoch and gives the fix.
+    """Collector of the messages of one epoch, which a later message or :meth:`flush` ends.
 
-    As in a log, NMEA counts only until the first NAV-PVT comes. ``line`` of a fix counts messages.
+    As in a log, NMEA is used only before the first NAV-PVT. ``line`` of a fix is the number of its message.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Epochs:
         self._count = 0
 
     def add(self, raw: bytes) -> list[StreamedFix]:
-        """Add a message; return the fix of the epoch before, if it ended."""
+        """Add a message, and return the fix of the previous epoch if the message ends it."""
         self._count += 1
         if raw[:2] == b"\xb5\x62":
             return self._add_ubx(raw)
@@ -93,7 +93,7 @@ class Epochs:
         return done
 
     def flush(self) -> list[StreamedFix]:
-        """Return the fix of the messages so far."""
+        """End the epoch, and return the fix of its messages, if any."""
         epoch, self._epoch, self._key = self._epoch, [], b""
         if not epoch:
             return []

@@ -19,8 +19,8 @@ import serial
 from vgps.errors import GpsLogError
 from vgps.online.gps_messages import ByteStream, Epochs, StreamedFix, messages
 
-_QUIET_S = 0.05  # of silence end an epoch
-_SILENCE_S = 10.0  # after which a connection is made again
+_QUIET_S = 0.05  # silence that ends an epoch
+_SILENCE_S = 10.0  # silence after which the source is reopened
 _RETRY_S = (0.2, 5.0)  # first and longest pause between two attempts
 _GPSD_PORT = 2947  # as assigned by IANA
 _BAUD = 115200  # unless the address names another
@@ -31,21 +31,21 @@ _FORMS = (
 
 @dataclass(frozen=True)
 class ReceivedFix:
-    """A fix, and the computer's time in unix seconds when the last of its messages came."""
+    """A fix, and the arrival of its last message by this computer's clock, unix seconds."""
 
     streamed: StreamedFix
     unix_s: float
 
 
 class GpsSource:
-    """Fixes as they come. A connection that drops, or is silent, is made again until the source is closed.
+    """A live source of fixes; a connection that drops or falls silent is reopened until the source is closed.
 
     Args:
         address: A serial port with or without ``@BAUD``, ``tcp://HOST:PORT``, ``gpsd://HOST[:PORT]`` or
             ``-`` for standard input.
 
     Raises:
-        GpsLogError: It cannot be opened the first time.
+        GpsLogError: The source cannot be opened.
     """
 
     def __init__(self, address: str) -> None:
@@ -67,7 +67,7 @@ class GpsSource:
         threading.Thread(target=self._work, name="gps", daemon=True).start()
 
     def poll(self) -> tuple[list[ReceivedFix], list[str]]:
-        """Return the fixes that came since the last call, and notes on the connection."""
+        """Return the fixes received since the last call, and notes on the connection."""
         found: list[ReceivedFix] = []
         while True:
             try:
@@ -85,7 +85,7 @@ class GpsSource:
         return found, notes
 
     def close(self) -> None:
-        """Stop reading; a silent stream is left to its thread, since closing it would block."""
+        """Stop reading; the thread closes the stream, since closing a silent one would block."""
         self._closed.set()
 
     def _work(self) -> None:
@@ -114,12 +114,12 @@ class GpsSource:
                 return
             if not dropped:
                 self._notes.put(f"{self.address}: the connection dropped; reconnecting")
-            # a server that hangs up at once is not asked five times a second
+            # back off from a server that hangs up at once
             lasted = time.monotonic() - begun_s > _RETRY_S[1]
             wait_s, dropped = self._reconnected(_RETRY_S[0] if lasted else wait_s), True
 
     def _reconnected(self, wait_s: float) -> float:
-        """Reconnect; return how long to wait before the next attempt, should this connection fail at once."""
+        """Reconnect, and return the pause before the next attempt should this connection fail at once."""
         with contextlib.suppress(OSError, serial.SerialException):
             self._stream.close()
         while not self._closed.wait(wait_s):
@@ -131,13 +131,13 @@ class GpsSource:
 
 
 def _opener(address: str) -> tuple[Callable[[], ByteStream], bool]:
-    """Return what opens the source, and whether it may be opened again.
+    """Return a function that opens the source, and whether it may be reopened.
 
     Raises:
-        GpsLogError: The address is of no known form.
+        GpsLogError: The address has no known form.
     """
     if address == "-":
-        # not sys.stdin's own buffer: it may not be locked by a waiting thread when Python ends
+        # not sys.stdin's buffer, which a waiting thread would keep locked when Python exits
         return lambda: os.fdopen(sys.stdin.fileno(), "rb", closefd=False), False
     parts = urlsplit(address)
     if parts.scheme in {"tcp", "gpsd"} and parts.hostname:

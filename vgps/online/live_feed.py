@@ -1,4 +1,4 @@
-"""A camera and a receiver merged into one feed, both on the video's clock."""
+"""One feed of frames and fixes from a camera and a receiver, on the video's clock."""
 
 import threading
 from collections.abc import Iterator
@@ -6,20 +6,20 @@ from datetime import UTC, datetime
 
 from vgps.model import Rig
 from vgps.online.gps_source import GpsSource, ReceivedFix
-from vgps.online.run import Item, SourceNote
+from vgps.online.run import FeedItem, SourceNote
 from vgps.online.video_source import VideoSource
 from vgps.readers.fixes import DAY_S, Clock, Fix, unix_s
 
-_SAME_CLOCK_S = 2.0  # more than receivers are late and clocks on a network are wrong
+_SAME_CLOCK_S = 2.0  # exceeds the latency of receivers and the error of network clocks
 
 
 class VideoClock:
-    """Puts fixes on the video's clock: by ``video_start_utc``, else by this computer's clock.
+    """Conversion of fixes to the video's clock, by ``video_start_utc`` or else by this computer's clock.
 
     Args:
         start_unix_s: UTC of the first frame.
-        live: Whether that is this computer's time; if it differs from the receiver's by seconds, fixes are
-            placed by their arrival.
+        live: Whether that is by this computer's clock; if it differs from the receiver's by seconds, fixes
+            get their times of arrival.
     """
 
     def __init__(self, start_unix_s: float, live: bool) -> None:
@@ -38,22 +38,22 @@ class VideoClock:
             self._correction_s = behind_s if abs(behind_s) > _SAME_CLOCK_S else 0.0
             if self._correction_s:
                 note = (
-                    f"this computer's clock is {behind_s:.1f} s off the receiver's: fixes are placed by "
-                    "their arrival; set the clock (NTP), or give video_start_utc in rig.yaml"
+                    f"this computer's clock differs from the receiver's by {behind_s:.1f} s, so fixes get their "
+                    "times of arrival: set the clock (NTP), or give video_start_utc in rig.yaml"
                 )
         return fix._replace(t_s=utc_s + (self._correction_s or 0.0) - self._start_s), note
 
 
 def live_feed(
     video: VideoSource, gps: GpsSource | None, rig: Rig, stop: threading.Event, delay_s: float = 0.0
-) -> Iterator[Item]:
+) -> Iterator[FeedItem]:
     """Yield frames, fixes and notes as they come, until the video ends or ``stop`` is set.
 
     Args:
-        video, gps: Opened.
+        video, gps: Opened sources.
         rig: Its ``video_start_utc``, if given, is the UTC of the first frame.
-        stop: Ends it.
-        delay_s: From exposure to arrival of a picture, where this computer's clock counts.
+        stop: Event that ends the feed.
+        delay_s: Latency of the camera, from exposure to arrival; used with this computer's clock.
     """
     clock: VideoClock | None = None
     early: list[ReceivedFix] = []
@@ -75,11 +75,14 @@ def live_feed(
             early = []
         if video.dropped >= report_at:
             report_at *= 10
-            yield SourceNote(f"frames come faster than they are posed: {video.dropped} were dropped so far")
+            yield SourceNote(
+                f"frames arrive faster than they are processed: {video.dropped} were dropped so far; reduce the "
+                "frame rate or the image size"
+            )
         if frame is not None:
             yield frame
 
 
 def start_utc(video: VideoSource, rig: Rig, delay_s: float) -> datetime:
-    """Return the UTC of the first frame: the rig's, else by this computer's clock, once a frame has come."""
+    """Return the UTC of the first frame: the rig's, else by this computer's clock; call after that frame."""
     return rig.video_start_utc or datetime.fromtimestamp(video.start_unix_s - delay_s, UTC)

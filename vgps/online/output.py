@@ -1,6 +1,6 @@
 """Estimates as JSON lines: one object per line, ``type`` pose or event; unknown numbers are null.
 
-Every line gives its ``schema_version``, so that a reader may join at any line.
+Every line has a ``schema_version``, so that a reader may start at any line.
 """
 
 import json
@@ -22,10 +22,10 @@ _AXES = "east", "north", "up"
 
 
 class JsonLines:
-    """Writes every estimate as it comes, so that a reader at the other end of a pipe has it at once.
+    """Writer of estimates as JSON lines, flushed one by one for readers of a pipe.
 
     Args:
-        stream: Text.
+        stream: Text stream.
         start_utc: UTC instant of the first frame, if it is known.
     """
 
@@ -34,11 +34,11 @@ class JsonLines:
         self.start_utc = start_utc
 
     def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
-        """Write its events, then its pose.
+        """Write the events and the pose of a frame.
 
         Args:
-            estimate: Of a frame.
-            latency_s: From the frame's arrival until now.
+            estimate: The estimate.
+            latency_s: Time since the frame's arrival.
         """
         for event in estimate.events:
             self._line(self._event(event))

@@ -1,4 +1,4 @@
-"""What is published of the newest frame: its state, its corrected and its smooth pose, events."""
+"""State, corrected pose, smooth pose and events of the newest frame."""
 
 from dataclasses import dataclass
 
@@ -12,30 +12,31 @@ from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
 from vgps.pipeline.frame_pipeline import FramePipeline
 
-_NOWHERE = np.full((4, 4), np.nan)
+_NO_POSE = np.full((4, 4), np.nan)
 
 
 @dataclass(frozen=True)
 class PublishedPose:
-    """What is published of a frame.
+    """Published state of a frame.
 
     Attributes:
         state: How it was posed.
-        global_T_camera, local_T_camera: (4, 4) corrected and smooth pose, NaN where it has none.
-        events: Since the frame before.
-        moved: (6,) how stage C rotated [rad] and moved [m] the frame before, in world axes, if it did.
+        global_T_camera, local_T_camera: (4, 4) corrected and smooth pose; NaN without one.
+        events: Events since the previous frame.
+        correction: (6,) rotation [rad] and translation [m] by which stage C corrected the previous frame, in
+            world axes; None if it did not.
     """
 
     state: OnlineState
     global_T_camera: FloatArray
     local_T_camera: FloatArray
     events: tuple[OnlineEvent, ...]
-    moved: FloatArray | None = None
+    correction: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class _Last:
-    """The frame before, as it was published."""
+    """The previous frame as published."""
 
     frame: int
     t_s: float
@@ -43,7 +44,7 @@ class _Last:
 
 
 class PosePublisher:
-    """Reads a frame pipeline after every frame."""
+    """Publisher of the newest frame of a frame pipeline."""
 
     def __init__(self, frame_pipeline: FramePipeline, config: OnlineConfig) -> None:
         self._frame_pipeline, self._config = frame_pipeline, config
@@ -53,43 +54,44 @@ class PosePublisher:
         self._state = OnlineState.STARTING
 
     def publish(self, frame: int) -> PublishedPose:
-        """Return what is published of the newest frame, given its index."""
+        """Return the published state of the newest frame, given its index."""
         current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
         state, pose = self._newest(current, frame)
         events = self._changes(state, t_s)
         if current is not self._map or not np.isfinite(pose[0, 0]):
             self._last, self._map = None, current
         if not np.isfinite(pose[0, 0]):
-            return PublishedPose(state, _NOWHERE, _NOWHERE, tuple(events))
+            return PublishedPose(state, _NO_POSE, _NO_POSE, tuple(events))
         if self._last is None or current is None:
             self._blender.reset()
-            smooth, moved = pose, None
+            smooth, correction = pose, None
         else:
-            moved = _moved(self._last.global_T_camera, self._pose(current, self._last.frame))
+            correction = _correction(self._last.global_T_camera, self._pose(current, self._last.frame))
             events += self._corrections(current, self._last, t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
-        return PublishedPose(state, pose, smooth, tuple(events), moved)
+        return PublishedPose(state, pose, smooth, tuple(events), correction)
 
     def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
         if current is None:
-            return OnlineState.STARTING, _NOWHERE
+            return OnlineState.STARTING, _NO_POSE
         tracked = current.next_frame > frame
         if not current.aligned:
-            return OnlineState.UNALIGNED if tracked else OnlineState.LOST, _NOWHERE
+            return OnlineState.UNALIGNED if tracked else OnlineState.LOST, _NO_POSE
         pose = self._pose(current, frame)
         if not np.isfinite(pose[0, 0]):
-            return OnlineState.LOST, _NOWHERE
+            return OnlineState.LOST, _NO_POSE
         return OnlineState.TRACKED if tracked else OnlineState.BRIDGED, pose
 
     def _pose(self, current: LocalMap, frame: int) -> FloatArray:
-        """Return the pose in the map, or for a moment after its end at constant velocity."""
+        """Return the pose in the map, or for a short time after its end an extrapolation at constant
+        velocity."""
         t_s, last = self._frame_pipeline.t_s, current.next_frame - 1
         if frame <= last:
             return current.pose(frame).copy()  # stage C changes it later
         away_s = float(t_s[frame] - t_s[last])
         if away_s > self._config.bridge_s or len(current.poses) < 2:
-            return _NOWHERE
+            return _NO_POSE
         before, pose = current.poses[-2], current.poses[-1].copy()
         pose[:3, 3] += away_s / (t_s[last] - t_s[last - 1]) * (pose[:3, 3] - before[:3, 3])
         return np.asarray(pose)
@@ -110,15 +112,15 @@ class PosePublisher:
         posed = {OnlineState.TRACKED, OnlineState.BRIDGED}
         events = []
         if state is OnlineState.TRACKED and before not in posed | {OnlineState.LOST}:
-            events.append(OnlineEvent(t_s, "aligned", "scale, heading and place are known"))
+            events.append(OnlineEvent(t_s, "aligned", "scale, heading and position are known"))
         if state is OnlineState.LOST and before is not state:
-            events.append(OnlineEvent(t_s, "lost", "too few features are found again"))
+            events.append(OnlineEvent(t_s, "lost", "tracking is lost: too few features are matched"))
         if before in {OnlineState.LOST, OnlineState.BRIDGED} and state is OnlineState.TRACKED:
             events.append(OnlineEvent(t_s, "found", "tracking continues"))
         return events
 
 
-def _moved(before: FloatArray, now: FloatArray) -> FloatArray | None:
+def _correction(before: FloatArray, now: FloatArray) -> FloatArray | None:
     if np.array_equal(before, now) or not np.isfinite(now[0, 0]):
         return None
     rotated = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()

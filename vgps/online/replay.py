@@ -1,4 +1,4 @@
-"""A recording replayed as if it were live."""
+"""Replay of a recording as a live feed."""
 
 import threading
 import time
@@ -7,17 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from vgps.model import GpsLog, Recording
-from vgps.online.run import GyroSample, Item, TimedImage
+from vgps.online.run import FeedItem, GyroSample, TimedImage
 from vgps.readers.fixes import Fix
 
 
-def replay(recording: Recording, stop: threading.Event, *, realtime: bool = False) -> Iterator[Item]:
-    """Yield frames, fixes and gyro samples in the order in which they would have come.
+def replay(recording: Recording, stop: threading.Event, *, realtime: bool = False) -> Iterator[FeedItem]:
+    """Yield frames, fixes and gyro samples in chronological order.
 
     Args:
-        recording: Opened.
-        stop: Ends the replay, a wait included.
-        realtime: At its own pace, else as fast as it is consumed.
+        recording: The recording.
+        stop: Event that ends the replay, even while it waits.
+        realtime: Whether to replay at the speed of the recording instead of as fast as possible.
     """
     others = _others(recording)
     waiting = next(others, None)
@@ -52,9 +52,9 @@ def fixes_of(log: GpsLog) -> Iterator[Fix]:
         )
 
 
-def _others(recording: Recording) -> Iterator[tuple[float, Item]]:
-    """Yield fixes and gyro samples with the times at which they come."""
-    items: list[tuple[float, Item]] = []
+def _others(recording: Recording) -> Iterator[tuple[float, FeedItem]]:
+    """Yield fixes and gyro samples with their times."""
+    items: list[tuple[float, FeedItem]] = []
     if recording.gps is not None:
         items += [(fix.t_s, fix) for fix in fixes_of(recording.gps)]
     if recording.gyro is not None:

@@ -1,4 +1,4 @@
-"""Feed a smoother until its sources end or it is stopped."""
+"""The loop of the live mode: feed a smoother until its sources end or it is stopped."""
 
 import contextlib
 import signal
@@ -16,11 +16,11 @@ from vgps.readers.fixes import Fix
 
 @dataclass(frozen=True)
 class TimedImage:
-    """A frame: its time, its luminance (H, W), and its arrival by ``time.monotonic``."""
+    """A frame: its time, its luminance (H, W), and its time of arrival by ``time.monotonic``."""
 
     t_s: float
     gray: GrayImage
-    at_s: float
+    arrival_s: float
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,18 @@ class SourceNote:
     text: str
 
 
-Item = TimedImage | Fix | GyroSample | SourceNote
+FeedItem = TimedImage | Fix | GyroSample | SourceNote
 Sink = Callable[[OnlineEstimate, float], None]
 
 
-def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
-    """Feed all items in the order in which they come, and return the number of frames.
+def run_online(feed: Iterable[FeedItem], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
+    """Feed all items to a smoother in order of arrival, and return the number of frames.
 
     Args:
-        feed: Frames in order of time, fixes in any.
-        smoother: Takes them.
+        feed: Frames in chronological order, fixes in any.
+        smoother: The smoother.
         sink: Receives each estimate, and the seconds from the frame's arrival to its pose.
-        stop: Once set, feeding ends.
+        stop: Event that ends the loop.
     """
     frames = 0
     for item in feed:
@@ -62,7 +62,7 @@ def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop:
         else:
             estimate = smoother.add_frame(item.t_s, item.gray)
             frames += 1
-            sink(estimate, time.monotonic() - item.at_s)
+            sink(estimate, time.monotonic() - item.arrival_s)
             smoother.refine()
         if stop.is_set():
             break
@@ -71,7 +71,7 @@ def run_online(feed: Iterable[Item], smoother: OnlineSmoother, sink: Sink, stop:
 
 @contextlib.contextmanager
 def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM set ``stop``, so that results are kept; a second one interrupts."""
+    """Let Ctrl-C and SIGTERM set ``stop``, so that results are written; a second one interrupts."""
 
     def handle(number: int, _: FrameType | None) -> None:
         if stop.is_set():

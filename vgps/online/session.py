@@ -1,4 +1,4 @@
-"""A live session: a recording or live sources to JSON lines, and a run folder at the end."""
+"""A live session: poses of a recording or of live sources as JSON lines, and a run folder at the end."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ from vgps.online.gps_source import GpsSource
 from vgps.online.live_feed import live_feed, start_utc
 from vgps.online.output import JsonLines
 from vgps.online.replay import replay
-from vgps.online.run import Item, run_online, stopped_by_signals
+from vgps.online.run import FeedItem, run_online, stopped_by_signals
 from vgps.online.smoother import OnlineSmoother
 from vgps.online.video_source import VideoSource
 from vgps.readers.calibration import read_camera, read_rig
@@ -27,13 +27,14 @@ from vgps.writers.run_folder import check_writable, write_run
 
 @dataclass(frozen=True)
 class OnlineOptions:
-    """Options that recordings and live sources have in common.
+    """Options common to recordings and live sources.
 
     Attributes:
-        config: Everything.
+        config: Settings.
         out: Run folder to write at the end, if any.
-        finish: Keep all, and run stage D at the end.
-        gps, camera, rig: Files, or for ``gps`` a receiver.
+        finish: Whether to keep all observations and run stage D at the end.
+        gps: GPS log, or address of a receiver.
+        camera, rig: Files that replace those of the recording.
     """
 
     config: Config
@@ -44,7 +45,7 @@ class OnlineOptions:
     rig: Path | None = None
 
     def check(self) -> None:
-        """Refuse before the long work what cannot be done at its end.
+        """Check before the session that its result can be written.
 
         Raises:
             ConfigError: Stage D is asked for without a folder for its result.
@@ -62,9 +63,9 @@ def pose_recording(
     """Pose a recording as if it were live, and return the number of frames.
 
     Args:
-        path: As :func:`vgps.open_recording` takes it.
-        options: As for live sources.
-        realtime: At its own pace.
+        path: Recording, see :func:`vgps.open_recording`.
+        options: Options.
+        realtime: Whether to replay at the speed of the recording.
         stream: For the JSON lines; standard output if none is given.
 
     Raises:
@@ -92,10 +93,10 @@ def pose_live(
     """Pose a camera or stream with a receiver until they end or Ctrl-C, and return the number of frames.
 
     Args:
-        video: As :class:`VideoSource` takes it.
-        recording: Must be absent.
-        options: ``gps`` as :class:`GpsSource` takes it, or none; ``camera`` is needed.
-        delay_s: From exposure to arrival of a picture.
+        video: Address, see :class:`VideoSource`.
+        recording: Must be None.
+        options: ``camera`` is required; ``gps`` is an address, see :class:`GpsSource`, or None.
+        delay_s: Latency of the camera, from exposure to arrival.
         stream: For the JSON lines; standard output if none is given.
 
     Raises:
@@ -128,14 +129,14 @@ def pose_live(
 
 
 def _timed(
-    feed: Iterable[Item],
+    feed: Iterable[FeedItem],
     lines: JsonLines,
     smoother: OnlineSmoother,
     source: VideoSource,
     rig: Rig,
     delay_s: float,
-) -> Iterator[Item]:
-    """Yield the same items, while lines and result learn the UTC of the first frame."""
+) -> Iterator[FeedItem]:
+    """Yield the same items, and set the UTC of the first frame in lines and result once it is known."""
     for item in feed:
         if lines.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
             lines.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
@@ -143,7 +144,7 @@ def _timed(
 
 
 def _run(
-    feed: Iterable[Item],
+    feed: Iterable[FeedItem],
     smoother: OnlineSmoother,
     lines: JsonLines,
     options: OnlineOptions,
@@ -152,7 +153,7 @@ def _run(
     def sink(estimate: OnlineEstimate, latency_s: float) -> None:
         try:
             lines.write(estimate, latency_s)
-        except BrokenPipeError:  # the reader has gone: what was done is still worth keeping
+        except BrokenPipeError:  # the reader has gone: stop, but write the run folder
             stop.set()
             with contextlib.suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

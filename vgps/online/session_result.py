@@ -1,4 +1,4 @@
-"""The result of a live session: a solution as stage C left it, or the start of stage D."""
+"""Result of a live session: the solution after stage C, or the input of stage D."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -28,12 +28,12 @@ from vgps.solution import (
     Trajectory,
 )
 
-_NO_STAGE_D = "stage D was not run: every pose is as stage C left it"
+_NO_STAGE_D = "stage D was not run: the poses are those after stage C"
 
 
 @dataclass(frozen=True)
 class StreamedVideo:
-    """A video of which only the times were kept."""
+    """Path, times and size of a video whose frames were not kept."""
 
     path: Path
     times_s: FloatArray
@@ -47,7 +47,7 @@ class StreamedVideo:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRecord:
-    """All input of a live session, and what was found."""
+    """Input and state of a live session."""
 
     source: Path
     camera: Camera
@@ -61,7 +61,8 @@ class SessionRecord:
     warnings: tuple[str, ...]
 
     def gps(self) -> tuple[GpsLog | None, np.ndarray]:
-        """Return the fixes in order of time, if they have a world, and their rows in the archive."""
+        """Return the fixes in chronological order, None without a world frame, and their rows in the
+        archive."""
         rows = self.fixes.in_time_order()
         if self.origin is None or len(rows) == 0:
             return None, rows
@@ -69,7 +70,7 @@ class SessionRecord:
 
 
 def session_front_end(session: SessionRecord) -> FrontEnd:
-    """Return what stages A to C leave to D, of a session that kept everything."""
+    """Return the result of stages A to C of a session that kept everything, the input of stage D."""
     camera, source = session.camera, session.source
     log, _ = session.gps()
     video = StreamedVideo(source, session.frame_pipeline.t_s, camera.width, camera.height)
@@ -85,10 +86,9 @@ def session_front_end(session: SessionRecord) -> FrontEnd:
 
 
 def session_solution(session: SessionRecord) -> Solution:
-    """Return the poses as stage C left them; those never known are interpolated, and count as bridged.
+    """Return the solution after stage C; frames without a pose are interpolated and count as bridged.
 
-    Landmarks are those still kept. Without alignment the world is the neighbourhood of the first camera of
-    the last map.
+    It contains the landmarks still kept. Without alignment the world is that of the last map.
 
     Raises:
         GeometryError: No frame has a pose.
@@ -135,7 +135,7 @@ def _every_pose(session: SessionRecord) -> tuple[FloatArray, tuple[FrameState, .
         states = tuple(FrameState.TRACKED if row else FrameState.BRIDGED for row in tracked)
     if not known.any():
         raise GeometryError(
-            "no frame has a pose: the camera hardly moved, or too little was seen, to begin a map",
+            "no frame has a pose: the camera hardly moved, or too few features were visible to start a map",
             file=session.source,
         )
     poses[~known] = interpolate_poses(t_s[known], poses[known], t_s[~known])
@@ -155,7 +155,7 @@ def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None,
 
 
 def _kept_landmarks(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:
-    """Return features that have a position, and their observations."""
+    """Return the features with a position, and their observations."""
     if local_map is None:
         none, no_ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
         gray = np.zeros(0, dtype=np.uint8)
@@ -164,8 +164,8 @@ def _kept_landmarks(local_map: LocalMap | None) -> tuple[Landmarks, Observations
     row_of = np.full(local_map.feature_count, -1)
     row_of[ids] = np.arange(len(ids))
     log = local_map.observations()
-    seen = row_of[log.landmark] >= 0
+    positioned = row_of[log.landmark] >= 0
     return (
         Landmarks(local_map.points[ids], local_map.sigma_px[ids], local_map.gray[ids]),
-        Observations(log.frame[seen], row_of[log.landmark[seen]], log.uv_px[seen]),
+        Observations(log.frame[positioned], row_of[log.landmark[positioned]], log.uv_px[positioned]),
     )

@@ -1,4 +1,4 @@
-"""The live mode: frames and fixes as they come, a pose for every frame."""
+"""The live mode: a pose for every frame as frames and fixes arrive."""
 
 import time
 from dataclasses import replace
@@ -28,32 +28,32 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
-_SAME_TIME_S = 1e-6  # a fix that was fed twice differs by rounding
-_DISCARD_EVERY = 15  # frames: discarding costs more than what a few frames hold
-_GIVE_BACK_EVERY = 300  # frames: giving memory back to the system costs milliseconds
+_SAME_TIME_S = 1e-6  # fixes closer in time are duplicates up to rounding
+_DISCARD_EVERY = 15  # frames; discarding costs more than keeping a few frames
+_GIVE_BACK_EVERY = 300  # frames; returning memory to the system takes milliseconds
 _MAX_WARNINGS = 500  # kept for the result
 _LIVE = Path("live")
 
 
 class OnlineSmoother:
-    """Stages A, B and C over frames as they come; stage D at the end, if everything was kept.
+    """Live smoother: stages A, B and C on every frame; stage D at the end, if everything was kept.
 
-    The pose of a frame is known after A and B; stage C runs once it is published. Without ``keep_all``
-    neither the cost of a frame nor memory grows with the frames before it, except for some 100 bytes of each
-    frame and fix for the run folder.
+    The pose of a frame is published after stages A and B; stage C runs afterwards. Without ``keep_all``
+    neither time nor memory per frame grows with the number of frames, except for about 100 bytes per frame
+    and fix for the run folder.
 
-    Stage C optimises the last frames with older ones held. When fixes contradict these, after an outage above
-    all, the drift of all that is kept (``online.keep_s``) is taken out first.
+    Stage C optimises the last frames with older ones held. If fixes contradict these, mostly after an outage,
+    the drift of all frames kept (``online.keep_s``) is corrected first.
 
     Args:
         camera: Its lens.
-        rig: Lever arm; ``world_origin``, else the world's origin is the first usable fix.
-        config: Defaults if none is given.
-        keep_all: Keep every observation, for a result with stage D.
-        source: Named in the result as its recording.
+        rig: Lever arm; the origin of the world is ``world_origin`` or else the first usable fix.
+        config: Settings; the defaults if none are given.
+        keep_all: Whether to keep all observations, which stage D needs.
+        source: Name of the recording in the result.
 
     Attributes:
-        video_start_utc: UTC of the first frame, if it is known: the rig's, or what is set here.
+        video_start_utc: UTC of the first frame, if known; initially that of the rig.
     """
 
     def __init__(
@@ -83,13 +83,13 @@ class OnlineSmoother:
         self.video_start_utc = rig.video_start_utc
 
     def add_fix(self, fix: Fix) -> bool:
-        """Add a fix of any time; late or out of order it counts at its own time.
+        """Add a fix, which may be late or out of order.
 
         Args:
             fix: ``t_s`` on the video's clock, heights ellipsoidal.
 
         Returns:
-            Whether it was accepted; one without a position, or at the time of another, is not.
+            Whether it was accepted; a fix without a position, or at the time of another, is not.
         """
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self._fixes.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
@@ -99,24 +99,24 @@ class OnlineSmoother:
         return True
 
     def add_gyro(self, t_s: float, rate_rad_s: FloatArray) -> None:
-        """Record an angular rate (3,) in the gyro's axes, if everything is kept."""
+        """Record an angular rate (3,) in the gyro's axes, if ``keep_all`` is set."""
         if self._keep_all:
             x, y, z = (float(rate) for rate in rate_rad_s)
             self._gyro.append((t_s, x, y, z))
 
     def add_note(self, text: str) -> None:
-        """Add a message to the user: an event of the next frame, and a warning of the result."""
+        """Add a message for the user: an event of the next frame, and a warning of the result."""
         self._frame_pipeline.warnings.append(text)
 
     def add_frame(self, t_s: float, image: GrayImage) -> OnlineEstimate:
-        """Pose the next frame, after what is still due for the frames before.
+        """Pose the next frame, after stage C of the previous one if it is still due.
 
         Args:
             t_s: Seconds since the first frame, later than the frame before.
-            image: (H, W) luminance, uint8; it is not kept.
+            image: (H, W) luminance, uint8.
 
         Raises:
-            VideoError: Another size than the camera's, or a time that is not later.
+            VideoError: The size differs from the camera's, or the time is not later than the last.
         """
         begun, frame = time.perf_counter(), len(self._frame_pipeline.t_s)
         self._check(frame, t_s, image)
@@ -145,12 +145,12 @@ class OnlineSmoother:
         return self._estimate
 
     def refine(self) -> None:
-        """Run stage C, if it is due: to be called in idle time, else :meth:`add_frame` does it."""
+        """Run stage C if it is due; call it in idle time, else :meth:`add_frame` does."""
         frames = len(self._frame_pipeline.t_s)
         if self._estimate is None or self._refined == frames:
             return
         self._refined = frames
-        self._uncertainty.note_fixes()
+        self._uncertainty.record_fixes()
         with one_blas_thread():
             self._frame_pipeline.refine()
         fix_buffer = self._frame_pipeline.fix_buffer
@@ -163,21 +163,21 @@ class OnlineSmoother:
             release_free_memory()
 
     def estimate(self) -> OnlineEstimate | None:
-        """Return the newest frame's pose, as :meth:`add_frame` did."""
+        """Return the newest frame's estimate, None before the first frame."""
         return self._estimate
 
     def finish(self, stage_d: bool = False) -> Solution:
         """Return the solution for a run folder; nothing may be added afterwards.
 
         Args:
-            stage_d: Run stage D first, as offline; needs ``keep_all``.
+            stage_d: Whether to run stage D first, as offline; requires ``keep_all``.
 
         Raises:
             ConfigError: Stage D is asked for, but not everything was kept.
             GeometryError: No frame has a pose; with stage D also as :func:`vgps.smooth`.
         """
         if stage_d and not self._keep_all:
-            raise ConfigError("stage D without the observations of all frames", remedy="give keep_all")
+            raise ConfigError("stage D needs the observations of all frames", remedy="set keep_all")
         self.refine()
         self._frame_pipeline.finish_window()
         if self._estimate is not None:
@@ -217,7 +217,7 @@ class OnlineSmoother:
             raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
 
     def _place_fixes(self) -> None:
-        """Move new fixes into the world, once there is one: its origin is the first usable fix."""
+        """Convert new fixes to world coordinates, once a usable fix defines the origin."""
         if self._placed == len(self._fixes):
             return
         log = self._fixes.log(self._source, slice(self._placed, None))
@@ -242,7 +242,7 @@ class OnlineSmoother:
         self._events += self._verdicts.changes(fix_buffer, self._fixes.fix_class, since_s, until_s)
 
     def _note_warnings(self, t_s: float) -> None:
-        """Turn new warnings into events; the result keeps the first of them."""
+        """Add new warnings to the events, and up to ``_MAX_WARNINGS`` of them to the result."""
         new = self._frame_pipeline.warnings[:]
         self._frame_pipeline.warnings.clear()
         self._events += [OnlineEvent(t_s, "note", text) for text in new]

@@ -1,4 +1,4 @@
-"""Verdicts on fixes as events: when the path first passes a fix, and when its verdict changes."""
+"""Events of verdicts on fixes: the first verdict on each, and its changes."""
 
 from collections.abc import Callable
 
@@ -13,10 +13,10 @@ from vgps.solution import Verdict
 
 
 class VerdictEvents:
-    """Remembers the verdicts that were reported, of the fixes that a buffer still holds.
+    """Verdicts reported so far on the fixes that a buffer still holds.
 
     Args:
-        model: Of the GPS; with ``none`` no fix takes part.
+        model: GPS model; with ``none`` no fix is used.
     """
 
     def __init__(self, model: GpsModel) -> None:
@@ -31,33 +31,33 @@ class VerdictEvents:
         Args:
             fix_buffer: The fixes.
             class_of: Class of a fix by its number.
-            since_s, until_s: Times of the path in the world so far.
+            since_s, until_s: Time span of the aligned path.
         """
         fixes, assessment = fix_buffer.fixes, fix_buffer.assessment
         rows = np.flatnonzero((fixes.t_s >= since_s) & (fixes.t_s <= until_s))
-        found, takes_part = verdicts_of(assessment), fixes.used & (self._model != "none")
+        verdicts, contributes = verdicts_of(assessment), fixes.used & (self._model != "none")
         now = {
-            int(fix_buffer.number[row]): found[row] if takes_part[row] else Verdict.NOT_USED
+            int(fix_buffer.number[row]): verdicts[row] if contributes[row] else Verdict.NOT_USED
             for row in rows.tolist()
         }
         before, self.reported = self.reported, now
         events = []
         for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
             if before.get(number) != verdict:
-                t_s, own = float(fixes.t_s[row]), float(assessment.nominal[row])
+                t_s, nominal = float(fixes.t_s[row]), float(assessment.nominal[row])
                 kind = class_of(number)
-                events.append(_event(until_s, t_s, kind, verdict, before.get(number), own))
+                events.append(_event(until_s, t_s, kind, verdict, before.get(number), nominal))
         return events
 
 
 def _event(
-    t_s: float, fix_t_s: float, kind: FixClass, verdict: Verdict, before: Verdict | None, own: float
+    t_s: float, fix_t_s: float, kind: FixClass, verdict: Verdict, before: Verdict | None, probability: float
 ) -> OnlineEvent:
     was = "" if before is None else f", before {before}"
     details = {
         "fix_t_s": fix_t_s,
         "class": str(kind),
         "verdict": str(verdict),
-        "probability": own if np.isfinite(own) else None,
+        "probability": probability if np.isfinite(probability) else None,
     }
     return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {verdict}{was}", details)

@@ -13,12 +13,12 @@ from vgps.errors import VideoError
 from vgps.online.run import TimedImage
 from vgps.readers.luma import luma
 
-_QUEUED = 2  # pictures; when more come than can be posed, older ones are dropped
-_TIMEOUT_S = 10.0  # of a stream that has gone silent, before it is opened again
+_QUEUED = 2  # frames; if more arrive than can be processed, older ones are dropped
+_TIMEOUT_S = 10.0  # silence after which a stream is reopened
 _RETRY_S = (0.2, 5.0)  # first and longest pause between two attempts
-_BACKLOG_S = 3.0  # for at most so long, pictures that a stream had stored are skipped
-_MIN_STEP_S = 1e-4  # between two pictures whose time stamps stand still or go back
-# FFmpeg would look at a stream for five seconds first
+_BACKLOG_S = 3.0  # longest time for which frames buffered by the stream are skipped
+_MIN_STEP_S = 1e-4  # between frames whose time stamps do not increase
+# by default FFmpeg analyses a stream for five seconds first
 _LOW_LATENCY = {
     "fflags": "nobuffer",
     "rtsp_transport": "tcp",
@@ -28,17 +28,17 @@ _LOW_LATENCY = {
 
 
 class VideoSource:
-    """Frames as they come. A stream that drops is opened again until the source is closed; a file ends.
+    """A live source of frames; a stream that drops is reopened until the source is closed.
 
-    Times are the stream's own, put on this computer's clock at each connection once buffered pictures have
-    been skipped; a stream without times gets those of arrival.
+    Frames have the stream's time stamps, converted to this computer's clock at each connection after buffered
+    frames have been skipped, or else their times of arrival.
 
     Args:
         address: A device (``/dev/video0``), an address that FFmpeg opens (``rtsp://``, ``http://``,
             ``tcp://``), or a file, which is read as fast as it is consumed.
 
     Raises:
-        VideoError: It cannot be opened the first time.
+        VideoError: The source cannot be opened.
     """
 
     def __init__(self, address: str) -> None:
@@ -68,23 +68,23 @@ class VideoSource:
         threading.Thread(target=self._work, args=(container,), name="video", daemon=True).start()
 
     def next(self, timeout_s: float) -> TimedImage | None:
-        """Return the next frame, or nothing yet."""
+        """Return the next frame, or None after the timeout."""
         with contextlib.suppress(queue.Empty):
             return self._frames.get(timeout=timeout_s)
         return None
 
     @property
     def ended(self) -> bool:
-        """Whether no more frame will come."""
+        """Whether there are no more frames."""
         return self._ended.is_set() and self._frames.empty()
 
     def notes(self) -> list[str]:
         """Return notes on the connection since the last call."""
-        found = []
+        notes = []
         with contextlib.suppress(queue.Empty):
             while True:
-                found.append(self._notes.get_nowait())
-        return found
+                notes.append(self._notes.get_nowait())
+        return notes
 
     def close(self) -> None:
         """Stop reading."""
@@ -125,35 +125,36 @@ class VideoSource:
         return None
 
     def _read(self, container: av.container.InputContainer) -> None:
-        for picture, own_s, at_s in self._current(container):
+        for image, stamp_s, arrival_s in self._current(container):
             if self._closed.is_set():
                 return
             if self._begun_s is None:
-                self._begun_s = own_s
-                self.start_unix_s = time.time() - (time.monotonic() - own_s)
-            t_s = max(own_s - self._begun_s, self._last_s + _MIN_STEP_S, 0.0)
+                self._begun_s = stamp_s
+                self.start_unix_s = time.time() - (time.monotonic() - stamp_s)
+            t_s = max(stamp_s - self._begun_s, self._last_s + _MIN_STEP_S, 0.0)
             self._last_s = t_s
-            self._put(TimedImage(t_s, luma(picture), at_s))
+            self._put(TimedImage(t_s, luma(image), arrival_s))
 
     def _current(
         self, container: av.container.InputContainer
     ) -> Iterator[tuple[av.VideoFrame, float, float]]:
-        """Yield pictures, their times on the clock of arrival, and their arrival, without an old backlog."""
+        """Yield frames without the stream's backlog, their times on this computer's clock, and their
+        arrival."""
         offset_s, current, first_s = float("inf"), not self.live, time.monotonic()
-        before_s, before_own_s = -float("inf"), 0.0
-        for picture in container.decode(video=0):
-            at_s = time.monotonic()
-            own_s = at_s if picture.time is None else picture.time
+        before_s, before_stamp_s = -float("inf"), 0.0
+        for image in container.decode(video=0):
+            arrival_s = time.monotonic()
+            stamp_s = arrival_s if image.time is None else image.time
             if not current:
-                # buffered pictures come faster than they were taken
-                offset_s = min(offset_s, at_s - own_s)
-                current = at_s - before_s > 0.5 * (own_s - before_own_s) and before_s >= first_s
-                current = current or at_s - first_s > _BACKLOG_S
-                before_s, before_own_s = at_s, own_s
+                # buffered frames arrive faster than they were taken
+                offset_s = min(offset_s, arrival_s - stamp_s)
+                current = arrival_s - before_s > 0.5 * (stamp_s - before_stamp_s) and before_s >= first_s
+                current = current or arrival_s - first_s > _BACKLOG_S
+                before_s, before_stamp_s = arrival_s, stamp_s
             if offset_s == float("inf"):
-                offset_s = at_s - own_s
+                offset_s = arrival_s - stamp_s
             if current:
-                yield picture, own_s + offset_s, at_s
+                yield image, stamp_s + offset_s, arrival_s
 
     def _put(self, frame: TimedImage) -> None:
         while not self._closed.is_set():
