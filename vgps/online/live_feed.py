@@ -38,8 +38,8 @@ class VideoClock:
             self._correction_s = behind_s if abs(behind_s) > _SAME_CLOCK_S else 0.0
             if self._correction_s:
                 note = (
-                    f"this computer's clock differs from the receiver's by {behind_s:.1f} s, so fixes get their "
-                    "times of arrival: set the clock (NTP), or give video_start_utc in rig.yaml"
+                    f"this computer's clock differs from the receiver's by {behind_s:.1f} s, so fixes get "
+                    "their times of arrival: set the clock (NTP), or give video_start_utc in rig.yaml"
                 )
         return fix._replace(t_s=utc_s + (self._correction_s or 0.0) - self._start_s), note
 
@@ -76,8 +76,8 @@ def live_feed(
         if video.dropped >= report_at:
             report_at *= 10
             yield SourceNote(
-                f"frames arrive faster than they are processed: {video.dropped} were dropped so far; reduce the "
-                "frame rate or the image size"
+                f"frames arrive faster than they are processed: {video.dropped} were dropped so far; reduce "
+                "the frame rate or the image size"
             )
         if frame is not None:
             yield frame
