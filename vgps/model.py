@@ -1,4 +1,4 @@
-"""Data that flows between the packages: frozen dataclasses of NumPy arrays, with units in their names.
+"""Data exchanged between packages: frozen dataclasses of NumPy arrays, with units in their names.
 
 Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x right, y down, z forward);
 ``world_T_camera`` maps camera coordinates to world coordinates. Times are seconds since the video's first
@@ -78,7 +78,7 @@ class Rig:
         video_start_utc: UTC instant of the video's first frame; None if the log is on the video's clock.
         world_origin: Origin of the ENU world frame; None for the first usable fix.
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
-        gyro_time_offset_s: Added to the gyro's times by the reader: how far its clock is behind.
+        gyro_time_offset_s: Delay of the gyro's clock, which the reader adds to its times.
         gyro_bias_rad_s: (3,) subtracted from the gyro's rates by the reader.
         exposure_s: Exposure time of a frame.
         video_start_s: Time of the first frame on the clock of ``gyro.csv`` and ``truth.tum``.
@@ -96,15 +96,16 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class GpsLog:
-    """GPS fixes in order of time, one row each. Unknown numbers are NaN.
+    """GPS fixes in chronological order, one row each; unknown numbers are NaN.
 
     Attributes:
         t_s: (N,) seconds since the video's first frame.
         latitude_deg, longitude_deg, height_m: (N,) WGS84, ellipsoidal height.
         fix_class: (N,) of :class:`FixClass`.
-        sigma_m: (N, 3) the receiver's own standard deviations east, north, up.
-        hdop, satellites, correction_age_s: (N,).
-        line: (N,) line of the file (from 1) with the fix, for messages and verdicts.
+        sigma_m: (N, 3) standard deviations east, north, up, as reported by the receiver.
+        hdop, satellites: (N,) horizontal dilution of precision, and number of satellites used.
+        correction_age_s: (N,) age of the differential corrections.
+        line: (N,) line of the fix in the file, from 1.
         source: The file.
         skipped: Notes on what the reader skipped or assumed (damaged lines, missing geoid separations).
     """
@@ -126,12 +127,12 @@ class GpsLog:
         return len(self.t_s)
 
     def rows(self, rows: IntArray | BoolArray) -> "GpsLog":
-        """Return some of the fixes, in the order given."""
-        kept = np.arange(len(self))[rows]
+        """Return the fixes of some rows, in the order given."""
+        index = np.arange(len(self))[rows]
         columns: dict[str, Any] = {
-            name: value[kept] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+            name: value[index] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
-        return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in kept))
+        return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in index))
 
 
 @dataclass(frozen=True)
@@ -145,12 +146,14 @@ class GyroLog:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlPoints:
-    """Points of known world position observed in frames (the start of a run in Kume 2010).
+    """Control points: points of known world position observed in frames, which start a run in Kume 2010.
 
     Attributes:
         frame: (N,) frame index of the observation.
         uv_px: (N, 2) observation in the distorted image.
         world_p_point: (N, 3) ENU metres, or latitude, longitude [deg], height [m] if ``geodetic``.
+        geodetic: Whether the positions are geodetic.
+        source: The file.
     """
 
     frame: IntArray
@@ -184,12 +187,12 @@ class Video(Protocol):
 
     @property
     def width(self) -> int:
-        """Pixels, after the rotation flag."""
+        """Width in pixels, after the rotation by the container's flag."""
         ...
 
     @property
     def height(self) -> int:
-        """Pixels, after the rotation flag."""
+        """Height in pixels, after the rotation by the container's flag."""
         ...
 
     def frames(self) -> Iterator[Frame]:
@@ -199,7 +202,7 @@ class Video(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """The parts of one recording, every stream on the video's clock."""
+    """A recording: video, calibration and sensor logs, all on the video's clock."""
 
     path: Path
     video: Video

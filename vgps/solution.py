@@ -1,6 +1,6 @@
-"""The result of a run: poses, landmarks, verdicts on the fixes, and how they were estimated.
+"""The result of a run: poses, landmarks, verdicts on the fixes, and reports of sensors and optimiser.
 
-Frozen dataclasses; frames, times and names as in :mod:`vgps.model`.
+Conventions of frames, times and names are those of :mod:`vgps.model`.
 """
 
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ class FrameState(StrEnum):
     """How the pose of a frame was obtained."""
 
     TRACKED = "tracked"  # from features observed in it
-    BRIDGED = "bridged"  # no usable features: from neighbouring frames and fixes near it in time
+    BRIDGED = "bridged"  # no usable features: from neighbouring frames and nearby fixes
 
 
 @dataclass(frozen=True)
@@ -65,25 +65,25 @@ class Landmarks:
 
 
 class Verdict(StrEnum):
-    """What the optimisation decided about a fix."""
+    """Decision of the optimisation about a fix."""
 
     USED = "used"
     DOWN_CLASSED = "down-classed"  # used with the region of the class below its own
     REJECTED = "rejected"  # it contradicts the video and the other fixes
-    NOT_USED = "not used"  # could not contribute, for example outside the video
+    NOT_USED = "not used"  # cannot contribute, for example outside the video
 
 
 @dataclass(frozen=True, kw_only=True)
 class FixTable:
-    """One verdict per fix of the log, same order and length.
+    """Verdicts on the fixes of a log, in the same order.
 
     Attributes:
         world_p_fix: (M, 3) ENU metres (NaN where the fix has no position).
         residual_m: (M, 3) estimated antenna minus fix, east, north, up; NaN outside the video.
-        r_m, h_m: (M,) its region: of its class, or of the class below if it was down-classed.
-        probability: (M,) that the error is one of its class; NaN where it was not assessed.
-        verdict: (M,).
-        reason: (M,) why, as a sentence.
+        r_m, h_m: (M,) its region: that of its class, or of the class below if it was down-classed.
+        probability: (M,) that the error is that of its class; NaN where it was not assessed.
+        verdict: (M,) the verdict.
+        reason: (M,) its reason, as a sentence.
     """
 
     world_p_fix: FloatArray
@@ -105,7 +105,7 @@ class SensorReport:
     """Estimates of the GPS's time offset and lever arm, and of the camera's calibration.
 
     Attributes:
-        time_offset_s: How much older the positions are than their time stamps.
+        time_offset_s: By which the positions are older than their time stamps.
         time_offset_sigma_s: Its standard deviation; NaN if it was not estimated.
         antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
@@ -120,7 +120,7 @@ class SensorReport:
 
 @dataclass(frozen=True)
 class SolverReport:
-    """The optimisation of stage D: cost per term before and after, iterations and why it stopped."""
+    """Optimisation of stage D: cost per term before and after, iterations, and reason for stopping."""
 
     cost_before: Mapping[str, float]
     cost_after: Mapping[str, float]
@@ -133,17 +133,22 @@ class Solution:
     """The result of a run: everything that a run folder holds.
 
     Attributes:
-        recording: Its recording, if known.
-        t_s: (F,) frame times.
+        recording: The recording, if known.
+        world_origin: Origin of the ENU world frame; None without one.
+        t_s: (F,) times of the frames.
         world_T_camera: (F, 4, 4).
         sigma_rotation_rad: (F, 3) about world east, north, up.
         sigma_position_m: (F, 3) east, north, up.
         state: (F,) how each pose was obtained.
+        camera: Camera, as given or refined.
         camera_p_antenna: (3,) lever arm, as given or as estimated.
+        landmarks, observations: The map, and its observations in the frames.
+        gps, fixes: The GPS log and the verdicts on its fixes; None without a log.
+        sensors, report: Reports of the sensors and of the optimiser.
         georeferenced: False if no fix or control point tied the run to the world; the origin is then near
             the first camera and the scale is arbitrary.
         seconds: Wall seconds per stage.
-        warnings: What a user should know before trusting the result.
+        warnings: Warnings for the user.
         config: The resolved configuration.
         video_start_utc: UTC instant of the video's first frame, if the rig gives it.
         world_p_before: (F, 3) camera positions after stages A to C; None in older runs.
@@ -178,5 +183,5 @@ class Solution:
 
     @property
     def fix_times_s(self) -> FloatArray:
-        """(M,) when the antenna was at the fixes: the log's time stamps minus the time offset."""
+        """(M,) times of the fixes: the log's time stamps minus the time offset."""
         return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s

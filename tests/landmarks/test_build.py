@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from synthetic_run import BENT, FRAMES, PINHOLE, WallRun, make_wall_run, poses, render, texture
 
+from tests.support.synthetic_landmarks import plane_normals
 from vgps.config import LandmarksConfig
 from vgps.errors import LandmarkDatabaseError, RecordingError
 from vgps.landmarks.build import build_database, build_from_runs
@@ -59,7 +60,9 @@ def test_landmarks_keep_their_positions_and_look_towards_the_camera(
     points = wall.solution.landmarks
     np.testing.assert_array_equal(views.world_p_landmark, points.world_p_landmark[views.landmark])
     np.testing.assert_array_equal(views.sigma_px, points.sigma_px[views.landmark])
-    np.testing.assert_allclose(views.world_n, -poses()[frame_of(views.world_p_camera)][:, :3, 2], atol=1e-12)
+    np.testing.assert_allclose(
+        plane_normals(views), -poses()[frame_of(views.world_p_camera)][:, :3, 2], atol=1e-12
+    )
     assert ((views.position_sigma_m > 0.05) & (views.position_sigma_m < 1.2)).all()
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from synthetic_landmarks import CAMERA, random_contents, random_poses
 from whole_database import all_views
 
+from tests.support.synthetic_landmarks import plane_normals
 from vgps.config import SelectionConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.database import LandmarkDatabase
@@ -46,7 +47,7 @@ def brute_force(
         to_here, to_there = (eye - views.world_p_landmark[row] for eye in (here, there))
         to_here, to_there = to_here / np.linalg.norm(to_here), to_there / np.linalg.norm(to_there)
         angle = np.degrees(np.arccos(np.clip(to_here @ to_there, -1, 1)))
-        tilt = np.degrees(np.arccos(np.clip(to_here @ views.world_n[row], -1, 1)))
+        tilt = np.degrees(np.arccos(np.clip(to_here @ plane_normals(views)[row], -1, 1)))
         sides = np.linalg.norm(views.world_v_column[row]) * np.linalg.norm(views.world_v_row[row])
         octaves = np.log2(z / np.sqrt(camera.fx * camera.fy) / np.sqrt(sides))
         if angle > config.max_view_angle_deg or tilt > config.max_tilt_deg:
@@ -176,7 +177,7 @@ def test_a_camera_far_away_gets_no_views(tmp_path: Path) -> None:
     with LandmarkDatabase.open(written(tmp_path, contents)) as database:
         nothing = database.views(pose, CAMERA)
     assert len(nothing) == 0
-    assert nothing.templates.shape == (0, 3, 5, 5) and nothing.world_n.shape == (0, 3)
+    assert nothing.templates.shape == (0, 3, 5, 5) and plane_normals(nothing).shape == (0, 3)
 
 
 def test_max_landmarks_limits_the_number_of_views(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 from synthetic_landmarks import random_contents
 
+from tests.support.synthetic_landmarks import plane_normals
 from vgps.landmarks.database_file import DatabaseFile
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.landmark_table import LandmarkTable
@@ -24,7 +25,7 @@ def test_derived_columns_follow_from_the_views(tmp_path: Path) -> None:
         octave = np.log2(distance[:, 0] / np.sqrt(260.0 * 255.0))
         geometry = table.view_geometry[row].T
         np.testing.assert_allclose(geometry[: mine.sum(), :3], direction, atol=1e-6)
-        np.testing.assert_allclose(geometry[: mine.sum(), 3:6], views.world_n[mine], atol=1e-6)
+        np.testing.assert_allclose(geometry[: mine.sum(), 3:6], plane_normals(views)[mine], atol=1e-6)
         np.testing.assert_allclose(geometry[: mine.sum(), 6], octave, atol=1e-5)
         assert np.isnan(geometry[mine.sum() :]).all()
         mean = direction.sum(axis=0) / np.linalg.norm(direction.sum(axis=0))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vgps.online.gps_messages import Epochs, fixes_in, messages
+from vgps.online.gps_messages import Epochs, messages
 from vgps.readers.fixes import Clock
 from vgps.readers.nmea import read_nmea
 from vgps.readers.ubx import read_ubx
@@ -17,6 +17,13 @@ EPOCHS = [
     b"$GNGGA,000000.00,4900.6640753,N,00824.9946148,E,5,14,0.80,116.2193,M,47.9,M,1.0,0000",
     b"$GNGST,000000.00,,,,,0.500,0.500,1.000",
 ]
+
+
+def fixes_in(data):
+    """Return the fixes in a complete stream."""
+    epochs = Epochs()
+    found = [fix for raw in messages(io.BytesIO(data)) for fix in epochs.add(raw)]
+    return found + epochs.flush()
 
 
 def checked(sentence: bytes) -> bytes:

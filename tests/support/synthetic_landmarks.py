@@ -56,3 +56,10 @@ def _keyframe(rng: np.random.Generator, views: LandmarkViews, pose: np.ndarray) 
         descriptors=rng.integers(0, 256, (len(rows), 128), dtype=np.uint8),
         thumbnail=rng.integers(0, 256, (6, 8), dtype=np.uint8),
     )
+
+
+def plane_normals(views):
+    """Return the unit normals (N, 3) of the template planes, towards the camera of each view."""
+    # columns run right and rows down in the image, so their product points away from the camera
+    normal = -np.cross(views.world_v_column, views.world_v_row)
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -42,13 +42,6 @@ class LandmarkViews:
         """Return the views in ``rows``."""
         return LandmarkViews(**{name: values[rows] for name, values in vars(self).items()})
 
-    @property
-    def world_n(self) -> FloatArray:
-        """(N, 3) unit normals of the template planes, towards the camera that took the view."""
-        # columns run right and rows down in the picture, so their product points away from the camera
-        normal = -np.cross(self.world_v_column, self.world_v_row)
-        return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
 
 @dataclass(frozen=True, kw_only=True)
 class Keyframe:

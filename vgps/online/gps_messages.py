@@ -1,6 +1,5 @@
 """Fixes from a receiver's stream of messages, epoch by epoch, parsed by the readers of logs."""
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -108,10 +107,3 @@ class Epochs:
         elif dated and self._date:
             found = read_nmea(b"".join([self._date, *epoch]))
         return found
-
-
-def fixes_in(data: bytes) -> list[StreamedFix]:
-    """Return the fixes in a complete stream."""
-    epochs = Epochs()
-    found = [fix for raw in messages(io.BytesIO(data)) for fix in epochs.add(raw)]
-    return found + epochs.flush()

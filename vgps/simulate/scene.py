@@ -38,6 +38,9 @@ class SceneConfig:
         noise_levels: Sensor noise, standard deviation in grey levels.
         max_samples: Largest number of instants rendered and averaged for a frame.
         crf: Quality of the H.264 video (lower is better).
+        gps, gyro: Receiver and gyro.
+        start_utc: UTC of the first frame.
+        world_origin: Origin of the ENU world.
     """
 
     speed: tuple[tuple[float, float], ...]

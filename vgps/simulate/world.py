@@ -19,7 +19,9 @@ class World:
         texture: (Q,) row of ``textures``.
         repeat: (Q,) number of tiles along each edge; above one for endless surfaces.
         two_sided: (Q,) whether it is visible from behind.
-        velocity: (Q, 3) m/s; the origin is that at ``epoch_s`` (Q,).
+        velocity: (Q, 3) m/s.
+        epoch_s: (Q,) time at which each parallelogram is at its origin.
+        textures: Images of the textures.
     """
 
     origin: FloatArray
