@@ -44,7 +44,7 @@ def test_verdicts_stay_with_their_fixes_when_others_come_between():
         False,
         False,
     ]
-    assert len(fix_buffer.believed(99.0)) == 3 and not fix_buffer.believed(99.0).used[0]
+    assert len(fix_buffer.usable(99.0)) == 3 and not fix_buffer.usable(99.0).used[0]
 
 
 def test_news_are_fixes_within_the_last_interval_or_late_ones_once():

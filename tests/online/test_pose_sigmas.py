@@ -34,7 +34,7 @@ class Drive:
         self.fixes = Fixes.empty()
         self.uncertainty = PoseUncertainty(self, vgps.Config(window=WindowConfig(delay_frames=delay_frames)))
 
-    def believed(self, until_s):
+    def usable(self, until_s):
         return self.fixes.until(until_s)
 
     def fix(self):

@@ -7,7 +7,7 @@ from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 from synthetic_map import map_of, moved, scene
 
 from vgps.config import Config
-from vgps.smoothing.drift_correction import correct_drift, remove_drift, undo_bending
+from vgps.smoothing.drift_correction import correct_drift, remove_drift, restore_odometry
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_a_path_torn_by_fixes_that_are_given_up_is_mended():
     local_map = map_of(replace(problem, world_T_camera=true), 0, 39)
     whole = local_map.snapshot()
     moved(local_map, 25, lambda poses: shifted(poses, [3.0, 0.0, 1.0]))
-    local_map.apply(undo_bending(local_map, float(t_s[20])))
+    local_map.apply(restore_odometry(local_map, float(t_s[20])))
     np.testing.assert_allclose(local_map.poses, whole.poses, atol=1e-9)
     seen_after = np.unique(whole.observations(39).landmark)
     by = local_map.points[seen_after] - whole.points[seen_after]

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from textured_room import CAMERA, CONFIG, followed_map, moved, path
 
-from vgps.tracking.bootstrap import TwoViewInitializer
+from vgps.tracking.bootstrap import TwoViewInitialiser
 
 POSES = path(6)
 
 
-def initialize(local_map, **start):
+def initialise(local_map, **start):
     config = CONFIG.start.model_copy(update=start)
     rng = np.random.default_rng(0)
-    return TwoViewInitializer(CAMERA.K, config, CONFIG.tracking, rng).initialize(local_map)
+    return TwoViewInitialiser(CAMERA.K, config, CONFIG.tracking, rng).initialise(local_map)
 
 
 def views(poses=POSES):
@@ -23,7 +23,7 @@ def views(poses=POSES):
 
 def test_views_are_posed_and_features_positioned_up_to_scale():
     local_map, points, baseline_m = views()
-    local_map.apply(initialize(local_map))
+    local_map.apply(initialise(local_map))
     np.testing.assert_allclose(local_map.poses[0], np.eye(4), atol=1e-12)
     assert np.linalg.norm(local_map.poses[-1, :3, 3]) == pytest.approx(1.0)
     in_first = np.linalg.inv(POSES[0]) @ POSES
@@ -41,7 +41,7 @@ def test_it_waits_until_the_image_has_moved_far_enough():
         local_map, _, _ = views(POSES[:count])
         flow = np.median(np.linalg.norm(local_map.views[:, -1] - local_map.views[:, -count], axis=1))
         assert (flow > CONFIG.start.min_flow_px) == starts
-        assert (initialize(local_map) is not None) == starts
+        assert (initialise(local_map) is not None) == starts
 
 
 def test_a_camera_that_only_turns_starts_no_map():
@@ -49,7 +49,7 @@ def test_a_camera_that_only_turns_starts_no_map():
     local_map, _, _ = views(turning)
     flow = np.linalg.norm(local_map.views[:, -1] - local_map.views[:, -6], axis=1)
     assert np.median(flow) > 2 * CONFIG.start.min_flow_px
-    assert initialize(local_map) is None
+    assert initialise(local_map) is None
 
 
 def test_two_views_need_parallax():
@@ -58,23 +58,23 @@ def test_two_views_need_parallax():
     a, b = (points - pose[:3, 3] for pose in (POSES[0], POSES[-1]))
     cosine = np.sum(a * b, axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
     parallax_deg = float(np.degrees(np.median(np.arccos(cosine))))
-    assert initialize(local_map, min_parallax_deg=0.95 * parallax_deg) is not None
-    assert initialize(local_map, min_parallax_deg=1.05 * parallax_deg) is None
+    assert initialise(local_map, min_parallax_deg=0.95 * parallax_deg) is not None
+    assert initialise(local_map, min_parallax_deg=1.05 * parallax_deg) is None
 
 
 def test_two_views_need_common_features():
     local_map, points, _ = views()
-    assert initialize(local_map, min_inliers=len(points)) is not None
+    assert initialise(local_map, min_inliers=len(points)) is not None
     local_map.views[0, -6] = np.nan  # not seen in the oldest view
-    assert initialize(local_map, min_inliers=len(points) - 1) is not None
-    assert initialize(local_map, min_inliers=len(points)) is None
+    assert initialise(local_map, min_inliers=len(points) - 1) is not None
+    assert initialise(local_map, min_inliers=len(points)) is None
 
 
 def test_mismatches_get_no_position_and_do_no_harm():
     local_map, points, baseline_m = views()
     wrong = np.arange(0, len(points), 5)
     local_map.views[wrong, -1] += np.random.default_rng(0).uniform(15, 40, (len(wrong), 2))
-    local_map.apply(initialize(local_map))
+    local_map.apply(initialise(local_map))
     assert np.mean(local_map.positioned[wrong]) < 0.2  # by chance some move along their epipolar line
     right = np.delete(np.arange(len(points)), wrong)
     assert np.mean(local_map.positioned[right]) > 0.9
@@ -85,7 +85,7 @@ def test_mismatches_get_no_position_and_do_no_harm():
 def test_a_view_between_that_shows_too_little_holds_the_start_back():
     local_map, _, _ = views()
     local_map.views[CONFIG.tracking.min_inliers - 1 :, -3] = np.nan
-    assert initialize(local_map) is None
+    assert initialise(local_map) is None
     local_map, _, _ = views()
     local_map.views[CONFIG.tracking.min_inliers + 3 :, -3] = np.nan
-    assert initialize(local_map) is not None
+    assert initialise(local_map) is not None

@@ -71,7 +71,7 @@ class FixBuffer:
         self._late = False
         return has_new
 
-    def believed(self, until_s: float) -> Fixes:
+    def usable(self, until_s: float) -> Fixes:
         """Return the fixes until a time with their verdicts applied and their time offset removed."""
         return self.assessment.applied(self._corrected).until(until_s)
 

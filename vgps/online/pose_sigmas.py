@@ -143,7 +143,7 @@ class PoseUncertainty:
 
     def _measurements(self, poses: FloatArray, t_s: FloatArray) -> dict[int, list[FloatArray]]:
         """Return the measurement matrices of the fixes that stage C used, by the first frame after each."""
-        fixes = self._frame_pipeline.fix_buffer.believed(float(t_s[-1]))
+        fixes = self._frame_pipeline.fix_buffer.usable(float(t_s[-1]))
         available = np.isin(fixes.t_s, self._available_s[0] - self._frame_pipeline.sensors.time_offset_s)
         fixes = fixes.where(available & fixes.used & (fixes.t_s > t_s[0]))
         sigma_m, slot = region_sigmas(fixes), np.searchsorted(self._correlation_s, fixes.correlation_s)

@@ -28,7 +28,7 @@ _MAX_REASON = 200  # characters of an error in a warning
 
 
 class FramePipeline:
-    """Tracks frames, maps features and optimises the newest window.
+    """Stages A to C of one video: tracking, mapping, and optimisation of the newest window.
 
     Attributes:
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
@@ -208,7 +208,7 @@ class FramePipeline:
         if builder.failures >= self._config.window.max_failures:
             self.warnings.append(f"stage C failed {builder.failures} times in a row: a new map begins")
             self._current = None
-        builder.relocaliser = None  # it holds the previous positions
+        builder.relocaliser = None  # it has the positions before stage C
 
     def _apply(self, outcome: WindowOutcome | None) -> None:
         if outcome is None:

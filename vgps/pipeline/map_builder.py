@@ -16,7 +16,7 @@ from vgps.tracking.relocaliser import Relocaliser
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
-_LONGEST_PREDICTION = 1.5  # frame intervals; beyond it the velocity is not trusted
+_LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
 
 
 @dataclass(kw_only=True)

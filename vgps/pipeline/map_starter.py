@@ -9,7 +9,7 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.mapping.standing_frames import pose_standing_frames
 from vgps.model import FloatArray, Frame
 from vgps.pipeline.map_builder import MapBuilder
-from vgps.tracking.bootstrap import TwoViewInitializer
+from vgps.tracking.bootstrap import TwoViewInitialiser
 from vgps.tracking.frame_tracker import FrameTracker
 from vgps.tracking.mapper import Mapper
 
@@ -17,7 +17,7 @@ _UNKNOWN = np.full((4, 4), np.nan)
 
 
 class MapStarter:
-    """Extends a map that has not started, frame by frame, until it starts.
+    """Extension of a map by frames until two views start it.
 
     Args:
         stages: Stages A and B.
@@ -37,7 +37,7 @@ class MapStarter:
     ) -> None:
         self._tracker, self._mapper = stages
         self._config, self._retention = config, retention
-        self._initializer = TwoViewInitializer(K, config.start, config.tracking, rng)
+        self._initialiser = TwoViewInitialiser(K, config.start, config.tracking, rng)
 
     def add_frame(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
         """Add a frame to a map that has not started, or begin one with it.
@@ -57,7 +57,7 @@ class MapStarter:
             builder.add_zero_motion(frame.index, result)
             return builder
         builder.add_view(frame, result)
-        start = self._initializer.initialize(local_map)
+        start = self._initialiser.initialise(local_map)
         if start is not None:
             local_map.apply(start)
         local_map.apply(self._mapper.new_features(local_map, frame.gray))

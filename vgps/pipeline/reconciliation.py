@@ -30,7 +30,7 @@ class _Features:
 
 @dataclass(frozen=True)
 class _FramePoser:
-    """Poses frames by the refined features."""
+    """Estimator of frame poses from the refined features."""
 
     features: _Features
     K: FloatArray

@@ -7,16 +7,16 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.drift_correction import correct_drift, undo_bending
+from vgps.smoothing.drift_correction import correct_drift, restore_odometry
 from vgps.smoothing.window import contradicts, optimise_window
 
 
 class StageC:
-    """Stage C of one map after another.
+    """Stage C: correction of time offset, outliers and drift, and optimisation of the newest window.
 
     Args:
         context: Camera, control points and settings.
-        timer: Timer of its parts.
+        timer: Timer of the parts.
     """
 
     def __init__(self, context: SmoothingContext, timer: StageTimer) -> None:
@@ -26,7 +26,7 @@ class StageC:
     def run(self, local_map: LocalMap, fix_buffer: FixBuffer, suffix: str = "") -> tuple[str, ...]:
         """Correct drift if fixes contradict the frames that the window will hold, then optimise the window.
 
-        Without the correction the path would tear where the window begins, and the tear would stay.
+        Without the correction the path would be discontinuous where the window begins, and remain so.
 
         Args:
             local_map: Snapshot of the map; updated in place.
@@ -43,14 +43,16 @@ class StageC:
         with self._timer.measure("drift" + suffix):
             corrected = local_map.aligned and self._correct(local_map, fix_buffer, until_s)
         with self._timer.measure("window" + suffix):
-            fixes, antenna = fix_buffer.believed(until_s), fix_buffer.sensors.prior_antenna
+            fixes, antenna = fix_buffer.usable(until_s), fix_buffer.sensors.prior_antenna
             tolerance = self._context.config.window.corrected_tolerance if corrected else 1.0
             result = optimise_window(local_map, fixes, antenna, self._context, tolerance)
             local_map.apply(result.update)
         self._used_until_s = until_s
         if result.converged:
             return ()
-        return (f"stage C could not lower the cost at {until_s:.2f} s, though its start is no minimum",)
+        return (
+            f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged",
+        )
 
     def _correct(self, local_map: LocalMap, fix_buffer: FixBuffer, until_s: float) -> bool:
         """Update time offset and outliers, correct the map's drift if fixes contradict it, and return whether
@@ -59,15 +61,15 @@ class StageC:
         since_s = until_s - config.drift.horizon_s
 
         def contradicted() -> bool:
-            return contradicts(local_map, fix_buffer.believed(until_s), antenna, config)
+            return contradicts(local_map, fix_buffer.usable(until_s), antenna, config)
 
         fix_buffer.update_time_offset(odometry_trajectory(local_map, since_s))
         if not contradicted():
             return False
         rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self._used_until_s)
         if rejected_s < until_s:
-            local_map.apply(undo_bending(local_map, rejected_s - config.window.bend_s))
+            local_map.apply(restore_odometry(local_map, rejected_s - config.window.bend_s))
         if not contradicted():
             return False
-        local_map.apply(correct_drift(local_map, fix_buffer.believed(until_s), antenna, config, since_s))
+        local_map.apply(correct_drift(local_map, fix_buffer.usable(until_s), antenna, config, since_s))
         return True

@@ -1,4 +1,4 @@
-"""Stage C, at once or in a thread beside the next frames."""
+"""Stage C, synchronously or in a thread while the next frames are tracked."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from vgps.smoothing.context import SmoothingContext
 
 @dataclass(frozen=True)
 class WindowOutcome:
-    """How stage C changes a map as it is now, and warnings."""
+    """Result of stage C: the map, its update, and warnings."""
 
     local_map: LocalMap
     reconciliation: Reconciliation
@@ -31,7 +31,7 @@ class _Job:
 
 
 class WindowWorker:
-    """Runs stage C on snapshots and merges the results into the map as it is then.
+    """Runner of stage C on snapshots of the map; results are reconciled with the map as it has grown.
 
     Args:
         context: Camera, control points and settings.
@@ -46,7 +46,7 @@ class WindowWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether stage C was started and its result not yet taken."""
+        """Whether stage C was started and :meth:`finish` not yet called."""
         return self._job is not None
 
     def optimise(self, local_map: LocalMap) -> WindowOutcome:

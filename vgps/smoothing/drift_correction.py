@@ -45,7 +45,7 @@ def correct_drift(
     return _moved_frames(local_map, *remove_drift(path, inside, camera_p_antenna, config, attached))
 
 
-def undo_bending(local_map: LocalMap, since_s: float) -> MapUpdate:
+def restore_odometry(local_map: LocalMap, since_s: float) -> MapUpdate:
     """Return the poses and points of a map with the shape of its odometry from a time on.
 
     Outliers that were used before distort the path abruptly, which no slow drift corrects.

@@ -11,15 +11,15 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 
 
-class TwoViewInitializer:
-    """Starts a map from its oldest and its newest view, once they have enough parallax."""
+class TwoViewInitialiser:
+    """Initialiser of a map from its oldest and newest view, once they have enough parallax."""
 
     def __init__(
         self, K: FloatArray, start: StartConfig, tracking: TrackingConfig, rng: np.random.Generator
     ) -> None:
         self._K, self._start, self._tracking, self._rng = K, start, tracking, rng
 
-    def initialize(self, local_map: LocalMap) -> MapUpdate | None:
+    def initialise(self, local_map: LocalMap) -> MapUpdate | None:
         """Return the poses of all views and the first positions, or None if two views do not give them yet.
 
         The oldest view becomes the origin, and its distance to the newest the unit of length.

@@ -22,7 +22,7 @@ class Match:
 
 
 class Matcher(Protocol):
-    """Matches features ``uv_px`` (N, 2) of the image ``previous`` in ``current``."""
+    """Interface of a matcher of features ``uv_px`` (N, 2) of the image ``previous`` in ``current``."""
 
     def match(
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray

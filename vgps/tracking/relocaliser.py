@@ -16,7 +16,7 @@ _MAX_CORNERS = 2000
 
 
 class Relocaliser:
-    """Poses frames by the features of a map's newest view, whose image is ``view_image``."""
+    """Relocaliser by the features of a map's newest view, whose image is ``view_image``."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Relocaliser:
 
         Args:
             gray: The frame.
-            predicted: (4, 4) pose by the motion model, a candidate like any other.
+            predicted: (4, 4) pose by the motion model, which competes with the sampled poses.
         """
         matches = self._match(gray)
         if len(matches) < self._config.min_inliers:
