@@ -50,9 +50,7 @@ class StageC:
         self._used_until_s = until_s
         if result.converged:
             return ()
-        return (
-            f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged",
-        )
+        return (f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged",)
 
     def _correct(self, local_map: LocalMap, fix_buffer: FixBuffer, until_s: float) -> bool:
         """Update time offset and outliers, correct the map's drift if fixes contradict it, and return whether
