@@ -18,15 +18,15 @@ def calibration_table(calibration: GyroCalibration) -> Table:
     for axis, row in zip("xyz", mount.gyro_R_camera, strict=True):
         table.add_row(f"gyro {axis} axis in camera axes", _numbers(row, 4), "")
     sigma = _numbers(np.degrees(calibration.rotation_sigma_rad), 2)
-    table.add_row("rotation about the camera axes [deg]", "", sigma)
+    table.add_row("rotation about the camera axes, deg", "", sigma)
     offset, sigma_ms = 1e3 * mount.time_offset_s, 1e3 * calibration.time_offset_sigma_s
-    table.add_row("time offset, added to gyro times [ms]", f"{offset:.2f}", f"{sigma_ms:.2f}")
+    table.add_row("time offset, added to gyro times, ms", f"{offset:.2f}", f"{sigma_ms:.2f}")
     bias, sigmas = np.degrees(mount.bias_rad_s), np.degrees(calibration.bias_sigma_rad_s)
-    table.add_row("bias in gyro axes [deg/s]", _numbers(bias, 3), _numbers(sigmas, 3))
+    table.add_row("bias in gyro axes, deg/s", _numbers(bias, 3), _numbers(sigmas, 3))
     table.add_section()
-    rotation = _numbers(np.degrees(calibration.turn_rad), 3)
-    table.add_row(f"camera rotation in {1e3 * calibration.interval_s:.0f} ms, rms [deg]", rotation, "")
-    table.add_row("gyro minus camera, rms [deg]", _numbers(np.degrees(calibration.residual_rad), 3), "")
+    rotation = _numbers(np.degrees(calibration.rotation_rms_rad), 3)
+    table.add_row(f"camera rotation in {1e3 * calibration.interval_s:.0f} ms, rms deg", rotation, "")
+    table.add_row("gyro minus camera, rms deg", _numbers(np.degrees(calibration.residual_rad), 3), "")
     table.add_row("correlation, scale", f"{calibration.agreement:.4f}  {calibration.scale:.4f}", "")
     table.add_row("intervals used, without rotation", f"{calibration.intervals}  {calibration.missed}", "")
     return table

@@ -30,7 +30,7 @@ class GyroCalibration:
         offset_known, bias_known: Whether the motion shows them well enough.
         intervals, missed: Numbers of intervals between frames: used, and without a rotation from the image.
         interval_s: Median length of an interval.
-        turn_rad: (3,) RMS rotation of the camera over an interval, about its axes.
+        rotation_rms_rad: (3,) RMS rotation of the camera over an interval, about its axes.
         residual_rad: (3,) RMS difference of gyro and camera over an interval, about the camera's axes.
         agreement: Correlation of the rates of gyro and video.
         scale: Ratio of the video's rotations to the gyro's; not 1 if the focal length is wrong.
@@ -46,7 +46,7 @@ class GyroCalibration:
     intervals: int
     missed: int
     interval_s: float
-    turn_rad: FloatArray
+    rotation_rms_rad: FloatArray
     residual_rad: FloatArray
     agreement: float
     scale: float
@@ -182,7 +182,9 @@ def _result(
         intervals=len(rotations),
         missed=rotations.missed,
         interval_s=float(np.median(rotations.end_s - rotations.start_s)),
-        turn_rad=np.sqrt(np.mean(Rotation.from_matrix(rotations.start_R_end).as_rotvec() ** 2, axis=0)),
+        rotation_rms_rad=np.sqrt(
+            np.mean(Rotation.from_matrix(rotations.start_R_end).as_rotvec() ** 2, axis=0)
+        ),
         residual_rad=np.sqrt(np.average(fit.residual_rad**2, axis=0, weights=fit.weight)),
         agreement=alignment.agreement,
         scale=scale,

@@ -65,9 +65,9 @@ def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
     """Return the tables 4 and 5 of Kume 2010, in metres."""
     dropped = f"worst {100 * config.drop:g} % dropped"
     cylinders = Table(
-        "class", "epochs", "independent", "all: horiz / vert [m]", f"{dropped}: r / h [m]", title="Cylinders"
+        "class", "epochs", "independent", "all: horiz / vert, m", f"{dropped}: r / h, m", title="Cylinders"
     )
-    ellipsoids = Table("class", "alpha [m]", "beta [m]", "correlation [s]", title="Least ellipsoids")
+    ellipsoids = Table("class", "alpha, m", "beta, m", "correlation, s", title="Least ellipsoids")
     for one in survey.classes:
         largest = f"{one.largest_m[0]:.3f} / {one.largest_m[1]:.3f}"
         cylinders.add_row(
