@@ -78,7 +78,7 @@ def cauchy(length_px, bend_px):
 @pytest.mark.parametrize(("name", "loss"), [("huber", huber), ("cauchy", cauchy)])
 @pytest.mark.parametrize("features", [1, 400])
 @pytest.mark.parametrize("length_px", [0.5, 2.9, 3.1, 40.0])
-def test_a_loss_bends_at_the_same_pixels_for_any_weight(name, loss, features, length_px):
+def test_the_loss_has_the_same_scale_in_pixels_for_any_weight(name, loss, features, length_px):
     sigma_j = 0.7
     pose, point = gtsam.Pose3(), np.array([0.0, 0.0, 10.0])
     noise = projection_noise(sigma_j * np.sqrt(features), name, loss_px=3.0)

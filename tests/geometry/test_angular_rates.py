@@ -56,7 +56,7 @@ def test_one_interval_after_the_other(start, first, second):
     assert Rotation.from_matrix((a @ b).T @ whole).magnitude() < 1e-4
 
 
-def test_the_steps_are_the_same_turn():
+def test_the_steps_add_up_to_the_same_rotation():
     integral = GyroIntegral(log_of(np.linspace(0, 2, 401)))
     rates, dts = integral.steps(0.3012, 0.4523)
     assert dts.sum() == pytest.approx(0.1511)
@@ -66,7 +66,7 @@ def test_the_steps_are_the_same_turn():
     assert Rotation.from_matrix(by_factor.T @ turn).magnitude() < 1e-5
 
 
-def test_what_is_covered():
+def test_intervals_outside_the_log_or_over_gaps_are_not_covered():
     t_s = np.concatenate([np.arange(0, 1, 0.01), np.arange(1.5, 3, 0.01)])
     start = np.array([-0.1, 0.0, 0.5, 0.9, 1.2, 1.5, 2.9, 0.2])
     end = np.array([0.1, 0.9, 0.99, 1.1, 1.3, 2.0, 3.1, 2.5])

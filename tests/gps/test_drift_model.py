@@ -52,7 +52,7 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
 
 
 @pytest.mark.parametrize("time_offset_s", [-0.4, 0.37])
-def test_a_time_offset_is_found_where_the_path_turns(time_offset_s):
+def test_turns_determine_the_time_offset(time_offset_s):
     t_s = np.arange(1.05, 18.0)
     fixes = fixes_at(t_s - time_offset_s, 0.5, 0.7)
     stamped = replace(fixes, t_s=t_s)
@@ -62,7 +62,7 @@ def test_a_time_offset_is_found_where_the_path_turns(time_offset_s):
     assert of.time_offset_s(parameters) == pytest.approx(time_offset_s, abs=0.02)
 
 
-def test_a_straight_path_at_constant_speed_does_not_show_the_time_offset():
+def test_a_straight_path_at_constant_speed_leaves_the_time_offset_undetermined():
     fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
     straight = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
     on_it = np.stack([0 * fixes.t_s, 5 * fixes.t_s, 0 * fixes.t_s], axis=1)

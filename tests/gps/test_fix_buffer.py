@@ -18,7 +18,7 @@ def rows_of(fixes, rows):
     return fixes.where(mask)
 
 
-def test_fixes_land_at_their_time_in_any_order_of_coming():
+def test_fixes_are_chronological_in_any_order_of_arrival():
     _, _, _, fixes = scene()
     at_once = FixBuffer(fixes, ANTENNA, Config())
     one_by_one = FixBuffer(Fixes.empty(), ANTENNA, Config())
@@ -30,7 +30,7 @@ def test_fixes_land_at_their_time_in_any_order_of_coming():
     np.testing.assert_array_equal(order[one_by_one.number], np.arange(len(fixes)))
 
 
-def test_verdicts_stay_with_their_fixes_when_others_come_between():
+def test_verdicts_stay_with_their_fixes_when_others_are_inserted():
     _, _, _, fixes = scene()
     fix_buffer = FixBuffer(rows_of(fixes, [0, 2, 4]), ANTENNA, Config())
     fix_buffer.assessment = FixAssessment(np.array([0.9, 0.1, 0.8]), np.array([0.0, 0.0, 0.0]))
@@ -47,7 +47,7 @@ def test_verdicts_stay_with_their_fixes_when_others_come_between():
     assert len(fix_buffer.usable(99.0)) == 3 and not fix_buffer.usable(99.0).used[0]
 
 
-def test_news_are_fixes_within_the_last_interval_or_late_ones_once():
+def test_new_fixes_are_those_of_the_last_interval_and_late_ones_once():
     _, _, _, fixes = scene()
     t_s = float(fixes.t_s[3])
     fix_buffer = FixBuffer(rows_of(fixes, [3]), ANTENNA, Config())
@@ -59,19 +59,19 @@ def test_news_are_fixes_within_the_last_interval_or_late_ones_once():
     assert not fix_buffer.has_new(t_s, t_s + 0.1)
 
 
-def test_after_forgetting_few_fixes_do_not_change_the_clock():
+def test_after_discarding_few_fixes_do_not_change_the_time_offset():
     _, poses, t_s, fixes = scene()
-    lagging = replace(fixes, t_s=fixes.t_s + 0.7)
-    fix_buffer = FixBuffer(lagging, ANTENNA, Config())
+    late = replace(fixes, t_s=fixes.t_s + 0.7)
+    fix_buffer = FixBuffer(late, ANTENNA, Config())
     fix_buffer.update_time_offset(Trajectory(t_s, poses))
     before = fix_buffer.sensors.time_offset_s
-    fix_buffer.discard_before(float(lagging.t_s[5]))
+    fix_buffer.discard_before(float(late.t_s[5]))
     fix_buffer.update_time_offset(Trajectory(t_s[20:], poses[20:]))
     assert fix_buffer.sensors.time_offset_s == before
 
 
-def test_after_discarding_fixes_the_time_offset_found_by_them_is_the_prior():
-    """Forty fixes on a straight at constant speed show no time offset: the one found before stays."""
+def test_after_discarding_fixes_their_time_offset_is_the_prior():
+    """Forty fixes on a straight at constant speed do not determine a time offset: the earlier one remains."""
     t_s = 0.1 * np.arange(60)
     east = np.tile(np.eye(4), (60, 1, 1))
     east[:, 0, 3] = 5.0 * t_s
@@ -84,7 +84,7 @@ def test_after_discarding_fixes_the_time_offset_found_by_them_is_the_prior():
     assert fix_buffer.sensors.time_offset_s == 0.4
 
 
-def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
+def test_a_snapshot_updates_the_assessment_of_fixes_still_held():
     _, _, _, fixes = scene()
     fix_buffer = FixBuffer(rows_of(fixes, [0, 2, 4]), ANTENNA, Config())
     judged = fix_buffer.snapshot()
@@ -97,14 +97,14 @@ def test_what_a_snapshot_judged_reaches_the_fixes_that_are_still_held():
     np.testing.assert_array_equal(fix_buffer.assessment.nominal, [np.nan, 0.1, np.nan, 0.8])
 
 
-def test_a_path_that_begins_after_the_first_fixes_keeps_the_clock_they_showed():
+def test_a_path_that_begins_after_the_first_fixes_keeps_their_time_offset():
     _, poses, t_s, fixes = scene()
     fix_buffer = FixBuffer(replace(fixes, t_s=fixes.t_s + 0.7), ANTENNA, Config())
     fix_buffer.update_time_offset(Trajectory(t_s[30:], poses[30:]))
     assert fix_buffer.sensors.time_offset_s == 0.0
 
 
-def test_judging_tells_when_a_fix_that_was_used_is_given_up():
+def test_outlier_detection_returns_the_time_of_the_first_used_fix_now_rejected():
     _, poses, t_s, fixes = scene()
     moved = fixes.world_p_fix.copy()
     moved[1:3] += [40.0, 0.0, 0.0]

@@ -20,13 +20,13 @@ FIX, FLOAT = (0.07, 0.05), (2.4, 6.5)
 
 
 def density(offset, r_m, h_m):
-    """Of one fix alone, by a survey's core and tail: what :data:`NOMINAL` is worth without its prior."""
+    """Return the density of one fix in the state NOMINAL, without its prior."""
     own, likelihood = state_probabilities(np.array([offset]), fixes_at(np.zeros(1), r_m, h_m), CONFIG)
     return own[0, NOMINAL] * np.exp(likelihood) / (1.0 - JUDGE.outlier_share)
 
 
 def by_enumeration(offset, has_lower):
-    """Every sequence of states in turn, by the words of the module."""
+    """Sum over all sequences of states, by the definition of the model."""
     bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
     lasts = JUDGE.persistence
     total = np.zeros((len(offset), 5))
@@ -71,7 +71,7 @@ def test_forward_and_backward_are_the_sum_over_all_sequences(seed):
     assert likelihood == pytest.approx(log_total, abs=1e-9)
 
 
-def test_six_wrong_fixes_that_agree_are_one_misfortune():
+def test_six_wrong_fixes_that_agree_count_as_one_error():
     t_s, one_off = np.arange(6.0), np.array([15.0, -9.0, 4.0])
     rng = np.random.default_rng(0)
     fixes = fixes_at(t_s, *FIX, lower=FLOAT)
@@ -84,7 +84,7 @@ def test_six_wrong_fixes_that_agree_are_one_misfortune():
     assert scattered[:, NOMINAL].max() < 1e-6
 
 
-def test_a_fix_without_a_class_below_is_never_that():
+def test_a_fix_without_a_class_below_is_never_down_classed():
     t_s = np.arange(2.0)
     lower = [np.array([size, np.nan]) for size in FLOAT]
     r, h = np.array([FIX[0], FLOAT[0]]), np.array([FIX[1], FLOAT[1]])

@@ -64,7 +64,7 @@ def test_a_down_classed_fix_has_the_ellipsoid_of_the_class_below():
     assert semi_axes(lowered, 1) == pytest.approx((3.0, 6.0))
 
 
-def test_an_ellipsoid_around_the_same_error_costs_what_its_semi_axes_say():
+def test_the_cost_of_an_ellipsoid_follows_its_semi_axes():
     offset = np.array([[0.15, 0.0, 0.0]])
     wide, narrow = fixes(SURVEYED), fixes(SURVEYED)
     narrow = replace(narrow, shape=np.ones((3, 2)))

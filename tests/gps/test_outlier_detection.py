@@ -46,7 +46,7 @@ def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
     assert found.nominal[1] <= found.nominal[0] + 1e-12
 
 
-def test_clean_fixes_on_a_drifting_path_are_all_believed():
+def test_clean_fixes_on_a_drifting_path_are_all_accepted():
     rng = np.random.default_rng(0)
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=rng.normal(0, 0.15, (19, 3)))
     found = judged(drifting(), fixes)
@@ -54,7 +54,7 @@ def test_clean_fixes_on_a_drifting_path_are_all_believed():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_scattered_outliers_are_found_and_no_other(seed):
+def test_exactly_the_scattered_outliers_are_rejected(seed):
     rng = np.random.default_rng(seed)
     wrong = rng.choice(19, 6, replace=False)
     offset = rng.normal(0, 0.15, (19, 3))
@@ -63,7 +63,7 @@ def test_scattered_outliers_are_found_and_no_other(seed):
     assert sorted(np.flatnonzero(found.rejected)) == sorted(wrong)
 
 
-def test_a_cluster_that_agrees_with_itself_and_lies_about_its_class_is_found():
+def test_a_consistent_cluster_of_false_rtk_fixes_is_rejected():
     offset = np.zeros((19, 3))
     offset[8:12] += [9.0, -7.0, 5.0]
     fix = np.isin(np.arange(19), [0, 1, 2, 8, 9, 10, 11, 17, 18])
@@ -72,8 +72,8 @@ def test_a_cluster_that_agrees_with_itself_and_lies_about_its_class_is_found():
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
 
 
-def test_false_fixes_at_the_very_start_are_found():
-    """Nothing came before them, and a path that bends in its first seconds would suit them."""
+def test_false_fixes_at_the_start_are_rejected():
+    """No fixes precede them, and a path that deforms in its first seconds would fit them."""
     offset = np.zeros((19, 3))
     offset[:6] += [9.0, -7.0, 5.0]
     exact = (np.arange(19) < 6) | (np.arange(19) > 15)
@@ -82,7 +82,7 @@ def test_false_fixes_at_the_very_start_are_found():
     assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
 
 
-def test_runs_between_jumps_are_suspect_and_nothing_else():
+def test_only_runs_between_jumps_are_suspect():
     offset = np.zeros((19, 3))
     offset[:4] += [9.0, 0.0, 0.0]
     offset[12] += [0.0, 0.0, 30.0]
@@ -95,8 +95,8 @@ def test_runs_between_jumps_are_suspect_and_nothing_else():
     assert [np.flatnonzero(run).tolist() for run in suspect_runs(offset, doubted, fixes, 8)] == [[0, 1, 2, 3]]
 
 
-def test_a_verdict_is_reversed_by_what_comes_later():
-    """Three disagree with the first five by a jump; once ten more agree with them, the five are wrong."""
+def test_later_fixes_reverse_a_verdict():
+    """Three fixes jump away from the first five; once ten more agree with them, the five are rejected."""
     offset = np.zeros((19, 3))
     offset[:5] += [15.0, 0.0, 0.0]
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=offset)

@@ -36,11 +36,11 @@ def region(r_m=2.0, h_m=5.0, rule=RULE, **said):
     return float(wider[0]), float(higher[0])
 
 
-def test_a_log_that_says_nothing_leaves_the_class_its_region():
+def test_without_quality_data_the_region_is_that_of_the_class():
     assert region() == (2.0, 5.0)
 
 
-def test_dilution_beyond_a_survey_s_scales_the_region():
+def test_dilution_above_that_of_a_survey_scales_the_region():
     assert region(hdop=1.2) == (2.0, 5.0)
     assert region(hdop=5.0) == pytest.approx((5.0, 12.5))
 
@@ -52,23 +52,23 @@ def test_few_satellites_count_only_where_the_dilution_is_unknown():
     assert region(satellites=3) == pytest.approx((4.0, 10.0))
 
 
-def test_old_corrections_add_what_they_lost():
+def test_old_corrections_enlarge_the_region():
     assert region(age_s=10.0) == (2.0, 5.0)
     assert region(age_s=60.0) == pytest.approx((2.1, 5.1))
 
 
-def test_a_receiver_that_doubts_itself_is_believed_and_one_that_boasts_is_not():
+def test_large_reported_sigmas_enlarge_the_region_and_small_ones_do_not_reduce_it():
     wide, high = region(sigma_m=(3.0, 4.0, 6.0))
     assert wide == pytest.approx(2.448 * 5.0 / np.sqrt(2), rel=1e-3) and high == pytest.approx(11.76)
     assert region(sigma_m=(0.01, 0.01, 0.01)) == (2.0, 5.0)
 
 
-def test_it_can_be_switched_off():
+def test_the_enlargement_can_be_disabled():
     off = RULE.model_copy(update={"enlarge": False})
     assert region(rule=off, hdop=9.0, age_s=500.0, sigma_m=(9.0, 9.0, 9.0)) == (2.0, 5.0)
 
 
-def test_a_class_without_a_region_stays_without():
+def test_a_class_without_a_region_gets_none():
     log = log_of(hdop=9.0, age_s=100.0, sigma_m=(1.0, 1.0, 1.0), fix_class=FixClass.UNKNOWN)
     fixes = fixes_in_world(log, np.zeros((1, 3)), GpsConfig())
     assert not fixes.used.any() and np.isnan(fixes.r_m).all()

@@ -34,14 +34,14 @@ def test_an_open_sky_hides_nothing():
     assert hidden_share(np.zeros((0, 3)), ring(40.0), SKY).shape == (0,)
 
 
-def test_a_wall_all_around_hides_its_zone_of_the_sphere():
+def test_a_wall_all_around_hides_its_zone_of_the_sky():
     expected = (0.5 - np.sin(np.radians(15.0))) / (1.0 - np.sin(np.radians(15.0)))  # up to 30 degrees
     assert hidden_share(HERE, ring(30.0), SKY)[0] == pytest.approx(expected)
     half = hidden_share(HERE, ring(30.0, around_deg=(90.0, 270.0)), SKY)[0]
     assert half == pytest.approx(expected / 2)
 
 
-def test_a_horizon_lies_where_it_is_in_azimuth():
+def test_the_horizon_has_the_azimuth_of_its_landmarks():
     horizon = horizon_sin(HERE[0], ring(30.0, around_deg=(90.0, 105.0)), SKY)  # north, 15 degrees a sector
     assert horizon[6] == pytest.approx(0.5) and np.count_nonzero(horizon) == 1
 
@@ -57,7 +57,7 @@ def test_single_landmarks_near_ones_and_far_ones_do_not_count():
     )
 
 
-def test_satellites_in_the_hidden_share_are_not_left():
+def test_satellites_in_the_hidden_share_are_lost():
     factor = hidden_factor(np.array([0.0, 0.4, 0.4, 0.4]), np.array([14.0, 14.0, np.nan, 3.0]), QUALITY)
     # 10 to spare of 14, 4.4 of 8.4; 4 of 8, where nothing is said, less than one of 4.8; none at all
     np.testing.assert_allclose(factor, [1.0, np.sqrt(10 / 4.4), 2.0, 1.0])
@@ -67,12 +67,12 @@ def test_satellites_in_the_hidden_share_are_not_left():
     share=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2).map(sorted),
     satellites=st.floats(0.0, 60.0) | st.just(float("nan")),
 )
-def test_regions_never_shrink_and_grow_with_what_is_hidden(share, satellites):
+def test_regions_grow_with_the_hidden_share_and_never_shrink(share, satellites):
     less, more = hidden_factor(np.array(share), np.full(2, satellites), QUALITY)
     assert 1.0 <= less <= more
 
 
-def test_fixes_inside_the_video_grow_by_their_own_sky_and_the_others_stay():
+def test_only_regions_of_fixes_within_the_video_grow():
     t_s = np.array([-5.0, 5.0, 15.0])
     fixes = fixes_at(t_s, 2.0, 5.0, lower=(3.0, 7.0))
     walls = ring(30.0) - HERE + path(np.array([5.0]))

@@ -19,7 +19,7 @@ def by_differences(camera_path, fixes, antenna, prior):
 
 
 def late(time_offset_s, offset=0.0, t_s=np.arange(0.05, 19.0)):  # noqa: B008
-    """Fixes whose stamps are later than their positions."""
+    """Return fixes whose time stamps are later than their positions."""
     fixes = fixes_at(t_s, 2.4, 6.5, offset=offset)
     return replace(fixes, t_s=t_s + time_offset_s)
 
@@ -29,7 +29,7 @@ def fixes_that_lie(t_s, world_p_fix, r_m=2.4, h_m=6.5):
 
 
 def no_offset_is_found(camera_path, fixes):
-    """Whether the time offset stays; a remark says no more than that the motion does not show it."""
+    """Return whether the time offset is unchanged; the only warning allowed is that it is not determined."""
     sensors, remarks = update_time_offset(SENSORS, camera_path, fixes, SensorsConfig())
     held = (SENSORS.time_offset_s, SENSORS.prior_time_offset)
     assert all("does not determine" in remark for remark in remarks)
@@ -37,13 +37,13 @@ def no_offset_is_found(camera_path, fixes):
 
 
 def wander(seed, n=19):
-    """Metres of error that change by centimetres a second."""
+    """Return errors of metres that change by centimetres per second."""
     steps = np.random.default_rng(seed).normal(0, 0.08, (n, 3))
     return np.array([1.5, -1.0, 4.0]) + np.cumsum(steps, axis=0)
 
 
 @pytest.mark.parametrize("time_offset_s", [-0.8, -0.1, 0.0, 0.37, 1.2])
-def test_a_lag_is_found_under_a_bias_that_wanders(time_offset_s):
+def test_a_time_offset_is_estimated_under_a_drifting_bias(time_offset_s):
     found = by_differences(trajectory(path(T_S)), late(time_offset_s, wander(0)), NONE, BELIEVED)
     assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
@@ -55,7 +55,7 @@ def test_the_sigma_is_the_scatter_over_many_logs():
     assert 0.6 < scatter / np.mean([one.sigma_s for one in found]) < 1.6
 
 
-def test_one_jump_of_the_receiver_does_not_matter():
+def test_one_jump_of_the_receiver_has_little_effect():
     offset = wander(1)
     offset[9:] += [6.0, 4.0, 0.0]
     found = by_differences(trajectory(path(T_S)), late(0.37, offset), NONE, BELIEVED)
@@ -63,7 +63,7 @@ def test_one_jump_of_the_receiver_does_not_matter():
 
 
 @pytest.mark.parametrize("estimate", ["auto", "yes"])
-def test_a_straight_at_constant_speed_keeps_the_prior_and_says_so(estimate):
+def test_a_straight_at_constant_speed_keeps_the_prior_with_a_warning(estimate):
     t_s = np.arange(0.05, 19.0)
     line = np.stack([0 * T_S, 5 * T_S, 0 * T_S], axis=1)
     fixes = replace(fixes_that_lie(t_s, np.stack([0 * t_s, 5 * t_s, 0 * t_s], axis=1)), t_s=t_s + 0.37)
@@ -72,11 +72,11 @@ def test_a_straight_at_constant_speed_keeps_the_prior_and_says_so(estimate):
     assert sensors.time_offset_s == 0.0 and "does not determine the time offset" in remark[0]
 
 
-def test_without_fixes_there_is_no_remark_on_their_clock():
+def test_without_fixes_there_is_no_warning():
     assert update_time_offset(SENSORS, trajectory(path(T_S)), Fixes.empty(), SensorsConfig())[1] == ()
 
 
-def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
+def test_auto_estimates_only_a_significant_time_offset():
     for time_offset_s, kept in ((0.37, True), (0.03, False)):
         sensors, remark = update_time_offset(
             SENSORS, trajectory(path(T_S)), late(time_offset_s, wander(2)), SensorsConfig()
@@ -86,13 +86,13 @@ def test_auto_keeps_a_lag_that_cannot_be_chance_and_no_other():
     assert update_time_offset(SENSORS, trajectory(path(T_S)), late(0.37), off) == (SENSORS, ())
 
 
-def test_too_few_fixes_tell_nothing():
+def test_too_few_fixes_leave_the_prior():
     found = by_differences(trajectory(path(T_S)), late(0.37, t_s=np.array([5.0, 6.0])), NONE, BELIEVED)
     assert found == BELIEVED
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed):
+def test_braking_alone_gives_no_spurious_time_offset_at_the_frame_rate(seed):
     rng = np.random.default_rng(seed)
     t_s = np.arange(0.0, 6.0, 0.1)
     line = np.stack([0 * t_s, 9.0 * t_s - 0.75 * t_s**2, 0 * t_s], axis=1)
@@ -102,7 +102,7 @@ def test_fixes_at_the_frame_rate_under_braking_alone_show_no_lag_by_chance(seed)
 
 
 @pytest.mark.parametrize("share", [0.03j, 0.02 + 0.02j, -0.03])
-def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_in_a_bend(share):
+def test_wrong_scale_and_heading_give_no_time_offset_while_accelerating_in_a_bend(share):
     t_s = np.arange(0.05, 19.0)
 
     def place(t):
@@ -119,14 +119,14 @@ def test_a_camera_s_wrong_scale_and_heading_are_no_lag_of_a_car_that_speeds_up_i
     assert no_offset_is_found(trajectory(line), fixes)
 
 
-def test_few_pairs_or_many_trials_must_gain_more():
+def test_few_pairs_or_many_values_require_a_larger_gain():
     assert abs(min_gain(3.0, 10**6, 1.0) - 9.0) < 0.01
     assert abs(min_gain(3.0, 9, 1.0) - 4.094**2) < 0.05  # tables of Student's t, 0.27 % on both sides
     assert min_gain(3.0, 5, 30.0) > min_gain(3.0, 50, 30.0) > min_gain(3.0, 50, 1.0)
     assert min_gain(3.0, 0, 1.0) == np.inf
 
 
-def test_a_handful_of_fixes_shows_no_lag_by_chance():
+def test_a_few_fixes_give_no_spurious_time_offset():
     """Ten seconds of a walk round a corner with a float's wandering error."""
     t_s, fixes_s = np.arange(0.0, 10.0, 0.1), np.linspace(0.5, 9.5, 8)
 

@@ -16,7 +16,7 @@ CLASSES = [FixClass.RTK_FIX] * 5 + [FixClass.UNKNOWN]
 
 @pytest.fixture
 def table():
-    """Before the video, used, three rejected of which two err alike, and one without a region."""
+    """Fixes: one before the video, one used, three rejected with two of equal error, one without a region."""
     offset = np.zeros((6, 3))
     offset[2] = [5.0, 0.0, 0.0]
     offset[3:5] = [0.0, -9.0, 3.0]
@@ -48,7 +48,7 @@ def test_every_fix_has_a_verdict_and_a_reason(table):
     assert table.reason[5] == "not used: class unknown has no region"
 
 
-def test_a_rejected_fix_says_how_far_off_it_is_and_whether_its_error_lasts(table):
+def test_the_reason_of_a_rejection_has_the_distance_and_whether_the_error_repeats(table):
     assert "71.4 r and 0.0 h away" in table.reason[2] and "p = 1.0000" in table.reason[2]
     alone, lasting = table.reason[3], table.reason[4]
     assert "as the fix before it" not in table.reason[2] + alone

@@ -8,7 +8,7 @@ from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
 
 
-def test_a_path_bent_by_late_fixes_still_has_the_odometry_of_its_frames():
+def test_the_odometry_is_unchanged_by_late_fixes():
     problem, true, t_s, _ = scene(disturbed=0.0)
     local_map = map_of(replace(problem, world_T_camera=true), 0, 39)
 

@@ -17,7 +17,7 @@ def pose(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)):
     return out
 
 
-def test_without_corrections_both_poses_are_one():
+def test_without_corrections_both_poses_are_equal():
     blender = Blender(CONFIG)
     np.testing.assert_array_equal(blender.advance(pose(3.0), 0.1), pose(3.0))
 

@@ -43,7 +43,7 @@ def test_the_matrix_of_the_cross_product(a, b):
     np.testing.assert_allclose(cross_matrices(a) @ b, np.cross(a, b), atol=1e-12)
 
 
-def test_scale_and_heading_make_place_errors_grow_with_the_way():
+def test_scale_and_heading_errors_make_position_errors_grow_with_distance():
     after = carried(known(scale=0.02, turn=(0.0, 0.0, 0.01)), [[1.0, 0.0, 0.0]] * 50)
     # 50 m east: 2 % along, 0.01 rad across, nothing up
     np.testing.assert_allclose(np.sqrt(np.diagonal(after)[POSITION]), [1.0, 0.5, 0.0], atol=1e-9)
@@ -63,7 +63,7 @@ def fixed(covariance, sigma_m=2.0):
 
 
 @pytest.mark.parametrize(("apart_s", "fewest", "most"), [(0.1, 1.95, 2.0), (600.0, 0.62, 0.65)])
-def test_many_fixes_are_better_than_one_only_if_their_errors_are_new(apart_s, fewest, most):
+def test_many_fixes_are_better_than_one_only_if_their_errors_are_independent(apart_s, fewest, most):
     covariance = unknown_covariance(1)
     for _ in range(10):
         covariance = carried(fixed(covariance), [[0.0, 0.0, 0.0]], apart_s)
@@ -71,7 +71,7 @@ def test_many_fixes_are_better_than_one_only_if_their_errors_are_new(apart_s, fe
     assert fewest < np.sqrt(covariance[0, 0]) < most
 
 
-def test_a_lever_arm_makes_a_fix_tell_of_the_turn():
+def test_with_a_lever_arm_a_fix_measures_rotation():
     H = fix_measurement(PATH_ERRORS + 3, np.array([0.0, 2.0, 0.0]), np.full(3, 0.5), 0)
     turn = np.array([0.0, 0.0, 0.1])
     # about the vertical, an antenna 2 m north of the camera goes west
@@ -79,7 +79,7 @@ def test_a_lever_arm_makes_a_fix_tell_of_the_turn():
     np.testing.assert_allclose(H[:, POSITION], np.eye(3))
 
 
-def test_a_level_axis_says_how_the_camera_rolls():
+def test_a_level_axis_measures_the_roll():
     after = with_level_axis(
         unknown_covariance(1), np.array([0.0, 1.0, 0.0]), 0.05
     )  # north, level: a turn about east lifts it

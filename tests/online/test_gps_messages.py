@@ -40,7 +40,7 @@ def rows(fixes):
     return np.array([[*fix[:4], *fix.sigma_m, fix.hdop, fix.satellites] for fix in fixes])
 
 
-def test_epochs_are_the_fixes_that_the_log_reader_finds_over_midnight_too():
+def test_epochs_equal_the_log_reader_s_fixes_over_midnight_too():
     found, log = fixes_in(LOG), read_nmea(LOG)
     assert [fix.clock for fix in found] == [Clock.UTC, Clock.UTC]
     np.testing.assert_array_equal(rows([fix.fix for fix in found]), rows(log.fixes))
@@ -48,7 +48,7 @@ def test_epochs_are_the_fixes_that_the_log_reader_finds_over_midnight_too():
     assert [fix.fix.fix_class for fix in found] == ["rtk_fix", "rtk_float"]
 
 
-def test_a_fix_is_given_by_the_next_epoch_or_when_asked():
+def test_a_fix_is_returned_by_the_next_epoch_or_by_flush():
     epochs = Epochs()
     given_at = [len(epochs.add(checked(sentence))) for sentence in EPOCHS]
     assert given_at == [0, 0, 0, 1, 0]

@@ -16,7 +16,7 @@ def log(recording):
 
 
 def collected(source, count, seconds=20.0):
-    """So many fixes and all notes that came meanwhile."""
+    """Return ``count`` fixes, and the notes received meanwhile."""
     fixes, notes = [], []
 
     def more():
@@ -72,7 +72,7 @@ def test_a_server_that_is_killed_and_started_again_is_read_again(log):
     server.close()
 
 
-def test_a_server_that_hangs_up_at_once_is_asked_less_and_less_and_told_once(log):
+def test_reconnection_to_a_server_that_hangs_up_backs_off_with_one_note(log):
     server = TcpServer(lambda connection: None)
     source = GpsSource(f"tcp://127.0.0.1:{server.port}")
     time.sleep(2.5)  # at 0.2, 0.6, 1.4 and 3 s
@@ -134,7 +134,7 @@ _UNOPENED += ["gpsd://h:70000", "tcp://[::1", "/dev/null@99999999999"]
 
 
 @pytest.mark.parametrize("address", _UNOPENED)
-def test_what_cannot_be_opened_is_told_in_one_line(address):
+def test_a_source_that_cannot_be_opened_is_reported_in_one_line(address):
     with pytest.raises(GpsLogError) as caught:
         GpsSource(address)
     assert address in str(caught.value) and "tcp://HOST:PORT" in str(caught.value)

@@ -12,7 +12,7 @@ SPEED_M, INTERVAL_S = 0.8, 0.1
 
 
 class Drive:
-    """A sequence that only says where its newest map is; the camera goes east."""
+    """A stand-in for a frame pipeline that has only a newest map; the camera moves east."""
 
     def __init__(self):
         self.t_s = np.zeros(0)
@@ -88,7 +88,7 @@ def test_after_a_correction_the_smooth_pose_nears_the_corrected_one_without_jump
     assert away[0] > 9.0 and (np.diff(away) < 1e-9).all() and away[-1] < 0.01
 
 
-def test_a_new_map_begins_anew():
+def test_a_new_map_resets_the_smooth_pose():
     drive = Drive()
     drive.begin()
     for _ in range(3):

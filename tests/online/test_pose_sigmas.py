@@ -23,7 +23,7 @@ NOWHERE = np.full((4, 4), np.nan)
 
 
 class Drive:
-    """A sequence that goes round a wide bend, with an RTK-fix every second; stage C every 15 frames."""
+    """A stand-in for a frame pipeline in a wide bend, with an RTK-fix every second; stage C every 15 frames."""
 
     def __init__(self, delay_frames=0):
         self.t_s = np.zeros(0)
@@ -97,7 +97,7 @@ def test_fixes_that_came_after_stage_c_do_not_count_yet():
     assert drive.frame().position_m[0] < 0.2 * later.frames(1)[0, 0]
 
 
-def test_what_stage_c_began_before_a_fix_came_does_not_hold_it():
+def test_a_fix_does_not_count_in_stage_c_started_before_it():
     quick, slow = Drive(), Drive(delay_frames=8)
     for each in (quick, slow):
         each.frames(102, fixes=False)
@@ -106,7 +106,7 @@ def test_what_stage_c_began_before_a_fix_came_does_not_hold_it():
     assert quick.frame().position_m[0] < 0.2 * slow.frame().position_m[0]
 
 
-def test_a_correction_of_many_sigmas_makes_them_grow_and_that_fades():
+def test_a_correction_of_many_sigmas_raises_them_for_a_time():
     calm, shaken = Drive(), Drive()
     for each in (calm, shaken):
         each.frames(151)
@@ -116,7 +116,7 @@ def test_a_correction_of_many_sigmas_makes_them_grow_and_that_fades():
     assert (later < 1.0 + 0.1 * (at_once - 1.0)).all() and (later >= 1.0).all()
 
 
-def test_a_bridged_frame_is_off_by_what_the_motion_allows():
+def test_sigmas_of_a_bridged_frame_grow_by_the_motion_model():
     drive = Drive()
     last = drive.frames(107)[-1]  # just corrected
     bridged = drive.frames(10, tracked=False)
@@ -124,7 +124,7 @@ def test_a_bridged_frame_is_off_by_what_the_motion_allows():
     np.testing.assert_allclose(bridged[-1] ** 2 - last**2, 4.0 / 3.0, rtol=1e-6)
 
 
-def test_without_a_pose_there_are_none():
+def test_without_a_pose_there_are_no_sigmas():
     drive = Drive()
     nowhere = PublishedPose(OnlineState.LOST, NOWHERE, NOWHERE, ())
     drive.frames(3)
@@ -132,7 +132,7 @@ def test_without_a_pose_there_are_none():
 
 
 def walked_with_float_fixes(walk, frames, seed):
-    """Errors in sigmas (n, 3) of a walk whose fixes err as RTK-float's region and correlation time say."""
+    """Errors in sigmas (n, 3) of a walk whose fixes err by the region and correlation time of RTK-float."""
     rng, errors = np.random.default_rng(seed), np.zeros(3)
     template, opened = next(fixes_of(walk.opened.gps)), walk.opened
     # rendered pictures let a camera drift less than real ones do

@@ -37,7 +37,7 @@ def test_fixes_are_placed_by_the_start_of_the_video():
     assert fix.t_s == 3.5 and note is None
 
 
-def test_a_computer_whose_clock_is_wrong_places_fixes_by_their_arrival():
+def test_with_a_wrong_clock_fixes_get_their_times_of_arrival():
     clock = VideoClock(5000.0, live=True)
     fix, note = clock.fix(received(1003.5, 5003.9))
     assert fix.t_s == pytest.approx(3.9) and note is not None and "by 4000.4 s" in note
@@ -91,7 +91,7 @@ def test_a_camera_that_is_restarted_goes_on_with_later_times(stream):
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "/dev/video77", "no/such/file.mp4"])
-def test_what_cannot_be_opened_is_told(address):
+def test_a_video_that_cannot_be_opened_is_an_error(address):
     with pytest.raises(VideoError, match="cannot be opened"):
         VideoSource(address)
 
@@ -197,7 +197,7 @@ def test_the_verb_reads_a_receiver_from_standard_input(recording):
         (["nowhere"], "no such recording"),
     ],
 )
-def test_what_is_missing_is_one_line(words, told):
+def test_missing_options_are_reported_in_one_line(words, told):
     done = subprocess.run(command(*words), capture_output=True, text=True, check=False)
     assert done.returncode == 2 and told in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("vgps: ")

@@ -74,7 +74,7 @@ def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
     assert len(found) > 40 and np.mean(away) < 0.3
 
 
-def test_every_fix_is_told_once_while_nothing_changes(online, opened):
+def test_every_fix_is_reported_once_while_its_verdict_is_unchanged(online, opened):
     _, estimates = online
     told = [event.details for estimate in estimates for event in estimate.events if event.kind == "fix"]
     assert [entry["verdict"] for entry in told] == ["used"] * len(told)
@@ -83,7 +83,7 @@ def test_every_fix_is_told_once_while_nothing_changes(online, opened):
 
 
 def aligned_rows(opened, fixes, images, late):
-    """Estimates when each fix comes ``late(k)`` seconds after it was taken."""
+    """Estimates when each fix arrives ``late(k)`` seconds after its time."""
     smoother, estimates = OnlineSmoother(opened.camera, opened.rig), []
     waiting = sorted((fix.t_s + late(k), k, fix) for k, fix in enumerate(fixes))
     for t_s, gray in images:
@@ -94,7 +94,7 @@ def aligned_rows(opened, fixes, images, late):
     return smoother, estimates
 
 
-def test_fixes_half_a_second_late_and_out_of_order_land_at_their_time(opened, images, recording):
+def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording):
     fixes = list(fixes_of(opened.gps))
     # every other fix comes 1.2 s later than the rest, after the one that follows it
     smoother, estimates = aligned_rows(opened, fixes, images, lambda k: 0.4 + 1.2 * (k % 2))
@@ -107,7 +107,7 @@ def test_fixes_half_a_second_late_and_out_of_order_land_at_their_time(opened, im
     assert abs(smoother._frame_pipeline.sensors.time_offset_s) < 0.1
 
 
-def test_a_fix_of_the_same_time_or_without_a_place_is_not_taken(opened):
+def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     fix = next(fixes_of(opened.gps))
     assert smoother.add_fix(fix) and not smoother.add_fix(fix)
@@ -125,7 +125,7 @@ def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, ima
     assert origin == (fixes[2].latitude_deg, fixes[2].longitude_deg, fixes[2].height_m)
 
 
-def test_bad_frames_are_told_with_their_number(opened, images):
+def test_bad_frames_are_reported_with_their_number(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     smoother.add_frame(*images[0])
     with pytest.raises(VideoError, match=r"frame 1.*later than 0\.0"):
@@ -138,7 +138,7 @@ def test_bad_frames_are_told_with_their_number(opened, images):
         smoother.finish(stage_d=True)
 
 
-def test_without_fixes_the_result_says_that_it_floats(opened, images):
+def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     states = [smoother.add_frame(*image).state for image in images[:40]]
     assert states[-1] is OnlineState.UNALIGNED

@@ -1,4 +1,4 @@
-"""What goes wrong on the way: darkness, updates that fail, outages, and drives without end."""
+"""Faults of a live session: darkness, updates that fail, outages, and drives without end."""
 
 import gc
 import tracemalloc
@@ -23,7 +23,7 @@ def notes(estimates):
     return [event.text for estimate in estimates for event in estimate.events if event.kind == "note"]
 
 
-def test_one_failed_update_is_told_and_survived(walk, monkeypatch):
+def test_one_failed_update_is_reported_and_tracking_continues(walk, monkeypatch):
     real, calls = stage_c.optimise_window, []
 
     def failing(*arguments):
@@ -67,7 +67,7 @@ def test_darkness_is_bridged_then_lost_and_ends(walk):
 
 
 @pytest.mark.slow
-def test_an_outage_longer_than_memory_is_survived(walk):
+def test_tracking_continues_after_an_outage_longer_than_the_retention(walk):
     config = vgps.Config(online=OnlineConfig(keep_s=6.0))
     _, estimates = walk.drive(320, config, silent=range(90, 240))
     assert all(estimate.state is OnlineState.TRACKED for estimate in estimates[60:])

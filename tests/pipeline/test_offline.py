@@ -46,7 +46,7 @@ def test_stage_d_lowers_the_cost_and_every_fix_has_a_reason(solution):
     assert all(reason.startswith("used") for reason in solution.fixes.reason)
 
 
-def test_without_gps_the_result_says_that_it_floats(recording):
+def test_without_gps_the_result_is_not_georeferenced(recording):
     opened = replace(vgps.open_recording(recording), gps=None)
     solution = vgps.smooth(opened)
     assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()

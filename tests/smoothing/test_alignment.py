@@ -42,7 +42,7 @@ def test_recovers_the_similarity_with_the_lever_arm(turn_rad, straight, outlier_
     assert np.degrees(error) < 1.0
 
 
-def test_waits_while_the_fixes_span_too_little():
+def test_fixes_of_too_small_an_extent_do_not_align():
     world = drive(1.0)
     world[:, :3, 3] = world[0, :3, 3] + 0.02 * (world[:, :3, 3] - world[0, :3, 3])
     fixes = world[:, :3, :3] @ ANTENNA + world[:, :3, 3]
@@ -51,14 +51,14 @@ def test_waits_while_the_fixes_span_too_little():
     assert align(world[:2], fixes[:2] * 100, region[:2], ANTENNA, StartConfig()) is None
 
 
-def test_fixes_lie_between_frames_by_their_own_time():
+def test_fixes_are_placed_between_frames_by_time():
     placement = place(np.array([0.0, 0.1, 0.3]), np.array([-0.01, 0.0, 0.1, 0.25, 0.3, 0.31]))
     assert placement.inside.tolist() == [False, True, True, True, True, False]
     assert placement.frame[1:5].tolist() == [0, 1, 1, 1]
     np.testing.assert_allclose(placement.alpha[1:5], [0.0, 0.0, 0.75, 1.0])
 
 
-def test_a_stop_does_not_hide_the_way_and_one_wrong_fix_makes_none():
+def test_a_stop_does_not_reduce_the_extent_and_one_outlier_does_not_raise_it():
     way = np.stack([np.linspace(0, 20, 11), np.zeros(11), np.zeros(11)], axis=1)
     stop = np.tile(way[-1:], (40, 1))
     assert _travel(np.concatenate([way, stop]), 1.0, 6) > 8.0

@@ -22,7 +22,7 @@ def whole(disturbed=0.5, seed=0):
     return made, true, fixes
 
 
-def test_everything_nears_the_truth_with_sigmas_and_costs_told():
+def test_poses_and_points_approach_the_truth_with_sigmas_and_costs():
     made, true, fixes = whole()
     found = optimise_batch(made, fixes, SENSORS, context(CONFIG))
     assert away(found.trajectory.world_T_camera, true) < 0.03 < away(made.poses, true)
@@ -32,7 +32,7 @@ def test_everything_nears_the_truth_with_sigmas_and_costs_told():
     assert not found.assessment.rejected.any()
 
 
-def test_both_solvers_end_alike():
+def test_both_solvers_reach_the_same_minimum():
     made, _, fixes = whole(disturbed=0.2)
     ends = [
         optimise_batch(
@@ -55,7 +55,7 @@ def test_both_solvers_end_alike():
     np.testing.assert_allclose(*(end.trajectory.world_T_camera for end in ends), atol=2e-4)
 
 
-def test_a_wild_fix_is_rejected_and_one_unjustly_refused_comes_back():
+def test_an_outlier_is_rejected_and_a_wrongly_rejected_fix_is_used_again():
     made, true, fixes = whole(disturbed=0.2)
     wild = fixes.world_p_fix.copy()
     wild[4] += [30.0, 0.0, 0.0]
@@ -72,7 +72,7 @@ def test_a_wild_fix_is_rejected_and_one_unjustly_refused_comes_back():
     assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
-def test_with_nothing_that_ties_it_to_the_world_two_held_frames_do():
+def test_without_fixes_two_held_frames_define_the_world():
     made, true, fixes = whole(disturbed=0.2)
     start = made.poses.copy()
     start[[0, 10]] = true[[0, 10]]
@@ -84,7 +84,7 @@ def test_with_nothing_that_ties_it_to_the_world_two_held_frames_do():
 
 
 @pytest.mark.parametrize("weight", ["per_frame", "per_observation"])
-def test_either_weight_of_a_frame_serves(weight):
+def test_both_weightings_of_frames_converge(weight):
     made, true, fixes = whole(disturbed=0.2)
     config = CONFIG.model_copy(update={"batch": BatchConfig(weight=weight, video_sigma_scale=1.0)})
     found = optimise_batch(made, fixes, SENSORS, context(config))

@@ -1,4 +1,4 @@
-"""Drawn covariances: equal to the marginals where errors are independent, honest where they are not."""
+"""Drawn covariances: equal to the marginals for independent errors, and realistic for correlated ones."""
 
 from dataclasses import replace
 
@@ -67,7 +67,7 @@ def test_independent_errors_give_the_marginals():
     assert ratio.min() > 0.7 and ratio.max() < 1.4
 
 
-def test_tracks_that_slip_as_a_whole_are_seen_where_the_marginals_see_nothing():
+def test_errors_common_to_a_track_are_in_the_covariance_and_not_in_the_marginals():
     honest, curvature = [], []
     for seed in range(6):
         problem, poses, sources = optimum(slip_px=25.0, seed=seed)
@@ -94,7 +94,7 @@ def test_same_seed_same_draws():
     np.testing.assert_array_equal(once, again)
 
 
-def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
+def test_errors_of_fixes_have_the_size_and_correlation_time_of_their_class():
     n = 400
     t_s = np.arange(n) * 0.5
     r_m, h_m = np.full(n, 2.0), np.full(n, 5.0)
@@ -108,7 +108,7 @@ def test_errors_of_fixes_have_their_size_and_last_as_long_as_their_class_says():
     np.testing.assert_allclose(later, np.exp(-1.0), atol=0.05)
 
 
-def test_an_enlarged_region_does_not_make_an_error_new():
+def test_an_enlarged_region_keeps_the_correlation_of_errors():
     n = 100
     r_m = np.where(np.arange(n) % 2, 2.0, 3.0 + 0.01 * np.arange(n))  # dilution differs from fix to fix
     size = {"correlation_s": np.full(n, 50.0)}
@@ -118,7 +118,7 @@ def test_an_enlarged_region_does_not_make_an_error_new():
     assert neighbours == pytest.approx(np.exp(-2 * 0.5 / 50.0), abs=0.01)
 
 
-def test_what_nothing_determines_is_refused():
+def test_undetermined_poses_are_refused():
     problem, _, sources = optimum()
     loose = replace(problem, pose_graph=gtsam.NonlinearFactorGraph())
     empty = replace(sources, gps=gtsam.NonlinearFactorGraph(), fixes=sources.fixes.until(-1.0))

@@ -24,22 +24,22 @@ def away(bent):
     return np.linalg.norm(bent[:, :3, 3] - path(T_S), axis=1)
 
 
-def test_forty_percent_of_scale_drift_is_taken_out(fixes):
+def test_forty_percent_of_scale_drift_is_corrected(fixes):
     assert away(drifting().world_T_camera).mean() > 5.0
     bent, scale = remove_drift(drifting(), fixes, np.zeros(3), Config())
     assert away(bent).mean() < 0.5
     assert scale[5] == pytest.approx(1.0, abs=0.1) and scale[-5] == pytest.approx(1 / 1.4, abs=0.1)
 
 
-def test_one_wild_fix_bends_nothing(fixes):
+def test_one_outlier_does_not_deform_the_path(fixes):
     wild = fixes.world_p_fix.copy()
     wild[9] += [40.0, 0.0, 0.0]
     bent, _ = remove_drift(trajectory(path(T_S)), replace(fixes, world_p_fix=wild), np.zeros(3), Config())
     assert away(bent).max() < 0.3
 
 
-def test_fixes_that_no_lag_explains_bend_the_path_as_if_the_clock_were_known(fixes):
-    """A metre forward and back again along the way: a free clock would take its share of it."""
+def test_fixes_that_no_time_offset_explains_are_fitted_as_with_a_known_one(fixes):
+    """A metre forward and back again along the path: a free time offset would absorb part of it."""
     wander = np.sin(fixes.t_s / 3)[:, None] * [0.0, 1.0, 0.0]
     biased = replace(fixes, world_p_fix=fixes.world_p_fix + wander)
     known = Config(sensors={"estimate_time_offset": "no"})
@@ -49,7 +49,7 @@ def test_fixes_that_no_lag_explains_bend_the_path_as_if_the_clock_were_known(fix
     np.testing.assert_array_equal(scale, held_scale)
 
 
-def test_late_fixes_in_bends_do_not_pull_the_path_into_their_shape(fixes):
+def test_late_fixes_in_bends_do_not_deform_the_path(fixes):
     late = replace(fixes, t_s=fixes.t_s + 0.5, r_m=np.full(len(fixes), 0.1), h_m=np.full(len(fixes), 0.1))
     bent, _ = remove_drift(trajectory(path(T_S)), late, np.zeros(3), Config())
     assert away(bent).mean() < 0.1
@@ -58,7 +58,7 @@ def test_late_fixes_in_bends_do_not_pull_the_path_into_their_shape(fixes):
     assert away(bent).mean() > 0.3
 
 
-def test_a_path_that_hangs_on_a_held_one_keeps_its_start_and_bends_behind_it(fixes):
+def test_an_attached_path_keeps_its_start(fixes):
     """The second half of a drive that lost its scale in the second half alone."""
     half = len(T_S) // 2
     right = path(T_S)
@@ -72,7 +72,7 @@ def test_a_path_that_hangs_on_a_held_one_keeps_its_start_and_bends_behind_it(fix
     assert off[0] < 0.01 and off.mean() < 0.2 * before.mean()
 
 
-def test_drift_before_the_horizon_is_left_alone():
+def test_frames_before_the_horizon_are_not_changed():
     problem, true, t_s, fixes = scene(60, disturbed=0.0)
     local_map = map_of(problem, 0, 59)
     start = local_map.pose(29)[:3, 3].copy()
@@ -90,7 +90,7 @@ def test_fewer_than_two_fixes_change_nothing():
     assert update.poses is None and update.positions is None
 
 
-def test_a_path_torn_by_fixes_that_are_given_up_is_mended():
+def test_the_odometry_restores_a_path_torn_by_outliers():
     problem, true, t_s, _ = scene(disturbed=0.0)
     local_map = map_of(replace(problem, world_T_camera=true), 0, 39)
     whole = local_map.snapshot()

@@ -1,4 +1,4 @@
-"""A calibration that is wrong is put right with the poses; what is believed of it counts."""
+"""Self-calibration: a wrong calibration is corrected together with the poses, subject to its prior."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def refined(camera, wrong, **believed):
     return away(result.trajectory.world_T_camera, poses), start, found
 
 
-def test_a_wrong_focal_length_and_centre_are_found_within_their_sigmas():
+def test_focal_length_and_centre_are_recovered_within_their_sigmas():
     error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0])
     camera, sigma = found.camera, found.sigma
     assert found.converged and error_m < 0.05
@@ -46,7 +46,7 @@ def test_a_wrong_focal_length_and_centre_are_found_within_their_sigmas():
     assert found.note(start).startswith("the calibration was refined: fx 515.2 -> ")
 
 
-def test_lens_coefficients_end_where_they_should_whatever_they_began_with():
+def test_lens_coefficients_converge_from_any_start():
     ends = [refined(LENS, [0.0, 0.0, 0.0, wrong, 0.0], distortion_sigma=0.5)[2] for wrong in (0.04, 0.1)]
     found, other = (np.array(end.camera.distortion[:2]) for end in ends)
     sigma = np.array([ends[0].sigma["k1"], ends[0].sigma["k2"]])
@@ -54,13 +54,13 @@ def test_lens_coefficients_end_where_they_should_whatever_they_began_with():
     assert np.all(np.abs(found - other) < sigma)
 
 
-def test_what_is_firmly_believed_hardly_moves():
+def test_a_tight_prior_holds_the_calibration():
     _, start, found = refined(TRUE, [0.03, 0.0, 0.0], focal_sigma=1e-6, centre_sigma_px=1e-3)
     assert found.camera.fx == pytest.approx(start.fx, rel=1e-4)
     assert found.sigma["focal"] <= 1e-6
 
 
-def test_observations_go_through_the_old_lens_into_the_new():
+def test_observations_are_undistorted_by_the_new_lens():
     problem, poses, _, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))

@@ -50,13 +50,13 @@ def test_frames_between_two_maps_are_bridged():
     assert found.georeferenced and found.warnings == ()
 
 
-def test_a_map_without_a_place_finds_it_by_its_own_fixes():
+def test_an_unaligned_map_is_aligned_with_its_fixes():
     maps, true, t_s, fixes = two_maps((True, False))
     found = merged(maps, t_s, fixes)
     assert away(found.scene.poses[32:], true[32:]) < 0.3
 
 
-def test_without_fixes_of_its_own_it_continues_its_neighbour_and_that_is_told():
+def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():
     maps, true, t_s, fixes = two_maps((True, False))
     early = fixes.where(fixes.t_s < 2.5)
     found = merged(maps, t_s, early)
@@ -64,7 +64,7 @@ def test_without_fixes_of_its_own_it_continues_its_neighbour_and_that_is_told():
     assert "too few fixes to align" in found.warnings[0]
 
 
-def test_nothing_to_align_with_is_an_error_and_no_fix_at_all_a_warning():
+def test_too_few_fixes_are_an_error_and_none_a_warning():
     maps, _, t_s, fixes = two_maps((False, False))
     near = fixes.where(fixes.t_s < 0.5)
     with pytest.raises(GeometryError, match="too little for scale and heading"):
@@ -75,7 +75,7 @@ def test_nothing_to_align_with_is_an_error_and_no_fix_at_all_a_warning():
     assert np.isfinite(found.scene.poses).all()
 
 
-def test_a_frame_that_stood_before_the_map_began_stands_where_its_view_does():
+def test_a_standing_frame_before_the_start_has_the_pose_of_its_view():
     maps, _, t_s, fixes = two_maps()
     moved(maps[0], 1, lambda poses: np.concatenate([np.full((1, 4, 4), np.nan), poses[1:]]))
     maps[0].apply(MapUpdate(zero_motions=(ZeroMotion(1, 0, np.eye(4), np.ones(6)),)))
@@ -83,7 +83,7 @@ def test_a_frame_that_stood_before_the_map_began_stands_where_its_view_does():
     np.testing.assert_allclose(found.scene.poses[1], found.scene.poses[0])
 
 
-def test_fixes_that_contradict_the_maps_bend_them():
+def test_drift_that_fixes_contradict_is_corrected():
     maps, true, t_s, fixes = two_maps()
     for made in maps:
         made.apply(MapUpdate(similarity=Similarity(1.1, np.eye(3), np.zeros(3))))

@@ -1,4 +1,4 @@
-"""Time offset and lever arm: the bordered solver against GTSAM's, and both against what is true."""
+"""Time offset and lever arm: the bordered solver against GTSAM's, and both against the truth."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ TRUE_LAG_S = 0.06
 
 
 def scene(time_offset_prior_s=0.5, antenna_prior_m=0.5, frames=60):
-    """A winding drive with fixes whose stamps are late; lag and lever arm unknown."""
+    """A winding drive with fixes whose stamps are late; time offset and lever arm unknown."""
     problem, poses = drive(frames, 400, seed=3, disturbed=0.2)
     wrong = TRUE_ANTENNA + 0.2
     sensors = Sensors(0.0, wrong, TimeOffset(0.0, time_offset_prior_s), wrong, antenna_prior_m)
@@ -55,7 +55,7 @@ def test_covariances_are_gtsams():
     np.testing.assert_allclose(ours.poses[20], marginals.marginalCovariance(X(20)), rtol=1e-4, atol=1e-12)
 
 
-def test_lag_and_lever_arm_are_recovered_within_their_sigmas():
+def test_time_offset_and_lever_arm_are_recovered_within_their_sigmas():
     problem, sensors = scene()
     end = solve(problem, TIGHT).problem
     found, sigma = sensors.moved(end.shared), marginal_covariances(end).shared
@@ -66,13 +66,13 @@ def test_lag_and_lever_arm_are_recovered_within_their_sigmas():
     assert antenna_sigma[1] > 0.49 and antenna_sigma[[0, 2]].max() < 0.4
 
 
-def test_what_is_held_stays():
+def test_held_sensors_are_not_changed():
     problem, sensors = scene(time_offset_prior_s=0.5, antenna_prior_m=0.0)
     found = sensors.moved(solve(problem, TIGHT).problem.shared)
     np.testing.assert_array_equal(found.camera_p_antenna, TRUE_ANTENNA + 0.2)
 
 
-def test_nothing_to_estimate_is_nothing_shared():
+def test_fixed_sensors_have_no_shared_vectors():
     config = SensorsConfig(estimate_time_offset="no", time_offset_s=0.25)
     sensors = Sensors.from_config(TRUE_ANTENNA, config)
     assert not sensors.is_estimated and sensors.shared() == {} and sensors.priors().size() == 0

@@ -1,4 +1,4 @@
-"""The video's weight follows the fixes' misfit, as far as independent fixes tell of it."""
+"""The video's weight follows the misfit of the fixes, as far as their errors are independent."""
 
 import numpy as np
 import pytest
@@ -34,23 +34,23 @@ def test_fixes_that_fit_as_expected_change_nothing():
     assert scale(1.0) == pytest.approx(8.0)
 
 
-def test_a_misfit_of_two_sigmas_doubles_the_scale_but_for_what_was_believed_before():
+def test_a_misfit_of_two_sigmas_doubles_the_scale_up_to_the_prior():
     assert scale(2.0) == pytest.approx(8.0 * np.sqrt((4 + 50 * 4) / 54))
     assert scale(0.5) == pytest.approx(8.0 * np.sqrt((4 + 50 / 4) / 54))
 
 
-def test_errors_that_last_count_as_few():
+def test_correlated_errors_count_as_few():
     # the first, and 49 each worth a hundredth
     assert scale(2.0, correlation_s=100.0) == pytest.approx(8.0 * np.sqrt((4 + 1.49 * 4) / 5.49))
     np.testing.assert_allclose(independent_epochs(fixes(0.0, 4.0, n=3)), [1.0, 0.25, 0.25])
 
 
-def test_it_stays_within_its_range_and_can_be_fixed():
+def test_the_scale_is_bounded_and_can_be_fixed():
     assert scale(1e6) == 64.0
     assert scale(2.0, balance="fixed") == 8.0
 
 
-def test_without_fixes_it_stays():
+def test_without_fixes_the_scale_is_unchanged():
     config = Config()
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"balance": "estimated"})})
     assert balanced_sigma_scale(config, 8.0, STANDING, Fixes.empty(), np.zeros(3)) == 8.0

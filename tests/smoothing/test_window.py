@@ -22,7 +22,7 @@ def optimised(local_map, fixes):
     return local_map.poses
 
 
-def test_the_window_nears_the_truth_and_older_frames_stay_to_the_last_bit():
+def test_the_window_approaches_the_truth_and_older_frames_are_unchanged():
     problem, true, _, fixes = scene(disturbed=2.0)
     start = problem.world_T_camera.copy()
     start[:40] = true[:40]
@@ -64,7 +64,7 @@ def test_fixes_contradict_a_map_only_beyond_region_and_tolerance():
 
 
 @pytest.mark.parametrize("axis", [0, 2])
-def test_fixes_that_all_lie_to_one_side_contradict_a_map_even_within_the_tolerance(axis):
+def test_an_offset_common_to_all_fixes_contradicts_a_map_even_within_the_tolerance(axis):
     problem, true, _, fixes = scene()
     made = map_of(replace(problem, world_T_camera=true), 0, 59)
 

@@ -80,7 +80,7 @@ def test_cost_of_a_refined_landmark_never_rises():
 
 
 def test_a_few_bad_landmarks_do_not_hold_back_the_poses():
-    """Landmarks a hundred times too far along their rays: the linear model of their depth is worthless."""
+    """Landmarks a hundred times too far along their rays: the linear model of their depth is useless."""
     problem, _ = drive(40, 400, seed=3, disturbed=0.5)
     bad = np.arange(0, 400, 20)
     away = problem.world_p_landmark.copy()

@@ -71,7 +71,7 @@ def test_landmark_factors_invert_the_damped_blocks(damping: float) -> None:
 
 
 def test_landmark_observed_once_keeps_its_depth() -> None:
-    """Its block is singular along the ray; of the steps that meet the observation the shortest is taken."""
+    """Its block is singular along the ray; the shortest of the steps that fit the observation is taken."""
     linear, _ = linearized(one_point([1.0, 2.0, 4.0], [440.0, 498.0]))
     (part,) = linear.chunks
     assert np.isfinite(factorise_landmarks(part, 0.0).m).all()
