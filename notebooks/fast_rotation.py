@@ -13,7 +13,7 @@
 # %% [markdown]
 # # A camera that whips around
 #
-# Matsuda 2007 localizes a camera against a landmark database while it turns so fast that every frame is
+# Matsuda 2007 localises a camera against a landmark database while it turns so fast that every frame is
 # blurred. A place is surveyed once, slowly, with video and GPS; afterwards any camera with a gyro is placed
 # there without GPS. Each frame goes through five steps:
 #

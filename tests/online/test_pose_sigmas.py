@@ -23,7 +23,7 @@ NOWHERE = np.full((4, 4), np.nan)
 
 
 class Drive:
-    """A stand-in for a frame pipeline in a wide bend, with an RTK-fix every second; stage C every 15 frames."""
+    """Stand-in for a frame pipeline in a wide bend, with an RTK-fix every second; stage C every 15 frames."""
 
     def __init__(self, delay_frames=0):
         self.t_s = np.zeros(0)

@@ -15,7 +15,7 @@ from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.info import database_info
 from vgps.writers.atomic import check_file
 
-landmarks = App(name="landmarks", help="Build and check landmark databases, against which `track` localizes.")
+landmarks = App(name="landmarks", help="Build and check landmark databases, against which `track` localises.")
 app.command(landmarks)
 
 

@@ -26,7 +26,7 @@ def track(
     config: Path | None = None,
     files: CalibrationFiles = _FILES,
 ) -> None:
-    """Localize a recording against a landmark database, with its gyro and without GPS.
+    """Localise a recording against a landmark database, with its gyro and without GPS.
 
     Args:
         recording: Folder with video, camera.yaml, and optionally rig.yaml and gyro.csv.

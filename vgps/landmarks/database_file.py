@@ -40,7 +40,7 @@ class Meta:
 
 
 class DatabaseFile:
-    """A landmark database, recognized and open for reading.
+    """A landmark database, recognised and open for reading.
 
     Attributes:
         path: The file.

@@ -41,7 +41,7 @@ class DatabaseInfo:
 
 
 def database_info(path: Path) -> DatabaseInfo:
-    """Check a landmark database and summarize it.
+    """Check a landmark database and summarise it.
 
     Raises:
         LandmarkDatabaseError: The file cannot be opened, or its contents differ from what was written.

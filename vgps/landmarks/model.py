@@ -45,7 +45,7 @@ class LandmarkViews:
 
 @dataclass(frozen=True, kw_only=True)
 class Keyframe:
-    """Features of one frame by which a camera of unknown pose is relocalized.
+    """Features of one frame by which a camera of unknown pose is relocalised.
 
     Attributes:
         world_T_camera: (4, 4) pose of the frame.

@@ -18,7 +18,7 @@ from vgps.model import Float32Array, FloatArray, GrayImage, Recording
 
 
 class Localizer:
-    """Localizes frames, one after the other.
+    """Localiser of successive frames.
 
     Args:
         recording: Its camera, rig and gyro; its video is not read.
@@ -62,7 +62,7 @@ class Localizer:
         return self._rectifier(gray)
 
     def add(self, t_s: float, image: Float32Array) -> TrackedFrame:
-        """Localize the next frame, undistorted."""
+        """Localise the next frame, undistorted."""
         return self._tracker.add(t_s, image)
 
     def revised(self) -> dict[float, FloatArray]:

@@ -1,4 +1,4 @@
-"""Relocalization of a camera of unknown pose, by the descriptors of the database's keyframes."""
+"""Relocalisation of a camera of unknown pose, by the descriptors of the database's keyframes."""
 
 from collections.abc import Sequence
 

@@ -27,7 +27,7 @@ def localize(
     config: Config | None = None,
     progress: Progress | None = None,
 ) -> Solution:
-    """Localize every frame of a recording by the landmarks of a database and the gyro (Matsuda 2007).
+    """Localise every frame of a recording by the landmarks of a database and the gyro (Matsuda 2007).
 
     Frames with too few landmarks are interpolated between their neighbours and reported in the warnings.
 

@@ -1,4 +1,4 @@
-"""The tracker of Matsuda 2007: predict, select landmarks, re-blur, match, estimate; relocalize if lost."""
+"""The tracker of Matsuda 2007: predict, select landmarks, re-blur, match, estimate; relocalise if lost."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ class Estimator(Protocol):
 
 
 class Recovery(Protocol):
-    """Relocalizes the camera without a prediction."""
+    """Interface of relocalisation without a prediction."""
 
     def candidates(self, image: Float32Array) -> list[FloatArray]:
         """Return poses (4, 4) worth a search around them, most likely first."""
@@ -68,7 +68,7 @@ class LandmarkTracker:
         predictor: Of the landmarks in a frame.
         rotations: Of the camera between frames.
         estimator: (E).
-        recovery: Relocalization.
+        recovery: Relocalisation.
         config: Settings.
     """
 
