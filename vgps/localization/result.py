@@ -38,7 +38,7 @@ def to_solution(
     """Return a Solution in the database's world.
 
     Args:
-        recording: the recording that was localised.
+        recording: The recording that was localised.
         world_origin: Of the database.
         config: As used.
         track: The result.

@@ -28,7 +28,7 @@ class FrontEnd:
         origin: Origin of the world frame, if there is one.
         t_s: (F,) times of all frames.
         maps: Maps in order of time.
-        fixes: All fixes in the world frame, at the times of their own clock.
+        fixes: All fixes in the world frame, at the times of their time stamps.
         sensors: Time offset of the fixes, as estimated so far, and lever arm.
         controls: Observations of control points.
         warnings: Warnings for the user.
