@@ -77,7 +77,7 @@ class FixBuffer:
 
     @property
     def _corrected(self) -> Fixes:
-        return self.fixes.earlier(self.sensors.time_offset_s)
+        return self.fixes.without_time_offset(self.sensors.time_offset_s)
 
     def update_time_offset(self, path: Trajectory) -> None:
         """Estimate the time offset from the odometry of a path.

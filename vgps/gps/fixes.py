@@ -50,7 +50,7 @@ class Fixes:
         """Return the fixes until a time."""
         return self.where(self.t_s <= t_s)
 
-    def earlier(self, time_offset_s: float) -> "Fixes":
+    def without_time_offset(self, time_offset_s: float) -> "Fixes":
         """Return the fixes with a time offset removed from their times."""
         return replace(self, t_s=self.t_s - time_offset_s)
 

@@ -148,7 +148,7 @@ def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None,
         return log, None
     position = to_enu(session.origin, log.latitude_deg, log.longitude_deg, log.height_m)
     sensors = session.frame_pipeline.sensors
-    fixes = fixes_in_world(log, position, session.config.gps).earlier(sensors.time_offset_s)
+    fixes = fixes_in_world(log, position, session.config.gps).without_time_offset(sensors.time_offset_s)
     assessment, t_s = session.fixes.assessment(rows), session.frame_pipeline.t_s
     path = Trajectory(t_s, poses)
     return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, session.config)

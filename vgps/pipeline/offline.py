@@ -148,5 +148,5 @@ def _fix_table(front_end: FrontEnd, batch: BatchResult, config: Config) -> FixTa
     log, sensors = front_end.recording.gps, batch.sensors
     if log is None:
         return None
-    in_time = front_end.fixes.earlier(sensors.time_offset_s)
-    return fix_table(log, in_time, batch.assessment, batch.trajectory, sensors.camera_p_antenna, config)
+    corrected = front_end.fixes.without_time_offset(sensors.time_offset_s)
+    return fix_table(log, corrected, batch.assessment, batch.trajectory, sensors.camera_p_antenna, config)

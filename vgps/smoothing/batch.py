@@ -94,7 +94,7 @@ class _State:
 
     def usable(self, fixes: Fixes) -> Fixes:
         """Return the fixes with their verdicts applied and their time offset removed."""
-        return self.assessment.applied(fixes).earlier(self.sensors.time_offset_s)
+        return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
 
 
 def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
@@ -123,7 +123,7 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:
     """Return the state with features, verdicts and weights updated for the improved poses."""
     scene = _retriangulate(state.scene, sigma_px, given)
-    corrected = fixes.earlier(state.sensors.time_offset_s)
+    corrected = fixes.without_time_offset(state.sensors.time_offset_s)
     assessment = state.assessment.updated(_assess(scene, corrected, state.sensors, given.config))
     scale = balanced_sigma_scale(
         given.config,

@@ -65,7 +65,7 @@ def merge_maps(
     georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
     warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
     assessment = FixAssessment.unassessed(len(fixes))
-    corrected = fixes.earlier(sensors.time_offset_s)
+    corrected = fixes.without_time_offset(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
         poses, _ = _pose_all_frames(maps, t_s)
         assessment = detect_outliers(Trajectory(t_s, poses), corrected, antenna, config)

@@ -37,7 +37,7 @@ class Replay:
         self.points = self._starts(run, 1.0 + rng.normal(0.0, 0.03, len(run.landmarks.sigma_px)))
         assert run.gps is not None and run.fixes is not None
         fixes = fixes_in_world(run.gps, run.fixes.world_p_fix, GpsConfig())
-        self.fixes: Fixes = fixes.earlier(run.sensors.time_offset_s).where(run.fixes.used)
+        self.fixes: Fixes = fixes.without_time_offset(run.sensors.time_offset_s).where(run.fixes.used)
 
     def _starts(self, run: Solution, scale: FloatArray) -> FloatArray:
         """Return (L, 3) landmarks on their first ray from the true pose, at the run's distance, scaled."""
