@@ -31,6 +31,7 @@ def test_methods_are_those_of_the_thesis_and_a_robust_one():
     ]
 
 
+@pytest.mark.slow
 def test_every_method_poses_every_frame_and_only_the_model_differs(comparison, recording):
     assert list(comparison.evaluations) == [method.name for method in CHOSEN]
     assert all(one.every_frame_posed for one in comparison.evaluations.values())

@@ -64,6 +64,7 @@ def test_a_phone_behind_a_windscreen(data_dir, tmp_path):
     assert found.offset_known and found.agreement > 0.99
 
 
+@pytest.mark.slow
 def test_a_recording_without_a_gyro_is_one_line(recording, tmp_path):
     bare = tmp_path / "bare"
     shutil.copytree(recording, bare)

@@ -72,6 +72,7 @@ def test_a_server_that_is_killed_and_started_again_is_read_again(log):
     server.close()
 
 
+@pytest.mark.slow
 def test_reconnection_to_a_server_that_hangs_up_backs_off_with_one_note(log):
     server = TcpServer(lambda connection: None)
     source = GpsSource(f"tcp://127.0.0.1:{server.port}")

@@ -104,6 +104,7 @@ def records(text):
     return [json.loads(line) for line in text.splitlines()]
 
 
+@pytest.mark.slow
 def test_the_verb_on_a_recording(recording, tmp_path):
     out = tmp_path / "run"
     done = subprocess.run(command(recording, "--out", out), capture_output=True, text=True, check=False)
@@ -179,6 +180,7 @@ def test_the_verb_on_a_camera_and_a_receiver(recording, stream, tmp_path):
     assert len(run.t_s) >= 40 and run.gps is not None and len(run.gps) >= 2
 
 
+@pytest.mark.slow
 def test_the_verb_reads_a_receiver_from_standard_input(recording):
     words = command("--video", recording / "video.mp4", "--gps", "-")
     words += ["--camera", str(recording / "camera.yaml"), "--rig", str(recording / "rig.yaml")]
