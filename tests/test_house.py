@@ -81,6 +81,10 @@ def test_only_geodesy_imports_pymap3d() -> None:
     assert rooms_that_use("pymap3d") == {"vgps.geodesy"}
 
 
+def test_only_crs_imports_pyproj() -> None:
+    assert rooms_that_use("pyproj") == {"vgps.crs"}
+
+
 def test_only_tracking_and_localization_match_images() -> None:
     assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.localization"}
 

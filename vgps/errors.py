@@ -76,5 +76,9 @@ class LandmarkDatabaseError(VgpsError):
     """A landmark database that is missing, empty, damaged, foreign, too new, or cannot be written."""
 
 
+class CoordinateSystemError(VgpsError):
+    """A coordinate system or geoid that is unknown, lacks its grid, or does not cover the place."""
+
+
 class ViewerError(VgpsError):
     """A viewer without a display, or that cannot draw."""

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vgps.crs import egm96
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, Rig
 from vgps.readers.dji_srt import read_dji_srt
@@ -45,11 +46,12 @@ def test_the_new_form_by_hand(read, tmp_path):
     np.testing.assert_allclose(found.t_s, [0.0, 0.5])
     np.testing.assert_allclose(found.latitude_deg, [48.1, 48.10001])
     np.testing.assert_allclose(found.longitude_deg, [11.5, 11.5])
-    np.testing.assert_allclose(found.height_m, [530.2, 530.4])
+    geoid_m = egm96().height_m([48.1, 48.10001], 11.5)
+    np.testing.assert_allclose(found.height_m - geoid_m, [530.2, 530.4])
     assert found.fix_class == (FixClass.SINGLE, FixClass.SINGLE)
     assert found.line.tolist() == [1, 3]
     assert found.skipped == (
-        "heights are above the sea but taken as ellipsoidal: they may be wrong by 100 m",
+        "heights are above the sea: EGM96's 45.5 m were added, they may be wrong by some metres",
         "1 subtitle with a repeated position skipped",
     )
 
@@ -57,7 +59,8 @@ def test_the_new_form_by_hand(read, tmp_path):
 def test_spellings_of_other_drones(read):
     """The Mavic 2 misspells, spaces, and gives one altitude."""
     found = read(subtitles(["[latitude : -22.5] [longtitude : 114.0] [altitude: 88.5]"]))
-    assert (found.latitude_deg[0], found.longitude_deg[0], found.height_m[0]) == (-22.5, 114.0, 88.5)
+    assert (found.latitude_deg[0], found.longitude_deg[0]) == (-22.5, 114.0)
+    assert found.height_m[0] == pytest.approx(88.5 + egm96().height_m(-22.5, 114.0))
 
 
 @pytest.mark.parametrize(
@@ -68,13 +71,14 @@ def test_spellings_of_other_drones(read):
             16.0,
         ),
         ("F/3.5, SS 1000, ISO 100, EV 0, GPS (149.0251, -20.2533, 16), D 20.07m, H 4.30m, H.S 0.00m/s", 16.0),
-        ("GPS(149.0251,-20.2533,123.4M)", 123.4),
+        ("GPS(149.0251,-20.2533,123.4M)", 123.4 + 57.02),
+        ("HOME(149.0251,-20.2532) 2017.8.5 14:11:51\nGPS(149.0251,-20.2533,16) Hb:1.9 Hs:1.9", 16.0),
     ],
 )
 def test_the_old_form_has_the_longitude_first(read, text, height):
     found = read(subtitles([text]))
     assert (found.latitude_deg[0], found.longitude_deg[0]) == (-20.2533, 149.0251)
-    assert found.height_m[0] == pytest.approx(height)
+    assert found.height_m[0] == pytest.approx(height, abs=0.01)
 
 
 def test_old_heights_change_with_the_barometer(read):
@@ -94,6 +98,61 @@ def test_heights_above_the_take_off_are_noted(read):
     found = read(subtitles(["[latitude: 48] [longitude: 11] [rel_alt: 3.5]"]))
     assert found.height_m[0] == 3.5
     assert found.skipped == ("heights are above the take-off point but taken as ellipsoidal",)
+
+
+def test_without_heights_fixes_are_horizontal(read):
+    """The Mavic 2 Pro of 2019: nothing vertical may hold the path, so the sigma is a kilometre."""
+    found = read(subtitles(["[latitude : -35.08] [longtitude : -60.28] </font>"]))
+    assert found.height_m[0] == 0.0
+    np.testing.assert_array_equal(found.sigma_m[0], [np.nan, np.nan, 1000.0])
+    assert found.skipped == ("no heights: fixes are horizontal, at height 0 with a sigma of 1000 m",)
+
+
+def test_without_times_the_dates_serve(read, tmp_path):
+    place = "[latitude : -20.{}] [longtitude : 149.0251] [iso : 100]"
+    dates = ["2017.08.05 23:59:59,393,525,393,525", "2017.08.06 00:00:00,593,525", "2017.13.06 00:00:00,1"]
+    text = "".join(f"{n}\n{date}\n{place.format(n)}\n\n" for n, date in enumerate(dates, 1))
+    found = read(text)
+    assert gps_format(tmp_path / "DJI_0001.SRT") == "srt"
+    np.testing.assert_allclose(found.t_s, [0.0, 1.2], atol=1e-6)  # no day is in the month 13
+    np.testing.assert_allclose(found.latitude_deg, [-20.1, -20.2])
+    assert found.skipped[0] == "no time codes: times count from the date of the first subtitle"
+
+
+# number of fixes in each file of drones and firmwares; those without a position are refused in a line
+FILES = {
+    "MAVIC3.srt": 62,
+    "air2s.srt": 7,
+    "broken_incomplete.SRT": 19,
+    "broken_incomplete2.SRT": 2,
+    "m2zoom.SRT": 106,
+    "matrice_300.srt": 381,
+    "mavic_2_style.SRT": 463,
+    "mavic_2pro_new.SRT": 598,
+    "mavic_air2.srt": 3,
+    "mavic_mini.SRT": 117,
+    "mavic_pro.SRT": 468,
+    "mavic_pro_buggy.SRT": 530,
+    "mix_p4rtk_mavic2pro.srt": 7,
+    "old_format.SRT": 468,
+    "p4_rtk.SRT": 55,
+    "p4p_sample.SRT": 5,
+    "broken_empty.SRT": "the file is empty",
+    "broken_empty2.SRT": "not a GPS log of a known format",
+    "mavic_air.SRT": "2 subtitles, none with a position",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_drone_s_file_is_read_or_refused(data_dir, name):
+    expected = FILES[name]
+    if isinstance(expected, str):
+        with pytest.raises(GpsLogError, match=f"{name}: {expected}"):
+            read_gps_log(data_dir / "dji_srt" / name)
+        return
+    found = read_gps_log(data_dir / "dji_srt" / name)
+    assert len(found) == expected
+    assert np.ptp(found.latitude_deg) < 0.1 and np.ptp(found.longitude_deg) < 0.1
 
 
 def test_subtitles_before_the_first_fix_are_passed_over(read):
@@ -161,8 +220,10 @@ def test_what_is_written_comes_back(places):
     raw = read_dji_srt(
         subtitles([NEW.format(*place[:2], "1.000", place[2]) for place in moving]).encode(), "a"
     )
-    got = [(fix.latitude_deg, fix.longitude_deg, fix.height_m) for fix in raw.fixes]
-    assert got == [tuple(map(float, place)) for place in moving]
+    got = np.array([fix[1:4] for fix in raw.fixes]).reshape(-1, 3)
+    expected = np.array(moving, float).reshape(-1, 3)
+    expected[:, 2] += egm96().height_m(*expected[:, :2].T)
+    np.testing.assert_allclose(got, expected, atol=1e-9)
 
 
 @given(st.text(max_size=300))

@@ -102,8 +102,10 @@ def test_altitude_with_and_without_separation(tmp_path):
     log = read(tmp_path, "t_s,lat,lon,altitude,separation_m,fix\n1,49,8,100,47.5,4\n")
     assert (log.fixes[0].height_m, log.notes) == (147.5, [])
     log = read(tmp_path, "t_s,lat,lon,altitude,fix\n1,49,8,100,4\n")
-    assert log.fixes[0].height_m == 100
-    assert "may be wrong by 100 m" in log.notes[0]
+    assert log.fixes[0].height_m == pytest.approx(148.23, abs=0.01)
+    assert log.notes == [
+        "heights are above the sea: EGM96's 48.2 m were added, they may be wrong by some metres"
+    ]
 
 
 @pytest.mark.parametrize(

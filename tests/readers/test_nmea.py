@@ -118,8 +118,25 @@ def test_a_missing_separation_is_that_of_the_others():
     assert [fix.height_m for fix in log.fixes] == pytest.approx([163.9] * 3)
     assert log.notes == ["1 fix without geoid separation, taken as 47.9 m as in the others"]
     log = read(gga("120000", separation=""))
-    assert log.fixes[0].height_m == 116.0
-    assert "taken as zero" in log.notes[0]
+    assert log.fixes[0].height_m == pytest.approx(116.0 + 48.17, abs=0.01)
+    assert log.notes == [
+        "1 fix without geoid separation, taken as 48.2 m from EGM96: heights may be wrong by a metre"
+    ]
+
+
+def test_a_separation_that_contradicts_the_geoid_is_said(data_dir):
+    assert read(gga("120000", separation="45.5")).notes == []
+    (note,) = read(gga("120000", separation="0.0")).notes
+    assert note.startswith("the receiver's geoid separation, 0.0 m, contradicts EGM96's 48.2 m")
+    # a u-blox F9P in Colorado: its table is coarse
+    real = b"".join(
+        line + b"\r\n"
+        for line in (data_dir / "rtk_walk/gnss.ubx").read_bytes().split(b"\r\n")
+        if line.startswith(b"$G")
+    )
+    assert any(
+        "geoid separation, -21.4 m, contradicts EGM96's -16.2 m" in note for note in read_nmea(real).notes
+    )
 
 
 def test_damage_is_counted_and_passed_over():

@@ -179,7 +179,7 @@ def test_assumptions_without_a_header_are_noted():
 
 def test_heights_above_the_geoid_are_noted():
     log = read("% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n" + HEADER.format(time="GPST") + ROW)
-    assert "above the geoid" in log.notes[0]
+    assert "heights are above the sea: EGM96's -16.2 m were added" in log.notes[0]
 
 
 @given(

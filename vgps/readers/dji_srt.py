@@ -2,12 +2,13 @@
 
 Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 530.2]`` (some spell
 ``longtitude``, some give one ``altitude``), older ones ``GPS(11.5,48.1,530) BAROMETER:10.1`` with the
-longitude first.
+longitude first. Some give no height, and some no times but a date a second.
 """
 
 import logging
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +16,21 @@ import srt
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import Clock, Fix, RawLog, counted
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
 _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?itude{_NUMBER}")
 _GPS = re.compile(r"GPS\s*:?\s*\(([^()]*)\)")
 _ABSOLUTE = re.compile(rf"(?:abs_alt|\baltitude){_NUMBER}")
-_RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
+_RELATIVE = re.compile(rf"(?:rel_alt|BAROMETER|Hb){_NUMBER}|\bH\s+([-+]?\d+(?:\.\d+)?)\s*m\b")
 _TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
+# subtitles without times: a number, a date, then the position
+_DATE = r"\d{4}\.\d\d?\.\d\d?\s+\d\d?:\d\d:\d\d"
+_DATED = re.compile(rf"^\d+\s*\n({_DATE})(?:[,.](\d{{1,3}}))?[\d,.]*[ \t]*$", re.MULTILINE)
+_DATED_HEAD = re.compile(rf"\s*\d+\s*\n{_DATE}[^\n]*\n[^\n]*\[latitude".encode())
 logging.getLogger("srt").setLevel(logging.ERROR)  # it logs the whole text that it skips
 _STILL_S = 1.0  # a position repeated for longer than this is a new fix
+_NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +47,8 @@ class _Row:
 
 
 def looks_like_srt(data: bytes) -> bool:
-    """Whether the file begins with the times of a subtitle."""
-    return _TIMES.search(data[:400]) is not None
+    """Whether the file begins with the times of a subtitle, or with a dated one."""
+    return _TIMES.search(data[:400]) is not None or _DATED_HEAD.match(data[:400]) is not None
 
 
 def read_dji_srt(data: bytes, path: Path) -> RawLog:
@@ -50,13 +56,18 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
 
     Subtitles may come with every frame, new positions every few frames: a fix is a subtitle with a new
     position, or one a second while the drone stands still. Every fix is single. Heights are ``abs_alt``,
-    above the sea and taken as ellipsoidal; in the older ``GPS(...)`` they are the barometer's, shifted to the
-    level of the third number. A note says so.
+    above the sea, plus the geoid's; in the older ``GPS(...)`` they are the barometer's, shifted to the level
+    of the third number. Without any height a fix is horizontal: the origin's height is zero, with a standard
+    deviation of 1 km. Without times of their own, subtitles are at their dates, from the first one's on.
+    Notes say so.
 
     Raises:
         GpsLogError: No subtitle has a position, or one has an impossible time.
     """
-    subtitles = _subtitles(data.decode("utf-8-sig", errors="replace"), path)
+    text, notes = data.decode("utf-8-sig", errors="replace"), []
+    subtitles = _subtitles(text, path)
+    if not subtitles:
+        subtitles, notes = _dated(text), ["no time codes: times count from the date of the first subtitle"]
     found = [_row(number, t_s, text) for number, (t_s, text) in enumerate(subtitles, 1)]
     rows = [row for row in found if row is not None]
     if not rows:
@@ -66,13 +77,24 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
             expected="[latitude: ...] [longitude: ...] or GPS(longitude,latitude,...), as of a DJI drone",
             remedy="enable video captions on the drone and fly with GPS",
         )
-    height, notes = _heights(rows)
+    height, up_sigma_m, above_sea, about_heights = _heights(rows)
     new = _new(rows)
     fixes = [
-        Fix(row.t_s, row.latitude_deg, row.longitude_deg, h, FixClass.SINGLE, row.number)
+        Fix(
+            row.t_s,
+            row.latitude_deg,
+            row.longitude_deg,
+            h,
+            FixClass.SINGLE,
+            row.number,
+            (np.nan, np.nan, up_sigma_m),
+        )
         for row, h, keep in zip(rows, height.tolist(), new, strict=True)
         if keep
     ]
+    if above_sea:
+        fixes, about_heights = from_sea_level(fixes)
+    notes += about_heights
     if len(rows) < len(found):
         notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
     if len(fixes) < len(rows):
@@ -92,6 +114,21 @@ def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
             remedy="remove that subtitle",
         ) from error
     return [(subtitle.start.total_seconds(), subtitle.content) for subtitle in parsed]
+
+
+def _dated(text: str) -> list[tuple[float, str]]:
+    """Return seconds since the first date and the text of each dated subtitle."""
+    dates = list(_DATED.finditer(text))
+    ends = [match.start() for match in dates[1:]] + [len(text)]
+    found = []
+    for match, end in zip(dates, ends, strict=True):
+        try:
+            instant = datetime.strptime(match[1], "%Y.%m.%d %H:%M:%S").replace(tzinfo=UTC)
+        except ValueError:
+            continue  # no such day
+        fraction_s = float(f"0.{match[2]}") if match[2] else 0.0
+        found.append((instant.timestamp() + fraction_s, text[match.end() : end]))
+    return [(t_s - found[0][0], content) for t_s, content in found]
 
 
 def _row(number: int, t_s: float, text: str) -> _Row | None:
@@ -127,19 +164,24 @@ def _number(pattern: re.Pattern[str], text: str) -> float:
     return np.nan if match is None else float(match[match.lastindex or 0])
 
 
-def _heights(rows: list[_Row]) -> tuple[FloatArray, list[str]]:
-    """Return (N,) heights and a note on them."""
+def _heights(rows: list[_Row]) -> tuple[FloatArray, float, bool, list[str]]:
+    """Return (N,) heights, their sigma if it is known, whether they are above the sea, and a note."""
     absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
     both = np.isfinite(absolute) & np.isfinite(relative)
+    if not (np.isfinite(absolute) | np.isfinite(relative)).any():
+        note = f"no heights: fixes are horizontal, at height 0 with a sigma of {_NO_HEIGHT_SIGMA_M:g} m"
+        return np.zeros(len(rows)), _NO_HEIGHT_SIGMA_M, False, [note]
     if not np.isfinite(absolute).any():
-        return relative, ["heights are above the take-off point but taken as ellipsoidal"]
-    if both.all() and all(row.old for row in rows) and np.all(absolute == np.round(absolute)):
-        level = float(np.median(absolute - relative))
-        return relative + level, [
+        return relative, np.nan, False, ["heights are above the take-off point but taken as ellipsoidal"]
+    whole = np.all(absolute[both] == np.round(absolute[both]))
+    if both.any() and all(row.old for row in rows) and whole:
+        level = float(np.median((absolute - relative)[both]))
+        note = (
             "heights are the barometer's, shifted to the third number of GPS(...), which counts satellites "
             "on some drones: they may be wrong by hundreds of metres"
-        ]
-    return absolute, ["heights are above the sea but taken as ellipsoidal: they may be wrong by 100 m"]
+        )
+        return relative + level, np.nan, False, [note]
+    return absolute, np.nan, True, []
 
 
 def _new(rows: list[_Row]) -> list[bool]:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vgps.crs import egm96
 from vgps.model import FixClass
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
+ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -82,3 +84,18 @@ def counted(number: int, noun: str) -> str:
     if number == 1:
         return f"1 {noun}"
     return f"{number} {noun}es" if noun.endswith("x") else f"{number} {noun}s"
+
+
+def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
+    """Return fixes whose heights are above the sea with ellipsoidal ones, by EGM96, and a note on it."""
+    place = np.array([fix[1:4] for fix in fixes], float).reshape(-1, 3)
+    good = (np.abs(place[:, 0]) <= 90) & (np.abs(place[:, 1]) <= 360) & np.isfinite(place[:, 2])
+    if not good.any():
+        return fixes, []
+    separation = np.zeros(len(fixes))
+    separation[good] = egm96().height_m(place[good, 0], place[good, 1])
+    raised = [
+        fix._replace(height_m=fix.height_m + added)
+        for fix, added in zip(fixes, separation.tolist(), strict=True)
+    ]
+    return raised, [ABOVE_SEA.format(float(np.median(separation[good])))]

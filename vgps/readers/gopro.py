@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.errors import GpsLogError, GyroLogError, RecordingError
 from vgps.model import FixClass, FloatArray, GyroLog
-from vgps.readers.fixes import Clock, Fix, RawLog, counted
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
 from vgps.readers.gpmf import Block, Telemetry, first_number
 from vgps.readers.gpmf_times import sample_times
 
@@ -64,7 +64,11 @@ def read_gopro_gps(telemetry: Telemetry) -> RawLog:
         latitude, longitude, height = values[row, column : column + 3].tolist()
         at, dilution = float(t_s[row]), float(dop[row])
         fixes.append(Fix(at, latitude, longitude, height, FixClass.SINGLE, row + 1, hdop=dilution))
-    return RawLog(Clock.VIDEO, fixes, _notes(telemetry, sensor, good, fix))
+    notes = _notes(telemetry, sensor, good, fix)
+    if any(b"MSLV" in block.about["GPSA"].data for block in sensor if "GPSA" in block.about):
+        fixes, about_heights = from_sea_level(fixes)
+        notes += about_heights
+    return RawLog(Clock.VIDEO, fixes, notes)
 
 
 def read_gopro_gyro(telemetry: Telemetry) -> GyroLog | None:
@@ -161,8 +165,6 @@ def _notes(telemetry: Telemetry, sensor: list[Block], good: np.ndarray, fix: Flo
     flat = int((good & (fix < _FIX_3D)).sum())
     if flat:
         notes.append(f"{counted(flat, 'two-dimensional fix')} with guessed heights")
-    if any(b"MSLV" in block.about["GPSA"].data for block in sensor if "GPSA" in block.about):
-        notes.append("heights are above the sea but taken as ellipsoidal: they may be wrong by 100 m")
     if any(np.isnan(block.stamp_s) for block in sensor):
         notes.append(
             "no time stamps (STMP): times are those of the payloads, accurate to some tenths of a second"

@@ -10,7 +10,8 @@ utc                ISO 8601 or Unix time in s, ms, us, ns (timestamp, datetime, 
 latitude_deg       WGS84 degrees (latitude, lat)
 longitude_deg      WGS84 degrees (longitude, lon, lng, long)
 height_m           ellipsoidal height (height, ellipsoidal_height_m, hae_m); or:
-altitude_m         height above the geoid (altitude, alt, elevation), with geoid_separation_m (undulation_m)
+altitude_m         height above the geoid (altitude, alt, elevation), with geoid_separation_m (undulation_m);
+                   without it EGM96's is added
 fix_class          rtk_fix, rtk_float, ppp, dgps, sbas, single, or NMEA's quality number (class, fix, quality)
 sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviations, optional (std_east_m)
 hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
@@ -26,7 +27,16 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import NMEA_QUALITY, Clock, Fix, RawLog, counted, damaged_lines, unix_s
+from vgps.readers.fixes import (
+    NMEA_QUALITY,
+    Clock,
+    Fix,
+    RawLog,
+    counted,
+    damaged_lines,
+    from_sea_level,
+    unix_s,
+)
 from vgps.readers.table import Table, read_table
 
 VIDEO_TIME = ("t_s", "time_s", "video_time_s")
@@ -71,7 +81,7 @@ def read_gps_csv(path: Path) -> RawLog:
     clock, t_s = _times(table)
     latitude = table.numbers(table.require(*LATITUDE), lenient=True)
     longitude = table.numbers(table.require(*LONGITUDE), lenient=True)
-    height, notes = _heights(table)
+    height, above_sea = _heights(table)
     classes = [_fix_class(cell) for cell in table.text(table.require(*FIX_CLASS))]
     sigma = np.column_stack(
         [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
@@ -86,6 +96,7 @@ def read_gps_csv(path: Path) -> RawLog:
         )
         if kind is not None and np.isfinite(t)
     ]
+    fixes, notes = from_sea_level(fixes) if above_sea else (fixes, [])
     notes += damaged_lines([*table.short_lines, *table.line[bad].tolist()])
     without = classes.count(None)
     if without:
@@ -122,21 +133,19 @@ def _instant(cell: str) -> float:
     return value
 
 
-def _heights(table: Table) -> tuple[FloatArray, list[str]]:
+def _heights(table: Table) -> tuple[FloatArray, bool]:
+    """Return (N,) heights, and whether they are above the sea without a geoid separation."""
     name = table.find(*HEIGHT)
     if name is not None:
-        return table.numbers(name, lenient=True), []
+        return table.numbers(name, lenient=True), False
     altitude = table.find(*ALTITUDE)
     if altitude is None:
         table.require(*HEIGHT, *ALTITUDE)
         raise AssertionError
     separation = table.find(*SEPARATION)
     if separation is not None:
-        return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), []
-    note = (
-        f"column {altitude} without a geoid separation, taken as ellipsoidal height: it may be wrong by 100 m"
-    )
-    return table.numbers(altitude, lenient=True), [note]
+        return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), False
+    return table.numbers(altitude, lenient=True), True
 
 
 def _fix_class(cell: str) -> FixClass | None:

@@ -13,7 +13,8 @@ from pynmeagps import NMEAReader
 from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
 from pynmeagps.nmeahelpers import calc_checksum
 
-from vgps.model import FixClass
+from vgps.crs import egm96
+from vgps.model import FixClass, FloatArray
 from vgps.readers.fixes import DAY_S, NMEA_QUALITY, Clock, Fix, RawLog, counted, damaged_lines, unix_day_s
 
 _SENTENCE = re.compile(rb"\$[A-Z]{2}(GGA|GST|GSA|ZDA|RMC),[^$\r\n]*")
@@ -21,6 +22,7 @@ _OTHER = re.compile(rb"\s*[$!][A-Z][A-Z0-9]{2,},[^$]*\s*")
 _LEAP_SECOND = re.compile(rb"235960(\.\d*)?")
 _ERRORS = (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, ValueError, IndexError, KeyError)
 _GGA_FIELDS = 15
+_SEPARATION_LIMIT_M = 3.0  # EGM96 is within about a metre of the geoid, receivers' coarser tables within two
 _ABSURD = re.compile(rb"\d{19}")  # more digits than a 64-bit integer has
 
 
@@ -69,7 +71,8 @@ def read_nmea(data: bytes) -> RawLog:
 
     Sentences are joined to epochs by their time of day, which may pass midnight. The date comes from ZDA or
     RMC, anywhere in the log; without one, times count from a midnight. Height is altitude plus geoid
-    separation; a missing separation is taken from the other fixes, or as zero, with a note.
+    separation; a missing separation is taken from the other fixes, or from EGM96. Notes say so, and whether
+    the receiver's separations contradict EGM96.
     """
     reading = _Reading()
     sentences = list(_sentences(data, reading.damaged))
@@ -164,8 +167,10 @@ def _date(kind: bytes, message: Any) -> date | None:
 def _log(reading: _Reading) -> RawLog:
     with_fix = [epoch for epoch in reading.epochs if _number(epoch.gga, "quality") > 0]
     separations = np.array([_number(epoch.gga, "sep") for epoch in with_fix])
-    known = separations[np.isfinite(separations)]
-    filled = np.where(np.isfinite(separations), separations, np.median(known) if len(known) else 0.0)
+    model = _model_separations(with_fix)
+    known = np.isfinite(separations)
+    instead = np.full(len(with_fix), np.median(separations[known])) if known.any() else model
+    filled = np.where(known, separations, instead)
     fixes = [
         _fix(epoch, reading, separation) for epoch, separation in zip(with_fix, filled.tolist(), strict=True)
     ]
@@ -174,16 +179,34 @@ def _log(reading: _Reading) -> RawLog:
         notes.append(f"{counted(len(reading.epochs) - len(with_fix), 'epoch')} without a fix skipped")
     if reading.untimed:
         notes.append(f"{counted(reading.untimed, 'fix')} without a time of day skipped")
-    if len(known) < len(with_fix):
-        instead = (
-            f"{np.median(known):g} m as in the others"
-            if len(known)
-            else "zero: heights may be wrong by 100 m"
-        )
+    if not known.all():
+        source = "as in the others" if known.any() else "from EGM96: heights may be wrong by a metre"
+        height = f"{np.nanmedian(instead):g} m" if known.any() else f"{np.nanmedian(instead):.1f} m"
         notes.append(
-            f"{counted(len(with_fix) - len(known), 'fix')} without geoid separation, taken as {instead}"
+            f"{counted(int((~known).sum()), 'fix')} without geoid separation, taken as {height} {source}"
         )
+    notes += _contradiction(separations[known], model[known])
     return RawLog(Clock.UTC if reading.anchors else Clock.TIME_OF_DAY, fixes, notes)
+
+
+def _model_separations(epochs: list[_Epoch]) -> FloatArray:
+    """Return (N,) heights of EGM96 at the fixes; NaN where a position is impossible."""
+    place = np.array([[_number(epoch.gga, name) for name in ("lat", "lon")] for epoch in epochs])
+    place = place.reshape(-1, 2)
+    place[(np.abs(place) > (90.0, 360.0)).any(axis=1)] = np.nan
+    return egm96().height_m(*place.T)
+
+
+def _contradiction(separations: FloatArray, model: FloatArray) -> list[str]:
+    """Return a note if the receiver's geoid separations are not those of a geoid."""
+    difference = separations - model
+    if not np.isfinite(difference).any() or abs(np.nanmedian(difference)) < _SEPARATION_LIMIT_M:
+        return []
+    return [
+        f"the receiver's geoid separation, {np.median(separations):.1f} m, contradicts EGM96's "
+        f"{np.nanmedian(model):.1f} m: heights are right if the receiver subtracts the same from its own, "
+        "else wrong by the difference"
+    ]
 
 
 def _fix(epoch: _Epoch, reading: _Reading, separation_m: float) -> Fix:

@@ -15,7 +15,16 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, to_geodetic
 from vgps.model import FixClass, FloatArray, GeodeticPoint
-from vgps.readers.fixes import HIGHEST_M, Clock, Fix, RawLog, counted, damaged_lines, unix_day_s
+from vgps.readers.fixes import (
+    HIGHEST_M,
+    Clock,
+    Fix,
+    RawLog,
+    counted,
+    damaged_lines,
+    from_sea_level,
+    unix_day_s,
+)
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
 QUALITY = {
@@ -46,6 +55,7 @@ class _Header:
     frame: Frame = "geodetic"
     sexagesimal: bool = False
     origin: GeodeticPoint | None = None
+    above_sea: bool = False
     notes: tuple[str, ...] = ()
 
     @property
@@ -90,6 +100,9 @@ def read_pos(data: bytes, path: Path) -> RawLog:
         if q > 0
     ]
     notes = [*header.notes, *damaged_lines(damaged)]
+    if header.above_sea:
+        fixes, about_heights = from_sea_level(fixes)
+        notes += about_heights
     if len(fixes) < len(quality):
         notes.append(f"{counted(len(quality) - len(fixes), 'epoch')} without a fix skipped")
     return RawLog(Clock.UTC, fixes, notes)
@@ -117,10 +130,8 @@ def _header(comments: list[str], path: Path) -> _Header:
         return _Header(time_system=named[1], frame="ecef")
     if "e-baseline" in columns:
         return _Header(time_system=named[1], frame="enu", origin=_origin(comments, path))
-    notes: tuple[str, ...] = ()
-    if any("WGS84/geodetic" in line for line in comments):
-        notes = ("heights are above the geoid but taken as ellipsoidal: they may be wrong by 100 m",)
-    return _Header(time_system=named[1], sexagesimal="(d'" in columns, notes=notes)
+    above_sea = any("WGS84/geodetic" in line for line in comments)
+    return _Header(time_system=named[1], sexagesimal="(d'" in columns, above_sea=above_sea)
 
 
 def _origin(comments: list[str], path: Path) -> GeodeticPoint:

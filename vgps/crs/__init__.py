@@ -1,0 +1,6 @@
+"""Coordinate systems and geoids: from WGS 84 positions to the coordinates and heights of a country."""
+
+from vgps.crs.geoid import Geoid, egm96, named_geoid
+from vgps.crs.system import ELLIPSOIDAL, CoordinateSystem, coordinate_system
+
+__all__ = ["ELLIPSOIDAL", "CoordinateSystem", "Geoid", "coordinate_system", "egm96", "named_geoid"]

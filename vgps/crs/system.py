@@ -1,0 +1,264 @@
+"""Coordinate systems by their EPSG codes, with pyproj; a missing grid is an error and never a zero."""
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.enums import TransformDirection
+from pyproj.exceptions import CRSError
+from pyproj.transformer import AreaOfInterest, TransformerGroup
+
+from vgps.crs.geoid import Geoid, egm96, named_geoid
+from vgps.errors import CoordinateSystemError
+from vgps.model import FloatArray
+
+ELLIPSOIDAL = "height above the WGS 84 ellipsoid"
+WGS84 = "EPSG:4979"
+_EGM96_HEIGHT = 5773  # EPSG code of heights above EGM96, whose grid comes with vgps
+_AROUND_DEG = 0.01
+_BEYOND_DEG = 3.0  # by which data may lie outside a system's area of use
+_UNITS = {"metre": "m", "degree": "deg", "foot": "ft", "US survey foot": "us_ft"}
+_SHIFTS = ("helmert", "gridshift", "molodensky")  # steps that change the datum
+_VAGUE_M = 0.5  # from this accuracy on, how a datum was reached matters to RTK
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinateSystem:
+    """A coordinate system that positions of a run are converted to.
+
+    Attributes:
+        name: Its name and code.
+        height_datum: What its heights are above.
+        axes: Names of its three coordinates with units, east or longitude first.
+        wkt: Its definition, WKT2; that of the horizontal part if a geoid gives the heights.
+        epsg: Code of the horizontal part, if it has one.
+        notes: What a user should know: accuracy of the conversion, frames taken as one.
+        transformer: From longitude, latitude, ellipsoidal height; None for these themselves.
+        has_heights: Whether the transformer gives the heights.
+        geoid: What heights are above, unless the transformer gives them; None for the ellipsoid.
+        epoch: Decimal year of the positions, for frames that move; infinite if there is none, as in PROJ.
+    """
+
+    name: str
+    height_datum: str
+    axes: tuple[str, str, str]
+    wkt: str
+    epsg: int | None = None
+    notes: tuple[str, ...] = ()
+    transformer: Transformer | None = None
+    has_heights: bool = False
+    geoid: Geoid | None = None
+    epoch: float = np.inf
+
+    @property
+    def is_geographic(self) -> bool:
+        """Whether the coordinates are longitude and latitude."""
+        return self.axes[0] == "longitude_deg"
+
+    @property
+    def description(self) -> str:
+        """Name and datum of the heights, for headers and reports."""
+        return f"{self.name}, {self.height_datum}"
+
+    def from_geodetic(self, geodetic: FloatArray) -> FloatArray:
+        """Return coordinates (N, 3), east or longitude first, of latitudes, longitudes and heights (N, 3).
+
+        Raises:
+            CoordinateSystemError: A position cannot be converted.
+        """
+        latitude, longitude, height = np.asarray(geodetic, float).reshape(-1, 3).T
+        x, y, z = self._transformed(longitude, latitude, height, TransformDirection.FORWARD)
+        if not self.has_heights:
+            z = height if self.geoid is None else height - self.geoid.height_m(latitude, longitude)
+        return np.column_stack([x, y, z])
+
+    def to_geodetic(self, coordinates: FloatArray) -> FloatArray:
+        """Return latitude, longitude [deg] and ellipsoidal height [m] (N, 3): inverse of `from_geodetic`.
+
+        Raises:
+            CoordinateSystemError: A position cannot be converted.
+        """
+        x, y, z = np.asarray(coordinates, float).reshape(-1, 3).T
+        longitude, latitude, height = self._transformed(x, y, z, TransformDirection.INVERSE)
+        if not self.has_heights:
+            height = z if self.geoid is None else z + self.geoid.height_m(latitude, longitude)
+        return np.column_stack([latitude, longitude, height])
+
+    def _transformed(
+        self, x: FloatArray, y: FloatArray, z: FloatArray, direction: TransformDirection
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        if self.transformer is None:
+            return x, y, z
+        year = np.full(len(x), self.epoch)
+        found = np.stack(self.transformer.transform(x, y, z, year, direction=direction)[:3])
+        known = np.isfinite(x) & np.isfinite(y) & (np.isfinite(z) | (not self.has_heights))
+        if np.isinf(found[:, known]).any():
+            raise CoordinateSystemError(
+                f"a position cannot be converted to {self.name}", remedy="name a system of the run's place"
+            )
+        found[:, ~known] = np.nan
+        return found[0], found[1], found[2]
+
+
+def coordinate_system(
+    place: tuple[float, float],
+    crs: str | None = None,
+    geoid: str | None = None,
+    *,
+    source: str | None = None,
+    epoch: float = np.inf,
+) -> CoordinateSystem:
+    """Return a coordinate system for the surroundings of a place.
+
+    Args:
+        place: Latitude and longitude [deg] of the data, which select among the conversions that PROJ knows.
+        crs: ``EPSG:NNNN``, ``EPSG:NNNN+MMMM`` or another definition that PROJ reads; None for longitude and
+            latitude in WGS 84.
+        geoid: As for :func:`named_geoid`; what heights are above. It replaces the vertical part of ``crs``.
+        source: System of the positions, if not WGS 84: ``EPSG:9989`` for ITRF2020.
+        epoch: Decimal year of the positions, where ``source`` moves against ``crs``.
+
+    Raises:
+        CoordinateSystemError: There is no such system or geoid, its heights need a grid that is not
+            installed, or the place is outside its area.
+    """
+    model = None if geoid is None else named_geoid(geoid)
+    if crs is None and source is None:
+        plain = CoordinateSystem(
+            name="WGS 84 (EPSG:4979)",
+            height_datum=ELLIPSOIDAL,
+            axes=("longitude_deg", "latitude_deg", "height_m"),
+            wkt=CRS.from_epsg(4979).to_wkt(),
+            epsg=4326,
+        )
+        return plain if model is None else replace(plain, geoid=model, height_datum=_above(model))
+    whole, origin = _parsed(crs or WGS84), _parsed(source or WGS84)
+    _check_area(whole, crs or WGS84, place)
+    horizontal, vertical = _parts(whole)
+    if model is None and vertical is not None and vertical.to_epsg() == _EGM96_HEIGHT:
+        model = egm96()
+    converts_heights = model is None and (vertical is not None or _has_own_heights(horizontal))
+    target = whole if converts_heights else horizontal
+    transformer, notes = _transformer(origin, target, place, crs or WGS84)
+    code = horizontal.to_epsg()
+    return CoordinateSystem(
+        name=f"{horizontal.name} ({crs or WGS84})",
+        height_datum=_height_datum(vertical, horizontal, model, converts_heights),
+        axes=_axes(horizontal, vertical if converts_heights else None),
+        wkt=target.to_wkt(),
+        epsg=code,
+        notes=notes,
+        transformer=transformer,
+        has_heights=converts_heights,
+        geoid=model,
+        epoch=epoch,
+    )
+
+
+def _parsed(text: str) -> CRS:
+    try:
+        return CRS.from_user_input(text)
+    except CRSError as error:
+        raise CoordinateSystemError(
+            f"no coordinate system {text!r}", expected="EPSG:NNNN or EPSG:NNNN+MMMM, such as EPSG:25832+7837"
+        ) from error
+
+
+def _parts(whole: CRS) -> tuple[CRS, CRS | None]:
+    """Return the horizontal part, and the vertical part of a compound system."""
+    if whole.is_vertical and not whole.is_compound:
+        raise CoordinateSystemError(
+            f"{whole.name} has heights alone",
+            expected="a horizontal part too, such as EPSG:25832+7837",
+            remedy="name a compound system, or give the heights' geoid with --geoid",
+        )
+    if whole.is_compound:
+        return whole.sub_crs_list[0], whole.sub_crs_list[1]
+    return whole, None
+
+
+def _has_own_heights(horizontal: CRS) -> bool:
+    """Whether a system of three axes defines its heights (or is geocentric)."""
+    return len(horizontal.axis_info) == 3
+
+
+def _check_area(whole: CRS, text: str, place: tuple[float, float]) -> None:
+    latitude, longitude = place
+    for part in (*whole.sub_crs_list, whole):
+        area = part.area_of_use
+        if area is None:
+            continue
+        east = (longitude - area.west) % 360.0 <= (
+            area.east - area.west
+        ) % 360.0 or area.east - area.west >= 360
+        near = min(abs((longitude - edge + 180.0) % 360.0 - 180.0) for edge in (area.west, area.east))
+        inside = area.south - _BEYOND_DEG <= latitude <= area.north + _BEYOND_DEG
+        if not (inside and (east or near <= _BEYOND_DEG)):
+            raise CoordinateSystemError(
+                f"{text} ({part.name}) is for {area.west:g}° to {area.east:g}° east, {area.south:g}° to "
+                f"{area.north:g}° north; the run lies at {latitude:.4f}°, {longitude:.4f}°",
+                remedy="name the system of that place",
+            )
+
+
+def _transformer(
+    origin: CRS, target: CRS, place: tuple[float, float], text: str
+) -> tuple[Transformer, tuple[str, ...]]:
+    """Return the best conversion around a place that is installed, and notes on it."""
+    latitude, longitude = place
+    around = AreaOfInterest(
+        longitude - _AROUND_DEG, latitude - _AROUND_DEG, longitude + _AROUND_DEG, latitude + _AROUND_DEG
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that the best is not available: checked below
+        group = TransformerGroup(
+            origin, target, always_xy=True, area_of_interest=around, allow_ballpark=False
+        )
+    missing = sorted({g.short_name for o in group.unavailable_operations for g in o.grids if not g.available})
+    if not group.transformers:
+        raise CoordinateSystemError(
+            f"{text} needs the grid {missing[0]}, which is not installed" if missing else f"no way to {text}",
+            remedy="put it into PROJ's data folder (cdn.proj.org, or projsync --file), or give the geoid of "
+            "the heights with --geoid FILE"
+            if missing
+            else "name another system",
+        )
+    best = group.transformers[0]
+    notes = []
+    if not group.best_available and missing:
+        notes.append(f"the conversion to {target.name} is less accurate without the grid {missing[0]}")
+    if best.accuracy >= _VAGUE_M and not any(step in best.definition for step in _SHIFTS):
+        notes.append(
+            f"positions are taken to be in the datum of {target.name}, which differs from {origin.name} by "
+            f"up to {best.accuracy:g} m: true of fixes corrected in that datum, as by national RTK services; "
+            "name any other frame of the fixes with --gps-crs, as EPSG:9989 for ITRF2020"
+        )
+    elif best.accuracy >= _VAGUE_M:
+        notes.append(f"the conversion to {target.name} is accurate to {best.accuracy:g} m, says EPSG")
+    return best, tuple(notes)
+
+
+def _height_datum(vertical: CRS | None, horizontal: CRS, model: Geoid | None, converts: bool) -> str:
+    if model is not None:
+        return _above(model)
+    if vertical is not None:
+        return str(vertical.name)
+    if converts and not horizontal.is_geocentric:
+        return f"height above the ellipsoid of {horizontal.name}"
+    return "geocentric, without heights" if converts else ELLIPSOIDAL
+
+
+def _above(model: Geoid) -> str:
+    return f"height above {model.name}" if "geoid" in model.name else f"height above the geoid {model.name}"
+
+
+def _axes(horizontal: CRS, vertical: CRS | None) -> tuple[str, str, str]:
+    units = [_UNITS.get(axis.unit_name, axis.unit_name.replace(" ", "_")) for axis in horizontal.axis_info]
+    height = vertical.axis_info[0].unit_name if vertical is not None else "metre"
+    up = f"height_{_UNITS.get(height, height.replace(' ', '_'))}"
+    if horizontal.is_geocentric:
+        return "x_m", "y_m", "z_m"
+    if horizontal.is_geographic:
+        return "longitude_deg", "latitude_deg", up
+    return f"easting_{units[0]}", f"northing_{units[0]}", up
