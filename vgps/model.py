@@ -20,6 +20,7 @@ Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 GrayImage = npt.NDArray[np.uint8]
+RgbImage = npt.NDArray[np.uint8]
 
 LensModel = Literal["pinhole", "opencv", "fisheye", "tsai"]
 

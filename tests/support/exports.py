@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from vgps.camera import project
 from vgps.model import Camera
 from vgps.solution import FrameState, Landmarks, Observations
-from vgps.writers.export import export
+from vgps.writers.export import ExportOptions, export
 from vgps.writers.run_folder import write_run
 
 PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.5, cy=241.0)
@@ -51,7 +51,7 @@ def consistent(solution, camera, noise_px=0.5):
     ), np.linalg.norm(uv - project(pinhole, p), axis=1).mean()
 
 
-def exported(solution, tmp_path, to, name):
+def exported(solution, tmp_path, to, name, **options):
     write_run(solution, tmp_path / "run")
-    export(tmp_path / "run", to, tmp_path / name)
+    export(tmp_path / "run", to, tmp_path / name, ExportOptions(**options))
     return tmp_path / name

@@ -103,3 +103,20 @@ class GpsSettings(SurveyedSettings):
     def read(self) -> Config:
         """Return the resolved settings; raises as in `SettingsOptions.read`."""
         return super().read().with_gps(self.gps_model)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CoordinateOptions:
+    """What coordinates and heights are in.
+
+    Attributes:
+        crs: Coordinate system: EPSG:NNNN or, with heights, EPSG:NNNN+MMMM; by default WGS 84.
+        geoid: What heights are above: egm96, another model whose grid PROJ has, a grid file (.gtx, .tif,
+            .pgm), or the geoid's height above the ellipsoid [m]; by default the ellipsoid.
+        gps_crs: System of the fixes if not WGS 84, as EPSG:9989 for ITRF2020.
+    """
+
+    crs: str | None = None
+    geoid: str | None = None
+    gps_crs: str | None = None

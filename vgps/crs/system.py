@@ -1,10 +1,12 @@
 """Coordinate systems by their EPSG codes, with pyproj; a missing grid is an error and never a zero."""
 
+import re
 import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 from pyproj import CRS, Transformer
+from pyproj.crs import CompoundCRS, VerticalCRS
 from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError
 from pyproj.transformer import AreaOfInterest, TransformerGroup
@@ -31,7 +33,7 @@ class CoordinateSystem:
         name: Its name and code.
         height_datum: What its heights are above.
         axes: Names of its three coordinates with units, east or longitude first.
-        wkt: Its definition, WKT2; that of the horizontal part if a geoid gives the heights.
+        wkt: Its definition with the heights, WKT2.
         epsg: Code of the horizontal part, if it has one.
         notes: What a user should know: accuracy of the conversion, frames taken as one.
         transformer: From longitude, latitude, ellipsoidal height; None for these themselves.
@@ -52,6 +54,18 @@ class CoordinateSystem:
     epoch: float = np.inf
 
     @property
+    def definition(self) -> CRS:
+        """The system with its heights, for libraries that take pyproj's objects."""
+        return CRS.from_wkt(self.wkt)
+
+    @property
+    def horizontal_wkt1(self) -> str:
+        """The definition without heights as WKT 1, which older formats have."""
+        whole = self.definition
+        flat = whole.sub_crs_list[0] if whole.is_compound else whole.to_2d()
+        return str(flat.to_wkt("WKT1_GDAL"))
+
+    @property
     def is_geographic(self) -> bool:
         """Whether the coordinates are longitude and latitude."""
         return self.axes[0] == "longitude_deg"
@@ -60,6 +74,14 @@ class CoordinateSystem:
     def description(self) -> str:
         """Name and datum of the heights, for headers and reports."""
         return f"{self.name}, {self.height_datum}"
+
+    @property
+    def height_column(self) -> str:
+        """A name of a column of heights that says what they are above: ``height_egm96_m``."""
+        words = self.height_datum.removeprefix("height above ").removesuffix(" height")
+        datum = "ellipsoidal" if self.height_datum == ELLIPSOIDAL else words.removeprefix("the geoid ")
+        unit = self.axes[2].removeprefix("height_")
+        return f"height_{re.sub('[^a-z0-9.]+', '_', datum.lower())}_{unit}"
 
     def from_geodetic(self, geodetic: FloatArray) -> FloatArray:
         """Return coordinates (N, 3), east or longitude first, of latitudes, longitudes and heights (N, 3).
@@ -82,6 +104,10 @@ class CoordinateSystem:
         x, y, z = np.asarray(coordinates, float).reshape(-1, 3).T
         longitude, latitude, height = self._transformed(x, y, z, TransformDirection.INVERSE)
         if not self.has_heights:
+            # a shift of datum in the plane ignores heights, so that its inverse misses by half a millimetre
+            again = self._transformed(longitude, latitude, z, TransformDirection.FORWARD)
+            nearer = 2.0 * x - again[0], 2.0 * y - again[1]
+            longitude, latitude, _ = self._transformed(*nearer, z, TransformDirection.INVERSE)
             height = z if self.geoid is None else z + self.geoid.height_m(latitude, longitude)
         return np.column_stack([latitude, longitude, height])
 
@@ -132,7 +158,10 @@ def coordinate_system(
             wkt=CRS.from_epsg(4979).to_wkt(),
             epsg=4326,
         )
-        return plain if model is None else replace(plain, geoid=model, height_datum=_above(model))
+        if model is None:
+            return plain
+        wkt = _definition(CRS.from_epsg(4326), model)
+        return replace(plain, geoid=model, height_datum=_above(model), wkt=wkt, name="WGS 84 (EPSG:4326)")
     whole, origin = _parsed(crs or WGS84), _parsed(source or WGS84)
     _check_area(whole, crs or WGS84, place)
     horizontal, vertical = _parts(whole)
@@ -146,7 +175,7 @@ def coordinate_system(
         name=f"{horizontal.name} ({crs or WGS84})",
         height_datum=_height_datum(vertical, horizontal, model, converts_heights),
         axes=_axes(horizontal, vertical if converts_heights else None),
-        wkt=target.to_wkt(),
+        wkt=target.to_wkt() if converts_heights else _definition(horizontal, model),
         epsg=code,
         notes=notes,
         transformer=transformer,
@@ -247,6 +276,18 @@ def _height_datum(vertical: CRS | None, horizontal: CRS, model: Geoid | None, co
     if converts and not horizontal.is_geocentric:
         return f"height above the ellipsoid of {horizontal.name}"
     return "geocentric, without heights" if converts else ELLIPSOIDAL
+
+
+def _definition(horizontal: CRS, model: Geoid | None) -> str:
+    """Return WKT2 of a horizontal system with heights above its ellipsoid or above a geoid."""
+    if model is None:
+        return str(horizontal.to_3d().to_wkt())
+    if model is egm96():
+        vertical = CRS.from_epsg(_EGM96_HEIGHT)
+    else:
+        datum = {"type": "VerticalReferenceFrame", "name": model.name}
+        vertical = VerticalCRS(name=_above(model), datum=datum)
+    return str(CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical]).to_wkt())
 
 
 def _above(model: Geoid) -> str:

@@ -2,16 +2,16 @@
 
 import logging
 import re
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from pathlib import Path
 
 import av
 import numpy as np
 
 from vgps.errors import VideoError
-from vgps.model import FloatArray, Frame, GrayImage
+from vgps.model import FloatArray, Frame, GrayImage, RgbImage
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
-from vgps.readers.luma import ahead, luma, upright_size
+from vgps.readers.luma import ahead, colours, luma, upright_size
 
 log = logging.getLogger(__name__)
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
@@ -36,13 +36,13 @@ class ImageFolder:
         """
         self.path = Path(path)
         times = read_frame_times(_table(self.path, frame_times))
-        self._files = _files(self.path, times)
+        self.files = _files(self.path, times)
         self._times_s: FloatArray = times.t_s - times.t_s[0]
         self.start_s = float(times.t_s[0])
         self._warnings: tuple[str, ...] = ()
-        first = _picture(self._files[0])
+        first = _picture(self.files[0])
         if first is None:
-            raise VideoError("the first image cannot be decoded", file=self._files[0])
+            raise VideoError("the first image cannot be decoded", file=self.files[0])
         self.width, self.height = upright_size(first)
 
     @property
@@ -63,16 +63,23 @@ class ImageFolder:
         """
         return ahead(self._frames)
 
+    def pictures(self, wanted: Collection[int]) -> Iterator[tuple[int, RgbImage]]:
+        """Yield index and colours of some images in order; those that cannot be decoded are left out."""
+        for index in sorted(wanted):
+            picture = _picture(self.files[index])
+            if picture is not None:
+                yield index, colours(picture)
+
     def _frames(self) -> Generator[Frame]:
         lost = []
-        for index, (file, t_s) in enumerate(zip(self._files, self._times_s, strict=True)):
+        for index, (file, t_s) in enumerate(zip(self.files, self._times_s, strict=True)):
             gray = self._gray(file)
             if gray is None:
                 lost.append(file.name)
                 gray = np.zeros((self.height, self.width), np.uint8)
             yield Frame(index, float(t_s), gray)
         if lost:
-            self._warnings = (f"{len(lost)} of {len(self._files)} images cannot be decoded, first {lost[0]}",)
+            self._warnings = (f"{len(lost)} of {len(self.files)} images cannot be decoded, first {lost[0]}",)
             log.warning("%s: %s", self.path, self._warnings[0])
 
     def _gray(self, file: Path) -> GrayImage | None:

@@ -10,7 +10,7 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import GrayImage
+from vgps.model import GrayImage, RgbImage
 
 T = TypeVar("T")
 _AHEAD = 8  # frames decoded ahead: 8 MB each at 4K
@@ -25,6 +25,12 @@ def luma(picture: av.VideoFrame) -> GrayImage:
     gray = _y_plane(picture) if _has_y_plane(picture.format) else _converted(picture)
     turns = quarter_turns(picture)
     return np.ascontiguousarray(np.rot90(gray, turns)) if turns else gray
+
+
+def colours(picture: av.VideoFrame) -> RgbImage:
+    """Return the colours of a decoded image, upright, (H, W, 3) uint8 red, green, blue."""
+    rgb = np.asarray(picture.to_ndarray(format="rgb24"))
+    return np.ascontiguousarray(np.rot90(rgb, quarter_turns(picture)))
 
 
 def quarter_turns(picture: av.VideoFrame) -> int:

@@ -77,6 +77,15 @@ def open_recording(
     )
 
 
+def open_video(path: PathLike) -> VideoFile | ImageFolder:
+    """Return the video or the folder of images of a recording, or beside it, without the other files.
+
+    Raises:
+        RecordingError, VideoError: There is none, or it cannot be read.
+    """
+    return _opened(_place(Path(path))[1])
+
+
 def find_gps_logs(folder: PathLike) -> list[Path]:
     """Return the GPS logs of a folder: ``gps.*`` and ``gps_*`` with such content."""
     files = sorted(file for file in Path(folder).iterdir() if file.is_file())

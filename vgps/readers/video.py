@@ -2,7 +2,7 @@
 
 import contextlib
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +10,9 @@ import av
 import numpy as np
 
 from vgps.errors import VideoError
-from vgps.model import FloatArray, Frame
+from vgps.model import FloatArray, Frame, RgbImage
 from vgps.readers.frame_times import FrameTimes, read_frame_times
-from vgps.readers.luma import ahead, luma, upright_size
+from vgps.readers.luma import ahead, colours, luma, upright_size
 
 log = logging.getLogger(__name__)
 
@@ -79,6 +79,16 @@ class VideoFile:
             VideoError: The image size changes within the video.
         """
         return ahead(self._frames)
+
+    def pictures(self, wanted: Collection[int]) -> Iterator[tuple[int, RgbImage]]:
+        """Yield index and colours of some frames in order; those that cannot be decoded are left out."""
+        last = max(wanted, default=-1)
+        for count, picture in enumerate(self._pictures()):
+            index = count if self._slots.index is None else self._slots.index.get(picture.pts or 0)
+            if index is not None and index in wanted:
+                yield index, colours(picture)
+            if index is not None and index >= last:
+                return
 
     def _frames(self) -> Generator[Frame]:
         t_s, following, lost, doubtful, extra = self.times_s, 0, list[int](), list[int](), 0

@@ -6,12 +6,13 @@ OpenCV's at whole numbers. The world is that of the run, ENU in metres, with its
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from vgps.camera import distort
+from vgps.crs import ELLIPSOIDAL
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.solution import Solution
 from vgps.writers.tum import quaternion
@@ -22,15 +23,16 @@ IMAGE_NAME = "frame_{:06d}.jpg"
 _CENTRE = 0.5
 
 
-def write_colmap(solution: Solution, folder: Path) -> None:
+def write_colmap(solution: Solution, folder: Path, names: Sequence[str] | None = None) -> None:
     """Write cameras, images and points with their tracks, and the origin.
 
-    Every frame is an image, named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
+    Every frame is an image, by default named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
     frame_%06d.jpg`` names it.
 
     Args:
         solution: A run.
         folder: An empty folder.
+        names: Names of the images.
     """
     observed = solution.observations
     uv = observed.uv_px if solution.camera.model == "tsai" else distort(solution.camera, observed.uv_px)
@@ -42,11 +44,23 @@ def write_colmap(solution: Solution, folder: Path) -> None:
         np.arange(len(frame), dtype=np.int64) - begins[frame]
     )  # of an observation among those of its image
     _write(folder / "cameras.txt", [_camera_line(solution.camera)])
-    _write(folder / "images.txt", _image_lines(solution, landmark, uv, begins))
+    _write(
+        folder / "images.txt", _image_lines(solution, names or default_names(solution), landmark, uv, begins)
+    )
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
     origin = None if solution.world_origin is None else solution.world_origin._asdict()
-    about = {"world_origin": origin, "axes": "east, north, up", "georeferenced": solution.georeferenced}
+    about = {
+        "world_origin": origin,
+        "height_datum": ELLIPSOIDAL,
+        "axes": "east, north, up",
+        "georeferenced": solution.georeferenced,
+    }
     (folder / MARK).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+
+
+def default_names(solution: Solution) -> list[str]:
+    """Return the names of the images of all frames."""
+    return [IMAGE_NAME.format(frame) for frame in range(len(solution.t_s))]
 
 
 def colmap_camera(camera: Camera) -> tuple[str, list[float]]:
@@ -67,12 +81,14 @@ def _camera_line(camera: Camera) -> str:
     return f"1 {name} {camera.width} {camera.height} " + " ".join(f"{x:.17g}" for x in parameters)
 
 
-def _image_lines(solution: Solution, landmark: IntArray, uv: FloatArray, begins: IntArray) -> Iterable[str]:
+def _image_lines(
+    solution: Solution, names: Sequence[str], landmark: IntArray, uv: FloatArray, begins: IntArray
+) -> Iterable[str]:
     camera_T_world: FloatArray = np.linalg.inv(solution.world_T_camera).astype(np.float64)
     quaternions = quaternion(camera_T_world)
     for f, (q, t) in enumerate(zip(quaternions, camera_T_world[:, :3, 3], strict=True)):
         numbers = " ".join(f"{x:.17g}" for x in (q[3], *q[:3], *t))
-        yield f"{f + 1} {numbers} 1 {IMAGE_NAME.format(f)}"
+        yield f"{f + 1} {numbers} 1 {names[f]}"
         rows = range(int(begins[f]), int(begins[f + 1]))
         yield " ".join(
             f"{uv[row, 0] + _CENTRE:.6f} {uv[row, 1] + _CENTRE:.6f} {int(landmark[row]) + 1}" for row in rows

@@ -1,47 +1,39 @@
 """The camera's path as a GPX track."""
 
-from datetime import timedelta
 from pathlib import Path
 
 import gpxpy.gpx
 import numpy as np
 
-from vgps.solution import Solution
-from vgps.writers.maps import geodetic_path
+from vgps.writers.export_job import ExportJob
 
-_ELLIPSOIDAL = "Heights (ele) are above the WGS84 ellipsoid, not above the sea."
-_ABOVE_SEA = "Heights (ele) are above the geoid, taken to be {:g} m above the WGS84 ellipsoid."
 _UNTIMED = " The UTC start of the video is unknown: points have no time."
 
 
-def write_gpx(solution: Solution, out: Path, geoid_m: float | None = None) -> None:
+def write_gpx(job: ExportJob, out: Path) -> None:
     """Write a point for every frame, with its time in UTC if the start of the video is known.
 
-    GPX does not define the reference of the height ``ele``; the file's description states it.
-
-    Args:
-        solution: A georeferenced run.
-        out: The file.
-        geoid_m: Height of the geoid above the ellipsoid; ``ele`` is then above the geoid, with a
-            ``geoidheight``. Without it ``ele`` is ellipsoidal.
+    GPX does not define the reference of the height ``ele``; the file's description states it. Heights above a
+    geoid come with its ``geoidheight``.
 
     Raises:
         RunFolderError: The run is not georeferenced.
     """
-    path, start = geodetic_path(solution), solution.video_start_utc
-    described = _ELLIPSOIDAL if geoid_m is None else _ABOVE_SEA.format(geoid_m)
+    solution, utc, geoid = job.solution, job.utc, job.georeferenced.geoid
     gpx = gpxpy.gpx.GPX()
     gpx.creator, gpx.name = "vgps", None if solution.recording is None else solution.recording.name
-    gpx.description = described + (_UNTIMED if start is None else "")
+    gpx.description = f"ele: {job.georeferenced.height_datum}." + (_UNTIMED if utc is None else "")
     segment = gpxpy.gpx.GPXTrackSegment()
-    for t_s, (latitude, longitude, height) in zip(solution.t_s.tolist(), path.tolist(), strict=True):
+    separation = job.geodetic[:, 2] - job.coordinates[:, 2]
+    rows = zip(job.geodetic.tolist(), job.coordinates[:, 2].tolist(), separation.tolist(), strict=True)
+    for row, ((latitude, longitude, _), height, above) in enumerate(rows):
         point = gpxpy.gpx.GPXTrackPoint(
             np.round(latitude, 10),
             np.round(longitude, 10),
-            np.round(height - (geoid_m or 0.0), 4),
-            None if start is None else start + timedelta(seconds=t_s),
+            np.round(height, 4),
+            None if utc is None else utc[row],
         )
-        point.geoid_height = geoid_m
+        point.geoid_height = None if geoid is None else round(above, 4)
         segment.points.append(point)
     gpx.tracks.append(gpxpy.gpx.GPXTrack(name="camera"))
     gpx.tracks[0].segments.append(segment)

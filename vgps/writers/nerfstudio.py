@@ -1,19 +1,21 @@
 """``transforms.json`` for nerfstudio and Instant NGP."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from vgps.crs import ELLIPSOIDAL
 from vgps.errors import RunFolderError
 from vgps.solution import Solution
-from vgps.writers.colmap import IMAGE_NAME, colmap_camera
+from vgps.writers.colmap import colmap_camera, default_names
 
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera: x right, y up, z backward
 _LENS = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"), "PINHOLE": ()}
 
 
-def write_nerfstudio(solution: Solution, out: Path) -> None:
+def write_nerfstudio(solution: Solution, out: Path, names: Sequence[str] | None = None) -> None:
     """Write intrinsics and a pose per frame, whose image is ``images/frame_000000.jpg`` and so on.
 
     The world is ENU, z up, in metres, and not normalised, so that results keep position and scale.
@@ -35,8 +37,10 @@ def write_nerfstudio(solution: Solution, out: Path) -> None:
         )
     poses = solution.world_T_camera @ _OPENGL
     frames = [
-        {"file_path": "images/" + IMAGE_NAME.format(f), "transform_matrix": pose, "t_s": t_s}
-        for f, (pose, t_s) in enumerate(zip(poses.tolist(), solution.t_s.tolist(), strict=True))
+        {"file_path": f"images/{name}", "transform_matrix": pose, "t_s": t_s}
+        for name, pose, t_s in zip(
+            names or default_names(solution), poses.tolist(), solution.t_s.tolist(), strict=True
+        )
     ]
     document = {
         "camera_model": "OPENCV" if name == "PINHOLE" else name,
@@ -48,6 +52,7 @@ def write_nerfstudio(solution: Solution, out: Path) -> None:
         "cy": parameters[3],
         **lens,
         "world_origin": None if solution.world_origin is None else solution.world_origin._asdict(),
+        "height_datum": ELLIPSOIDAL,
         "frames": frames,
     }
     out.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

@@ -11,11 +11,11 @@ from vgps.solution import Trajectory
 HEADER = "t_s x y z qx qy qz qw  (world_T_camera, world is ENU in metres; camera x right, y down, z forward)"
 
 
-def write_tum(trajectory: Trajectory, out: Path) -> None:
+def write_tum(trajectory: Trajectory, out: Path, header: str = HEADER) -> None:
     """Write world_T_camera as TUM: nanoseconds, nanometres, and quaternions (w last, w >= 0) to 1e-12."""
     position = trajectory.world_T_camera[:, :3, 3]
     rows = np.column_stack([trajectory.t_s, position, quaternion(trajectory.world_T_camera)])
-    np.savetxt(out, rows + 0.0, fmt=["%.9f"] * 4 + ["%.12f"] * 4, header=HEADER, encoding="utf-8")
+    np.savetxt(out, rows + 0.0, fmt=["%.9f"] * 4 + ["%.12f"] * 4, header=header, encoding="utf-8")
 
 
 def quaternion(world_T_camera: FloatArray) -> FloatArray:

@@ -1,0 +1,154 @@
+"""What a writer is given to export: the frames chosen, and their coordinates in the system asked for."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from vgps.crs import CoordinateSystem
+from vgps.crs.frames import local_R_world
+from vgps.errors import RunFolderError, VgpsError
+from vgps.geodesy import heading_deg, to_geodetic
+from vgps.model import FloatArray, IntArray, RgbImage
+from vgps.readers.images import ImageFolder
+from vgps.readers.recording import open_video
+from vgps.readers.video import VideoFile
+from vgps.solution import Solution
+from vgps.writers.frame_choice import FrameChoice
+
+IMAGE_NAME = "frame_{:06d}.jpg"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """How to export a run.
+
+    Attributes:
+        crs: Coordinate system, as ``EPSG:25832`` or ``EPSG:25832+7837``; None for WGS 84.
+        geoid: Geoid that heights are above: a name, a grid file, or its height [m]; None for the ellipsoid.
+        gps_crs: Coordinate system of the run's fixes, if not WGS 84.
+        choice: Which frames.
+        columns: Columns of a CSV file; None for the usual ones.
+        images: Recording, video or folder of images with the frames, if not where the run says.
+    """
+
+    crs: str | None = None
+    geoid: str | None = None
+    gps_crs: str | None = None
+    choice: FrameChoice = field(default_factory=FrameChoice)
+    columns: tuple[str, ...] | None = None
+    images: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportJob:
+    """A run to write.
+
+    Attributes:
+        solution: The run with the frames chosen.
+        frame: (F,) their numbers in the recording.
+        system: What coordinates are in; None if the run is not georeferenced.
+        options: The options.
+    """
+
+    solution: Solution
+    frame: IntArray
+    system: CoordinateSystem | None
+    options: ExportOptions
+
+    @property
+    def georeferenced(self) -> CoordinateSystem:
+        """The coordinate system.
+
+        Raises:
+            RunFolderError: The run is not georeferenced.
+        """
+        if self.system is None:
+            raise RunFolderError(
+                "the run is not georeferenced",
+                expected="a run tied to the world by fixes or control points",
+                remedy="export it as tum, kitti, ply, colmap, nerfstudio or splat",
+            )
+        return self.system
+
+    @cached_property
+    def geodetic(self) -> FloatArray:
+        """(F, 3) latitude, longitude [deg] and ellipsoidal height [m] of the cameras."""
+        return self.geodetic_of(self.solution.world_T_camera[:, :3, 3])
+
+    def geodetic_of(self, world_p_point: FloatArray) -> FloatArray:
+        """Return latitude, longitude [deg] and ellipsoidal height [m] (N, 3) of points (N, 3)."""
+        assert self.georeferenced is not None and self.solution.world_origin is not None
+        return to_geodetic(self.solution.world_origin, world_p_point)
+
+    @cached_property
+    def coordinates(self) -> FloatArray:
+        """(F, 3) coordinates of the cameras in the system."""
+        return self.georeferenced.from_geodetic(self.geodetic)
+
+    @cached_property
+    def local_R_camera(self) -> FloatArray:
+        """(F, 3, 3) rotations to east, north, up at each camera's own place."""
+        assert self.solution.world_origin is not None
+        rotation = local_R_world(self.solution.world_origin, self.geodetic)
+        return np.asarray(rotation @ self.solution.world_T_camera[:, :3, :3])
+
+    @cached_property
+    def heading_deg(self) -> FloatArray:
+        """(F,) direction of the optical axis clockwise from true north; NaN straight up or down."""
+        return heading_deg(self.local_R_camera)
+
+    @property
+    def utc(self) -> list[datetime] | None:
+        """Instants of the frames on the clock of the GPS log; None if it is unknown."""
+        start = self.solution.video_start_utc
+        if start is None:
+            return None
+        offset_s = self.solution.sensors.time_offset_s
+        start = start.astimezone(UTC)
+        return [start + timedelta(seconds=t_s + offset_s) for t_s in self.solution.t_s.tolist()]
+
+    @property
+    def image_names(self) -> list[str]:
+        """Names of the frames' images, as FFmpeg numbers them."""
+        return [IMAGE_NAME.format(number) for number in self.frame.tolist()]
+
+    @cached_property
+    def video(self) -> VideoFile | ImageFolder:
+        """The frames themselves.
+
+        Raises:
+            RunFolderError: They are not where the run says, or not as many.
+        """
+        return video_of(self.solution, self.options.images, int(self.frame.max(initial=-1)))
+
+    def pictures(self) -> Iterator[tuple[int, RgbImage]]:
+        """Yield row (of the frames chosen) and colours (H, W, 3) of the frames, those that can be decoded."""
+        rows = {number: row for row, number in enumerate(self.frame.tolist())}
+        wanted: Collection[int] = rows.keys()
+        for number, picture in self.video.pictures(wanted):
+            yield rows[number], picture
+
+
+def video_of(solution: Solution, images: Path | None, last: int) -> VideoFile | ImageFolder:
+    """Return the video of a run, which has at least the frame ``last``.
+
+    Raises:
+        RunFolderError: It is not where the run says or ``images`` names, or too short.
+    """
+    place = images or solution.recording
+    remedy = "name the recording, video or folder of images with --images"
+    if place is None:
+        raise RunFolderError("the run does not say where its recording is", remedy=remedy)
+    try:
+        video = open_video(place)
+    except VgpsError as error:
+        raise RunFolderError(f"no frames to export ({error})", remedy=remedy) from error
+    if last >= len(video.times_s):
+        raise RunFolderError(
+            f"{len(video.times_s)} frames", file=place, expected=f"at least {last + 1}, as in the run"
+        )
+    return video

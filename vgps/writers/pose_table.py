@@ -1,0 +1,100 @@
+"""Poses as a table with chosen columns, in a coordinate system: CSV."""
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import RunFolderError
+from vgps.model import FloatArray
+from vgps.writers.export_job import ExportJob
+from vgps.writers.tum import quaternion
+
+_USUAL = (
+    *("image", "t_s", "utc", "x", "y", "height", "heading_deg", "pitch_deg", "roll_deg"),
+    *("sigma_east_m", "sigma_north_m", "sigma_up_m", "state", "crs"),
+)
+
+
+def write_csv(job: ExportJob, out: Path) -> None:
+    """Write a row per frame with the columns of the options; the name of the heights says their datum.
+
+    Raises:
+        RunFolderError: There is no such column, or the run is not georeferenced.
+    """
+    columns = _columns(job)
+    chosen = [_renamed(name, job) for name in job.options.columns or _USUAL]
+    unknown = [name for name in chosen if name not in columns]
+    if unknown:
+        raise RunFolderError(f"no column {unknown[0]}", expected="of " + ", ".join(columns))
+    if job.options.columns is None and job.utc is None:
+        chosen.remove("utc")
+    with out.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(chosen)
+        writer.writerows(zip(*(columns[name] for name in chosen), strict=True))
+
+
+def attitude_deg(local_R_camera: FloatArray) -> FloatArray:
+    """Return (F, 3) heading, pitch and roll [deg] of cameras in east, north, up.
+
+    Heading of the optical axis clockwise from north, pitch of it above the horizon, roll clockwise as the
+    camera sees: 0 for a level camera. Straight up or down, the heading is that of the image's top or bottom
+    and the roll is 0.
+    """
+    right, down, forward = np.moveaxis(local_R_camera, -1, 0)
+    heading = np.degrees(np.arctan2(forward[:, 0], forward[:, 1]))
+    pitch = np.degrees(np.arctan2(forward[:, 2], np.hypot(forward[:, 0], forward[:, 1])))
+    # roll 0: right is level
+    roll = np.degrees(np.arctan2(-right[:, 2], -down[:, 2]))
+    vertical = np.hypot(forward[:, 0], forward[:, 1]) < 1e-9
+    top = -down * np.where(forward[:, 2] > 0.0, -1.0, 1.0)[:, None]
+    heading = np.where(vertical, np.degrees(np.arctan2(top[:, 0], top[:, 1])), heading) % 360.0
+    heading = np.where(heading >= 360.0, 0.0, heading)  # a tiny negative angle rounds up to 360
+    return np.column_stack([heading, pitch, np.where(vertical, 0.0, roll)])
+
+
+def _renamed(name: str, job: ExportJob) -> str:
+    axes = job.georeferenced.axes
+    return {"x": axes[0], "y": axes[1], "height": job.georeferenced.height_column}.get(name, name)
+
+
+def _columns(job: ExportJob) -> dict[str, Iterable[object]]:
+    """Return all columns that there are, by name."""
+    system, solution, utc = job.georeferenced, job.solution, job.utc
+    degrees = 10 if system.is_geographic else 4
+    attitude = attitude_deg(job.local_R_camera)
+    qx, qy, qz, qw = quaternion(solution.world_T_camera).T
+    return {
+        "image": job.image_names,
+        "frame": job.frame.tolist(),
+        "t_s": _numbers(solution.t_s, 9),
+        "utc": [""] * len(job.frame) if utc is None else [one.isoformat() for one in utc],
+        system.axes[0]: _numbers(job.coordinates[:, 0], degrees),
+        system.axes[1]: _numbers(job.coordinates[:, 1], degrees),
+        system.height_column: _numbers(job.coordinates[:, 2], 4),
+        "crs": [system.name] * len(job.frame),
+        **dict(
+            zip(("east_m", "north_m", "up_m"), _columns_of(solution.world_T_camera[:, :3, 3]), strict=True)
+        ),
+        **dict(zip(("heading_deg", "pitch_deg", "roll_deg"), _columns_of(attitude), strict=True)),
+        **{name: _numbers(q, 12) for name, q in zip(("qx", "qy", "qz", "qw"), (qx, qy, qz, qw), strict=True)},
+        **{
+            f"sigma_{axis}_m": _numbers(solution.sigma_position_m[:, k], 4)
+            for k, axis in enumerate(("east", "north", "up"))
+        },
+        **{
+            f"sigma_rot_{axis}_deg": _numbers(np.degrees(solution.sigma_rotation_rad[:, k]), 4)
+            for k, axis in enumerate(("east", "north", "up"))
+        },
+        "state": [str(state) for state in solution.state],
+    }
+
+
+def _columns_of(values: FloatArray) -> list[list[str]]:
+    return [_numbers(column, 6) for column in values.T]
+
+
+def _numbers(values: FloatArray, digits: int) -> list[str]:
+    return [f"{value:.{digits}f}" if np.isfinite(value) else "" for value in values + 0.0]
