@@ -5,9 +5,11 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
+from gtsam.symbol_shorthand import O
 from synthetic_bundle import ANTENNA as CAMERA_P_ANTENNA
 from synthetic_bundle import drive
 from synthetic_fixes import fixes_of_size
+from synthetic_states import offset_fix, walk
 
 from vgps.config import GpsConfig
 from vgps.errors import GeometryError
@@ -17,6 +19,7 @@ from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_error
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import reprojection_errors
 from vgps.solver.marginals import marginal_covariances
+from vgps.solver.problem import StateVector
 
 INTERVAL_S = 0.1
 SIGMA_M = 0.05
@@ -124,3 +127,23 @@ def test_undetermined_poses_are_refused():
     empty = replace(sources, gps=gtsam.NonlinearFactorGraph(), fixes=sources.fixes.until(-1.0))
     with pytest.raises(GeometryError, match="not determined"):
         drawn_covariances(loose, empty, 10, 0)
+
+
+def test_independent_errors_give_the_marginals_of_states():
+    """An offset every five frames, all fixes with an offset; the walk is linear."""
+    problem, poses, sources = optimum()
+    gps, kept = gtsam.NonlinearFactorGraph(), np.arange(0, 39, 4)
+    for i in kept.tolist():
+        gps.push_back(offset_fix(i, poses[i, :3, 3] + 0.1))
+    both = gtsam.NonlinearFactorGraph(gps)
+    both.push_back(walk(8, robust=False))
+    states = {O(k): StateVector(np.zeros(3), 5 * k) for k in range(8)}
+    problem = solve(replace(problem, pose_graph=both, states=states)).problem
+    sources = replace(sources, gps=gps, others=walk(8, robust=False))
+    drawn = drawn_covariances(problem, sources, draws=2000, seed=1)
+    marginal = marginal_covariances(problem)
+    assert drawn.states.keys() == states.keys()
+    ratio = [np.diagonal(drawn.states[key]) / np.diagonal(marginal.states[key]) for key in states]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.1) and 0.7 < np.min(ratio) <= np.max(ratio) < 1.4
+    of_poses = [np.diagonal(c.poses, axis1=1, axis2=2) for c in (drawn, marginal)]
+    assert np.median(of_poses[0] / of_poses[1]) == pytest.approx(1.0, abs=0.1)

@@ -17,6 +17,7 @@ from synthetic_bundle import (
     with_loss,
     wrong_sign_factor,
 )
+from synthetic_states import drive_with_states
 
 from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import SolverSettings, solve
@@ -195,3 +196,18 @@ def test_frame_without_observations_and_factors_stays() -> None:
     result = solve(problem, TIGHT)
     assert result.converged
     np.testing.assert_allclose(result.problem.world_T_camera[11], problem.world_T_camera[11], atol=1e-12)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_states_are_moved_to_the_minimum_of_gtsam(held: bool) -> None:
+    problem = drive_with_states(held)
+    result, reference = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
+    assert result.solver == "schur" and result.converged
+    assert total_cost(result.problem) == pytest.approx(total_cost(reference.problem), rel=1e-9)
+    assert total_cost(result.problem) < 0.5 * total_cost(problem)
+    for key, state in result.problem.states.items():
+        np.testing.assert_allclose(state.vector, reference.problem.states[key].vector, atol=1e-6)
+        assert state.frame == problem.states[key].frame and np.any(state.vector)
+    poses = result.problem.world_T_camera
+    np.testing.assert_allclose(poses, reference.problem.world_T_camera, atol=1e-6)
+    np.testing.assert_array_equal(poses[problem.fixed_frames], problem.world_T_camera[problem.fixed_frames])

@@ -5,8 +5,9 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import X
+from gtsam.symbol_shorthand import O, X
 from synthetic_bundle import TIGHT, K, drive, total_cost, visible, with_loss
+from synthetic_states import drive_with_states
 
 from vgps.solver import elimination
 from vgps.solver.band_matrix import BandMatrix
@@ -16,7 +17,7 @@ from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.graph_optimiser import optimise_graph
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import marginal_covariances
-from vgps.solver.problem import BundleProblem
+from vgps.solver.problem import BundleProblem, StateVector
 
 LAP = 72  # frames
 
@@ -176,3 +177,22 @@ def test_pose_factor_between_distant_frames_widens_the_band() -> None:
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
     graph.add(gtsam.BetweenFactorPose3(X(0), X(29), gtsam.Pose3(), gtsam.noiseModel.Unit.Create(6)))
     assert analyse_sparsity(replace(problem, pose_graph=graph)).half_bandwidth == 6 * 30 - 1
+
+
+def test_states_in_blocks_have_the_minimum_and_the_covariances_of_a_band(blocks: None) -> None:
+    problem = drive_with_states()
+    assert analyse_sparsity(problem).blocks is not None
+    result, reference = solve(problem, TIGHT).problem, solve(problem, TIGHT, "gtsam").problem
+    assert total_cost(result) == pytest.approx(total_cost(reference), rel=1e-9)
+    marginals, found = gtsam.Marginals(*to_graph(result)), marginal_covariances(result)
+    for key, block in found.states.items():
+        np.testing.assert_allclose(block, marginals.marginalCovariance(key), rtol=1e-5, atol=1e-9)
+
+
+def test_states_widen_a_band_by_no_more_than_those_within_a_track() -> None:
+    problem, _ = drive()
+    offsets = {O(k): StateVector(np.zeros(3), 5 * k) for k in range(8)}
+    narrow, wide = analyse_sparsity(problem), analyse_sparsity(replace(problem, states=offsets))
+    assert wide.n_free == narrow.n_free + 8
+    # a track of at most 25 frames contains at most five
+    assert 0 < wide.half_bandwidth - narrow.half_bandwidth <= 30

@@ -146,7 +146,10 @@ def add_mounted_camera(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ("add", "reason"),
     [
         (add_rotation, "the variable b0 is neither a pose nor a vector"),
-        (add_many_vectors, "303 coordinates besides poses and landmarks with projections only, at most 300"),
+        (
+            add_many_vectors,
+            "303 coordinates of points and vectors that all poses share, at most 300",
+        ),
         (add_key_beyond_63_bits, "keys beyond 9223372036854775807"),
         (add_constraint, "a hard constraint other than one that holds a pose at its value"),
         (add_mounted_camera, "its error is"),

@@ -3,8 +3,9 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import L, X
+from gtsam.symbol_shorthand import B, L, X
 from synthetic_bundle import drive, one_point
+from synthetic_states import drive_with_states
 
 from vgps.solver.cost import cost_terms, reprojection_errors
 from vgps.solver.gtsam_export import to_graph
@@ -36,3 +37,10 @@ def test_graph_holds_fixed_frames_and_omits_variables_without_factors() -> None:
     assert graph.size() == 2
     values.update(X(0), gtsam.Pose3(gtsam.Rot3(), np.array([0.0, 0.0, 0.1])))
     assert graph.error(values) == pytest.approx(0.5 * 1000.0 * 0.1**2)  # GTSAM's penalty for moving it
+
+
+def test_graph_includes_states_as_vectors() -> None:
+    problem = drive_with_states()
+    graph, values = to_graph(problem)
+    assert values.atVector(B(0)).shape == (6,)
+    assert sum(cost_terms(problem).values()) == pytest.approx(graph.error(values), rel=1e-13)

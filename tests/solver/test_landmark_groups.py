@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from synthetic_bundle import drive
+from synthetic_bundle import drive, keep_observations
 
 from vgps.solver.band_matrix import BandMatrix
 from vgps.solver.block_layout import BLOCK_FRAMES
@@ -97,3 +97,24 @@ def test_squares_of_the_groups_equal_those_of_their_landmarks(chunks: tuple[Chun
             expected -= own.T @ own
     i, j = np.tril_indices(108)
     np.testing.assert_allclose(band.ab[i - j, j], expected[i, j], atol=1e-11)
+
+
+def test_states_between_successive_frames_of_a_group_are_zero_columns() -> None:
+    """Frames 0 to 11 with two states after frame 3 and one after 6; frame 8 sees nothing, 9 has a state."""
+    problem, _ = drive(frames=12, landmarks=60)
+    problem = keep_observations(problem, problem.frame != 8)
+    free = np.array([0, 1, 2, 3, 6, 7, 8, 10, 11, 12, 14, 15])
+    (chunk,) = split_into_chunks(problem, free, np.zeros(60, dtype=np.int64))
+    (group,) = chunk.groups
+    np.testing.assert_array_equal(group.frames, np.setdiff1d(np.arange(16), [11]))
+    assert not group.contiguous
+    column = (chunk.entry - group.start) % group.width // 6
+    place = free[(chunk.first_frame + chunk.frame)[chunk.free_rows]]
+    np.testing.assert_array_equal(group.frames[column], np.tile(place[:, None], 3))
+
+
+def test_uninterrupted_tracks_around_states_are_one_dense_block() -> None:
+    problem, _ = drive(frames=12, landmarks=60)
+    free = np.arange(12) + np.arange(12) // 4
+    chunks = split_into_chunks(problem, free, np.arange(60) // 20)
+    assert all(g.contiguous for chunk in chunks for g in chunk.groups)

@@ -4,14 +4,15 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import X
+from gtsam.symbol_shorthand import O, X
 from synthetic_bundle import TIGHT, drive, held_frames, interrupted_tracks, sparse_tracks, with_loss
+from synthetic_states import drive_with_states
 
 from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import Covariances, marginal_covariances, shared_blocks
-from vgps.solver.problem import BundleProblem
+from vgps.solver.problem import BundleProblem, StateVector
 
 CASES: dict[str, Callable[[], BundleProblem]] = {
     "plain": lambda: drive()[0],
@@ -57,7 +58,29 @@ def test_blocks_of_shared_vectors_follow_the_order_of_their_keys() -> None:
     np.testing.assert_array_equal(blocks[9], [[8.0]])
 
 
-def test_scaling_applies_to_poses_and_shared_vectors() -> None:
-    scaled = Covariances(np.ones((2, 6, 6)), {1: np.eye(2)}).scaled(4.0)
+def test_scaling_applies_to_poses_and_vectors() -> None:
+    scaled = Covariances(np.ones((2, 6, 6)), {1: np.eye(2)}, {2: np.ones((1, 1))}).scaled(4.0)
     assert np.all(scaled.poses == 4.0)
     np.testing.assert_array_equal(scaled.shared[1], 4.0 * np.eye(2))
+    np.testing.assert_array_equal(scaled.states[2], [[4.0]])
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_covariances_of_states_equal_gtsams_marginals(held: bool) -> None:
+    problem = solve(drive_with_states(held), TIGHT).problem
+    marginals = gtsam.Marginals(*to_graph(problem))
+    found = marginal_covariances(problem)
+    assert found.states.keys() == problem.states.keys()
+    moved = np.flatnonzero(~problem.fixed_frames).tolist()
+    blocks = {**found.states, **found.shared, **{X(i): found.poses[i] for i in moved}}
+    for key, block in blocks.items():
+        expected = marginals.marginalCovariance(key)
+        size = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(block / np.outer(size, size), expected / np.outer(size, size), atol=1e-6)
+
+
+def test_undetermined_state_is_refused_by_its_name() -> None:
+    problem = drive_with_states()
+    problem = replace(problem, states={**problem.states, O(8): StateVector(np.zeros(3), 39)})
+    with pytest.raises(GeometryError, match="state o8: it is not determined"):
+        marginal_covariances(problem)

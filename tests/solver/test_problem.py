@@ -3,10 +3,11 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import L, X
+from gtsam.symbol_shorthand import B, L, O, X
 from synthetic_bundle import drive, one_point
+from synthetic_states import drive_with_states
 
-from vgps.solver.problem import all_pose_values, pose_values
+from vgps.solver.problem import StateVector, all_pose_values, pose_values
 
 
 def test_frames_of_pose_factors() -> None:
@@ -72,3 +73,35 @@ def test_values_of_poses_with_factors_and_of_all_poses() -> None:
     values = all_pose_values(problem)
     assert values.size() == 13
     np.testing.assert_array_equal(values.atPose3(X(7)).matrix(), problem.world_T_camera[7])
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        (StateVector(np.zeros(7), 0), r"state o0 has shape \(7,\), expected \(d,\) with d of 1..6"),
+        (StateVector(np.zeros((2, 2)), 0), "state o0 has shape"),
+        (StateVector(np.zeros(3), 4), "frame of a state 4..4, expected 0..3"),
+    ],
+)
+def test_states_of_wrong_size_or_place_are_refused(state: StateVector, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(drive(frames=4, landmarks=20)[0], states={O(0): state})
+
+
+@pytest.mark.parametrize("key", [X(1), 5])
+def test_state_with_a_key_in_use_is_refused(key: int) -> None:
+    problem = replace(drive(frames=4, landmarks=20)[0], shared={5: np.zeros(1)})
+    with pytest.raises(ValueError, match="belongs to a state and to another"):
+        replace(problem, states={key: StateVector(np.zeros(3), 0)})
+
+
+def test_states_have_values_move_and_are_left_out_of_a_selection() -> None:
+    problem = drive_with_states()
+    assert pose_values(problem).atVector(B(1)).shape == (1,)
+    np.testing.assert_array_equal(problem.pose_graph_frames, np.arange(40))
+    states = {key: state.moved(state.vector + 1.0) for key, state in problem.states.items()}
+    moved = problem.moved(problem.world_T_camera, problem.world_p_landmark, states=states)
+    np.testing.assert_array_equal(all_pose_values(moved).atVector(O(3)), np.ones(3))
+    assert moved.states[O(3)].frame == 15 and moved.shared is problem.shared
+    assert not np.any(problem.states[O(3)].vector)
+    assert problem.select_observations(np.arange(3)).states == {}

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
 from synthetic_bundle import drive, one_point, with_loss
+from synthetic_states import drive_with_states
 
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
@@ -116,3 +119,33 @@ def _pose_factor_gradient(problem: BundleProblem) -> np.ndarray:
     for key in map(X, range(8)):
         ordering.push_back(key)
     return -problem.pose_graph.linearize(all_pose_values(problem)).hessian(ordering)[1]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_gradient_of_states_and_step_of_the_whole_system_equal_those_of_gtsam(held: bool) -> None:
+    problem = drive_with_states(held)
+    graph, values = to_graph(replace(problem, fixed=None))
+    moved = [*problem.keys[~problem.fixed_frames].tolist(), *problem.states, *problem.shared]
+    ordering = gtsam.Ordering()
+    landmarks = np.unique(problem.landmark)
+    first = [*moved, *map(L, landmarks.tolist())]
+    for key in [*first, *problem.keys[problem.fixed_frames].tolist()]:
+        ordering.push_back(key)
+    H, g = graph.linearize(values).hessian(ordering)
+    sizes = [6] * int((~problem.fixed_frames).sum()) + [len(s.vector) for s in problem.states.values()]
+    unknown = sum(sizes) + 2 + 3 * len(landmarks)
+    expected = np.split(np.linalg.solve(H[:unknown, :unknown], g[:unknown]), np.cumsum([*sizes, 2]))
+    linear, structure = linearized(problem)
+    matrix, gradient = reduce_to_poses(linear, structure, 0.0)
+    step, shared, _, _ = linear.border.eliminate(structure.cholesky(matrix), gradient, 0.0)
+    assert len(step) == 6 * structure.n_free
+    at = 6 * structure.places(problem, moved[:-1])
+    ours = [step[begin : begin + size] for begin, size in zip(at.tolist(), sizes, strict=True)]
+    for found, by_gtsam in zip([*ours, shared], expected[:-1], strict=True):
+        np.testing.assert_allclose(found, by_gtsam, rtol=1e-5, atol=1e-8)
+    slopes = np.split(-g[:unknown], np.cumsum([*sizes, 2]))[:-2]
+    for begin, slope in zip(at.tolist(), slopes, strict=True):
+        np.testing.assert_allclose(
+            linear.gradient[begin : begin + len(slope)], slope, rtol=1e-9, atol=1e-7 * np.abs(g).max()
+        )
+    assert not np.any(step[structure.padding(problem)])

@@ -19,7 +19,6 @@ from itertools import pairwise
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 from scipy import sparse
 
 from vgps.gps.fixes import Fixes
@@ -28,7 +27,7 @@ from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
-from vgps.solver.marginals import Covariances, factorise_pose_system, shared_blocks
+from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values
@@ -37,11 +36,11 @@ from vgps.solver.schur_complement import pose_scores
 
 @dataclass(frozen=True)
 class ErrorSources:
-    """The factors on poses by the source of their errors.
+    """The factors on poses and vectors by the source of their errors.
 
     Attributes:
         gps: A factor for each fix that takes part, in order, its residual (3,).
-        others: All other pose factors.
+        others: All other factors.
         fixes: The fixes of the factors in ``gps``, with the time offset removed.
     """
 
@@ -51,7 +50,7 @@ class ErrorSources:
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
-    """Return the covariances of poses and shared vectors at an optimum.
+    """Return the covariances of poses, states and shared vectors at an optimum.
 
     Args:
         problem: At its optimum; its pose graph is both parts of ``sources``.
@@ -78,10 +77,9 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
             rest = right[size:] - linear.border.coupling.T @ steps
             shared = np.linalg.solve(complement, rest).astype(np.float64)
             steps = steps - by_shared @ shared
-    poses = np.zeros((len(structure.free), POSE_DIM, POSE_DIM))
     moved = steps.reshape(structure.n_free, POSE_DIM, draws)
-    poses[structure.free >= 0] = moved @ moved.transpose(0, 2, 1) / draws
-    return Covariances(poses, shared_blocks(problem, shared @ shared.T / draws))
+    blocks = moved @ moved.transpose(0, 2, 1) / draws
+    return split_covariances(problem, structure, blocks, shared @ shared.T / draws)
 
 
 def _track_draws(
@@ -128,10 +126,10 @@ def _residual_by_fix(
     A common translation of both frames moves the antenna relative to the fix, so that the derivative is the
     sum of the Jacobians by their translations.
     """
-    result = np.zeros((sources.gps.size(), 3, 3))
+    result, vectors = np.zeros((sources.gps.size(), 3, 3)), {*problem.shared, *problem.states}
     for row in range(len(result)):
-        keys = sources.gps.at(row).keys()
-        for frame in (int(key) - X(0) for key in keys if key not in problem.shared):
+        keys = [key for key in list(sources.gps.at(row).keys()) if key not in vectors]
+        for frame in problem.frames_of(keys).tolist():
             start = POSE_DIM * int(structure.free[frame]) + 3
             if structure.free[frame] >= 0:
                 translation = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()

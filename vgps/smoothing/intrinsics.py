@@ -140,7 +140,7 @@ def _step(
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
     """Return step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow.
 
-    Time offset and lever arm are held.
+    Time offset and lever arm are held; states follow the poses, and stay where they are.
     """
     structure, size = analyse_sparsity(problem), _parameters(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
@@ -153,8 +153,7 @@ def _step(
         coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
         hessian += np.einsum("kin,min->km", J, reduced)
         gradient += np.einsum("in,kin->k", part.r, reduced)
-    moves = structure.free >= 0
-    V = coupling[:, moves].transpose(1, 0, 2).reshape(-1, size)
+    V = structure.to_columns(coupling.transpose(1, 0, 2))
     factor, pose_gradient = factorise_pose_system(linear, structure)
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     prior = 1.0 / _sigmas(config)[:size] ** 2
@@ -162,8 +161,7 @@ def _step(
     gradient = gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
-    poses = np.zeros((len(moves), 6))
-    poses[moves] = -(follow[:, :-1] @ delta + follow[:, -1]).reshape(-1, 6)
+    poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))
     moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, by_camera, strict=True))
     points = problem.world_p_landmark + landmark_steps(replace(linear, chunks=moved), poses, 0.0).T
     retracted = [

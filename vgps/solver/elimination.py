@@ -1,6 +1,6 @@
-"""Symbolic analysis: which frames are free, how landmarks are grouped, how the poses' matrix is stored.
+"""Symbolic analysis: how landmarks are grouped, and how the matrix of poses and states is stored.
 
-The reduced matrix of the poses is stored as a band or, where places are revisited, in sparse blocks. The
+The reduced matrix is stored as a band or, where places are revisited, in sparse blocks. The
 structure of a problem stays the same while its poses and landmarks move, so it is analysed once.
 """
 
@@ -16,6 +16,7 @@ from vgps.solver.block_layout import BlockLayout, layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
 from vgps.solver.landmark_groups import Chunk, group_by_blocks, group_by_track, split_into_chunks
 from vgps.solver.problem import BundleProblem
+from vgps.solver.unknowns import Unknowns, number_unknowns
 
 __all__ = ["Chunk", "PoseMatrix", "SparsityStructure", "analyse_sparsity"]
 
@@ -26,19 +27,15 @@ _BLOCK_SLOWDOWN = 4.0  # measured time of an operation in blocks relative to one
 
 
 @dataclass(frozen=True, kw_only=True)
-class SparsityStructure:
-    """Structure of the normal equations; it does not depend on the values of poses and landmarks.
+class SparsityStructure(Unknowns):
+    """Structure of the normal equations; it does not depend on the values of poses, states and landmarks.
 
     Attributes:
-        free: (F,) number of each frame among the free ones, -1 if its pose is held.
-        n_free: Number of free frames.
         chunks: The observations, each in one chunk.
         half_bandwidth: Number of subdiagonals of the reduced matrix.
         blocks: Layout of the reduced matrix in blocks; None if it is stored as a band.
     """
 
-    free: IntArray
-    n_free: int
     chunks: tuple[Chunk, ...]
     half_bandwidth: int
     blocks: BlockLayout | None = None
@@ -69,7 +66,7 @@ class SparsityStructure:
         return self.flops <= max_flops and self.bytes <= max_bytes
 
     def empty(self) -> PoseMatrix:
-        """Return a zero matrix over the free poses."""
+        """Return a zero matrix over free poses and states."""
         if self.blocks is not None:
             return BlockSparseMatrix.zeros(self.blocks)
         return BandMatrix.zeros(POSE_DIM * self.n_free, self.rows)
@@ -95,45 +92,45 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     pairs = problem.frame * len(problem.world_p_landmark) + problem.landmark
     if len(np.unique(pairs)) != len(pairs):
         raise ValueError("a landmark is observed twice in one frame")
-    moves = ~problem.fixed_frames
-    free = np.where(moves, np.cumsum(moves) - 1, -1)
-    cliques = _frames_of_factors(problem, free)
-    band = _band_structure(problem, free, cliques)
+    unknowns = number_unknowns(problem)
+    cliques = _places_of_factors(problem, unknowns)
+    band = _band_structure(problem, unknowns, cliques)
     if band.flops <= _CHEAP_BAND_FLOPS:
         return band
-    blocks = _block_structure(problem, free, cliques)
+    blocks = _block_structure(problem, unknowns, cliques)
     return blocks if _BLOCK_SLOWDOWN * blocks.flops < band.flops else band
 
 
-def _band_structure(problem: BundleProblem, free: IntArray, cliques: list[IntArray]) -> SparsityStructure:
+def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]) -> SparsityStructure:
+    free = unknowns.free
     span, group = group_by_track(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
-    spans = [int(np.ptp(frames)) + 1 for frames in cliques]
+    spans = [int(np.ptp(places)) + 1 for places in cliques]
     return SparsityStructure(
-        free=free,
-        n_free=int(np.sum(free >= 0)),
+        **vars(unknowns),
         chunks=split_into_chunks(problem, free, group),
         half_bandwidth=max(POSE_DIM * max(span, *spans, 0), POSE_DIM) - 1,
     )
 
 
-def _block_structure(problem: BundleProblem, free: IntArray, cliques: list[IntArray]) -> SparsityStructure:
+def _block_structure(
+    problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]
+) -> SparsityStructure:
+    free, n_free = unknowns.free, unknowns.n_free
     group = group_by_blocks(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
     chunks = split_into_chunks(problem, free, group)
-    n_free = int(np.sum(free >= 0))
     tracks = [g.frames for chunk in chunks for g in chunk.groups]
     return SparsityStructure(
-        free=free,
-        n_free=n_free,
+        **vars(unknowns),
         chunks=chunks,
         half_bandwidth=POSE_DIM * n_free - 1,
         blocks=layout_blocks(n_free, [*tracks, *cliques]),
     )
 
 
-def _frames_of_factors(problem: BundleProblem, free: IntArray) -> list[IntArray]:
-    """Return the free frames of each pose factor that has any."""
+def _places_of_factors(problem: BundleProblem, unknowns: Unknowns) -> list[IntArray]:
+    """Return the places of the free frames and the states of each pose factor that has any."""
     factors = (problem.pose_graph.at(i) for i in range(problem.pose_graph.size()))
     keys = [[key for key in list(f.keys()) if key not in problem.shared] for f in factors if f is not None]
-    frames = free[problem.frames_of(chain.from_iterable(keys))]
-    parts = np.split(frames, np.cumsum([len(part) for part in keys])[:-1])
+    places = unknowns.places(problem, list(chain.from_iterable(keys)))
+    parts = np.split(places, np.cumsum([len(part) for part in keys])[:-1])
     return [part[part >= 0] for part in parts if np.any(part >= 0)]

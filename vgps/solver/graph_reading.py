@@ -1,6 +1,6 @@
 """A GTSAM factor graph read as a bundle problem: projections as arrays, every other factor as it is."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from vgps.model import FloatArray, IntArray
 from vgps.solver.cost import cost_terms
+from vgps.solver.graph_vectors import split_vectors
 from vgps.solver.noise_models import PixelNoise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.projection_factors import ProjectionFactors, readable_projections, split_projections
@@ -45,6 +46,8 @@ class GraphBundle:
             delta.insert(key, step)
         for key, vector in problem.shared.items():
             delta.insert(key, vector - self.problem.shared[key])
+        for key, state in problem.states.items():
+            delta.insert(key, state.vector - self.problem.states[key].vector)
         values = self.values.retract(delta)
         free = ~problem.fixed_frames
         for key, pose in zip(problem.keys[free].tolist(), problem.world_T_camera[free], strict=True):
@@ -56,7 +59,8 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
     """Read ``GenericProjectionFactorCal3_S2`` into arrays, and keep all other factors on poses and vectors.
 
     A landmark that has any other factor, or a projection that cannot be read (another calibration or loss
-    than most), becomes a shared vector of the problem and keeps its factors.
+    than most), becomes a shared vector of the problem and keeps its factors. Other vectors become states
+    where their factors tie them to a few neighbouring poses, else shared vectors.
 
     Args:
         graph: Every key has a value.
@@ -117,6 +121,11 @@ def _bundle(
     # unreadable projections were deselected, so the placeholder is never used
     noises = [noise or PixelNoise(1.0, "none", np.inf) for noise in projections.noise_models]
     losses = {noises[i].loss for i in np.unique(projections.noise).tolist()} - {"none"}
+    # a vector of more than half of the frames is one of all frames
+    close = min(2 * int(_spans(frame, landmark).max()) + 2, len(pose_keys) // 2)
+    frame_of = dict(zip(pose_keys.tolist(), range(len(pose_keys)), strict=True))
+    shared, states = split_vectors(pose_graph, _vectors(values, other_keys - poses), frame_of, close)
+    _check_border(shared)
     fx, fy, _, cx, cy = projections.calibrations[int(projections.camera[0])]
     problem = BundleProblem(
         K=(fx, fy, cx, cy),
@@ -130,7 +139,8 @@ def _bundle(
         robust_k=np.array([noise.k for noise in noises])[projections.noise],
         pose_graph=pose_graph,
         fixed=np.isin(pose_keys, np.array(sorted(held), dtype=np.int64)),
-        shared=_shared_vectors(values, other_keys - poses),
+        shared=shared,
+        states=states,
         pose_keys=pose_keys,
     )
     return GraphBundle(problem, landmark_keys, values)
@@ -152,12 +162,16 @@ def _narrow_order(pose_keys: IntArray, frame: IntArray, landmark: IntArray) -> t
 
 
 def _total_span(frame: IntArray, landmark: IntArray) -> int:
-    """Return the sum over landmarks of the number of frames from the first observation to the last."""
+    return int(np.sum(_spans(frame, landmark)))
+
+
+def _spans(frame: IntArray, landmark: IntArray) -> IntArray:
+    """Return for each landmark the number of frames from the first observation to the last."""
     landmarks = int(landmark.max()) + 1
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.zeros(landmarks, int)
     np.minimum.at(first, landmark, frame)
     np.maximum.at(last, landmark, frame)
-    return int(np.sum(last - first))
+    return np.asarray(last - first)
 
 
 def is_pose(values: gtsam.Values, key: int) -> bool:
@@ -169,7 +183,7 @@ def is_pose(values: gtsam.Values, key: int) -> bool:
     return True
 
 
-def _shared_vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
+def _vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
     vectors = {}
     for key in sorted(keys):
         try:
@@ -177,13 +191,15 @@ def _shared_vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArra
         except RuntimeError:
             name = gtsam.DefaultKeyFormatter(key)
             raise NotABundleError(f"the variable {name} is neither a pose nor a vector") from None
-    size = sum(len(vector) for vector in vectors.values())
+    return vectors
+
+
+def _check_border(shared: Mapping[int, FloatArray]) -> None:
+    size = sum(len(vector) for vector in shared.values())
     if size > _MAX_SHARED_SIZE:
         raise NotABundleError(
-            f"{size} coordinates besides poses and landmarks with projections only, "
-            f"at most {_MAX_SHARED_SIZE}"
+            f"{size} coordinates of points and vectors that all poses share, at most {_MAX_SHARED_SIZE}"
         )
-    return vectors
 
 
 def _verify(problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:

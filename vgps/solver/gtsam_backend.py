@@ -8,7 +8,7 @@ from gtsam.symbol_shorthand import L
 
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.levenberg_marquardt import LIGHT_DAMPING, SolverSettings, Termination
-from vgps.solver.problem import BundleProblem
+from vgps.solver.problem import BundleProblem, vectors_at
 
 
 def optimise_with_gtsam(
@@ -45,10 +45,12 @@ def optimise_with_gtsam(
 
 
 def solve_with_gtsam(problem: BundleProblem, settings: SolverSettings) -> tuple[BundleProblem, Termination]:
-    """Run GTSAM's Levenberg-Marquardt on a bundle problem, landmarks eliminated first."""
+    """Run GTSAM's Levenberg-Marquardt on a bundle problem: landmarks first, shared vectors last."""
     graph, values = to_graph(problem)
     order = [L(landmark) for landmark in np.unique(problem.landmark).tolist()]
-    order += [key for key in problem.keys.tolist() if values.exists(key)]
+    frame = dict(zip(problem.keys.tolist(), range(len(problem.keys)), strict=True))
+    frame |= {key: state.frame for key, state in problem.states.items()}
+    order += [key for key in sorted(frame, key=frame.__getitem__) if values.exists(key)]
     order += sorted(problem.shared)
     result, end = optimise_with_gtsam(graph, values, order, settings)
     return problem if result is values else _with_values(problem, result), end
@@ -80,5 +82,4 @@ def _with_values(problem: BundleProblem, values: gtsam.Values) -> BundleProblem:
             world_T_camera[frame] = values.atPose3(key).matrix()
     for landmark in np.unique(problem.landmark).tolist():
         world_p_landmark[landmark] = values.atPoint3(L(landmark))
-    shared = {key: values.atVector(key) for key in problem.shared}
-    return problem.moved(world_T_camera, world_p_landmark, shared)
+    return problem.moved(world_T_camera, world_p_landmark, *vectors_at(values, problem))

@@ -25,7 +25,8 @@ class LandmarkGroup:
     """Landmarks observed in nearly the same frames, whose observations form one dense matrix Z.
 
     Attributes:
-        frames: (s,) free frames that observe any of them, ascending.
+        frames: (s,) places of the frames that observe any of them, ascending, and of the states between such
+            frames that follow each other; the columns of a state are zero.
         landmarks: Number of landmarks.
         start: Index in the chunk's buffer at which Z, (3 landmarks, 6 s) in C order, begins.
     """
@@ -98,12 +99,12 @@ def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[
     this one balances empty entries against the number of groups best.
 
     Args:
-        free: (N,) number of each observation's frame among the free ones, -1 if it is held.
+        free: (N,) place of each observation's frame, -1 if it is held.
         landmark: (N,) landmark of each observation.
         landmarks: L.
 
     Returns:
-        Longest span of a track in frames, and (L,) the group of each landmark, 0 for those in no free frame.
+        Longest span of a track in places, and (L,) the group of each landmark, 0 for those in no free frame.
     """
     observed = free >= 0
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
@@ -125,7 +126,7 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
     share a group, which costs time but stays correct.
 
     Args:
-        free: (N,) number of each observation's frame among the free ones, -1 if it is held.
+        free: (N,) place of each observation's frame, -1 if it is held.
         landmark: (N,) landmark of each observation.
         landmarks: L.
 
@@ -147,7 +148,7 @@ def split_into_chunks(problem: BundleProblem, free: IntArray, group: IntArray) -
 
     Args:
         problem: The observations.
-        free: (F,) number of each frame among the free ones, -1 if it is held.
+        free: (F,) place of each frame, -1 if it is held.
         group: (L,) group of each landmark.
     """
     order = np.lexsort((problem.frame, problem.landmark, group[problem.landmark]))
@@ -168,7 +169,8 @@ def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArr
     part = problem.select_observations(rows)
     landmarks, landmark = np.unique(part.landmark, return_inverse=True)
     free_rows = np.flatnonzero(free[part.frame] >= 0)
-    groups, entry = _lay_out_groups(free[part.frame[free_rows]], landmark[free_rows], group[landmarks])
+    at = free[part.frame[free_rows]]
+    groups, entry = _lay_out_groups(at, landmark[free_rows], group[landmarks], free[free >= 0])
     first = int(part.frame.min())
     return Chunk(
         problem=part,
@@ -183,14 +185,15 @@ def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArr
 
 
 def _lay_out_groups(
-    frame: IntArray, landmark: IntArray, group: IntArray
+    frame: IntArray, landmark: IntArray, group: IntArray, free: IntArray
 ) -> tuple[tuple[LandmarkGroup, ...], IntArray]:
     """Return the groups, and (k, 3) the buffer indices at which each observation's entries begin.
 
     Args:
-        frame: (k,) free frame of each observation.
+        frame: (k,) place of each observation's frame, which is free.
         landmark: (k,) landmark of each observation.
         group: (m,) group of each landmark.
+        free: Places of all free frames, ascending.
     """
     if not len(frame):
         return (), np.zeros((0, 3), dtype=np.int64)
@@ -201,13 +204,27 @@ def _lay_out_groups(
     before = np.repeat(np.cumsum(members) - members, members)
     rank[np.argsort(group, kind="stable")] = np.arange(len(group)) - before
     base = int(frame.max()) + 1
-    pairs, pair = np.unique(group[landmark] * base + frame, return_inverse=True)
+    of = group[landmark]
+    pairs = _with_states_between(np.unique(of * base + frame), base, free)
+    pair = np.searchsorted(pairs, of * base + frame)
     first = np.searchsorted(pairs, np.arange(len(members) + 1) * base)
     groups: list[LandmarkGroup] = []
     for g, count in enumerate(members.tolist()):
         start = groups[-1].start + groups[-1].size if groups else 0
         groups.append(LandmarkGroup(pairs[first[g] : first[g + 1]] - g * base, count, start))
-    of = group[landmark]
     width, start_of = np.array([g.width for g in groups])[of], np.array([g.start for g in groups])[of]
     begin = start_of + POSE_DIM * (pair - first[of])
     return tuple(groups), begin[:, None] + (3 * rank[landmark, None] + np.arange(3)) * width[:, None]
+
+
+def _with_states_between(pairs: IntArray, base: int, free: IntArray) -> IntArray:
+    """Return pairs ``group * base + place``, ascending, with the states between successive free frames.
+
+    So a track without interruptions stays one dense block of the matrix.
+    """
+    number = np.searchsorted(free, pairs % base)  # of each pair's frame among the free ones
+    gap = np.diff(pairs)
+    gap[(np.diff(number) != 1) | (np.diff(pairs // base) != 0)] = 1
+    before = np.repeat(pairs[:-1], gap - 1)
+    steps = np.arange(len(before)) - np.repeat(np.cumsum(gap - 1) - (gap - 1), gap - 1) + 1
+    return np.sort(np.concatenate([pairs, before + steps]))

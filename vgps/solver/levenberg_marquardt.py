@@ -11,7 +11,7 @@ from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
 from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem, all_pose_values, vectors_at
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 LIGHT_DAMPING = 1e-2
@@ -72,7 +72,7 @@ class Termination:
 
 @dataclass(frozen=True)
 class _Iterate:
-    """A problem at its current state, its poses as GTSAM values, its cost, and :func:`anchor_frames`."""
+    """A problem at its current values, all but its landmarks as GTSAM values, its cost, its anchor frames."""
 
     problem: BundleProblem
     values: gtsam.Values
@@ -82,9 +82,12 @@ class _Iterate:
 
 @dataclass(frozen=True)
 class _Step:
-    """Steps of poses (F, 6), landmarks (L, 3) and shared vectors (s,), and the predicted decrease."""
+    """Steps of poses and states (6 n_free,), landmarks (L, 3) and shared vectors (s,).
 
-    poses: FloatArray
+    ``predicted`` is the decrease of the cost in the linear model.
+    """
+
+    reduced: FloatArray
     landmarks: FloatArray
     shared: FloatArray
     predicted: float
@@ -160,17 +163,15 @@ def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: fl
         factor = structure.cholesky(matrix)
     except NotPositiveDefiniteError:
         return None
-    pose_step, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
-    poses = np.zeros((len(structure.free), POSE_DIM))
-    poses[structure.free >= 0] = pose_step.reshape(-1, POSE_DIM)
-    landmarks = landmark_steps(linear, poses, damping)
-    slope = float(linear.gradient @ pose_step + linear.border.gradient @ shared)
-    damped = float(linear.diagonal @ pose_step**2 + linear.border.diagonal @ shared**2)
+    reduced, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
+    landmarks = landmark_steps(linear, structure.to_frames(reduced), damping)
+    slope = float(linear.gradient @ reduced + linear.border.gradient @ shared)
+    damped = float(linear.diagonal @ reduced**2 + linear.border.diagonal @ shared**2)
     for part in linear.chunks:
         step = landmarks[:, part.chunk.landmarks]
         slope += float(np.sum(part.gradient * step))
         damped += float(np.sum(part.diagonal * step**2))
-    return _Step(poses, landmarks.T, shared, 0.5 * (damping * damped - slope))
+    return _Step(reduced, landmarks.T, shared, 0.5 * (damping * damped - slope))
 
 
 def _line_search(
@@ -197,17 +198,19 @@ def _line_search(
 def _retract(iterate: _Iterate, structure: SparsityStructure, step: _Step, fraction: float) -> _Iterate:
     """Return the iterate after a fraction of a step."""
     before, delta = iterate.problem, gtsam.VectorValues()
-    free = structure.free >= 0
-    for key, pose_step in zip(before.keys[free].tolist(), fraction * step.poses[free], strict=True):
+    moves, reduced = structure.free >= 0, fraction * step.reduced
+    for key, pose_step in zip(before.keys[moves].tolist(), structure.to_frames(reduced)[moves], strict=True):
         delta.insert(key, pose_step)
+    for key, place in structure.states.items():
+        start = POSE_DIM * place
+        delta.insert(key, reduced[start : start + len(before.states[key].vector)])
     at = 0
     for key in sorted(before.shared):
         size = len(before.shared[key])
         delta.insert(key, fraction * step.shared[at : at + size])
         at += size
     values = iterate.values.retract(delta)
-    shared = {key: values.atVector(key) for key in before.shared}
-    problem = before.moved(_poses(values, before), before.world_p_landmark, shared)
+    problem = before.moved(_poses(values, before), before.world_p_landmark, *vectors_at(values, before))
     landmarks, video = step_landmarks(problem, before, iterate.anchor, fraction * step.landmarks, structure)
     problem = problem.moved(problem.world_T_camera, landmarks)
     return _Iterate(problem, values, video + float(problem.pose_graph.error(values)), iterate.anchor)

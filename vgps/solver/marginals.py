@@ -1,8 +1,9 @@
-"""Marginal covariances of poses and shared vectors at an optimum."""
+"""Marginal covariances of poses, states and shared vectors at an optimum."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import gtsam
 import numpy as np
 
 from vgps.errors import GeometryError
@@ -19,19 +20,24 @@ _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in an undete
 
 @dataclass(frozen=True)
 class Covariances:
-    """Covariances of poses and of shared vectors.
+    """Covariances of poses, shared vectors and states.
 
     Attributes:
         poses: (F, 6, 6) in the camera's tangent [rotation; translation], rad and m; zero for held frames.
         shared: (d, d) by key.
+        states: (d, d) by key.
     """
 
     poses: FloatArray
     shared: Mapping[int, FloatArray]
+    states: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> "Covariances":
         """Return all covariances times a factor."""
-        return Covariances(factor * self.poses, {key: factor * block for key, block in self.shared.items()})
+        shared, states = (
+            {key: factor * block for key, block in blocks.items()} for blocks in (self.shared, self.states)
+        )
+        return Covariances(factor * self.poses, shared, states)
 
 
 def marginal_covariances(problem: BundleProblem) -> Covariances:
@@ -41,19 +47,36 @@ def marginal_covariances(problem: BundleProblem) -> Covariances:
         GeometryError: Observations and factors do not determine the poses.
     """
     structure = analyse_sparsity(problem)
-    free = structure.free >= 0
-    poses = np.zeros((len(free), POSE_DIM, POSE_DIM))
+    shared: FloatArray = np.zeros((0, 0))
     with one_blas_thread():
         linear = linearise(problem, all_pose_values(problem), structure)
         factor, gradient = factorise_pose_system(linear, structure)
-        poses[free] = factor.inverse_diagonal_blocks()
-        if not problem.shared:
-            return Covariances(poses, {})
-        solution = linear.border.eliminate(factor, gradient, 0.0)
-    shared: FloatArray = np.linalg.inv(solution.complement).astype(np.float64)
-    rows = solution.pose_by_shared.reshape(structure.n_free, POSE_DIM, -1)
-    poses[free] += rows @ shared @ rows.transpose(0, 2, 1)
-    return Covariances(poses, shared_blocks(problem, shared))
+        blocks = factor.inverse_diagonal_blocks()
+        if problem.shared:
+            solution = linear.border.eliminate(factor, gradient, 0.0)
+            shared = np.linalg.inv(solution.complement).astype(np.float64)
+            rows = solution.pose_by_shared.reshape(structure.n_free, POSE_DIM, -1)
+            blocks = blocks + rows @ shared @ rows.transpose(0, 2, 1)
+    return split_covariances(problem, structure, blocks, shared)
+
+
+def split_covariances(
+    problem: BundleProblem, structure: SparsityStructure, blocks: FloatArray, shared: FloatArray
+) -> Covariances:
+    """Return covariances by frame and key.
+
+    Args:
+        problem: Gives the keys.
+        structure: Structure of the problem.
+        blocks: (n_free, 6, 6) diagonal blocks of the covariance of poses and states.
+        shared: (s, s) covariance of all shared coordinates.
+    """
+    states = {}
+    for key, place in structure.states.items():
+        size = len(problem.states[key].vector)
+        states[key] = blocks[place, :size, :size]
+    poses = structure.to_frames(blocks.reshape(-1, POSE_DIM))
+    return Covariances(poses, shared_blocks(problem, shared), states)
 
 
 def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, FloatArray]:
@@ -68,7 +91,7 @@ def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, F
 def factorise_pose_system(
     linear: Linearisation, structure: SparsityStructure
 ) -> tuple[PoseMatrix, FloatArray]:
-    """Return the Cholesky factor of the undamped reduced matrix of the poses, and the reduced gradient.
+    """Return the Cholesky factor of the undamped matrix of poses and states, and the reduced gradient.
 
     Raises:
         GeometryError: Observations and factors do not determine the poses.
@@ -77,9 +100,19 @@ def factorise_pose_system(
     try:
         return structure.cholesky(matrix, _MIN_PIVOT * linear.diagonal), gradient
     except NotPositiveDefiniteError as error:
-        frame = int(np.flatnonzero(structure.free >= 0)[error.column // POSE_DIM])
-        raise GeometryError(
-            "its pose is not determined by observations and fixes",
-            place=f"frame {frame}",
-            remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
-        ) from None
+        raise _undetermined(structure, error.column // POSE_DIM) from None
+
+
+def _undetermined(structure: SparsityStructure, place: int) -> GeometryError:
+    for key, state_place in structure.states.items():
+        if state_place == place:
+            return GeometryError(
+                "it is not determined by its factors",
+                place=f"state {gtsam.DefaultKeyFormatter(key)}",
+                remedy="add a prior, or a factor that ties it to its neighbours",
+            )
+    return GeometryError(
+        "its pose is not determined by observations and fixes",
+        place=f"frame {int(np.flatnonzero(structure.free == place)[0])}",
+        remedy="add fixes, a prior or a motion factor that ties it to its neighbours",
+    )

@@ -64,7 +64,7 @@ class LinearisedChunk:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Linearised chunks, and the normal equations of the free poses before landmarks are eliminated.
+    """Linearised chunks, and the normal equations of poses and states before landmarks are eliminated.
 
     Attributes:
         chunks: All observations.
@@ -92,7 +92,7 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
 
     Args:
         problem: The linearisation point.
-        values: Its poses and shared vectors, for the pose factors.
+        values: Its poses, states and shared vectors, for the pose factors.
         structure: Structure of the problem.
     """
     chunks = []
@@ -104,10 +104,9 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
         blocks[:, frames] += _pose_blocks(linear)
         gradient[:, frames] += linear.pose_gradient(linear.r)
         chunks.append(linear)
-    free = structure.free >= 0
     hessian, factor_gradient, border = linearise_pose_graph(problem, values, structure)
-    total = (hessian + _block_diagonal(blocks[:, free])).tocoo()
-    total_gradient = gradient[:, free].T.ravel() + factor_gradient
+    total = (hessian + _block_diagonal(blocks, problem, structure)).tocoo()
+    total_gradient = structure.to_columns(gradient.T) + factor_gradient
     return Linearisation(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
 
 
@@ -178,9 +177,14 @@ def _dot(p: FloatArray, q: FloatArray, rows: tuple[int, ...] = (0, 1)) -> FloatA
     return total
 
 
-def _block_diagonal(blocks: FloatArray) -> sparse.csr_array:
-    n = blocks.shape[1]
-    rows, columns = np.array(_LOWER).T
-    at = POSE_DIM * np.arange(n)
-    index = ((at + rows[:, None]).ravel(), (at + columns[:, None]).ravel())
-    return sparse.csr_array((blocks.ravel(), index), shape=(POSE_DIM * n, POSE_DIM * n))
+def _block_diagonal(
+    blocks: FloatArray, problem: BundleProblem, structure: SparsityStructure
+) -> sparse.csr_array:
+    """Return the frames' blocks (21, F) at their places, and ones where a state leaves a column empty."""
+    moves, padding = structure.free >= 0, structure.padding(problem)
+    at = POSE_DIM * structure.free[moves]
+    rows, columns = ((at + index[:, None]).ravel() for index in np.array(_LOWER).T)
+    index = np.append(rows, padding), np.append(columns, padding)
+    values = np.append(blocks[:, moves].ravel(), np.ones(len(padding)))
+    size = POSE_DIM * structure.n_free
+    return sparse.csr_array((values, index), shape=(size, size))

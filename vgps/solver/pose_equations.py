@@ -1,4 +1,4 @@
-"""Normal equations of the factors on poses, which GTSAM linearises, and of the shared vectors."""
+"""Normal equations of the factors on poses and states, which GTSAM linearises, and of the shared vectors."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -36,7 +36,7 @@ class Border:
     """Normal equations of the shared vectors: s coordinates, vectors in ascending order of their keys.
 
     Attributes:
-        coupling: (6 n_free, s) with the poses.
+        coupling: (6 n_free, s) with poses and states.
         hessian: (s, s).
         gradient: (s,).
     """
@@ -51,11 +51,11 @@ class Border:
         return np.maximum(np.diagonal(self.hessian), MIN_DIAGONAL)
 
     def eliminate(self, factor: PoseMatrix, gradient: FloatArray, damping: float) -> BorderedSolution:
-        """Solve for poses and shared vectors together.
+        """Solve for poses, states and shared vectors together.
 
         Args:
-            factor: Cholesky factor of the reduced matrix H of the poses.
-            gradient: (6 n_free,) reduced gradient of the poses.
+            factor: Cholesky factor of the reduced matrix H of poses and states.
+            gradient: (6 n_free,) reduced gradient of poses and states.
             damping: Added to the border, relative to its diagonal.
         """
         Y = factor.solve(np.column_stack([self.coupling, gradient]))
@@ -87,8 +87,8 @@ def whitened_jacobian(
     """Return the whitened Jacobian (rows, 6 n_free + s) of factors, and minus their residuals (rows,).
 
     Args:
-        problem: Gives the keys of poses and shared vectors.
-        graph: Factors on poses and shared vectors.
+        problem: Gives the keys of poses, states and shared vectors.
+        graph: Factors on poses, states and shared vectors.
         values: The linearisation point.
         structure: Structure of the problem.
     """
@@ -110,17 +110,17 @@ def whitened_jacobian(
 def _target_columns(
     problem: BundleProblem, graph: gtsam.NonlinearFactorGraph, structure: SparsityStructure
 ) -> IntArray:
-    """Return the target of each column of GTSAM's Jacobian: free poses, then shared vectors; -1 if held."""
-    at, start = {}, POSE_DIM * structure.n_free
+    """Return the target of each column of GTSAM's Jacobian: places, then shared vectors; -1 if held."""
+    keys = sorted(graph.keyVector())
+    own = [key for key in keys if key not in problem.shared]
+    start = dict(zip(own, (POSE_DIM * structure.places(problem, own)).tolist(), strict=True))
+    size = {key: len(state.vector) for key, state in problem.states.items()}
+    at = POSE_DIM * structure.n_free
     for key in sorted(problem.shared):
-        at[key], start = start, start + len(problem.shared[key])
-    columns, keys = [], sorted(graph.keyVector())
-    pose_keys = [key for key in keys if key not in at]
-    numbers = dict(zip(pose_keys, structure.free[problem.frames_of(pose_keys)].tolist(), strict=True))
-    for key in keys:
-        if key in at:
-            columns.append(at[key] + np.arange(len(problem.shared[key])))
-        else:
-            number = numbers[key]
-            columns.append(POSE_DIM * number + np.arange(POSE_DIM) if number >= 0 else np.full(POSE_DIM, -1))
+        start[key], size[key] = at, len(problem.shared[key])
+        at += size[key]
+    columns = [
+        start[key] + np.arange(size.get(key, POSE_DIM)) if start[key] >= 0 else np.full(POSE_DIM, -1)
+        for key in keys
+    ]
     return np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)

@@ -16,7 +16,26 @@ from gtsam.symbol_shorthand import X
 
 from vgps.model import BoolArray, FloatArray, IntArray
 
+MAX_STATE_SIZE = 6  # coordinates of a state, which takes the place of a pose in the reduced matrix
 RobustLoss = Literal["none", "huber", "cauchy"]
+
+
+@dataclass(frozen=True)
+class StateVector:
+    """A vector that belongs to a place in the video, such as the offset of a receiver during a second.
+
+    Attributes:
+        vector: (d,) its value, d <= 6.
+        frame: Frame after which it stands in the order of elimination; close to the frames with which it
+            shares factors, it keeps the reduced matrix narrow.
+    """
+
+    vector: FloatArray
+    frame: int
+
+    def moved(self, vector: FloatArray) -> "StateVector":
+        """Return the state with another value (d,)."""
+        return replace(self, vector=vector)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,14 +56,16 @@ class BundleProblem:
         robust: Loss of the whitened error ``|uv - uv^| / sigma_px``.
         robust_k: (N,) constant of the loss for whitened errors (:func:`vgps.solver.cost.whitened_robust_k`);
             inf means quadratic. Required unless ``robust`` is ``none``.
-        pose_graph: Factors whose keys are those of poses or of ``shared``.
+        pose_graph: Factors whose keys are those of poses, of ``shared`` or of ``states``.
         fixed: (F,) frames whose poses are held constant; None means none.
         shared: Vectors (d,) that all frames share, such as a time offset or a lever arm, by their key; each
-            occurs in ``pose_graph``.
+            occurs in ``pose_graph``. They are a dense border of the reduced matrix: few coordinates.
+        states: Vectors that belong to a place in the video, by their key; each occurs in ``pose_graph``. The
+            cost grows linearly with their number.
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
 
     Raises:
-        ValueError: Shapes or indices are inconsistent, or a sigma is not positive.
+        ValueError: Shapes or indices are inconsistent, a sigma is not positive, or a key is used twice.
     """
 
     K: tuple[float, float, float, float]
@@ -59,6 +80,7 @@ class BundleProblem:
     pose_graph: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     fixed: BoolArray | None = None
     shared: Mapping[int, FloatArray] = field(default_factory=dict)
+    states: Mapping[int, StateVector] = field(default_factory=dict)
     pose_keys: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -82,6 +104,18 @@ class BundleProblem:
         _check_range("landmark", self.landmark, landmarks)
         if not np.all(self.sigma_px > 0.0):
             raise ValueError(f"smallest sigma_px is {self.sigma_px.min()}, expected positive pixels")
+        self._check_states()
+
+    def _check_states(self) -> None:
+        after = np.array([state.frame for state in self.states.values()], dtype=np.int64)
+        _check_range("frame of a state", after, len(self.world_T_camera))
+        for key, state in self.states.items():
+            if state.vector.ndim != 1 or not 1 <= len(state.vector) <= MAX_STATE_SIZE:
+                found = f"state {gtsam.DefaultKeyFormatter(key)} has shape {state.vector.shape}"
+                raise ValueError(f"{found}, expected (d,) with d of 1..{MAX_STATE_SIZE}")
+        twice = self.states.keys() & {*self.shared, *(self.keys.tolist() if self.states else ())}
+        if twice:
+            raise ValueError(f"key {gtsam.DefaultKeyFormatter(min(twice))} belongs to a state and to another")
 
     @property
     def fixed_frames(self) -> BoolArray:
@@ -117,9 +151,10 @@ class BundleProblem:
         """Frames that occur in ``pose_graph``, ascending.
 
         Raises:
-            ValueError: A key belongs neither to a pose nor to ``shared``.
+            ValueError: A key belongs neither to a pose, nor to ``shared``, nor to ``states``.
         """
-        return np.sort(self.frames_of(key for key in self.pose_graph.keyVector() if key not in self.shared))
+        vectors = {*self.shared, *self.states}
+        return np.sort(self.frames_of(key for key in self.pose_graph.keyVector() if key not in vectors))
 
     def select_observations(self, rows: IntArray) -> "BundleProblem":
         """Return the problem with only these observations and without pose factors."""
@@ -132,6 +167,7 @@ class BundleProblem:
             robust_k=None if self.robust_k is None else self.robust_k[rows],
             pose_graph=gtsam.NonlinearFactorGraph(),
             shared={},
+            states={},
         )
 
     def moved(
@@ -139,16 +175,18 @@ class BundleProblem:
         world_T_camera: FloatArray,
         world_p_landmark: FloatArray,
         shared: Mapping[int, FloatArray] | None = None,
+        states: Mapping[int, StateVector] | None = None,
     ) -> "BundleProblem":
-        """Return the problem at other poses (F, 4, 4), landmarks (L, 3) and shared vectors."""
+        """Return the problem at other poses (F, 4, 4), landmarks (L, 3), shared vectors and states."""
         moved = copy(self)  # not `replace`, which would validate the observations again
         changes = {"world_T_camera": world_T_camera, "world_p_landmark": world_p_landmark}
         for name, value in changes.items():
             if value.shape != getattr(self, name).shape:
                 raise ValueError(f"{name} has shape {value.shape}, expected {getattr(self, name).shape}")
             object.__setattr__(moved, name, value)
-        if shared is not None:
-            object.__setattr__(moved, "shared", shared)
+        for name, vectors in {"shared": shared, "states": states}.items():
+            if vectors is not None:
+                object.__setattr__(moved, name, vectors)
         return moved
 
 
@@ -158,12 +196,12 @@ def _check_range(name: str, index: IntArray, size: int) -> None:
 
 
 def pose_values(problem: BundleProblem) -> gtsam.Values:
-    """Return the poses that occur in ``pose_graph``, and the shared vectors."""
+    """Return the poses that occur in ``pose_graph``, the shared vectors and the states."""
     return _values(problem, problem.pose_graph_frames)
 
 
 def all_pose_values(problem: BundleProblem) -> gtsam.Values:
-    """Return every pose, whether or not it occurs in ``pose_graph``, and the shared vectors."""
+    """Return every pose, whether or not it occurs in ``pose_graph``, the shared vectors and the states."""
     return _values(problem, np.arange(len(problem.world_T_camera)))
 
 
@@ -171,8 +209,18 @@ def _values(problem: BundleProblem, frames: IntArray) -> gtsam.Values:
     values = gtsam.Values()
     for key, vector in problem.shared.items():
         values.insert(key, vector)
+    for key, state in problem.states.items():
+        values.insert(key, state.vector)
     for key, world_T_camera in zip(
         problem.keys[frames].tolist(), problem.world_T_camera[frames], strict=True
     ):
         values.insert(key, gtsam.Pose3(world_T_camera))
     return values
+
+
+def vectors_at(
+    values: gtsam.Values, problem: BundleProblem
+) -> tuple[dict[int, FloatArray], dict[int, StateVector]]:
+    """Return the shared vectors and the states of a problem, with their values in ``values``."""
+    shared = {key: values.atVector(key) for key in problem.shared}
+    return shared, {key: state.moved(values.atVector(key)) for key, state in problem.states.items()}

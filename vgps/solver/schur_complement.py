@@ -61,15 +61,15 @@ def factorise_landmarks(linear: LinearisedChunk, damping: FloatArray | float) ->
 def reduce_to_poses(
     linear: Linearisation, structure: SparsityStructure, damping: float
 ) -> tuple[PoseMatrix, FloatArray]:
-    """Return the Schur complement on the free poses and its gradient.
+    """Return the Schur complement on free poses and states, and its gradient.
 
     Args:
         linear: Linearisation of the problem.
         structure: Structure of the problem.
-        damping: Added to poses and landmarks, relative to their diagonals.
+        damping: Added to poses, states and landmarks, relative to their diagonals.
 
     Returns:
-        The matrix over the free poses, and the gradient (6 n_free,).
+        The matrix over free poses and states, and the gradient (6 n_free,).
     """
     matrix = structure.empty()
     hessian = linear.hessian
@@ -85,7 +85,7 @@ def reduce_to_poses(
         _fill_groups(part, coupling, buffer)
         for group in chunk.groups:
             group.subtract_square(buffer, matrix)
-    return matrix, linear.gradient - explained[:, structure.free >= 0].T.ravel()
+    return matrix, linear.gradient - structure.to_columns(explained.T)
 
 
 def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatArray, FloatArray]:
