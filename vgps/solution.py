@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, GpsLog, IntArray
+from vgps.model import BoolArray, Camera, ControlPoints, FloatArray, GeodeticPoint, GpsLog, IntArray
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,7 @@ class Solution:
         config: The resolved configuration.
         video_start_utc: UTC instant of the video's first frame, if the rig gives it.
         world_p_before: (F, 3) camera positions after stages A to C; None in older runs.
+        control_points: Control and check points, as read; None without any.
     """
 
     recording: Path | None
@@ -175,6 +176,7 @@ class Solution:
     config: Mapping[str, Any]
     video_start_utc: datetime | None = None
     world_p_before: FloatArray | None = None
+    control_points: ControlPoints | None = None
 
     @property
     def trajectory(self) -> Trajectory:

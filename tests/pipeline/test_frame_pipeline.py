@@ -73,7 +73,9 @@ def test_control_points_align_a_map_without_fixes():
     uv = np.random.default_rng(0).uniform((30, 30), (290, 210), (10, 2))
     points = points_at(POSES[8], uv)
     seen = [pixels(POSES[k], points) for k in (2, 14)]
-    controls = ControlObservations(np.repeat([2, 14], 10), np.concatenate(seen), np.tile(points, (2, 1)))
+    controls = ControlObservations(
+        np.repeat([2, 14], 10), np.concatenate(seen), np.tile(points, (2, 1)), np.zeros((20, 3))
+    )
     made = fed(room(18), controls=controls)
     assert made.maps[0].aligned and errors_m(made.maps[0]).max() < 0.1
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.camera import undistort
 from vgps.geometry import project
-from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
+from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -94,6 +94,21 @@ def make_solution(t_s: np.ndarray, world_T_camera: np.ndarray, **changes: Any) -
     return replace(solution, **changes)
 
 
+def make_control_points() -> ControlPoints:
+    """A control and a check point in two frames each."""
+    return ControlPoints(
+        name=("A", "A", "Bö", "Bö"),
+        frame=np.array([0, 1, 0, 2]),
+        uv_px=np.arange(8.0).reshape(4, 2) * 17.5,
+        world_p_point=np.repeat([[49.0111, 8.4166, 165.5], [49.0112, 8.4167, 166.25]], 2, axis=0),
+        sigma_m=np.repeat([[0.01, 0.02, 0.03], [0.0, 0.0, 0.0]], 2, axis=0),
+        check=np.array([False, False, True, True]),
+        geodetic=True,
+        source=Path("rec/gcp_list.txt"),
+        notes=("a note on the datum",),
+    )
+
+
 def distinct_values() -> Solution:
     """Four frames, three landmarks (one never observed), two fixes (one unused): no value occurs twice.
 
@@ -148,6 +163,7 @@ def distinct_values() -> Solution:
         ),
         seconds={"tracking": 1.5, "batch": 0.25},
         warnings=("frame 1 has too few features; für Frame 1 gilt die Brücke",),
+        control_points=make_control_points(),
         world_p_before=np.arange(12.0).reshape(4, 3) / 7,
         config={"gps": {"model": "cylinder", "n": 4, "omega": 1e-8, "limit": None}, "names": ["a", "b"]},
     )

@@ -148,6 +148,9 @@ def room_control_points(poses, geodetic):
     uv = np.random.default_rng(0).uniform((40, 40), (280, 200), (6, 2))
     points = points_at(poses[7], uv)
     return ControlPoints(
+        name=("a", "b", "c", "d", "e", "f") * 2,
+        sigma_m=np.zeros((12, 3)),
+        check=np.zeros(12, bool),
         frame=np.repeat([2, 12], 6),
         uv_px=np.concatenate([pixels(poses[k], points) for k in (2, 12)]),
         world_p_point=np.tile(to_geodetic(ROOM_ORIGIN, points) if geodetic else points, (2, 1)),

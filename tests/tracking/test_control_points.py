@@ -16,7 +16,8 @@ POINTS = points_at(POSES[0], PIXELS)
 
 def observed(frame, count):
     """Exact observations of the first points in a frame."""
-    return np.full(count, frame), pixels(POSES[frame], POINTS[:count]), POINTS[:count]
+    shown = pixels(POSES[frame], POINTS[:count])
+    return np.full(count, frame), shown, POINTS[:count], np.zeros((count, 3))
 
 
 def test_frames_with_four_control_points_are_posed():
@@ -34,12 +35,17 @@ def test_one_wrong_observation_hardly_moves_the_pose():
     uv = np.array([[u, v] for u in (40.0, 160.0, 280.0) for v in (40.0, 120.0, 200.0)])
     points = points_at(POSES[0], uv)
     uv[4] += 20.0
-    poses = control_poses(ControlObservations(np.zeros(9, dtype=np.int64), uv, points), CAMERA.K)
+    poses = control_poses(
+        ControlObservations(np.zeros(9, dtype=np.int64), uv, points, np.zeros((9, 3))), CAMERA.K
+    )
     assert distance_m(poses[0], POSES[0]) < 0.1
 
 
 def control_points(**changes):
     points = ControlPoints(
+        name=tuple("abcde"),
+        sigma_m=np.zeros((5, 3)),
+        check=np.zeros(5, bool),
         frame=np.zeros(5, dtype=np.int64),
         uv_px=PIXELS,
         world_p_point=POINTS,
@@ -76,3 +82,13 @@ def test_geodetic_points_are_moved_into_the_world():
 
 def test_without_control_points_there_are_no_observations():
     assert world_controls(None, CAMERA, None) is None
+
+
+def test_check_points_are_left_out_and_sigmas_grow_with_the_views():
+    """Four observations of one mark share its error: each weighs a quarter of it."""
+    points = control_points(
+        name=("a", "a", "a", "a", "b"), check=np.array([0, 0, 0, 0, 1], bool), sigma_m=np.full((5, 3), 0.02)
+    )
+    controls = world_controls(points, CAMERA, None)
+    np.testing.assert_array_equal(controls.world_p_point, POINTS[:4])
+    np.testing.assert_allclose(controls.sigma_m, 0.04)

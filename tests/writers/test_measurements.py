@@ -26,7 +26,10 @@ def test_the_keys_are_those_of_the_table(solution, tmp_path):
 
 
 def test_keys_of_absent_parts_are_absent(solution, tmp_path):
-    write_measurements(replace(solution, gps=None, fixes=None, world_p_before=None), tmp_path / "m.npz")
+    bare = replace(solution, gps=None, fixes=None, world_p_before=None, control_points=None)
+    write_measurements(bare, tmp_path / "m.npz")
     with np.load(tmp_path / "m.npz") as archive:
         absent = documented() - set(archive.files)
-    assert absent == {key for key in documented() if key.startswith(("gps.", "fixes."))} | {"world_p_before"}
+    assert absent == {
+        key for key in documented() if key.startswith(("gps.", "fixes.", "control_points."))
+    } | {"world_p_before"}

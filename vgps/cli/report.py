@@ -3,18 +3,25 @@
 from pathlib import Path
 
 from vgps.cli.app import app, print_line
-from vgps.readers.run_folder import read_run
+from vgps.readers.run_folder import read_run, read_summary
 
 
 @app.command
-def report(run: Path, *, out: Path) -> None:
-    """Write a run as one HTML page: warnings, path, verdicts on the fixes, plots over time.
+def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = None) -> None:
+    """Write a run as one HTML page: warnings, datum, path, verdicts on the fixes, check points, plots.
 
     Args:
         run: Run folder.
         out: HTML file to write; it needs no other file.
+        crs: Coordinate system to state coordinates in, as EPSG:25832+7837; by default WGS 84.
+        geoid: What heights are above: egm96, a grid file, or metres; by default the ellipsoid.
     """
+    from vgps.evaluation.check_points import summary_line  # noqa: PLC0415
     from vgps.report import write_report  # noqa: PLC0415  (plots are slow to import)
 
-    write_report(read_run(run), out)
+    solution = read_run(run)
+    write_report(solution, out, crs=crs, geoid=geoid, versions=read_summary(run).get("versions"))
+    checked = summary_line(solution)
+    if checked is not None:
+        print_line(checked)
     print_line(f"wrote {out}")

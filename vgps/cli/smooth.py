@@ -5,7 +5,9 @@ from pathlib import Path
 from vgps.cli.app import app, print_line, print_note
 from vgps.cli.options import GpsSettings, RecordingFiles
 from vgps.cli.terminal import TerminalProgress
+from vgps.evaluation.check_points import summary_line
 from vgps.pipeline.offline import smooth as smooth_recording
+from vgps.readers.control_points import PointSystem
 from vgps.readers.recording import open_recording
 from vgps.runtime.timing import sequential_seconds
 from vgps.solution import Solution
@@ -38,6 +40,7 @@ def smooth(
         camera=files.camera,
         rig=files.rig,
         control_points=files.control_points,
+        control_system=PointSystem(files.control_crs, files.control_geoid),
     )
     solution = smooth_recording(opened, config, TerminalProgress())
     write_run(solution, out)
@@ -52,4 +55,6 @@ def print_summary(solution: Solution, out: Path) -> None:
     used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
     logged = 0 if solution.gps is None else len(solution.gps)
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
+    if (checked := summary_line(solution)) is not None:
+        print_line(checked)
     print_line(f"{frames} frames posed, {used} of {logged} fixes used, {speed}: {out}")

@@ -303,3 +303,20 @@ def _axes(horizontal: CRS, vertical: CRS | None) -> tuple[str, str, str]:
     if horizontal.is_geographic:
         return "longitude_deg", "latitude_deg", up
     return f"easting_{units[0]}", f"northing_{units[0]}", up
+
+
+def place_in(crs: str, coordinates: FloatArray) -> tuple[float, float]:
+    """Return latitude and longitude [deg], roughly, of coordinates (2,) or (3,) in a system.
+
+    Raises:
+        CoordinateSystemError: There is no such system, or the coordinates are not in it.
+    """
+    horizontal, _ = _parts(_parsed(crs))
+    transformer = Transformer.from_crs(horizontal, _parsed("EPSG:4326"), always_xy=True)
+    longitude, latitude = transformer.transform(*coordinates[: len(horizontal.axis_info)].tolist())[:2]
+    if not (np.isfinite(latitude) and np.isfinite(longitude)):
+        raise CoordinateSystemError(
+            f"{', '.join(f'{value:g}' for value in coordinates)} are no coordinates in {crs}",
+            expected="easting or longitude first",
+        )
+    return float(latitude), float(longitude)

@@ -129,6 +129,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
         world_p_before=merged.scene.poses[:, :3, 3].copy(),
+        control_points=recording.control_points,
     )
 
 

@@ -1,49 +1,233 @@
-"""``control_points.csv``: points of known position and their observations in frames."""
+"""Control and check points: ``control_points.csv``, and ODM's ``gcp_list.txt``.
 
+``control_points.csv`` has a row per observation: ``frame, u_px, v_px`` and a position in one of three ways:
+``east_m, north_m, up_m`` (ENU at the world origin), ``latitude_deg, longitude_deg, height_m`` (above the
+ellipsoid, or above the geoid given), or ``x, y, height_m`` in a coordinate system given. Optional: ``name``
+of the mark (else a mark is told by its position), ``role`` (``control`` or ``check``), ``sigma_east_m``,
+``sigma_north_m``, ``sigma_up_m``.
+"""
+
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from vgps.crs import coordinate_system
+from vgps.crs.system import place_in
 from vgps.errors import RecordingError
-from vgps.model import ControlPoints
-from vgps.readers.table import read_table
+from vgps.model import BoolArray, ControlPoints, FloatArray, IntArray
+from vgps.readers.table import Table, read_bytes, read_table
 
 ENU = ("east_m", "north_m", "up_m")
 GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
+PROJECTED = ("x", "y", "height_m")
+_NAMES = {"x": ("x", "easting_m", "easting"), "y": ("y", "northing_m", "northing")}
+_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
+_ROLES = {"": False, "control": False, "gcp": False, "check": True, "checkpoint": True, "cp": True}
 _LAST_FRAME = 2**31 - 1
+_GCP_FIELDS = 6
+_UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
 
 
-def read_control_points(path: str | Path) -> ControlPoints:
-    """Read ``frame, u_px, v_px`` and ``east_m, north_m, up_m`` or ``latitude_deg, longitude_deg, height_m``.
+@dataclass(frozen=True)
+class PointSystem:
+    """What the coordinates of control points are in: as for `coordinate_system`; None for WGS 84."""
+
+    crs: str | None = None
+    geoid: str | None = None
+
+
+def read_control_points(
+    path: str | Path, system: PointSystem | None = None, images: list[str] | None = None
+) -> ControlPoints:
+    """Read control and check points; a name that ends in ``.txt`` tells ODM's format.
+
+    Args:
+        path: The file.
+        system: What its coordinates are in, unless it says so itself.
+        images: Names of the recording's images, for ODM's format; None for a video, whose frames are numbered
+            in the names as ``frame_000123.jpg``.
 
     Raises:
-        RecordingError: The file is missing or empty, a column is missing, a cell is not a finite number, or a
-            frame is not an index.
+        RecordingError: The file is missing or empty, a column is missing, a cell is not a finite number, a
+            frame is not an index, or a role is unknown.
+        CoordinateSystemError: The coordinate system or geoid is unknown, or lacks its grid.
     """
-    path = Path(path)
+    path, system = Path(path), system or PointSystem()
+    if path.suffix.lower() == ".txt":
+        return _read_gcp_list(path, system, images)
     table = read_table(path, RecordingError)
-    geodetic = "latitude_deg" in table.columns
-    place = GEODETIC if geodetic else ENU
-    names = [table.require(name) for name in ("frame", "u_px", "v_px", *place)]
+    columns, geodetic = _position_columns(table, system)
+    names = [table.require(name) for name in ("frame", "u_px", "v_px", *columns)]
     values = np.column_stack([table.numbers(name) for name in names])
     if len(values) == 0:
         raise RecordingError("no control points", file=path, expected="a row for each observation")
+    _check(values, table.line, path, columns, geodetic)
+    return _points(
+        path,
+        values,
+        _names(table, values[:, 3:]),
+        _roles(table),
+        _sigmas(table),
+        (system if columns[0] not in ENU else None, geodetic),
+    )
+
+
+def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...], bool]:
+    """Return the columns of the position, and whether they are latitude and longitude."""
+    if table.find(*GEODETIC[:2]) is not None:
+        return GEODETIC, True
+    first, second = (table.find(*_NAMES[axis]) for axis in ("x", "y"))
+    if first is None or second is None:
+        return ENU, False
+    if system.crs is None:
+        raise RecordingError(
+            f"columns {first} and {second} of an unknown coordinate system",
+            file=table.path,
+            remedy="name it with --control-crs EPSG:NNNN",
+        )
+    return (first, second, "height_m"), False
+
+
+def _check(values: FloatArray, line: IntArray, path: Path, columns: tuple[str, ...], geodetic: bool) -> None:
     frame = values[:, 0]
     bad = ~np.isfinite(values).all(axis=1) | (frame < 0) | (frame > _LAST_FRAME) | (np.floor(frame) != frame)
     if geodetic:
         bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
     if bad.any():
-        line = table.line[int(np.flatnonzero(bad)[0])]
         raise RecordingError(
             "an impossible observation",
             file=path,
-            place=f"line {line}",
-            expected=f"a frame index from 0 and finite {', '.join(names[1:])}",
+            place=f"line {line[int(np.flatnonzero(bad)[0])]}",
+            expected=f"a frame index from 0 and finite {', '.join(('u_px', 'v_px', *columns))}",
         )
+
+
+def _points(
+    path: Path,
+    values: FloatArray,
+    names: list[str],
+    check: BoolArray,
+    sigma_m: FloatArray,
+    place: tuple[PointSystem | None, bool],
+) -> ControlPoints:
+    """Return the points with positions in ENU, or converted to geodetic ones."""
+    system, geodetic = place
+    position, notes = values[:, 3:6], tuple[str, ...]()
+    if system is not None:
+        if geodetic:
+            position = position[:, [1, 0, 2]]
+        crs = None if geodetic else system.crs
+        where = float(position[0, 1]), float(position[0, 0])
+        if crs is not None:
+            where = place_in(crs, position[0])
+        converter = coordinate_system(where, crs, system.geoid)
+        position, notes = converter.to_geodetic(position), converter.notes
     return ControlPoints(
-        frame=frame.astype(np.int64),
+        name=tuple(names),
+        frame=values[:, 0].astype(np.int64),
         uv_px=values[:, 1:3],
-        world_p_point=values[:, 3:],
-        geodetic=geodetic,
+        world_p_point=position,
+        sigma_m=sigma_m,
+        check=check,
+        geodetic=system is not None,
         source=path,
+        notes=notes,
     )
+
+
+def _names(table: Table, position: FloatArray) -> list[str]:
+    column = table.find("name", "mark", "point", "label", "id")
+    if column is not None:
+        return table.text(column)
+    return [str(1 + mark) for mark in np.unique(position, axis=0, return_inverse=True)[1].ravel().tolist()]
+
+
+def _roles(table: Table) -> BoolArray:
+    column = table.find("role", "type")
+    if column is None:
+        return np.zeros(len(table.line), bool)
+    roles = [cell.lower() for cell in table.text(column)]
+    for role, line in zip(roles, table.line.tolist(), strict=True):
+        if role not in _ROLES:
+            raise RecordingError(
+                f"role {role!r}", file=table.path, place=f"line {line}", expected="control or check"
+            )
+    return np.array([_ROLES[role] for role in roles], bool)
+
+
+def _sigmas(table: Table) -> FloatArray:
+    """Return (N, 3) standard deviations; 0 where there is none."""
+    columns = [
+        np.zeros(len(table.line)) if table.find(name) is None else np.nan_to_num(table.numbers(name))
+        for name in _SIGMAS
+    ]
+    sigma = np.column_stack(columns)
+    wrong = (sigma < 0).any(axis=1)
+    if wrong.any():
+        line = table.line[int(np.flatnonzero(wrong)[0])]
+        raise RecordingError(
+            "a negative sigma", file=table.path, place=f"line {line}", expected="metres >= 0"
+        )
+    return sigma
+
+
+def _read_gcp_list(path: Path, system: PointSystem, images: list[str] | None) -> ControlPoints:
+    """Read ODM's list: the coordinate system, then ``x y z u v image [name]`` per observation."""
+    text = read_bytes(path, RecordingError).decode("utf-8-sig", errors="replace")
+    lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    header, rows = " ".join(lines[0][1]), [(n, row) for n, row in lines[1:] if not row[0].startswith("#")]
+    if not rows:
+        raise RecordingError("no control points", file=path, expected="a row for each observation")
+    parsed = [_gcp_row(row, line, path, images) for line, row in rows]
+    names = [row[6] if len(row) > _GCP_FIELDS else " ".join(row[:3]) for _, row in rows]
+    values, line = np.array(parsed), np.array([n for n, _ in rows])
+    crs = _odm_crs(header, path)
+    _check(values, line, path, PROJECTED, False)
+    return _points(
+        path,
+        values,
+        names,
+        np.zeros(len(rows), bool),
+        np.zeros((len(rows), 3)),
+        (PointSystem(system.crs or crs, system.geoid), False),
+    )
+
+
+def _odm_crs(header: str, path: Path) -> str:
+    """Return the coordinate system that the first line names."""
+    utm = _UTM.search(header)
+    if utm is not None:
+        return f"EPSG:{32600 + int(utm[1]) + 100 * (utm[2].upper() == 'S')}"
+    if header.upper().startswith("EPSG:") or header.startswith("+proj"):
+        return header
+    raise RecordingError(
+        f"{header!r} names no coordinate system",
+        file=path,
+        place="line 1",
+        expected="EPSG:NNNN, a +proj string, or WGS84 UTM 32N",
+    )
+
+
+def _gcp_row(row: list[str], line: int, path: Path, images: list[str] | None) -> list[float]:
+    """Return frame, u, v, x, y, z."""
+    try:
+        x, y, z, u, v = map(float, row[:5])
+        image = row[5]
+    except (ValueError, IndexError) as error:
+        raise RecordingError(
+            "not an observation", file=path, place=f"line {line}", expected="x y z u_px v_px image [name]"
+        ) from error
+    if images is not None:
+        if image not in images:
+            raise RecordingError(
+                f"no image {image}", file=path, place=f"line {line}", expected="images of the recording"
+            )
+        return [images.index(image), u, v, x, y, z]
+    number = re.search(r"(\d+)\D*$", Path(image).stem)
+    if number is None:
+        raise RecordingError(
+            f"no frame number in {image}", file=path, place=f"line {line}", expected="frame_000123.jpg"
+        )
+    return [int(number[1]), u, v, x, y, z]

@@ -9,7 +9,7 @@ import numpy as np
 from vgps.errors import CalibrationError, GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, Video
 from vgps.readers.calibration import read_camera, read_rig
-from vgps.readers.control_points import read_control_points
+from vgps.readers.control_points import PointSystem, read_control_points
 from vgps.readers.frame_times import FRAME_TIMES
 from vgps.readers.gopro import GYRO_R_CAMERA, gopro_exposures, gps_stream, read_gopro_gps, read_gopro_gyro
 from vgps.readers.gpmf import Telemetry, read_gpmf
@@ -31,6 +31,7 @@ def open_recording(
     camera: PathLike | None = None,
     rig: PathLike | None = None,
     control_points: PathLike | None = None,
+    control_system: PointSystem | None = None,
     with_gps: bool = True,
 ) -> Recording:
     """Open a recording; the video is indexed, its frames are not decoded yet.
@@ -39,9 +40,10 @@ def open_recording(
         path: A folder with ``video.mp4`` (.mov, .avi, or a folder of images with ``frame_times.csv``),
             ``camera.yaml`` (or a calibration of OpenCV's, Kalibr's or COLMAP's: ``camera.yml``, ``.xml``,
             ``.json``, ``camchain.yaml``, ``cameras.txt``) and, optional, ``rig.yaml``, ``gps.*``,
-            ``gyro.csv``, ``control_points.csv``; or a video or folder of images with the other files beside
-            it.
+            ``gyro.csv``, ``control_points.csv`` or ``gcp_list.txt``; or a video or folder of images with the
+            other files beside it.
         gps, camera, rig, control_points: Other files to use; a path, or a name inside the folder.
+        control_system: What the coordinates of the control points are in, unless they say so.
         with_gps: Whether to look for a GPS log.
 
     Returns:
@@ -65,7 +67,7 @@ def open_recording(
     telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
     gyro = _gyro(folder, mount, telemetry)
     mount = _with_gopro(mount, telemetry, gyro)
-    points = _given(folder, control_points, "control_points.csv")
+    points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
     return Recording(
         path=path,
         video=video,
@@ -73,7 +75,7 @@ def open_recording(
         rig=mount,
         gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,
         gyro=gyro,
-        control_points=_control_points(points, video) if points else None,
+        control_points=_control_points(points, video, control_system) if points else None,
     )
 
 
@@ -219,8 +221,9 @@ def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
     return rig
 
 
-def _control_points(file: Path, video: Video) -> ControlPoints:
-    points = read_control_points(file)
+def _control_points(file: Path, video: Video, system: PointSystem | None) -> ControlPoints:
+    images = [image.name for image in video.files] if isinstance(video, ImageFolder) else None
+    points = read_control_points(file, system, images)
     last = int(points.frame.max())
     if last >= len(video.times_s):
         raise RecordingError(f"frame {last}", file=file, expected=f"frames 0 to {len(video.times_s) - 1}")

@@ -15,7 +15,7 @@ import yaml
 
 from vgps.config import Config, present_names
 from vgps.errors import RunFolderError
-from vgps.model import Camera, FixClass, GeodeticPoint, GpsLog
+from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -161,6 +161,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         config=config,
         video_start_utc=None if start is None else datetime.fromisoformat(start),
         world_p_before=arrays.get("world_p_before"),
+        control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
     )
 
 
@@ -183,6 +184,15 @@ def _gps(arrays: Arrays, summary: Mapping[str, Any]) -> GpsLog | None:
     part = _part(arrays, "gps")
     part["fix_class"] = tuple(map(FixClass, part["fix_class"].tolist()))
     return GpsLog(**part, source=Path(log["source"]), skipped=tuple(log["skipped"]))
+
+
+def _control_points(arrays: Arrays, about: Mapping[str, Any] | None) -> ControlPoints | None:
+    if about is None:
+        return None
+    part = _part(arrays, "control_points")
+    part["name"] = tuple(part["name"].tolist())
+    source, notes = Path(about["source"]), tuple(about["notes"])
+    return ControlPoints(**part, geodetic=about["geodetic"], source=source, notes=notes)
 
 
 def _fixes(arrays: Arrays) -> FixTable | None:

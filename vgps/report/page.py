@@ -1,6 +1,7 @@
 """The HTML page of a run."""
 
 import math
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,8 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
+from vgps.crs import CoordinateSystem, coordinate_system
+from vgps.evaluation.check_points import Mark, MarkStatistics, mark_statistics, marks_of
+from vgps.report.mark_pictures import mark_pictures
 from vgps.report.path_plot import VERDICT_STYLES, fixes_outside, path_plot
 from vgps.report.summary import distance_m, doubted_fixes, outages, unused_reasons, verdict_counts
+from vgps.report.survey_facts import changed_settings, class_spells, datum_facts
 from vgps.report.time_plot import time_plot
 from vgps.runtime.timing import sequential_seconds
 from vgps.solution import FrameState, Solution, Verdict
@@ -41,22 +46,38 @@ class Tile(NamedTuple):
     note: str
 
 
-def write_report(solution: Solution, path: Path) -> None:
+def write_report(
+    solution: Solution,
+    path: Path,
+    *,
+    crs: str | None = None,
+    geoid: str | None = None,
+    versions: Mapping[str, str] | None = None,
+) -> None:
     """Write a run as one HTML page that needs no other file and no network.
 
     Args:
         solution: From :func:`vgps.smooth` or :func:`vgps.readers.run_folder.read_run`.
         path: The page; it appears complete or not at all.
+        crs, geoid: What coordinates and heights are stated in, as for `coordinate_system`.
+        versions: Of the libraries that made the run.
 
     Raises:
         RunFolderError: ``path`` is a folder, or cannot be written.
+        CoordinateSystemError: The coordinate system or geoid is unknown, or lacks its grid.
     """
-    doubted = doubted_fixes(solution)
+    doubted, system, marks = doubted_fixes(solution), _system(solution, crs, geoid), marks_of(solution)
     values: dict[str, Any] = {
         "name": "Run" if solution.recording is None else solution.recording.name,
         "solution": solution,
         "model": solution.config.get("gps", {}).get("model", "unknown"),
-        "warnings": [*solution.warnings, *_skipped(solution)],
+        "warnings": [*solution.warnings, *_skipped(solution), *_notes(solution, system)],
+        "datum": datum_facts(solution, system),
+        "spells": class_spells(solution)[:_MAX_ROWS],
+        "marks": _mark_rows(solution, marks),
+        "mark_groups": _mark_groups(marks),
+        "changed": changed_settings(solution.config),
+        "versions": versions or {},
         "tiles": _tiles(solution),
         "path": embedded(path_plot(solution)),
         "outside": fixes_outside(solution),
@@ -112,6 +133,33 @@ def _tiles(solution: Solution) -> list[Tile]:
             Tile("computing time", f"{total_s:.1f} s", f"{duration_s / total_s:.2f} times real time")
         )
     return tiles
+
+
+def _system(solution: Solution, crs: str | None, geoid: str | None) -> CoordinateSystem | None:
+    if solution.world_origin is None or not solution.georeferenced:
+        return None
+    return coordinate_system(solution.world_origin[:2], crs, geoid)
+
+
+def _notes(solution: Solution, system: CoordinateSystem | None) -> list[str]:
+    """Return what was assumed of datums: by the coordinate system, and by that of the control points."""
+    points = solution.control_points
+    return [*(system.notes if system else ()), *(points.notes if points else ())]
+
+
+def _mark_rows(solution: Solution, marks: list[Mark]) -> list[tuple[Mark, str | None]]:
+    """Return the marks, control points first, with their pictures."""
+    pictures = mark_pictures(solution, marks)
+    return [(mark, pictures.get(mark.name)) for mark in sorted(marks, key=lambda mark: mark.check)]
+
+
+def _mark_groups(marks: list[Mark]) -> list[tuple[str, int, MarkStatistics | None]]:
+    """Return name, number and statistics of the control points and of the check points."""
+    groups = (
+        ("control points", [mark for mark in marks if not mark.check]),
+        ("check points", [mark for mark in marks if mark.check]),
+    )
+    return [(name, len(group), mark_statistics(group)) for name, group in groups if group]
 
 
 def _skipped(solution: Solution) -> list[str]:

@@ -28,6 +28,7 @@ from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
 
 _LEVEL_FRAMES = 20  # that share the level prior; their number does not change its total weight
+_NEAREST_CONTROL_M = 0.1  # a nearer control point is taken to be this far away
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
 
 
@@ -232,19 +233,33 @@ def other_pose_factors(
     graph = sensors.priors()
     graph.push_back(motion_graph(scene, config))
     graph.push_back(_upright_priors(len(scene.t_s), config))
-    graph.push_back(_control_point_factors(scene.controls, context))
+    graph.push_back(_control_point_factors(scene, context))
     return graph
 
 
-def _control_point_factors(
-    controls: ControlObservations, context: SmoothingContext
-) -> gtsam.NonlinearFactorGraph:
-    graph, K = gtsam.NonlinearFactorGraph(), context.K
+def _control_point_factors(scene: Scene, context: SmoothingContext) -> gtsam.NonlinearFactorGraph:
+    graph, K, controls = gtsam.NonlinearFactorGraph(), context.K, scene.controls
     calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
-    noise = projection_noise(context.config.start.control_sigma_px)
-    for frame, uv, point in zip(controls.frame.tolist(), controls.uv_px, controls.world_p_point, strict=True):
-        graph.push_back(control_point_factor(X(frame), uv, point, calibration, noise))
+    sigma_px = np.hypot(context.config.start.control_sigma_px, _projected_sigma_px(scene, K))
+    for frame, uv, point, sigma in zip(
+        controls.frame.tolist(), controls.uv_px, controls.world_p_point, sigma_px.tolist(), strict=True
+    ):
+        graph.push_back(control_point_factor(X(frame), uv, point, calibration, projection_noise(sigma)))
     return graph
+
+
+def _projected_sigma_px(scene: Scene, K: FloatArray) -> FloatArray:
+    """Return (N,) standard deviations of control points' positions as their images show them, pixels."""
+    controls = scene.controls
+    pose = scene.poses[controls.frame]
+    camera_R_world = np.swapaxes(pose[:, :3, :3], 1, 2)
+    p = np.einsum("nij,nj->ni", camera_R_world, controls.world_p_point - pose[:, :3, 3])
+    depth = np.maximum(np.abs(p[:, 2]), _NEAREST_CONTROL_M)
+    # rows of the projection's Jacobian: f / z (1, 0, -x / z) and f / z (0, 1, -y / z)
+    across = camera_R_world[:, :2] - (p[:, :2] / depth[:, None])[:, :, None] * camera_R_world[:, 2:3]
+    scale = np.array([K[0, 0], K[1, 1]]) / depth[:, None]
+    variance = scale**2 * np.einsum("nij,nj->ni", across**2, controls.sigma_m**2)
+    return np.asarray(np.sqrt(variance.mean(axis=1)))
 
 
 def _upright_priors(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:

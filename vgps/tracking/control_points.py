@@ -15,7 +15,9 @@ _MIN_POINTS = 4  # three leave several poses
 def world_controls(
     points: ControlPoints | None, camera: Camera, origin: GeodeticPoint | None
 ) -> ControlObservations | None:
-    """Return the undistorted observations of points in the world, without those outside the lens's model.
+    """Return the undistorted observations of control points in the world, without those outside the lens.
+
+    Check points are left out: they judge the result.
 
     Args:
         points: Control points as read, or None.
@@ -28,8 +30,10 @@ def world_controls(
     if points.geodetic and origin is not None:
         world = to_enu(origin, *world.T)
     uv = undistort(camera, points.uv_px)
-    valid = np.isfinite(uv).all(axis=1)
-    return ControlObservations(points.frame[valid], uv[valid], world[valid])
+    valid = np.isfinite(uv).all(axis=1) & ~points.check
+    _, mark, views = np.unique(np.array(points.name)[valid], return_inverse=True, return_counts=True)
+    sigma = points.sigma_m[valid] * np.sqrt(views[mark])[:, None]
+    return ControlObservations(points.frame[valid], uv[valid], world[valid], sigma)
 
 
 def control_poses(controls: ControlObservations, K: FloatArray) -> dict[int, FloatArray]:

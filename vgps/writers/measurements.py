@@ -31,11 +31,17 @@ fixes.r_m, fixes.h_m            (M,)         region that the fix was given
 fixes.probability               (M,)         that the error is one of its class
 fixes.verdict                   (M,)         used, down-classed, rejected, not used
 fixes.reason                    (M,)         why or why not
+control_points.name             (P,)         mark of each observation of a control or check point
+control_points.frame            (P,)         row of the frames
+control_points.uv_px            (P, 2)       in the original image
+control_points.world_p_point    (P, 3)       ENU metres, or latitude, longitude, ellipsoidal height
+control_points.sigma_m          (P, 3)       standard deviations of the mark, east, north, up
+control_points.check            (P,)         whether it is a check point
 =============================== ============ ============================================================
 
-The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts; ``schema_version`` and
-``world_p_before`` in runs from before version 0.1.0. The intrinsics are in ``solution.json``. Nothing is
-pickled.
+The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts, the ``control_points`` keys
+without such points; ``schema_version`` and ``world_p_before`` in runs from before version 0.1.0. The
+intrinsics are in ``solution.json``. Nothing is pickled.
 """
 
 from collections.abc import Iterator
@@ -62,11 +68,13 @@ def write_measurements(solution: Solution, out: Path) -> None:
 def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     yield "schema_version", np.array(SCHEMA_VERSION)
     yield from _fields_of(solution, "")
-    for name in ("landmarks", "observations", "gps", "fixes"):
+    for name in ("landmarks", "observations", "gps", "fixes", "control_points"):
         part = getattr(solution, name)
         if part is not None:
             yield from _fields_of(part, f"{name}.")
     yield "state", _words(solution.state)
+    if solution.control_points is not None:
+        yield "control_points.name", _words(solution.control_points.name)
     if solution.gps is not None:
         yield "gps.fix_class", _words(solution.gps.fix_class)
     if solution.fixes is not None:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from vgps.crs import ELLIPSOIDAL
+from vgps.model import ControlPoints
 from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import FrameState, SensorReport, Solution
 from vgps.writers.atomic import check_writable, new_folder
@@ -84,7 +86,21 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "gps": None
         if solution.gps is None
         else {"source": str(solution.gps.source), "skipped": list(solution.gps.skipped)},
+        "control_points": _control_points(solution.control_points),
+        "datum": {"positions": "WGS 84, as the GPS log has it", "heights": ELLIPSOIDAL},
         "versions": _versions(),
+    }
+
+
+def _control_points(points: ControlPoints | None) -> dict[str, Any] | None:
+    if points is None:
+        return None
+    return {
+        "source": str(points.source),
+        "geodetic": points.geodetic,
+        "notes": list(points.notes),
+        "control": len(set(np.array(points.name)[~points.check].tolist())),
+        "check": len(set(np.array(points.name)[points.check].tolist())),
     }
 
 

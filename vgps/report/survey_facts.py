@@ -1,0 +1,107 @@
+"""What a surveyor states about a run: its datum, epoch, coordinates, and the settings that were changed."""
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC
+from typing import Any
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.crs import CoordinateSystem, egm96
+from vgps.geodesy import to_geodetic
+from vgps.model import FloatArray, IntArray
+from vgps.report.summary import gps_results
+from vgps.solution import Solution
+
+_YEAR_DAYS = 365.2425
+
+
+def datum_facts(solution: Solution, system: CoordinateSystem | None) -> list[tuple[str, str]]:
+    """Return names and values of what coordinates, heights and times refer to.
+
+    Args:
+        solution: The run.
+        system: What the report states coordinates in; None if the run is not georeferenced.
+    """
+    facts = []
+    origin = solution.world_origin
+    if system is not None and origin is not None:
+        undulation = float(egm96().height_m(*origin[:2]))
+        facts += [
+            ("coordinate system", system.name),
+            ("heights", system.height_datum),
+            (
+                "frame of the fixes",
+                "WGS 84 as the receiver or its corrections realise it: ITRF for satellite corrections and "
+                "PPP, the national frame for a reference network",
+            ),
+            ("axes of the path", "east, north, up at the origin; metres"),
+            ("origin", coordinates_text(system, np.array([origin]))[0]),
+            ("first camera", _at_frame(solution, system, 0)),
+            ("last camera", _at_frame(solution, system, -1)),
+            ("EGM96 at the origin", f"{undulation:.2f} m above the ellipsoid"),
+        ]
+    return facts + _epoch(solution)
+
+
+def _epoch(solution: Solution) -> list[tuple[str, str]]:
+    start = solution.video_start_utc
+    if start is None:
+        return [("epoch", "unknown: the recording does not say when it began")]
+    utc = start.astimezone(UTC)
+    year = utc.year + (utc.timetuple().tm_yday - 1) / _YEAR_DAYS
+    return [("epoch", f"{utc:%Y-%m-%d %H:%M:%S} UTC, {year:.3f}"), ("times", "seconds from the first frame")]
+
+
+def _at_frame(solution: Solution, system: CoordinateSystem, frame: int) -> str:
+    assert solution.world_origin is not None
+    position = to_geodetic(solution.world_origin, solution.world_T_camera[frame, :3, 3])
+    return coordinates_text(system, position[None])[0]
+
+
+def coordinates_text(system: CoordinateSystem, geodetic: FloatArray) -> list[str]:
+    """Return coordinates in a system, with their names, of latitudes, longitudes and heights (N, 3)."""
+    digits = (9, 9, 3) if system.is_geographic else (3, 3, 3)
+    return [
+        ", ".join(
+            f"{_axis(name)} {value:.{digit}f} {_unit(name)}"
+            for name, value, digit in zip(system.axes, row, digits, strict=True)
+        )
+        for row in system.from_geodetic(geodetic).tolist()
+    ]
+
+
+def _axis(name: str) -> str:
+    return name.split("_", 1)[0]
+
+
+def _unit(name: str) -> str:
+    return name.split("_", 1)[1].replace("deg", "°")
+
+
+def class_spells(solution: Solution) -> list[tuple[str, float, float, int]]:
+    """Return class, begin and end [s], and number of fixes of each spell of fixes of one class, in order."""
+    results = gps_results(solution)
+    if results is None:
+        return []
+    classes, times = np.array([str(one) for one in results[0].fix_class]), solution.fix_times_s
+    starts: IntArray = np.flatnonzero(np.concatenate([[True], classes[1:] != classes[:-1]]))
+    ends = np.append(starts[1:], len(classes))
+    return [
+        (str(classes[a]), float(times[a]), float(times[b - 1]), int(b - a))
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def changed_settings(config: Mapping[str, Any]) -> list[tuple[str, Any, Any]]:
+    """Return name, value and default of every setting of a resolved configuration that differs from it."""
+    return list(_differences(dict(config), Config().model_dump(mode="json"), ""))
+
+
+def _differences(found: Any, default: Any, place: str) -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(found, Mapping) and isinstance(default, Mapping):
+        for key in found:
+            name = f"{place}.{key}" if place else str(key)
+            yield from _differences(found[key], default.get(key), name)
+    elif found != default and not (isinstance(found, list | tuple) and list(found) == list(default or [])):
+        yield place, found, default
