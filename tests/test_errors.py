@@ -26,3 +26,8 @@ def test_every_error_is_caught_as_one() -> None:
         one for _, one in inspect.getmembers(errors, inspect.isclass) if one.__module__ == errors.__name__
     ]
     assert len(classes) > 8 and all(issubclass(one, VgpsError) for one in classes)
+
+
+def test_what_a_file_says_cannot_flood_or_control_the_terminal() -> None:
+    line = str(VgpsError("a" * 10_000, file="f\x1b[31m", place="line\n1", expected="\x07"))
+    assert line == rf"f\x1b[31m, line 1: {'a' * 240}...; expected \x07"

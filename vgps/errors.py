@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+# characters of a part of a message: a damaged file may have megabytes on a line
+_LONGEST, _LONGEST_ADVICE = 240, 700
+
 
 class VgpsError(Exception):
     """Bad input in one line: file, place in it, what was found, what was expected, what to do.
@@ -25,15 +28,24 @@ class VgpsError(Exception):
     ) -> None:
         self.found, self.file, self.place = found, file, place
         self.expected, self.remedy = expected, remedy
-        where = ", ".join(str(part) for part in (file, place) if part is not None)
-        parts = [
-            found,
-            f"expected {expected}" if expected else None,
-            remedy,
+        where = [_printable(str(file), None)] if file is not None else []
+        where += [_printable(place)] if place is not None else []
+        parts = [_printable(found)] if found else []
+        parts += [
+            _printable(part, _LONGEST_ADVICE)
+            for part in (expected and f"expected {expected}", remedy)
+            if part
         ]
-        what = "; ".join(part for part in parts if part)
-        line = f"{where}: {what}" if where else what
-        super().__init__(" ".join(line.split()))
+        what = "; ".join(parts)
+        super().__init__(f"{', '.join(where)}: {what}" if where else what)
+
+
+def _printable(text: str, longest: int | None = _LONGEST) -> str:
+    """Return a text on one line, cut where it is too long, with escapes for what a terminal would obey."""
+    line = " ".join(text[: longest and 2 * longest].split())
+    if longest is not None and len(line) > longest:
+        line = f"{line[:longest]}..."
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in line)
 
 
 class RecordingError(VgpsError):

@@ -101,3 +101,30 @@ def test_verification_gives_the_same_digest_or_an_error(database_path: Path, pla
         assert DatabaseFile(damaged).verify() == DatabaseFile(database_path).verify()
     except LandmarkDatabaseError:
         return
+
+
+@pytest.mark.parametrize(
+    ("statements", "found"),
+    [
+        (
+            "ALTER TABLE meta RENAME TO old; CREATE VIEW meta AS WITH RECURSIVE n(i) AS "
+            "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT old.* FROM n, old",
+            "table meta",
+        ),
+        ("CREATE TRIGGER t AFTER INSERT ON source BEGIN DELETE FROM cell; END", "trigger t"),
+        ("ALTER TABLE source ADD COLUMN a AS (zeroblob(9))", "table source hidden a"),
+        ("CREATE TABLE more (a)", "table more"),
+        ("DROP TABLE keyframe", "table keyframe"),
+        ("UPDATE meta SET landmarks = 1000000000000", "impossible numbers in table meta"),
+        ("UPDATE meta SET patch_px = 'x'", "impossible numbers in table meta"),
+        ("UPDATE meta SET finest_m = 9e999", "impossible numbers in table meta"),
+        ("UPDATE meta SET max_views = 1000000", "impossible numbers in table meta"),
+    ],
+)
+def test_a_hostile_schema_or_size_is_refused_before_a_query(
+    database_path: Path, statements: str, found: str
+) -> None:
+    file = sqlite3.connect(database_path)
+    file.executescript(statements)
+    file.close()
+    assert f"is damaged ({found}" in complaint(database_path)

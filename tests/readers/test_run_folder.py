@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -138,4 +139,64 @@ def test_the_fix_table_must_be_as_long_as_the_log(solution: Solution, tmp_path: 
     arrays["fixes.residual_m"] = fixes.residual_m
     np.savez(tmp_path / "run/measurements.npz", **arrays)
     with pytest.raises(RunFolderError, match=r"fixes\.residual_m"):
+        read_run(tmp_path / "run")
+
+
+def rewritten(file: Path, change, compression=zipfile.ZIP_STORED) -> None:
+    """Rewrite an archive with members changed."""
+    with zipfile.ZipFile(file) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(file, "w", compression) as archive:
+        for name, content in change(members).items():
+            archive.writestr(name, content)
+
+
+def test_an_archive_that_unpacks_to_far_more_is_not_unpacked(solution: Solution, tmp_path: Path) -> None:
+    write_run(solution, tmp_path / "run")
+    file = tmp_path / "run/measurements.npz"
+    rewritten(file, lambda members: {**members, "t_s.npy": b"\0" * 50_000_000}, zipfile.ZIP_DEFLATED)
+    with pytest.raises(RunFolderError, match=r"t_s\.npy unpacks to 50000000 bytes"):
+        read_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"'shape': (4,)", b"'shape': (99999999999999,)", "fewer values than its shape"),
+        (b"'descr': '<f8'", b"'descr': '<i8'", "key t_s: values of type int64; expected floats"),
+        (b"'shape': (4,)", b"'shape': (4,", "is damaged"),
+    ],
+)
+def test_an_array_of_another_type_or_size_is_refused(
+    solution: Solution, tmp_path: Path, old: bytes, new: bytes, message: str
+) -> None:
+    write_run(solution, tmp_path / "run")
+
+    def change(members):
+        head = members["t_s.npy"].replace(old, new)
+        pad = len(head) - len(members["t_s.npy"])
+        at = head.index(b"\n", 20) - pad
+        return {**members, "t_s.npy": head[:at] + head[at + pad :] if pad > 0 else head}
+
+    rewritten(tmp_path / "run/measurements.npz", change)
+    with pytest.raises(RunFolderError, match=message):
+        read_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("world_origin", {"latitude_deg": "north"}, r"key world_origin\.latitude_deg"),
+        ("world_origin", {"latitude_deg": 91, "longitude_deg": 0, "height_m": 0}, "less than or equal to 90"),
+        ("seconds", [], "key seconds"),
+        ("camera", {}, r"key camera\.model: is missing"),
+    ],
+)
+def test_a_summary_of_another_kind_is_refused(
+    solution: Solution, tmp_path: Path, key: str, value, message: str
+) -> None:
+    write_run(solution, tmp_path / "run")
+    file = tmp_path / "run/solution.json"
+    file.write_text(json.dumps({**json.loads(file.read_text("utf-8")), key: value}), "utf-8")
+    with pytest.raises(RunFolderError, match=message):
         read_run(tmp_path / "run")

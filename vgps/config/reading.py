@@ -6,12 +6,12 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import Region
+from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import ConfigError
 from vgps.model import FixClass
 
@@ -100,11 +100,12 @@ def setting_names(model: type[SettingsModel], place: str = "") -> Iterator[str]:
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = parse_yaml(path.read_bytes())
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path, expected="a YAML file") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not YAML: {error}", file=path) from error
+    except YamlTextError as error:
+        place = f"line {error.line}" if error.line else None
+        raise ConfigError(f"not YAML ({error.problem})", file=path, place=place) from error
     if data is None:
         return {}
     if not isinstance(data, dict):

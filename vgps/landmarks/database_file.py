@@ -1,5 +1,6 @@
 """The SQLite file of a landmark database: opening, checks and queries, with every fault in one line."""
 
+import math
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,9 +9,10 @@ from typing import Any
 from urllib.parse import quote
 
 from vgps.errors import LandmarkDatabaseError
-from vgps.landmarks.schema import APPLICATION_ID, META_COLUMNS, VERSION, digest
+from vgps.landmarks.schema import APPLICATION_ID, META_COLUMNS, VERSION, digest, foreign_part
 from vgps.model import GeodeticPoint
 
+_LANDMARK_BYTES, _VIEW_BYTES = 56, 72  # of the arrays in table cell, which are not compressed
 _MAGIC = b"SQLite format 3\0"
 _EXPECTED = "a landmark database written by vgps landmarks build"
 _REMEDY = "rebuild it with vgps landmarks build"
@@ -57,8 +59,10 @@ class DatabaseFile:
         _check_header(path)
         # immutable: the file is only ever replaced as a whole, so neither locks nor a journal are needed
         self._connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
+        self._connection.text_factory = lambda raw: raw.decode("utf-8", "replace")
         try:
             self.schema_version = self._check_kind()
+            self._check_schema()
             self.meta = self._read_meta()
         except BaseException:
             self.close()
@@ -121,12 +125,20 @@ class DatabaseFile:
             )
         return version
 
+    def _check_schema(self) -> None:
+        try:
+            foreign = foreign_part(self._connection)
+        except sqlite3.DatabaseError as error:
+            raise self.damaged(str(error)) from error
+        if foreign is not None:
+            raise self.damaged(f"{foreign} is not as in the schema")
+
     def _read_meta(self) -> Meta:
         records = self.rows(f"SELECT {META_COLUMNS}, digest FROM meta")
         if len(records) != 1:
             raise self.damaged(f"table meta has {len(records)} rows instead of 1")
         *origin, patch_px, levels, max_views, landmarks, views, finest_m, coarsest_m, written = records[0]
-        return Meta(
+        meta = Meta(
             world_origin=None if None in origin else GeodeticPoint(*origin),
             patch_px=patch_px,
             levels=levels,
@@ -136,6 +148,23 @@ class DatabaseFile:
             pixel_m=(finest_m, coarsest_m),
             digest=written,
         )
+        if not _is_possible(meta, self.path.stat().st_size):
+            raise self.damaged("impossible numbers in table meta")
+        return meta
+
+
+def _is_possible(meta: Meta, file_bytes: int) -> bool:
+    """Whether numbers are of their types, and the file is large enough for what it says to hold."""
+    counts = meta.patch_px, meta.levels, meta.max_views, meta.landmarks, meta.views
+    numbers = *meta.pixel_m, *(meta.world_origin or ())
+    if not all(isinstance(count, int) and count > 0 for count in counts):
+        return False
+    if not all(isinstance(number, int | float) and math.isfinite(number) for number in numbers):
+        return False
+    if not meta.landmarks <= meta.views or not meta.max_views <= meta.views or meta.pixel_m[0] <= 0:
+        return False
+    view_bytes = _VIEW_BYTES + meta.levels * meta.patch_px**2
+    return meta.landmarks * _LANDMARK_BYTES + meta.views * view_bytes <= file_bytes
 
 
 def _check_header(path: Path) -> None:

@@ -58,11 +58,16 @@ class LandmarkTable:
             ((first_landmark, first_view, *values),) = records
             cell = decode_cell(*values)
             rows = slice(first_landmark, first_landmark + len(cell.landmark))
+            last_view = first_view + len(cell.view_numbers)
+            if first_landmark < 0 or first_view < 0 or rows.stop > len(self.landmark):
+                raise ValueError("rows beyond the table")
+            if last_view > len(self.view_numbers) or cell.count.max() > self.view_geometry.shape[2]:
+                raise ValueError("views beyond the table")
             self.landmark[rows] = cell.landmark
             self.numbers[rows] = cell.numbers
             self.count[rows] = cell.count
             self.first[rows] = first_view + np.cumsum(cell.count) - cell.count
-            self.view_numbers[first_view : first_view + len(cell.view_numbers)] = cell.view_numbers
+            self.view_numbers[first_view:last_view] = cell.view_numbers
         except (TypeError, ValueError) as error:
             raise self._file.damaged(f"cell {cell_id}") from error
         self._span_of_cell[cell_id] = first_landmark, len(cell.landmark)

@@ -9,6 +9,7 @@ boxes outwards, so a box never loses a landmark; the arrays are float64.
 import hashlib
 import sqlite3
 import zlib
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,44 @@ _DIGESTED = {
 }
 
 
+_EARLY = {("table", "keyframe", "check_sum")}  # absent in early files
+
+
+def foreign_part(connection: sqlite3.Connection) -> str | None:
+    """Return the name of what a database has beside the schema, or lacks of it; None if it has the schema.
+
+    A view or trigger could make a query run for ever, and a table of another module could open other files.
+    """
+    found, expected = _objects(connection), _expected_objects()
+    differing = sorted((found - expected) | (expected - found - _EARLY))
+    return " ".join(differing[0]) if differing else None
+
+
+@cache
+def _expected_objects() -> frozenset[tuple[str, ...]]:
+    connection = sqlite3.connect(":memory:")
+    try:
+        connection.executescript(TABLES)
+        return _objects(connection)
+    finally:
+        connection.close()
+
+
+def _objects(connection: sqlite3.Connection) -> frozenset[tuple[str, ...]]:
+    """Return type and name of every object, and of every column of a plain table."""
+    found: set[tuple[str, ...]] = set()
+    for kind, name, sql in connection.execute("SELECT type, name, sql FROM sqlite_master").fetchall():
+        found.add((str(kind), str(name)))
+        if str(sql).startswith("CREATE VIRTUAL"):
+            found.add((str(kind), " ".join(str(sql).split())))
+        elif kind == "table":
+            columns = connection.execute("SELECT name, hidden FROM pragma_table_xinfo(?)", (name,))
+            found |= {
+                (kind, name, column if not hidden else f"hidden {column}") for column, hidden in columns
+            }
+    return frozenset(found)
+
+
 def digest(connection: sqlite3.Connection) -> str:
     """Return the SHA-256 of every value of every table except the digest itself."""
     sha = hashlib.sha256()
@@ -101,12 +140,19 @@ def decode_cell(landmark: bytes, numbers: bytes, views: bytes, view_numbers: byt
     """
     if check_sum(landmark, numbers, views, view_numbers) != crc:
         raise ValueError("check sum")
-    return Cell(
+    cell = Cell(
         np.frombuffer(landmark, "<i8"),
         np.frombuffer(numbers, "<f8").reshape(-1, 5),
         np.frombuffer(views, "<i8"),
         np.frombuffer(view_numbers, "<f8").reshape(-1, 9),
     )
+    if not len(cell.landmark) == len(cell.numbers) == len(cell.count) > 0 or cell.count.min() < 1:
+        raise ValueError("numbers of landmarks and views")
+    if int(cell.count.max()) > len(cell.view_numbers) or int(cell.count.sum()) != len(cell.view_numbers):
+        raise ValueError("numbers of landmarks and views")
+    if not (np.isfinite(cell.numbers[:, :3]).all() and np.isfinite(cell.view_numbers).all()):
+        raise ValueError("positions that are not finite")
+    return cell
 
 
 def encode_keyframe(keyframe: Keyframe) -> tuple[bytes | int, ...]:

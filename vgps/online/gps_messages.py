@@ -73,7 +73,7 @@ class Epochs:
             return []
         done = []
         if kind in _TIMED:
-            key = raw.split(b",", 2)[1]
+            key = b",".join(raw.split(b",", 2)[1:2])  # nothing in a sentence without fields
             done = self.flush() if key != self._key else []
             self._key = key
         self._epoch.append(raw.strip() + b"\n")

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import CalibrationError
 from vgps.model import Camera, FloatArray, GeodeticPoint, Rig
 from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_text
@@ -167,17 +167,14 @@ def rig_beside(file: str | Path) -> Rig:
 
 def _mapping(path: Path, *, may_be_empty: bool = False) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(read_bytes(path, CalibrationError))
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
+        content = parse_yaml(read_bytes(path, CalibrationError))
+    except YamlTextError as error:
         raise CalibrationError(
-            f"not YAML ({getattr(error, 'problem', None) or 'unreadable'})",
+            f"not YAML ({error.problem})",
             file=path,
-            place=f"line {mark.line + 1}" if mark else None,
+            place=f"line {error.line}" if error.line else None,
             expected="text with lines of the form 'key: value'",
         ) from error
-    except ValueError as error:  # an impossible date
-        raise CalibrationError(str(error), file=path) from error
     if content is None and may_be_empty:
         return {}
     if not isinstance(content, dict):

@@ -5,14 +5,12 @@ Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 
 longitude first. Some give no height, and some no times but a date a second.
 """
 
-import logging
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import srt
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
@@ -28,7 +26,9 @@ _TIMES = re.compile(rb"\d\d:\d\d:\d\d[,.]\d{1,3}\s*-->\s*\d\d:\d\d:\d\d")
 _DATE = r"\d{4}\.\d\d?\.\d\d?\s+\d\d?:\d\d:\d\d"
 _DATED = re.compile(rf"^\d+\s*\n({_DATE})(?:[,.](\d{{1,3}}))?[\d,.]*[ \t]*$", re.MULTILINE)
 _DATED_HEAD = re.compile(rf"\s*\d+\s*\n{_DATE}[^\n]*\n[^\n]*\[latitude".encode())
-logging.getLogger("srt").setLevel(logging.ERROR)  # it logs the whole text that it skips
+# bounded: the package srt takes minutes for some files of 6 kB
+_START = re.compile(r"(\d{1,9}):(\d\d):(\d\d)[,.](\d{1,3})\s{0,9}-->[^\n]*")
+_LONGEST_H = 10_000
 _STILL_S = 1.0  # a position repeated for longer than this is a new fix
 _NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
 
@@ -104,16 +104,21 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
 
 def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
     """Return the start time [s] and the text of each subtitle."""
-    try:
-        parsed = list(srt.parse(text, ignore_errors=True))
-    except OverflowError as error:
+    starts = list(_START.finditer(text))
+    if any(int(start[1]) > _LONGEST_H for start in starts):
         raise GpsLogError(
             "a subtitle at an impossible time",
             file=path,
             expected="HH:MM:SS,mmm --> HH:MM:SS,mmm",
             remedy="remove that subtitle",
-        ) from error
-    return [(subtitle.start.total_seconds(), subtitle.content) for subtitle in parsed]
+        )
+    ends = [start.start() for start in starts[1:]] + [len(text)]
+    return [(_seconds(start), text[start.end() : end]) for start, end in zip(starts, ends, strict=False)]
+
+
+def _seconds(start: re.Match[str]) -> float:
+    hours, minutes, seconds = (int(start[group]) for group in (1, 2, 3))
+    return 3600.0 * hours + 60.0 * minutes + seconds + float(f"0.{start[4]}")
 
 
 def _dated(text: str) -> list[tuple[float, str]]:

@@ -116,6 +116,8 @@ def picture_rotations(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | N
         return None
     camera, image = (_values(telemetry, key, 4)[:, [1, 2, 3, 0]] for key in ("CORI", "IORI"))
     n = min(len(camera), len(image))
+    if not (np.any(camera[:n], axis=1) & np.any(image[:n], axis=1)).all():
+        raise GyroLogError("a rotation of length zero", file=telemetry.path, place="CORI, IORI")
     rotation = Rotation.from_quat(image[:n]) * Rotation.from_quat(camera[:n])
     return _times(telemetry, "CORI")[:n], rotation.inv().as_matrix()
 

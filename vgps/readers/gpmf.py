@@ -17,6 +17,7 @@ from av.stream import Discard
 
 from vgps.errors import RecordingError
 from vgps.model import FloatArray
+from vgps.readers.container import open_container
 
 _HEADER = struct.Struct(">4sBBH")
 _REPEATED = re.compile(r"(.)\[(\d+)\]")  # "f[3]" stands for "fff" in a TYPE
@@ -146,7 +147,7 @@ def packets(video: Path) -> list[Packet]:
         RecordingError: The video cannot be read.
     """
     try:
-        with av.open(str(video)) as container:
+        with open_container(video) as container:
             track = next((stream for stream in container.streams if _is_gpmf(stream)), None)
             if track is None:
                 return []

@@ -10,6 +10,7 @@ import numpy as np
 
 from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, GrayImage, RgbImage
+from vgps.readers.container import check_size, open_container
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
 from vgps.readers.luma import ahead, colours, luma, upright_size
 
@@ -141,7 +142,9 @@ def _files(folder: Path, times: FrameTimes) -> list[Path]:
 
 def _picture(file: Path) -> av.VideoFrame | None:
     try:
-        with av.open(str(file)) as container:
+        with open_container(file) as container:
+            for stream in container.streams.video:
+                check_size(stream.width, stream.height, file, image=True)
             return next(container.decode(video=0), None)
     except (av.error.FFmpegError, OSError, IndexError):
         return None

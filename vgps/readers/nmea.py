@@ -156,7 +156,7 @@ def _time_of_day(message: Any, raw: bytes) -> float | None:
 def _date(kind: bytes, message: Any) -> date | None:
     if kind == b"RMC":
         # before its first fix a receiver may give the date of its firmware
-        valid = getattr(message, "status", "") == "A" and isinstance(message.date, date)
+        valid = getattr(message, "status", "") == "A" and isinstance(getattr(message, "date", None), date)
         return message.date if valid else None
     try:
         return date(int(message.year), int(message.month), int(message.day))

@@ -1,21 +1,23 @@
 """Run folders, read back into the Solution from which they were written."""
 
 import json
+import lzma
 import math
 import zipfile
 import zlib
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import yaml
 
 from vgps.config import Config, present_names
+from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import RunFolderError
 from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
+from vgps.readers.run_checks import REMEDY, Arrays, check_archive, check_arrays, check_summary
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -28,18 +30,19 @@ from vgps.solution import (
 )
 
 SCHEMA_VERSION = 1  # of the files of a run folder; files without a version are of this one
-Arrays = Mapping[str, npt.NDArray[Any]]
-_REMEDY = "run vgps smooth again"
 # raised by zipfile and NumPy on damaged bytes; RuntimeError: a member marked as encrypted or newer
 _BAD_ARCHIVE = (
     zipfile.BadZipFile,
     zlib.error,
+    lzma.LZMAError,
     OSError,
     EOFError,
     TypeError,
     ValueError,
     KeyError,
     RuntimeError,
+    SyntaxError,  # these two: the header of an array
+    TokenError,
 )
 
 
@@ -53,15 +56,16 @@ def read_run(path: Path) -> Solution:
     """
     summary = read_summary(path)
     file = path / "measurements.npz"
+    check_summary(summary, path / "solution.json")
     arrays = _read_arrays(file)
+    check_arrays(arrays, file)
     config = _read_config(path / "config.yaml")
     try:
         solution = _assemble(arrays, summary, config)
     except KeyError as error:
-        raise RunFolderError(f"{error} is missing", file=path, remedy=_REMEDY) from error
+        raise RunFolderError(f"{error} is missing", file=path, remedy=REMEDY) from error
     except (AttributeError, TypeError, ValueError) as error:
-        raise RunFolderError(f"is damaged ({error})", file=path, remedy=_REMEDY) from error
-    _check(solution, file)
+        raise RunFolderError(f"is damaged ({error})", file=path, remedy=REMEDY) from error
     return solution
 
 
@@ -76,10 +80,10 @@ def read_summary(path: Path) -> dict[str, Any]:
     file = path / "solution.json"
     try:
         summary = json.loads(_bytes(file))
-    except ValueError as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=_REMEDY) from error
+    except (ValueError, RecursionError) as error:
+        raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=REMEDY) from error
     if not isinstance(summary, dict):
-        raise RunFolderError("not a JSON object", file=file, remedy=_REMEDY)
+        raise RunFolderError("not a JSON object", file=file, remedy=REMEDY)
     _check_schema(summary.get("schema_version"), file)
     return summary
 
@@ -104,7 +108,7 @@ def _bytes(file: Path) -> bytes:
         return file.read_bytes()
     except FileNotFoundError as error:
         raise RunFolderError(
-            "is missing", file=file, expected="a run folder, as vgps smooth writes it", remedy=_REMEDY
+            "is missing", file=file, expected="a run folder, as vgps smooth writes it", remedy=REMEDY
         ) from error
     except OSError as error:
         raise RunFolderError(f"cannot be read ({error.strerror})", file=file) from error
@@ -112,13 +116,14 @@ def _bytes(file: Path) -> bytes:
 
 def _read_arrays(file: Path) -> Arrays:
     if not file.is_file():
-        raise RunFolderError("is missing", file=file, remedy=_REMEDY)
+        raise RunFolderError("is missing", file=file, remedy=REMEDY)
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            check_archive(archive.zip, file.stat().st_size)
             arrays = {key: archive[key] for key in archive.files}
     except _BAD_ARCHIVE as error:
         raise RunFolderError(
-            f"is damaged ({error})", file=file, expected="a NumPy archive", remedy=_REMEDY
+            f"is damaged ({error})", file=file, expected="a NumPy archive", remedy=REMEDY
         ) from error
     _check_schema(arrays["schema_version"].tolist() if "schema_version" in arrays else None, file)
     return arrays
@@ -126,15 +131,15 @@ def _read_arrays(file: Path) -> Arrays:
 
 def _read_config(file: Path) -> dict[str, Any]:
     try:
-        config = yaml.safe_load(_bytes(file)) or {}
-    except yaml.YAMLError as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=_REMEDY) from error
+        config = parse_yaml(_bytes(file)) or {}
+    except YamlTextError as error:
+        raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=REMEDY) from error
     if not isinstance(config, dict):
-        raise RunFolderError("not a YAML mapping", file=file, remedy=_REMEDY)
+        raise RunFolderError("not a YAML mapping", file=file, remedy=REMEDY)
     try:
         return present_names(config, Config)[0]
     except ValueError as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, remedy=_REMEDY) from error
+        raise RunFolderError(f"is damaged ({error})", file=file, remedy=REMEDY) from error
 
 
 def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:
@@ -217,35 +222,3 @@ def _report(summary: Mapping[str, Any]) -> SolverReport:
         for when in ("before", "after")
     )
     return SolverReport(before, after, summary["iterations"], summary["stop_reason"])
-
-
-def _check(solution: Solution, file: Path) -> None:
-    frames, landmarks = len(solution.t_s), len(solution.landmarks.world_p_landmark)
-    observed = solution.observations
-    shapes = {
-        "world_T_camera": (solution.world_T_camera.shape, (frames, 4, 4)),
-        "sigma_rotation_rad": (solution.sigma_rotation_rad.shape, (frames, 3)),
-        "sigma_position_m": (solution.sigma_position_m.shape, (frames, 3)),
-        "state": ((len(solution.state),), (frames,)),
-        "landmarks.sigma_px": (solution.landmarks.sigma_px.shape, (landmarks,)),
-        "observations.landmark": (observed.landmark.shape, observed.frame.shape),
-        "observations.uv_px": (observed.uv_px.shape, (*observed.frame.shape, 2)),
-    }
-    if solution.world_p_before is not None:
-        shapes["world_p_before"] = (solution.world_p_before.shape, (frames, 3))
-    if solution.fixes is not None:
-        fixes = 0 if solution.gps is None else len(solution.gps)
-        shapes["fixes.residual_m"] = (solution.fixes.residual_m.shape, (fixes, 3))
-    for key, (found, expected) in shapes.items():
-        if found != expected:
-            raise RunFolderError(
-                f"shape {found}", file=file, place=f"key {key}", expected=f"shape {expected}", remedy=_REMEDY
-            )
-    for key, rows, count in (("frame", observed.frame, frames), ("landmark", observed.landmark, landmarks)):
-        if rows.size and not 0 <= rows.min() <= rows.max() < count:
-            raise RunFolderError(
-                f"points at row {rows.max()} of {count}",
-                file=file,
-                place=f"key observations.{key}",
-                remedy=_REMEDY,
-            )

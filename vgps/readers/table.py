@@ -118,7 +118,12 @@ def read_table(path: Path, error: type[VgpsError]) -> Table:
     if not numbered:
         raise error("only comments", file=path, expected="a line of column names, then rows")
     delimiter = _delimiter(numbered[0][1])
-    rows = list(csv.reader((line for _, line in numbered), delimiter=delimiter, strict=False))
+    try:
+        rows = list(csv.reader((line for _, line in numbered), delimiter=delimiter, strict=False))
+    except csv.Error as problem:
+        raise error(
+            f"not a table ({problem})", file=path, expected="rows of cells separated by commas"
+        ) from problem
     columns = tuple(_normal(cell) for cell in rows[0])
     twice = [name for name, count in Counter(columns).items() if count > 1 and name]
     if twice:

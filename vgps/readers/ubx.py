@@ -21,6 +21,7 @@ _NAV_PVT = b"\xb5\x62\x01\x07"
 _MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and the length
 _TOW_AT = {"NAV-PVT": 0, "NAV-HPPOSLLH": 4, "NAV-DOP": 0}  # offset of the time of week in the payload
 _LEAST_BYTES = {"NAV-PVT": 84, "NAV-HPPOSLLH": 36, "NAV-DOP": 18}  # of a payload in the oldest protocol
+_MOST_BYTES = 200  # of these payloads in any protocol; a damaged length would cost the check sum of 64 kB
 _ERRORS = (UBXMessageError, UBXParseError, UBXStreamError, UBXTypeError, ValueError, struct.error)
 _HALF_WEEK_MS = 302_400_000
 _FRAME = 8  # bytes around a payload
@@ -103,6 +104,9 @@ def _messages(data: bytes) -> Iterator[Any | None]:
     """
     for match in _MESSAGE.finditer(data):
         length = int.from_bytes(match[2], "little")
+        if length > _MOST_BYTES:
+            yield None
+            continue
         try:
             message = UBXReader.parse(data[match.start() : match.start() + length + _FRAME])
         except _ERRORS:

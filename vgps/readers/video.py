@@ -11,6 +11,7 @@ import numpy as np
 
 from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, RgbImage
+from vgps.readers.container import check_size, open_container
 from vgps.readers.frame_times import FrameTimes, read_frame_times
 from vgps.readers.luma import ahead, colours, luma, upright_size
 
@@ -53,7 +54,7 @@ class VideoFile:
         times = read_frame_times(Path(frame_times)) if frame_times is not None else None
         if not self.path.is_file():
             raise VideoError("no such video", file=self.path)
-        with _video_errors(self.path), av.open(str(self.path)) as container:
+        with _video_errors(self.path), open_container(self.path) as container:
             self._slots = _slots(container, self.path, times)
         with contextlib.closing(self._pictures()) as pictures:
             first = next(pictures, None)
@@ -116,7 +117,7 @@ class VideoFile:
         self._warn(lost, doubtful, extra)
 
     def _pictures(self) -> Generator[av.VideoFrame]:
-        with _video_errors(self.path), av.open(str(self.path)) as container:
+        with _video_errors(self.path), open_container(self.path) as container:
             stream = _stream(container, self.path)
             stream.thread_type = "AUTO"
             for number, packet in enumerate(_packets(container, stream)):
@@ -161,6 +162,9 @@ def _stream(container: av.container.InputContainer, path: Path) -> av.VideoStrea
     stream = container.streams.best("video")
     if not isinstance(stream, av.VideoStream):
         raise VideoError("no video stream", file=path, expected="a video")
+    if stream.codec_context is None:
+        raise VideoError("no decoder for its codec", file=path, expected="a video that FFmpeg decodes")
+    check_size(stream.width, stream.height, path)
     return stream
 
 

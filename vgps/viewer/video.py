@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 
 from vgps.model import FloatArray, Frame, IntArray, Video
+from vgps.readers.container import open_container
 from vgps.readers.luma import quarter_turns
 from vgps.readers.video import VideoFile
 from vgps.viewer.run_stream import RunStream
@@ -83,7 +84,7 @@ def _picture_of_frame(t_s: FloatArray, stamps_ns: IntArray) -> IntArray:
 def _mp4(file: Path) -> tuple[bytes, str] | None:
     """Return the video as the bytes of an MP4, and its codec; None if the viewer cannot show it."""
     try:
-        with av.open(str(file)) as container:
+        with open_container(file) as container:
             stream = container.streams.video[0]
             codec = stream.codec_context.name
             codec = {"libdav1d": "av1", "libaom-av1": "av1"}.get(codec, codec)
@@ -99,7 +100,7 @@ def _mp4(file: Path) -> tuple[bytes, str] | None:
 def _remux(file: Path) -> bytes:
     """Return the same packets in an MP4."""
     out = io.BytesIO()
-    with av.open(str(file)) as source, av.open(out, "w", format="mp4") as target:
+    with open_container(file) as source, av.open(out, "w", format="mp4") as target:
         stream = source.streams.video[0]
         copy = target.add_stream_from_template(stream)
         for packet in source.demux(stream):

@@ -1,0 +1,178 @@
+"""Checks of a run folder's files before they are believed: types, shapes, sizes."""
+
+import math
+import zipfile
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
+
+from vgps.errors import RunFolderError
+from vgps.readers.fixes import HIGHEST_M
+
+REMEDY = "run vgps smooth again"
+Arrays = Mapping[str, npt.NDArray[Any]]
+
+_UNPACKED = 20  # times the size of the archive, which vgps writes uncompressed
+_ORTHOGONAL = 1e-3  # tolerance of a rotation
+_PER_FIX = "t_s", "latitude_deg", "longitude_deg", "height_m", "hdop", "satellites", "correction_age_s"
+_FLOATS: dict[str, tuple[str | int, ...]] = {
+    "t_s": ("frames",),
+    "world_T_camera": ("frames", 4, 4),
+    "sigma_rotation_rad": ("frames", 3),
+    "sigma_position_m": ("frames", 3),
+    "world_p_before": ("frames", 3),
+    "camera_p_antenna": (3,),
+    "landmarks.world_p_landmark": ("landmarks", 3),
+    "landmarks.sigma_px": ("landmarks",),
+    "observations.uv_px": ("observations", 2),
+    **{f"gps.{name}": ("fixes",) for name in _PER_FIX},
+    "gps.sigma_m": ("fixes", 3),
+    "fixes.world_p_fix": ("fixes", 3),
+    "fixes.residual_m": ("fixes", 3),
+    **{f"fixes.{name}": ("fixes",) for name in ("r_m", "h_m", "probability")},
+}
+_INTEGERS = {
+    "observations.frame": "observations",
+    "observations.landmark": "observations",
+    "landmarks.gray": "landmarks",
+    "gps.line": "fixes",
+}
+_WORDS = {"state": "frames", "gps.fix_class": "fixes", "fixes.verdict": "fixes", "fixes.reason": "fixes"}
+_SHAPES = {**_FLOATS, **{key: (name,) for key, name in (_INTEGERS | _WORDS).items()}}
+
+
+class _Origin(BaseModel):
+    latitude_deg: Annotated[FiniteFloat, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[FiniteFloat, Field(ge=-360, le=360)]
+    height_m: FiniteFloat
+
+
+class _Camera(BaseModel):
+    model: Literal["pinhole", "opencv", "fisheye", "tsai"]
+    width: Annotated[int, Field(gt=0, le=1_000_000)]
+    height: Annotated[int, Field(gt=0, le=1_000_000)]
+    fx: Annotated[FiniteFloat, Field(gt=0)]
+    fy: Annotated[FiniteFloat, Field(gt=0)]
+    cx: FiniteFloat
+    cy: FiniteFloat
+    distortion: Annotated[list[FiniteFloat], Field(max_length=8)]
+    pixel_mm: tuple[FiniteFloat, FiniteFloat] | None
+
+
+class _Sensors(BaseModel):
+    lag_s: FiniteFloat
+    lag_sigma_s: FiniteFloat | None
+    antenna_sigma_m: tuple[FiniteFloat | None, FiniteFloat | None, FiniteFloat | None]
+    camera_sigma: dict[str, FiniteFloat | None] = {}
+
+
+class _Cost(BaseModel):
+    terms: dict[str, FiniteFloat | None]
+
+
+class _Energy(BaseModel):
+    before: _Cost
+    after: _Cost
+
+
+class _Gps(BaseModel):
+    source: str
+    skipped: list[str]
+
+
+class _Summary(BaseModel):
+    recording: str | None
+    world_origin: _Origin | None
+    georeferenced: bool
+    camera: _Camera
+    sensors: _Sensors
+    energy: _Energy
+    iterations: int
+    stop_reason: str
+    seconds: dict[str, FiniteFloat]
+    warnings: list[str]
+    gps: _Gps | None
+    video_start_utc: datetime | None = None
+
+
+def check_summary(summary: Mapping[str, Any], file: Path) -> None:
+    """Check the contents of ``solution.json``; unknown keys are of a later version.
+
+    Raises:
+        RunFolderError: A key is missing or has a value of another kind.
+    """
+    try:
+        _Summary.model_validate(summary, strict=False)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        found = "is missing" if first["type"] == "missing" else f"is damaged ({first['msg']})"
+        place = f"key {'.'.join(str(part) for part in first['loc'])}"
+        raise RunFolderError(found, file=file, place=place, remedy=REMEDY) from error
+
+
+def check_archive(archive: zipfile.ZipFile, file_bytes: int) -> None:
+    """Check what an archive of arrays says it holds, before it is unpacked.
+
+    Raises:
+        ValueError: It would unpack to far more than it is, or an array would be larger than its values.
+    """
+    for member in archive.infolist():
+        if member.file_size > _UNPACKED * file_bytes:
+            raise ValueError(f"{member.filename} unpacks to {member.file_size} bytes")
+        with archive.open(member) as stream:
+            read = np.lib.format.read_array_header_2_0
+            if np.lib.format.read_magic(stream) == (1, 0):
+                read = np.lib.format.read_array_header_1_0
+            shape, _, dtype = read(stream)
+        if math.prod(shape) * max(dtype.itemsize, 1) > member.file_size:
+            raise ValueError(f"{member.filename} has fewer values than its shape {shape} needs")
+
+
+def check_arrays(arrays: Arrays, file: Path) -> None:
+    """Check types and shapes of the arrays, and that observations name frames and landmarks that exist.
+
+    Raises:
+        RunFolderError: An array does not fit, or has impossible values.
+    """
+    sizes: dict[str, int] = {}
+    for key, names in _SHAPES.items():
+        if key not in arrays:
+            continue
+        array = arrays[key]
+        if array.ndim == len(names):  # the first array of a kind sets the number
+            for name, size in zip(names, array.shape, strict=True):
+                sizes.setdefault(str(name), size)
+        expected = tuple(name if isinstance(name, int) else sizes.get(name, 0) for name in names)
+        if array.shape != expected:
+            raise _damaged(f"shape {array.shape}", key, file, f"shape {expected}")
+        kinds = "f" if key in _FLOATS else "iu" if key in _INTEGERS else "U"
+        if array.dtype.kind not in kinds:
+            raise _damaged(f"values of type {array.dtype}", key, file, "floats" if kinds == "f" else None)
+    for key, name in (("observations.frame", "frames"), ("observations.landmark", "landmarks")):
+        rows = arrays.get(key, np.zeros(0, np.int64))
+        if rows.size and not 0 <= rows.min() <= rows.max() < sizes.get(name, 0):
+            raise _damaged(f"points at row {rows.max()} of {sizes.get(name, 0)}", key, file)
+    _check_poses(arrays, file)
+
+
+def _check_poses(arrays: Arrays, file: Path) -> None:
+    t_s, poses = arrays.get("t_s"), arrays.get("world_T_camera")
+    if t_s is None or poses is None:
+        return  # reported by name when the solution is assembled
+    if not np.isfinite(t_s).all() or (np.diff(t_s) <= 0).any():
+        raise _damaged("times are not in order", "t_s", file)
+    R = poses[:, :3, :3]
+    possible = bool((np.abs(poses) <= HIGHEST_M).all())
+    if not possible or (np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)) > _ORTHOGONAL).any():
+        raise _damaged("poses without a rotation", "world_T_camera", file)
+    if (np.linalg.det(R) < 0).any():
+        raise _damaged("poses with a reflection", "world_T_camera", file)
+
+
+def _damaged(found: str, key: str, file: Path, expected: str | None = None) -> RunFolderError:
+    return RunFolderError(found, file=file, place=f"key {key}", expected=expected, remedy=REMEDY)
