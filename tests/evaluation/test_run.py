@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from solutions import make_solution
 from trajectories import random_walk, trajectory
 
+from vgps.crs import coordinate_system
+from vgps.crs.frames import poses_in_system
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu, to_geodetic
@@ -146,3 +148,20 @@ def test_the_tolerance_limits_which_frames_match() -> None:
     assert evaluate(late, poses).frames_matched == 40  # by default half of 0.1 s
     with pytest.raises(TrajectoryError, match=r"^the estimate covers .* at most 0\.02 s apart"):
         evaluate(late, poses, tolerance_s=0.02)
+
+
+def test_a_truth_in_a_projected_system_with_heights_above_a_geoid(tmp_path: Path) -> None:
+    poses = random_walk(5)
+    write_run_folder(tmp_path / "run", poses)
+    system = coordinate_system(ORIGIN[:2], "EPSG:32632", "egm96")
+    write_tum(
+        Trajectory(poses.t_s, poses_in_system(system, ORIGIN, poses.world_T_camera)), tmp_path / "truth.tum"
+    )
+    found = evaluate(tmp_path / "run", tmp_path / "truth.tum", crs="EPSG:32632", geoid="egm96")
+    assert found.camera_position_m.max < 1e-4 and found.rotation_deg.max < 1e-4
+    assert found.notes[0].startswith("the truth is in WGS 84 / UTM zone 32N (EPSG:32632), height above the g")
+    # without the geoid, the truth is as much too low
+    off = evaluate(tmp_path / "run", tmp_path / "truth.tum", crs="EPSG:32632")
+    assert off.camera_vertical_m is not None and 47.0 < off.camera_vertical_m.mean < 49.0
+    with pytest.raises(TrajectoryError, match="a geoid without a coordinate system"):
+        evaluate(tmp_path / "run", tmp_path / "truth.tum", geoid="egm96")

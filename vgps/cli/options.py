@@ -46,12 +46,14 @@ class RecordingFiles(CalibrationFiles):
         control_points: Another control_points.csv or gcp_list.txt; a path, or a name inside the folder.
         control_crs: Coordinate system of the control points, as EPSG:25832+7837.
         control_geoid: What the heights of the control points are above: egm96, a grid file, or metres.
+        image_topic: Topic of the images of a ROS bag or MCAP file that has several.
     """
 
     gps: str | None = None
     control_points: str | None = None
     control_crs: str | None = None
     control_geoid: str | None = None
+    image_topic: str | None = None
 
 
 @Parameter(name="*")

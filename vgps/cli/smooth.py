@@ -41,6 +41,7 @@ def smooth(
         rig=files.rig,
         control_points=files.control_points,
         control_system=PointSystem(files.control_crs, files.control_geoid),
+        image_topic=files.image_topic,
     )
     solution = smooth_recording(opened, config, TerminalProgress())
     write_run(solution, out)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.crs import coordinate_system
+from vgps.crs.frames import poses_in_world
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluation.metrics import Evaluation, trajectory_errors
 from vgps.geodesy import enu_R_ecef, to_enu, to_geodetic
@@ -25,6 +27,8 @@ def evaluate(
     truth: Trajectory | Path | str,
     *,
     tolerance_s: float | None = None,
+    crs: str | None = None,
+    geoid: str | None = None,
 ) -> Evaluation:
     """Evaluate a run against a truth, without aligning one to the other.
 
@@ -38,8 +42,11 @@ def evaluate(
             (``video_start_s``) and origin (``world_origin``); or poses in the run's world and on its clock.
         tolerance_s: Largest time difference of matched frames [s]; by default half the median frame interval
             of the run.
+        crs, geoid: What the coordinates of a truth file are in, if not ENU, as for `coordinate_system`:
+            easting, northing and height, and rotations about these axes.
 
     Raises:
+        CoordinateSystemError: The coordinate system or geoid is unknown, or lacks its grid.
         RunFolderError: A file of the run folder is missing or damaged.
         TrajectoryError: A trajectory is malformed, or run and truth do not overlap in time.
         CalibrationError: The ``rig.yaml`` beside the truth is malformed.
@@ -48,7 +55,7 @@ def evaluate(
     if isinstance(truth, Trajectory):
         true, notes = truth, estimate.notes
     else:
-        true, notes = _true_poses(Path(truth), estimate)
+        true, notes = _true_poses(Path(truth), estimate, (crs, geoid))
     try:
         evaluation = trajectory_errors(
             estimate.poses,
@@ -139,11 +146,15 @@ def _read_sigmas(file: Path, frames: int) -> FloatArray | None:
     return np.array(rows) if len(rows) == frames else None
 
 
-def _true_poses(truth: Path, estimate: _Estimate) -> tuple[Trajectory, tuple[str, ...]]:
+def _true_poses(
+    truth: Path, estimate: _Estimate, system: tuple[str | None, str | None]
+) -> tuple[Trajectory, tuple[str, ...]]:
     """Return the truth in the world of the estimate, and the notes."""
     rig = rig_beside(truth)
     true = read_trajectory(truth, video_start_s=rig.video_start_s)
     origin = estimate.world_origin
+    if any(system):
+        return _from_system(true, truth, estimate, system)
     if origin is None or rig.world_origin is None or _same(origin, rig.world_origin):
         return true, estimate.notes
     note = (
@@ -151,6 +162,23 @@ def _true_poses(truth: Path, estimate: _Estimate) -> tuple[Trajectory, tuple[str
         "the truth was expressed in the run's world"
     )
     return change_origin(true, rig.world_origin, origin), (*estimate.notes, note)
+
+
+def _from_system(
+    true: Trajectory, truth: Path, estimate: _Estimate, system: tuple[str | None, str | None]
+) -> tuple[Trajectory, tuple[str, ...]]:
+    """Return a truth given in a coordinate system in the world of the estimate, and the notes."""
+    origin, (crs, geoid) = estimate.world_origin, system
+    if crs is None or origin is None:
+        raise TrajectoryError(
+            "a geoid without a coordinate system" if crs is None else "a run without a world origin",
+            file=truth,
+            remedy="name the truth's system with --crs EPSG:NNNN" if crs is None else "omit --crs",
+        )
+    converter = coordinate_system(origin[:2], crs, geoid)
+    poses = poses_in_world(converter, origin, true.world_T_camera)
+    note = f"the truth is in {converter.description}"
+    return Trajectory(true.t_s, poses), (*estimate.notes, note, *converter.notes)
 
 
 def _same(a: GeodeticPoint, b: GeodeticPoint) -> bool:

@@ -9,16 +9,21 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, GpsLog, Rig
+from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
+from vgps.readers.fit import looks_like_fit, read_fit
 from vgps.readers.fixes import DAY_S, EPOCH, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gpx import looks_like_gpx, read_gpx
+from vgps.readers.igc import looks_like_igc, read_igc
+from vgps.readers.mavlink import looks_like_mavlink, read_mavlink
 from vgps.readers.nmea import looks_like_nmea, read_nmea
 from vgps.readers.rtklib import looks_like_pos, read_pos
 from vgps.readers.table import read_bytes
 from vgps.readers.ubx import looks_like_ubx, read_ubx
+from vgps.readers.ulog import looks_like_ulog, read_ulog
 
 _SAME_TIME_S = 1e-6
 
@@ -31,17 +36,22 @@ class _Format:
 
 
 _FORMATS = (
+    _Format("ulog", looks_like_ulog, read_ulog),
+    _Format("mavlink", looks_like_mavlink, read_mavlink),
+    _Format("fit", looks_like_fit, read_fit),
+    _Format("bag", looks_like_bag, lambda _, path: read_bag_fixes(path)),
     _Format("ubx", looks_like_ubx, lambda data, _: read_ubx(data)),
     _Format("gpx", looks_like_gpx, read_gpx),
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
     _Format("pos", looks_like_pos, read_pos),
+    _Format("igc", looks_like_igc, read_igc),
     _Format("srt", looks_like_srt, read_dji_srt),
     _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
 )
 
 
 def gps_format(path: str | Path) -> str | None:
-    """Return ``ubx``, ``gpx``, ``nmea``, ``pos``, ``srt``, ``csv`` or None, judging by the content."""
+    """Return the name of a log's format (``ubx``, ``gpx``, ``nmea``, ...) by its content; None if unknown."""
     try:
         data = Path(path).read_bytes()
     except OSError:
@@ -50,9 +60,7 @@ def gps_format(path: str | Path) -> str | None:
 
 
 def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry | None = None) -> GpsLog:
-    """Read a GPS log: UBX, GPX, NMEA, RTKLIB ``.pos``, DJI subtitles, CSV, or a GoPro's video.
-
-    The content tells the format.
+    """Read a GPS log of any format that the README of this room lists; the content tells the format.
 
     Args:
         path: The file.
@@ -68,7 +76,15 @@ def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry 
             or in UTC while the rig has no ``video_start_utc``.
     """
     path = Path(path)
-    raw = _read(path) if telemetry is None else read_gopro_gps(telemetry)
+    return gps_log(_read(path) if telemetry is None else read_gopro_gps(telemetry), rig, path)
+
+
+def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
+    """Return the fixes of a log on the video's clock, in order and without impossible ones.
+
+    Raises:
+        GpsLogError: As from :func:`read_gps_log`.
+    """
     notes = list(raw.notes)
     fixes = _in_order(_with_position(raw.fixes, notes), notes)
     if not fixes:
@@ -91,8 +107,8 @@ def _read(path: Path) -> RawLog:
         raise GpsLogError(
             "not a GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, DJI subtitles, a GoPro video, or "
-            "a CSV with latitude_deg and longitude_deg",
+            expected="UBX with NAV-PVT, NMEA with GGA, GPX, an RTKLIB .pos, IGC, FIT, MAVLink, ULog, a ROS "
+            "bag, DJI subtitles, a GoPro video, or a CSV with latitude_deg and longitude_deg",
             remedy=_remedy(data),
         )
     return form.read(data, path)

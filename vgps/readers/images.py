@@ -11,6 +11,7 @@ import numpy as np
 from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, GrayImage, RgbImage
 from vgps.readers.container import check_size, open_container
+from vgps.readers.exif import picture_times
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
 from vgps.readers.luma import ahead, colours, luma, upright_size
 
@@ -19,10 +20,11 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
 
 
 class ImageFolder:
-    """Images in order of their names (numbers by value) with the times of ``frame_times.csv``.
+    """Images in order of their names (numbers by value) with their times.
 
-    A column ``file`` names the images; a column ``frame`` numbers the sorted ones from 0. An image that
-    cannot be decoded becomes a black frame, with an entry in ``warnings`` and in the log.
+    Times are those of ``frame_times.csv``: a column ``file`` names the images, a column ``frame`` numbers the
+    sorted ones from 0. Without the table, they are the pictures' EXIF, and the order is that of time. An
+    image that cannot be decoded becomes a black frame, with an entry in ``warnings`` and in the log.
     """
 
     def __init__(self, path: str | Path, frame_times: str | Path | None = None) -> None:
@@ -30,13 +32,14 @@ class ImageFolder:
 
         Args:
             path: The folder.
-            frame_times: The table; by default ``frame_times.csv`` in the folder or beside it.
+            frame_times: The table; by default ``frame_times.csv`` in the folder or beside it, else the times
+                of the pictures' EXIF.
 
         Raises:
             VideoError: There are no images or no times, or their numbers differ.
         """
         self.path = Path(path)
-        times = read_frame_times(_table(self.path, frame_times))
+        times = _times(self.path, frame_times)
         self.files = _files(self.path, times)
         self._times_s: FloatArray = times.t_s - times.t_s[0]
         self.start_s = float(times.t_s[0])
@@ -108,19 +111,16 @@ def _parts(file: Path) -> list[str]:
     return re.findall(r"\d+|\D+", file.stem)
 
 
-def _table(folder: Path, given: str | Path | None) -> Path:
+def _times(folder: Path, given: str | Path | None) -> FrameTimes:
+    """Return the times of the table that is given or lies in the folder or beside it, or of the pictures."""
     if given is not None:
-        return Path(given)
+        return read_frame_times(Path(given))
     if not folder.is_dir():
         raise VideoError("no such folder of images", file=folder)
     for table in (folder / FRAME_TIMES, folder.parent / FRAME_TIMES):
         if table.is_file():
-            return table
-    raise VideoError(
-        f"images without {FRAME_TIMES}",
-        file=folder,
-        remedy=f"add {FRAME_TIMES} with columns file,t_s or frame,t_s",
-    )
+            return read_frame_times(table)
+    return picture_times(folder, list_images(folder))
 
 
 def _files(folder: Path, times: FrameTimes) -> list[Path]:

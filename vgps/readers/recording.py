@@ -2,26 +2,27 @@
 
 import logging
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from vgps.errors import CalibrationError, GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, Video
+from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import PointSystem, read_control_points
-from vgps.readers.frame_times import FRAME_TIMES
+from vgps.readers.exif import picture_start_utc, read_exif_fixes
 from vgps.readers.gopro import GYRO_R_CAMERA, gopro_exposures, gps_stream, read_gopro_gps, read_gopro_gyro
 from vgps.readers.gpmf import Telemetry, read_gpmf
-from vgps.readers.gps import check_overlap, gps_format, read_gps_log
+from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
-from vgps.readers.images import ImageFolder, list_images
+from vgps.readers.images import ImageFolder
+from vgps.readers.sources import PathLike, Source, opened, place_of
 from vgps.readers.video import VideoFile
 
 log = logging.getLogger(__name__)
 _CAMERAS = ("camera.yaml", "camera.yml", "camera.xml", "camera.json", "camchain.yaml", "cameras.txt")
-_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
-PathLike = str | Path
 
 
 def open_recording(
@@ -32,6 +33,7 @@ def open_recording(
     rig: PathLike | None = None,
     control_points: PathLike | None = None,
     control_system: PointSystem | None = None,
+    image_topic: str | None = None,
     with_gps: bool = True,
 ) -> Recording:
     """Open a recording; the video is indexed, its frames are not decoded yet.
@@ -44,6 +46,7 @@ def open_recording(
             other files beside it.
         gps, camera, rig, control_points: Other files to use; a path, or a name inside the folder.
         control_system: What the coordinates of the control points are in, unless they say so.
+        image_topic: Topic of the images of a bag that has several.
         with_gps: Whether to look for a GPS log.
 
     Returns:
@@ -56,16 +59,18 @@ def open_recording(
             is not the video's, there are several GPS logs and none is named, or no fix is during the video.
     """
     path = Path(path)
-    folder, source = _place(path)
-    video = _opened(source)
+    folder, source = place_of(path)
+    video = opened(source, image_topic)
     lens = _camera(_given(folder, camera, *_CAMERAS), folder, video)
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig()
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
         # frame_times.csv is on the clock of gyro.csv
         mount = replace(mount, video_start_s=video.start_s)
+    if mount.video_start_utc is None:
+        mount = replace(mount, video_start_utc=_start_utc(video))
     telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
-    gyro = _gyro(folder, mount, telemetry)
+    gyro = _gyro(folder, mount, telemetry, video if isinstance(video, BagVideo) else None)
     mount = _with_gopro(mount, telemetry, gyro)
     points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
     return Recording(
@@ -79,13 +84,11 @@ def open_recording(
     )
 
 
-def open_video(path: PathLike) -> VideoFile | ImageFolder:
-    """Return the video or the folder of images of a recording, or beside it, without the other files.
-
-    Raises:
-        RecordingError, VideoError: There is none, or it cannot be read.
-    """
-    return _opened(_place(Path(path))[1])
+def _start_utc(video: Source) -> datetime | None:
+    """Return the UTC of the first frame, where the images or the bag say it."""
+    if isinstance(video, ImageFolder):
+        return picture_start_utc(video.files[0])
+    return video.start_utc if isinstance(video, BagVideo) else None
 
 
 def find_gps_logs(folder: PathLike) -> list[Path]:
@@ -101,45 +104,7 @@ def find_rig(path: PathLike, rig: PathLike | None = None) -> Path | None:
     Raises:
         RecordingError: There is no video, or the named ``rig`` is missing.
     """
-    return _given(_place(Path(path))[0], rig, "rig.yaml")
-
-
-def _place(path: Path) -> tuple[Path, Path]:
-    """Return the folder of the other files, and the video or folder of images."""
-    if path.is_file():
-        return path.parent, path
-    if not path.is_dir():
-        raise RecordingError(
-            "no such recording", file=path, expected="a folder with video.mp4 and camera.yaml, or a video"
-        )
-    videos = [file for suffix in _SUFFIXES if (file := path / f"video{suffix}").is_file()]
-    if len(videos) > 1:
-        names = ", ".join(file.name for file in videos)
-        raise RecordingError(
-            f"several videos: {names}", file=path, remedy="name one of them as the recording"
-        )
-    if videos:
-        return path, videos[0]
-    inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and list_images(sub))
-    if list_images(path):
-        # a folder of images: the other files are in it, or beside it
-        inside = any((path / name).is_file() for name in ("camera.yaml", "rig.yaml"))
-        return (path if inside else path.parent), path
-    if len(inner) == 1:
-        return path, inner[0]
-    found = f"several folders of images: {', '.join(sub.name for sub in inner)}" if inner else "no video"
-    raise RecordingError(
-        found,
-        file=path,
-        expected="video.mp4, video.mov, video.avi or one folder of images with frame_times.csv",
-    )
-
-
-def _opened(path: Path) -> VideoFile | ImageFolder:
-    if path.is_dir():
-        return ImageFolder(path)
-    table = path.parent / FRAME_TIMES
-    return VideoFile(path, table if table.is_file() else None)
+    return _given(place_of(Path(path))[0], rig, "rig.yaml")
 
 
 def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
@@ -153,6 +118,8 @@ def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
 
 
 def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
+    if file is None and isinstance(video, BagVideo) and (found := video.camera()) is not None:
+        return found
     if file is None:
         raise RecordingError(
             "no camera.yaml",
@@ -175,7 +142,7 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
     if name is None:
         logs = find_gps_logs(folder) or _of_the_video(video, telemetry)
         if not logs:
-            return None
+            return _of_the_source(video, rig)
         if len(logs) > 1:
             candidates = ", ".join(log.name for log in logs)
             raise GpsLogError(
@@ -191,6 +158,17 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
     return fixes
 
 
+def _of_the_source(video: Video, rig: Rig) -> GpsLog | None:
+    """Return the positions in a folder's pictures or in a bag; None without any."""
+    if isinstance(video, ImageFolder):
+        raw = read_exif_fixes(video.files, video.times_s)
+    elif isinstance(video, BagVideo):
+        raw = video.fixes()
+    else:
+        return None
+    return gps_log(raw, rig, video.path) if raw.fixes else None
+
+
 def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
     """Return the video's own log, if any: a GoPro's GPS in it, or a drone's subtitles beside it."""
     if gps_stream(telemetry) is not None:
@@ -201,10 +179,12 @@ def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
     return [file for file in beside if gps_format(file) == "srt"][:1]
 
 
-def _gyro(folder: Path, rig: Rig, telemetry: Telemetry) -> GyroLog | None:
+def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: BagVideo | None) -> GyroLog | None:
     file = folder / "gyro.csv"
     given = file.is_file()
-    gyro = read_gyro(file, video_start_s=rig.video_start_s) if given else read_gopro_gyro(telemetry)
+    gyro = read_gopro_gyro(telemetry) if video is None else video.gyro()
+    if given:
+        gyro = read_gyro(file, video_start_s=rig.video_start_s)
     if gyro is None:
         return None
     t_s, rate = gyro.t_s + rig.gyro_time_offset_s, gyro.rate_rad_s - rig.gyro_bias_rad_s

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from vgps.errors import VgpsError
 from vgps.evaluation.check_points import Mark
 from vgps.model import FloatArray, RgbImage
-from vgps.readers.recording import open_video
+from vgps.readers.sources import open_video
 from vgps.solution import Solution
 
 _HALF_PX = 24  # of the cut around a mark

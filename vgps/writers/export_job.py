@@ -13,9 +13,7 @@ from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, IntArray, RgbImage
-from vgps.readers.images import ImageFolder
-from vgps.readers.recording import open_video
-from vgps.readers.video import VideoFile
+from vgps.readers.sources import Source, open_video
 from vgps.solution import Solution
 from vgps.writers.frame_choice import FrameChoice
 
@@ -117,7 +115,7 @@ class ExportJob:
         return [IMAGE_NAME.format(number) for number in self.frame.tolist()]
 
     @cached_property
-    def video(self) -> VideoFile | ImageFolder:
+    def video(self) -> Source:
         """The frames themselves.
 
         Raises:
@@ -133,7 +131,7 @@ class ExportJob:
             yield rows[number], picture
 
 
-def video_of(solution: Solution, images: Path | None, last: int) -> VideoFile | ImageFolder:
+def video_of(solution: Solution, images: Path | None, last: int) -> Source:
     """Return the video of a run, which has at least the frame ``last``.
 
     Raises:

@@ -7,8 +7,7 @@ import numpy as np
 
 from vgps.errors import RunFolderError
 from vgps.model import FloatArray, GrayImage, IntArray
-from vgps.readers.images import ImageFolder
-from vgps.readers.video import VideoFile
+from vgps.readers.sources import Source
 from vgps.solution import Observations, Solution
 
 Select = Literal["all", "sharp"]
@@ -35,7 +34,7 @@ class FrameChoice:
         return self.select == "all" and self.every_m is None and self.every_s is None
 
 
-def choose_frames(solution: Solution, choice: FrameChoice, video: VideoFile | ImageFolder | None) -> IntArray:
+def choose_frames(solution: Solution, choice: FrameChoice, video: Source | None) -> IntArray:
     """Return the indices of the frames chosen, in order.
 
     Args:
@@ -95,7 +94,7 @@ def _stretches(solution: Solution, choice: FrameChoice) -> IntArray:
     return np.asarray(np.floor(along / length + 1e-9), np.int64)
 
 
-def _sharpness(video: VideoFile | ImageFolder, count: int) -> FloatArray:
+def _sharpness(video: Source, count: int) -> FloatArray:
     """Return (F,) the mean squared gradient of each frame, which blur lowers; -1 for frames not decoded."""
     found = np.full(count, -1.0)
     for frame in video.frames():

@@ -1,0 +1,142 @@
+"""IGC, FIT, ULog and MAVLink: bytes made after the specifications, positions within a centimetre of them."""
+
+import builtins
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from log_bytes import FIX, UNIX_S, dataflash, fit, igc, tlog, ulog
+
+from vgps.crs import egm96
+from vgps.errors import GpsLogError
+from vgps.model import FixClass
+from vgps.readers.fixes import Clock
+from vgps.readers.gps import gps_format, read_gps_log
+from vgps.readers.igc import read_igc
+
+GEOID_M = egm96().height_m(*np.array(FIX)[:, :2].T)
+LOGS = {
+    "igc": (igc, FixClass.SINGLE, 0.0),
+    "fit": (fit, FixClass.SINGLE, GEOID_M),
+    "ulog": (ulog, FixClass.RTK_FIX, 0.0),
+    "mavlink": (tlog, FixClass.RTK_FIX, 0.0),
+}
+
+
+def read(tmp_path, data, name="gps.log"):
+    file = tmp_path / name
+    file.write_bytes(data)
+    return read_gps_log(file)
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_positions_times_and_classes(tmp_path, name):
+    made, kind, added = LOGS[name]
+    log = read(tmp_path, made())
+    assert gps_format(tmp_path / "gps.log") == name
+    np.testing.assert_allclose(log.t_s, [0, 1, 2], atol=1e-6)
+    expected = np.array(FIX)
+    # IGC has thousandths of minutes and metres
+    coarse = name == "igc"
+    np.testing.assert_allclose(log.latitude_deg, expected[:, 0], atol=1e-5 if coarse else 1e-7)
+    np.testing.assert_allclose(log.longitude_deg, expected[:, 1], atol=1e-5 if coarse else 1e-7)
+    np.testing.assert_allclose(log.height_m - added, expected[:, 2], atol=0.51 if coarse else 0.1)
+    assert set(log.fix_class) == {kind}
+
+
+def test_times_are_utc(tmp_path):
+    from vgps.readers.fit import read_fit
+    from vgps.readers.mavlink import read_mavlink
+    from vgps.readers.ulog import read_ulog
+
+    readers = (
+        (igc, read_igc),
+        (fit, read_fit),
+        (ulog, read_ulog),
+        (tlog, read_mavlink),
+        (dataflash, read_mavlink),
+    )
+    for number, (made, reader) in enumerate(readers):
+        file = tmp_path / str(number)
+        file.write_bytes(made())
+        raw = reader(made(), file)
+        assert raw.clock is Clock.UTC and raw.fixes[0].t_s == pytest.approx(UNIX_S, abs=1e-6)
+
+
+def test_sigmas_and_what_was_skipped(tmp_path):
+    log = read(tmp_path, ulog())
+    np.testing.assert_allclose(log.sigma_m[0], [0.5 / np.sqrt(2), 0.5 / np.sqrt(2), 0.8], atol=1e-6)
+    assert log.hdop[0] == pytest.approx(0.9) and log.satellites[0] == 14
+    assert log.skipped == ("1 message without a fix or UTC skipped",)
+    log = read(tmp_path, tlog())
+    np.testing.assert_allclose(log.sigma_m[0], [0.02 / np.sqrt(2), 0.02 / np.sqrt(2), 0.03], atol=1e-6)
+    assert log.skipped == ("1 message without a fix skipped",)
+    assert "1 record without a position skipped" in read(tmp_path, fit()).skipped
+
+
+def test_fields_of_px4_before_1_14(tmp_path):
+    log = read(tmp_path, ulog(old=True))
+    np.testing.assert_allclose(log.height_m, [row[2] for row in FIX], atol=1e-3)
+
+
+def test_heights_above_the_sea_get_the_geoid(tmp_path):
+    for made in (tlog(ellipsoid=False), dataflash()):
+        log = read(tmp_path, made)
+        np.testing.assert_allclose(log.height_m - GEOID_M, [row[2] for row in FIX], atol=0.01)
+        assert any("EGM96's 48.2 m were added" in note for note in log.skipped)
+    assert set(read(tmp_path, dataflash()).fix_class) == {FixClass.DGPS}
+    np.testing.assert_allclose(
+        read(tmp_path, igc(datum="GEO")).height_m - GEOID_M, [110, 111, 112], atol=0.01
+    )
+
+
+def test_igc_past_midnight_and_without_a_fix(tmp_path):
+    raw = read_igc(igc(start=(23, 59, 59)), tmp_path)
+    np.testing.assert_allclose(np.diff([fix.t_s for fix in raw.fixes]), 1.0)
+    flat = igc().replace(b"A0010000112", b"V0010000112")
+    assert "1 record without a three-dimensional fix skipped" in read_igc(flat, tmp_path).notes
+    with pytest.raises(GpsLogError, match="no date; expected a record HFDTEddmmyy"):
+        read_igc(igc().replace(b"HFDTE", b"HFPLT"), tmp_path)
+
+
+def test_igc_south_and_west(tmp_path):
+    (fix,) = read_igc(igc([(-34.5, -58.25, 20.0)]), tmp_path).fixes
+    assert (fix.latitude_deg, fix.longitude_deg) == (-34.5, -58.25)
+
+
+@pytest.mark.parametrize(("made", "extra"), [(fit, "fitdecode"), (ulog, "pyulog"), (tlog, "pymavlink")])
+def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
+    for name in [name for name in sys.modules if name.split(".")[0] == extra]:
+        monkeypatch.delitem(sys.modules, name)
+    original = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name.split(".")[0] == extra:
+            raise ImportError(name)
+        return original(name, *rest, **more)
+
+    data = made()
+    for name in [name for name in sys.modules if name.split(".")[0] == extra]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, extra, None)
+    with pytest.raises(GpsLogError, match=rf"needs the library {extra}, .* pip install 'vgps\[logs\]'"):
+        read(tmp_path, data)
+
+
+@settings(max_examples=25)
+@given(st.data())
+@pytest.mark.parametrize("made", [igc, fit, ulog, tlog, dataflash])
+def test_damage_is_read_around_or_refused_in_a_line(tmp_path_factory, made, data):
+    whole = bytearray(made())
+    for _ in range(data.draw(st.integers(1, 4))):
+        whole[data.draw(st.integers(len(whole) // 4, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    whole = whole[: data.draw(st.integers(40, len(whole)))]
+    try:
+        log = read(tmp_path_factory.mktemp("damage"), bytes(whole))
+    except GpsLogError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(log.t_s).all()
