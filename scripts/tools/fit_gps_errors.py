@@ -13,8 +13,9 @@ from scripts.common.command import ScriptParser
 from scripts.common.markdown import table
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.simulate.receiver_errors import axes, read_errors
+from vgps.simulate.receiver_errors import axes
 from vgps.simulate.sensor_config import FIX_ERRORS
+from vgps.survey import read_errors
 
 LEAST_EPOCHS = 5
 AXES = ("east", "north", "up")

@@ -20,7 +20,6 @@ from scripts.benchmarks.receivers.cells import (
     position_errors,
 )
 from scripts.benchmarks.receivers.drives import Drive, open_drive
-from scripts.benchmarks.receivers.series import Series
 from scripts.benchmarks.receivers.sources import (
     REPLAYED,
     as_it_comes,
@@ -31,10 +30,11 @@ from scripts.benchmarks.receivers.sources import (
     stretch,
 )
 from scripts.benchmarks.receivers.summary import summaries, summarise, worse
+from scripts.common.receivers import Series
 from vgps.errors import RecordingError
 from vgps.model import Camera, FixClass, GeodeticPoint, Recording, Rig
-from vgps.simulate import ErrorSeries
 from vgps.solution import Trajectory, Verdict
+from vgps.survey import ErrorSeries
 
 FIX, FLOAT, SINGLE = FixClass.RTK_FIX, FixClass.RTK_FLOAT, FixClass.SINGLE
 CAMERA = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)

@@ -39,6 +39,7 @@ GONE = {
     "experiments.kume_table6.__main__": ("--recording", "{gone}"),
     "experiments.matsuda.table1": ("{gone}", "--landmarks", "street.vgps", "--out", "{gone}/out"),
     "experiments.models": ("{gone}", "--logs", "gps.nmea"),
+    "experiments.receiver_priors": ("--data", "{gone}"),
     "experiments.settings": ("{gone}",),
     "experiments.variants": ("{gone}",),
     "tools.fit_gps_errors": ("{gone}/gps.csv",),

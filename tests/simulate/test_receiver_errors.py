@@ -1,5 +1,4 @@
 from dataclasses import replace
-from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +8,15 @@ from vgps.errors import ConfigError, GpsLogError
 from vgps.model import FixClass
 from vgps.simulate import (
     SCENES,
-    ErrorSeries,
     FixErrors,
     GpsConfig,
     build_motion,
-    read_errors,
     scene_with_errors,
 )
 from vgps.simulate.receiver_errors import fit_gauss_markov, replay
 from vgps.simulate.sensor_config import FIX_ERRORS
-from vgps.simulate.sensors import SimulatedFixes, gauss_markov, nmea, simulate_fixes
+from vgps.simulate.sensors import gauss_markov, simulate_fixes
+from vgps.survey import ErrorSeries, read_errors
 
 FIX, FLOAT = FixClass.RTK_FIX, FixClass.RTK_FLOAT
 WALK = SCENES["walk"]
@@ -40,23 +38,6 @@ def series(count: int, fix_class: FixClass = FLOAT, step_s: float = 1.0) -> Erro
         fix_class=(fix_class,) * count,
         source=Path("rover.pos"),
     )
-
-
-def log_of(path: Path, error_m: np.ndarray, fix_class: tuple[FixClass, ...], moving: bool = False) -> Path:
-    """A log at 1 Hz of an antenna at the origin, or walking east at 1 m/s, with these errors."""
-    t = np.arange(float(len(error_m)))
-    place = np.zeros((len(t), 3))
-    place[:, 0] = t * moving
-    fixes = SimulatedFixes(
-        t_s=t,
-        fix_class=fix_class,
-        world_p_antenna=place,
-        error_m=error_m,
-        reported_m=np.full((len(t), 3), 0.25),
-        outlier=np.zeros(len(t), bool),
-    )
-    path.write_bytes(nmea(fixes, WALK))
-    return path
 
 
 @pytest.mark.parametrize(("sigma", "time_s"), [(0.7, 8.0), (2.5, 40.0)])
@@ -90,41 +71,6 @@ def test_the_relative_sigma_is_the_scatter_of_short_logs() -> None:
 def test_a_bias_counts_and_never_ends() -> None:
     found = fit_gauss_markov(np.arange(100.0), np.full(100, -2.0))
     assert found.sigma_m == 2.0 and found.correlation_s > 90 and found.sigma_doubt > 0.5
-
-
-def test_errors_of_a_receiver_that_stands_are_about_its_rtk_fixes(tmp_path: Path) -> None:
-    error = np.array([[0.01, 0, 0], [-0.01, 0, 0], [2.0, -1.0, 4.0], [0, 0, 0]])
-    found = read_errors(log_of(tmp_path / "a.nmea", error, (FIX, FIX, FLOAT, FIX)))
-    np.testing.assert_allclose(found.error_m, error, atol=1e-3)
-    np.testing.assert_allclose(found.sigma_m, 0.25)
-    assert found.of_class(FLOAT).fix_class == (FLOAT,)
-    np.testing.assert_allclose(found.of_class(FLOAT).t_s - found.t_s[0], 2.0)
-
-
-def test_errors_of_a_receiver_that_moves_are_about_its_reference(tmp_path: Path) -> None:
-    error = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0], [-1.0, -2.0, -3.0]])
-    log = log_of(tmp_path / "a.nmea", error, (FLOAT, FLOAT, FIX, FLOAT), moving=True)
-    better = log_of(tmp_path / "b.nmea", np.zeros((3, 3)), (FIX, FLOAT, FIX), moving=True)
-    found = read_errors(log, better)
-    np.testing.assert_allclose(found.error_m, error[[0, 2]], atol=1e-3)
-    assert found.fix_class == (FLOAT, FIX)
-
-
-def test_a_reference_of_another_day_is_refused(tmp_path: Path) -> None:
-    log = log_of(tmp_path / "a.nmea", np.zeros((3, 3)), (FIX,) * 3)
-    later = replace(WALK, start_utc=WALK.start_utc + timedelta(days=3))
-    t = np.arange(3.0)
-    fixes = SimulatedFixes(
-        t_s=t,
-        fix_class=(FIX,) * 3,
-        world_p_antenna=np.zeros((3, 3)),
-        error_m=np.zeros((3, 3)),
-        reported_m=np.ones((3, 3)),
-        outlier=t > 9,
-    )
-    (tmp_path / "b.nmea").write_bytes(nmea(fixes, later))
-    with pytest.raises(GpsLogError, match=r"a\.nmea: no fix at the time of an RTK-fix of the reference"):
-        read_errors(log, tmp_path / "b.nmea")
 
 
 def test_a_replay_begins_somewhere_and_goes_on() -> None:
@@ -168,13 +114,6 @@ def test_the_defaults_are_those_of_a_real_receiver(data_dir: Path) -> None:
     for fit, total in zip(fits, model.total_m, strict=True):
         assert abs(fit.sigma_m - total) < 2 * fit.sigma_doubt * total
     assert np.mean([fit.correlation_s for fit in fits]) == pytest.approx(model.correlation_s, rel=0.3)
-
-
-def test_a_drive_s_errors_are_those_against_its_reference(data_dir: Path) -> None:
-    found = read_errors(data_dir / "rtk_drive/solution.pos", data_dir / "rtk_drive/reference.pos")
-    assert len(found.of_class(FIX).t_s) == 1649 and len(found.of_class(FLOAT).t_s) == 2800
-    spread = np.sqrt(np.mean(found.of_class(FLOAT).error_m ** 2, axis=0))
-    np.testing.assert_allclose(spread, [0.133, 0.190, 0.422], atol=2e-3)
 
 
 def test_a_reference_alone_is_refused() -> None:

@@ -1,27 +1,14 @@
 import numpy as np
 import pytest
 import yaml
+from csv_logs import ORIGIN, csv_log
 from pydantic import ValidationError
 
 from vgps.config import SurveyConfig, read_survey
 from vgps.errors import GpsLogError
-from vgps.geodesy import to_geodetic
-from vgps.model import FixClass, GeodeticPoint
+from vgps.model import FixClass
 from vgps.survey import region, survey_logs
 from vgps.survey.output import as_tables, plot_survey, write_survey
-
-ORIGIN = GeodeticPoint(35.0, 139.0, 40.0)
-
-
-def csv_log(path, offsets, classes, t_s=None):
-    """A log in CSV of a receiver at ORIGIN with these errors."""
-    place = to_geodetic(ORIGIN, np.asarray(offsets, float))
-    t_s = np.arange(len(place)) if t_s is None else t_s
-    rows = [
-        f"{t},{p[0]:.12f},{p[1]:.12f},{p[2]:.6f},{c}" for t, p, c in zip(t_s, place, classes, strict=True)
-    ]
-    path.write_text("t_s,latitude_deg,longitude_deg,height_m,class\n" + "\n".join(rows) + "\n")
-    return path
 
 
 def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
@@ -45,10 +32,13 @@ def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
     ellipsoid = by_class[FixClass.RTK_FLOAT].ellipsoid
     assert regions[FixClass.RTK_FLOAT].alpha_m == pytest.approx(ellipsoid.alpha_m, abs=1e-4)
     assert regions[FixClass.RTK_FLOAT].beta_m == pytest.approx(ellipsoid.beta_m, abs=1e-4)
-    assert yaml.safe_load((tmp_path / "s.yaml").read_text())["rtk_fix"]["epochs"] == 200
+    written = yaml.safe_load((tmp_path / "s.yaml").read_text())["rtk_fix"]
+    assert written["epochs"] == 200
+    assert written["noise_m"] == pytest.approx(0.01, rel=0.1) and written["walk_m"] < 0.003
+    assert written["vertical"] == pytest.approx(1.0, rel=0.2) and 0.5 <= written["tail"] <= 30
     plot_survey(found, tmp_path / "s.png")
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
-    assert len(as_tables(found, options)) == 2
+    assert len(as_tables(found, options)) == 3
 
 
 def test_without_a_fix_the_truth_must_be_given(tmp_path):
@@ -73,6 +63,8 @@ def test_the_limits_of_a_survey_are_settings(tmp_path):
         survey_logs([log])
     few = survey_logs([log], SurveyConfig(max_spread_m=2.0))
     assert len(few.warnings) == 1
+    apart = survey_logs([log], SurveyConfig(max_spread_m=2.0, max_gap_s=0.5))
+    assert apart.classes[0].memory is None and "only 0 epochs follow another" in apart.warnings[-1]
     assert not survey_logs([log], SurveyConfig(max_spread_m=2.0, min_independent_epochs=0.5)).warnings
 
 
@@ -89,3 +81,22 @@ def test_the_real_receiver(data_dir):
     assert fix.r_m == pytest.approx(0.02, abs=0.01) and fix.h_m == pytest.approx(0.02, abs=0.01)
     assert float_.r_m == pytest.approx(2.4, abs=0.1) and float_.h_m == pytest.approx(6.5, abs=0.3)
     assert float_.independent < 20 < fix.independent
+
+
+def test_changes_do_not_reach_from_one_log_into_the_next(tmp_path):
+    rng = np.random.default_rng(2)
+    logs = [csv_log(tmp_path / f"{k}.csv", rng.normal(0, 0.01, (30, 3)), ["rtk_fix"] * 30) for k in range(2)]
+    assert survey_logs(logs).classes[0].changes == 58
+
+
+def test_a_drive_with_a_reference(tmp_path):
+    rng = np.random.default_rng(3)
+    drive = np.arange(300)[:, None] * [10.0, 3.0, 0.1]
+    error = np.cumsum(rng.normal(0, 0.02, drive.shape), axis=0)
+    better = csv_log(tmp_path / "b.csv", drive, ["rtk_fix"] * 200 + ["rtk_float"] * 100)
+    own = csv_log(tmp_path / "a.csv", drive + error, ["rtk_float"] * 300)
+    found = survey_logs([own], truth=better)
+    assert found.truth == better and found.classes[0].epochs == 200
+    np.testing.assert_allclose(found.errors_m, error[:200], atol=1e-3)
+    assert found.classes[0].memory.walk_m == pytest.approx(0.02, rel=0.15)
+    assert found.classes[0].memory.noise_m < 0.006

@@ -40,18 +40,20 @@ def survey(
     *logs: Path,
     out: Path,
     truth: str | None = None,
+    reference: Path | None = None,
     drop: float | None = None,
     motion: Motion = _STILL,
     plot: Path | None = None,
     config: Path | None = None,
 ) -> None:
-    """Estimate the error region of each fix class from logs of a receiver that stood still.
+    """Estimate the error region of each fix class, and how its errors change, from logs with a known truth.
 
     Args:
-        logs: GPS logs of a receiver that stood still in one place.
+        logs: GPS logs of a receiver that stood still in one place, or with --reference of drives.
         out: YAML file to write, for `vgps smooth --survey`.
         truth: Position of the antenna, LATITUDE,LONGITUDE,HEIGHT in degrees and metres; by default the mean
             of the RTK-fix epochs.
+        reference: Better log of the same antenna on the same drives; its RTK-fix epochs are the truth.
         drop: Share of the worst epochs to ignore, horizontally and vertically each; by default 0.05.
         motion: Motion of later recordings.
         plot: Picture of the scatter; by default beside the YAML file.
@@ -63,10 +65,13 @@ def survey(
         vertical_speed_m_s=motion.vertical_speed,
         frame_rate=motion.frame_rate,
     )
-    settings, position = resolved.survey, None if truth is None else _position(truth)
+    settings = resolved.survey
+    if truth is not None and reference is not None:
+        raise ConfigError("--truth and --reference are both given", expected="one of them")
+    known = reference if truth is None else _position(truth)
     picture = plot or out.with_suffix(".png")
     check_files(out, picture)
-    result = survey_logs(logs, settings, position)
+    result = survey_logs(logs, settings, known)
     write_survey(result, settings, out)
     plot_survey(result, picture)
     for table in as_tables(result, settings):

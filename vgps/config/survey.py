@@ -8,7 +8,7 @@ from vgps.config.base import SettingsModel
 
 
 class SurveyConfig(SettingsModel):
-    """How the region of a fix class follows from logs of a receiver that stood still."""
+    """How the region of a fix class and the changes of its errors follow from logs of a receiver."""
 
     basic: ClassVar[tuple[str, ...]] = ("drop",)
 
@@ -20,7 +20,10 @@ class SurveyConfig(SettingsModel):
     """Vertical speed of later recordings; h grows likewise."""
     frame_rate: PositiveFloat = Field(default=30.0, json_schema_extra={"unit": "Hz"})
     """Frame rate of later recordings."""
+    max_gap_s: PositiveFloat = 10.0
+    """A stretch of one fix class ends at a longer gap; the error changes afresh after it."""
     min_independent_epochs: PositiveFloat = 20.0
-    """A warning is given if a class's epochs are worth fewer independent ones."""
+    """A warning is given if a class's epochs are worth fewer independent ones, or fewer follow each other."""
     max_spread_m: PositiveFloat = 1.0
-    """The receiver counts as moving if half of its RTK-fix epochs lie further than this from their mean."""
+    """The receiver counts as moving if half of its RTK-fix epochs lie further than this from their mean; a
+    reference as another antenna's if half of the RTK-fixes of both differ by more."""

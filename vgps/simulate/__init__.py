@@ -1,7 +1,6 @@
 """Simulated recordings with exact truth, in the files that a user has."""
 
 from vgps.simulate.motion import Motion, build_motion
-from vgps.simulate.receiver_errors import ErrorSeries, read_errors
 from vgps.simulate.recording import simulate
 from vgps.simulate.render import Renderer
 from vgps.simulate.scene import SCENES, SceneConfig, scene_config, scene_with_errors
@@ -12,7 +11,6 @@ from vgps.simulate.world import Builder, World
 __all__ = [
     "SCENES",
     "Builder",
-    "ErrorSeries",
     "FixErrors",
     "GpsConfig",
     "GyroConfig",
@@ -22,7 +20,6 @@ __all__ = [
     "World",
     "build_motion",
     "build_world",
-    "read_errors",
     "scene_config",
     "scene_with_errors",
     "simulate",

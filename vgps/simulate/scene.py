@@ -9,8 +9,8 @@ from typing import Literal
 
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
-from vgps.simulate.receiver_errors import read_errors
 from vgps.simulate.sensor_config import GpsConfig, GyroConfig
+from vgps.survey import read_errors
 
 _ORIGIN = GeodeticPoint(34.7325, 135.7345, 120.0)
 
@@ -142,7 +142,7 @@ def scene_with_errors(name: str, log: Path | None = None, reference: Path | None
 
     Args:
         name: One of ``SCENES``.
-        log, reference: As for :func:`vgps.simulate.receiver_errors.read_errors`.
+        log, reference: As for :func:`vgps.survey.read_errors`.
 
     Raises:
         ConfigError: There is no such scene, or a reference is given without a log.

@@ -6,7 +6,7 @@ from math import hypot
 from types import MappingProxyType
 
 from vgps.model import FixClass
-from vgps.simulate.receiver_errors import ErrorSeries
+from vgps.survey import ErrorSeries
 
 
 @dataclass(frozen=True, kw_only=True)

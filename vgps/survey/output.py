@@ -1,5 +1,6 @@
 """Surveys as files for ``smooth --survey``, as tables and as plots."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import yaml
@@ -7,6 +8,7 @@ from rich.table import Table
 
 from vgps.config import SurveyConfig
 from vgps.errors import GpsLogError, RunFolderError
+from vgps.survey.regions import ClassSurvey
 from vgps.survey.survey import Survey
 from vgps.writers.atomic import check_file, new_file
 
@@ -42,32 +44,43 @@ def _format(picture: Path) -> str:
 
 
 def write_survey(survey: Survey, config: SurveyConfig, out: Path) -> None:
-    """Write the regions per class as YAML, to a tenth of a millimetre, with the survey's settings."""
-    document: dict[str, object] = {
-        str(one.fix_class): {
-            "r_m": round(one.r_m, 4),
-            "h_m": round(one.h_m, 4),
-            "alpha_m": round(one.ellipsoid.alpha_m, 4),
-            "beta_m": round(one.ellipsoid.beta_m, 4),
-            "epochs": one.epochs,
-            "independent_epochs": round(one.independent, 1),
-            "correlation_s": round(one.correlation_s, 1),
-        }
-        for one in survey.classes
-    }
-    truth = dict(zip(("latitude_deg", "longitude_deg", "height_m"), survey.truth, strict=True))
-    document["survey"] = {"drop": config.drop, "truth": truth, "warnings": list(survey.warnings)}
+    """Write the regions and the memory per class as YAML, with the survey's settings."""
+    document: dict[str, object] = {str(one.fix_class): _keys(one) for one in survey.classes}
+    truth = (
+        {"reference": str(survey.truth)}
+        if isinstance(survey.truth, Path)
+        else {"truth": dict(zip(("latitude_deg", "longitude_deg", "height_m"), survey.truth, strict=True))}
+    )
+    document["survey"] = {"drop": config.drop, **truth, "warnings": list(survey.warnings)}
     with new_file(out) as scratch:
         scratch.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
 
 
+def _keys(one: ClassSurvey) -> dict[str, float]:
+    """Return the keys of a class: regions to a tenth of a millimetre, memory to three digits."""
+    memory = {} if one.memory is None else asdict(one.memory)
+    return {
+        "r_m": round(one.r_m, 4),
+        "h_m": round(one.h_m, 4),
+        "alpha_m": round(one.ellipsoid.alpha_m, 4),
+        "beta_m": round(one.ellipsoid.beta_m, 4),
+        **{name: float(f"{value:.3g}") for name, value in memory.items()},
+        "epochs": one.epochs,
+        "independent_epochs": round(one.independent, 1),
+        "correlation_s": round(one.correlation_s, 1),
+    }
+
+
 def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
-    """Return the tables 4 and 5 of Kume 2010, in metres."""
+    """Return the tables 4 and 5 of Kume 2010, in metres, and how errors change."""
     dropped = f"worst {100 * config.drop:g} % dropped"
     cylinders = Table(
         "class", "epochs", "independent", "all: horiz / vert, m", f"{dropped}: r / h, m", title="Cylinders"
     )
     ellipsoids = Table("class", "alpha, m", "beta, m", "correlation, s", title="Least ellipsoids")
+    memories = Table(
+        "class", "noise, m", "walk in 1 s, m", "tail", "vertical", "changes", title="Changes of the error"
+    )
     for one in survey.classes:
         largest = f"{one.largest_m[0]:.3f} / {one.largest_m[1]:.3f}"
         cylinders.add_row(
@@ -83,7 +96,10 @@ def as_tables(survey: Survey, config: SurveyConfig) -> list[Table]:
             f"{one.ellipsoid.beta_m:.3f}",
             f"{one.correlation_s:.0f}",
         )
-    return [cylinders, ellipsoids]
+        if one.memory is not None:
+            memory = (f"{value:.3g}" for value in asdict(one.memory).values())
+            memories.add_row(one.fix_class, *memory, str(one.changes))
+    return [cylinders, ellipsoids, memories]
 
 
 def plot_survey(survey: Survey, out: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from vgps.model import FixClass, FloatArray
+from vgps.survey.memory import Memory
 
 _RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, before refinement
 
@@ -30,6 +31,8 @@ class ClassSurvey:
         ellipsoid: Of least volume, dropping as many epochs as the cylinder does.
         correlation_s: Integral of the error's autocorrelation.
         independent: Number of independent epochs with the same information.
+        memory: How the error changes from fix to fix; None if no two fixes follow each other.
+        changes: Number of pairs of fixes that follow each other.
     """
 
     fix_class: FixClass
@@ -40,6 +43,8 @@ class ClassSurvey:
     ellipsoid: Ellipsoid
     correlation_s: float
     independent: float
+    memory: Memory | None
+    changes: int
 
 
 def region(errors_m: FloatArray, drop: float) -> tuple[float, float]:

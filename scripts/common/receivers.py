@@ -14,7 +14,7 @@ from vgps.model import FixClass, FloatArray, IntArray, Rig
 from vgps.readers.fixes import NMEA_QUALITY
 from vgps.readers.gps import read_gps_log
 from vgps.readers.table import Table, read_table
-from vgps.simulate import ErrorSeries, read_errors
+from vgps.survey import ErrorSeries, read_errors
 
 LATE_UBLOX_S = 0.09
 
