@@ -191,6 +191,7 @@ def test_mapillary_by_its_schema(near, tmp_path):
     shifted = replace(near, sensors=replace(near.sensors, time_offset_s=0.25))
     found = json.loads(exported(shifted, tmp_path, "mapillary", "a.json", geoid="egm96").read_text())
     jsonschema.validate(found, {"type": "array", "items": MAPILLARY})
+    assert found[0]["filename"] == str(tmp_path / "frame_000000.jpg")
     # 23:59:59.9 and the estimated offset: the next day
     assert [one["MAPCaptureTime"] for one in found][:2] == [
         "2026_05_02_00_00_00_150",

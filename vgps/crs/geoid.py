@@ -17,7 +17,6 @@ import numpy.typing as npt
 from pyproj import Transformer
 from pyproj.datadir import get_data_dir, get_user_data_dir  # type: ignore[attr-defined]
 from pyproj.exceptions import ProjError
-from scipy.ndimage import map_coordinates
 
 from vgps.errors import CoordinateSystemError
 from vgps.model import FloatArray
@@ -164,6 +163,8 @@ def _of_grid(grid: FloatArray, corner_deg: tuple[float, float], step_deg: tuple[
     """Return the cubic interpolation of a grid (R, C) around the whole Earth, rows from the south."""
 
     def heights(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        from scipy.ndimage import map_coordinates  # noqa: PLC0415  (slow to import)
+
         row = (latitude - corner_deg[0]) / step_deg[0]
         column = (longitude - corner_deg[1]) / step_deg[1]
         # across the seam, the cells around the first point are the near ones

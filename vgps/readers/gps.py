@@ -95,6 +95,8 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
             file=path,
             expected=", ".join(kind for kind in FixClass if kind is not FixClass.UNKNOWN),
         )
+    if raw.clock is Clock.TIME_OF_DAY and rig is not None:
+        notes.append("the log has no date: its day is the one nearest to the video's start")
     return _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
 
 

@@ -120,7 +120,7 @@ def export(run: Path, to: str, out: Path, options: ExportOptions | None = None) 
     if chosen is None:
         raise RunFolderError(f"unknown format {to!r}", expected="one of " + ", ".join(sorted(FORMATS)))
     _check_options(to, chosen, options)
-    job = _job(read_run(run), options)
+    job = _job(read_run(run), options, out)
     place = new_file(out) if chosen.folder is None else new_folder(out, *chosen.folder)
     with place as scratch:
         chosen.write(job, scratch)
@@ -141,13 +141,14 @@ def _check_options(to: str, chosen: Format, options: ExportOptions) -> None:
             )
 
 
-def _job(solution: Solution, options: ExportOptions) -> ExportJob:
+def _job(solution: Solution, options: ExportOptions, out: Path) -> ExportJob:
     system = _system(solution, options)
     video = None
     if options.choice.select == "sharp":
         video = video_of(solution, options.images, len(solution.t_s) - 1)
     frame = choose_frames(solution, options.choice, video)
-    return ExportJob(solution=subset(solution, frame), frame=frame, system=system, options=options)
+    chosen = subset(solution, frame)
+    return ExportJob(solution=chosen, frame=frame, system=system, options=options, out=out)
 
 
 def _system(solution: Solution, options: ExportOptions) -> CoordinateSystem | None:

@@ -50,12 +50,14 @@ class ExportJob:
         frame: (F,) their numbers in the recording.
         system: What coordinates are in; None if the run is not georeferenced.
         options: The options.
+        out: The final name of what is written, which a writer may have to state.
     """
 
     solution: Solution
     frame: IntArray
     system: CoordinateSystem | None
     options: ExportOptions
+    out: Path
 
     @property
     def georeferenced(self) -> CoordinateSystem:

@@ -31,7 +31,7 @@ def write_mapillary(job: ExportJob, out: Path) -> None:
     for row, (latitude, longitude, _) in enumerate(job.geodetic.tolist()):
         instant = utc[row].strftime("%Y_%m_%d_%H_%M_%S_") + f"{utc[row].microsecond // 1000:03d}"
         one: dict[str, Any] = {
-            "filename": str(out.parent.resolve() / job.image_names[row]),
+            "filename": str(job.out.resolve().parent / job.image_names[row]),
             "filetype": "image",
             "MAPLatitude": round(latitude, 9),
             "MAPLongitude": round(longitude, 9),
