@@ -11,7 +11,7 @@ from factors.custom import (
     Variable,
     custom_factor,
 )
-from factors.gps import gps_factor, gps_factor_calibrating, gps_factor_interpolated
+from factors.gps import gps_factor, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from factors.gyro import PreintegratedRates, bias_walk_factor, gyro_factor, preintegrate_rates
 from factors.known_points import known_points_factor
 from factors.level import level_factor
@@ -54,6 +54,7 @@ __all__ = [
     "gyro_factor",
     "known_points_factor",
     "level_factor",
+    "offset_factor",
     "preintegrate_rates",
     "projection_factor",
     "projection_noise",

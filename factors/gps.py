@@ -31,7 +31,7 @@ def gps_factor(
     fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
 
     def error(world_T_camera: gtsam.Pose3) -> Linearisation:
-        residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
+        residual, by_pose, _ = _residual(world_T_camera, fix, antenna, penalty)
         return residual, [by_pose]
 
     return custom_factor(penalty.noise_model(), [Variable(pose_key, POSE3)], error)
@@ -43,19 +43,22 @@ def gps_factor_interpolated(
     world_p_fix: FloatArray,
     camera_p_antenna: FloatArray,
     penalty: Penalty,
+    offset_key: int | None = None,
 ) -> gtsam.CustomFactor:
     """Return a factor for a fix between two frames, at a pose interpolated on SE(3).
 
     Residual (3,): as :func:`gps_factor`, at ``T(alpha) = T_a Exp(alpha Log(T_a^-1 T_b))``: constant velocity
-    in the camera's own axes, exactly T_a at 0 and T_b at 1. Jacobians: (3, 6) to T_a and to T_b. The rotation
-    between the frames must stay clear of pi, where Log is discontinuous.
+    in the camera's own axes, exactly T_a at 0 and T_b at 1. With an offset of the receiver's solution, the
+    penalty is on ``antenna + offset - fix``, the noise about the offset. Jacobians: (3, 6) to T_a and to T_b,
+    (3, 3) to the offset. The rotation between the frames must stay clear of pi, where Log is discontinuous.
 
     Args:
         pose_keys: Keys of the poses of frames a and b.
         alpha: ``(t_fix - t_a) / (t_b - t_a)``, from 0 to 1.
         world_p_fix: (3,) ENU metres.
         camera_p_antenna: (3,) antenna in the camera frame, metres.
-        penalty: Penalty on the offset.
+        penalty: Penalty on the offset of the antenna from the fix.
+        offset_key: Key of the offset of the receiver's solution, a vector (3,), ENU metres, if it has one.
 
     Raises:
         ValueError: alpha is outside 0..1, or the fix or the antenna is not three finite numbers.
@@ -64,13 +67,13 @@ def gps_factor_interpolated(
         raise ValueError(f"alpha is {alpha}, expected 0 to 1: the fix is not between the two frames")
     fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
 
-    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3) -> Linearisation:
+    def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, *offset: FloatArray) -> Linearisation:
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
-        residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
-        return residual, [by_pose @ pose_by_a, by_pose @ pose_by_b]
+        residual, by_pose, by_offset = _residual(world_T_camera, fix - sum(offset), antenna, penalty)
+        return residual, [by_pose @ pose_by_a, by_pose @ pose_by_b, *[by_offset] * len(offset)]
 
-    variables = [Variable(key, POSE3) for key in pose_keys]
+    variables = [Variable(key, POSE3) for key in pose_keys] + _offset_variables(offset_key)
     return custom_factor(penalty.noise_model(), variables, error)
 
 
@@ -80,13 +83,14 @@ def gps_factor_calibrating(
     times_s: tuple[float, float, float],
     world_p_fix: FloatArray,
     penalty: Penalty,
+    offset_key: int | None = None,
 ) -> gtsam.CustomFactor:
     """Return a factor for a fix whose time offset and lever arm are estimated with the poses.
 
     Residual (3,): as :func:`gps_factor_interpolated`, at
     ``alpha = (t_fix - time_offset - t_a) / (t_b - t_a)``, which may leave 0..1: the motion between the frames
     is extrapolated. Jacobians: (3, 6) to T_a and to T_b; (3, 1) to the time offset, minus the antenna's
-    velocity; (3, 3) to the antenna, the rotation.
+    velocity; (3, 3) to the antenna, the rotation; (3, 3) to the offset.
 
     Args:
         pose_keys: Keys of the poses of frames a and b.
@@ -94,7 +98,8 @@ def gps_factor_calibrating(
             camera frame, metres.
         times_s: t_a, t_b, and t_fix by the receiver's clock.
         world_p_fix: (3,) ENU metres.
-        penalty: Penalty on the offset.
+        penalty: Penalty on the offset of the antenna from the fix.
+        offset_key: As in :func:`gps_factor_interpolated`.
 
     Raises:
         ValueError: The frames are not in order of time, or the fix is not three finite numbers.
@@ -105,32 +110,65 @@ def gps_factor_calibrating(
     fix = _point(world_p_fix, "world_p_fix")
 
     def error(
-        world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, time_offset: FloatArray, antenna: FloatArray
+        world_T_a: gtsam.Pose3,
+        world_T_b: gtsam.Pose3,
+        time_offset: FloatArray,
+        antenna: FloatArray,
+        *offset: FloatArray,
     ) -> Linearisation:
         alpha = (t_fix - float(time_offset[0]) - t_a) / (t_b - t_a)
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
-        residual, by_pose = _residual(world_T_camera, fix, antenna, penalty)
+        residual, by_pose, by_offset = _residual(world_T_camera, fix - sum(offset), antenna, penalty)
         # d pose / d alpha is the twist Log(T_a^-1 T_b), in the camera's axes
         twist = gtsam.Pose3.Logmap(world_T_a.between(world_T_b))
         by_time_offset = -(by_pose @ twist)[:, None] / (t_b - t_a)
         # a translation in the camera's axes shifts the antenna by as much
         by_antenna = by_pose[:, 3:]
-        return residual, [by_pose @ pose_by_a, by_pose @ pose_by_b, by_time_offset, by_antenna]
+        by_poses = [by_pose @ pose_by_a, by_pose @ pose_by_b]
+        return residual, [*by_poses, by_time_offset, by_antenna, *[by_offset] * len(offset)]
 
     variables = [Variable(key, POSE3) for key in pose_keys]
     variables += [Variable(sensor_keys[0], VECTOR1), Variable(sensor_keys[1], VECTOR3)]
-    return custom_factor(penalty.noise_model(), variables, error)
+    return custom_factor(penalty.noise_model(), variables + _offset_variables(offset_key), error)
+
+
+def offset_factor(offset_key: int, penalty: Penalty, weight: float) -> gtsam.CustomFactor:
+    """Return a factor that bounds the offset of a receiver's solution, as Eq. (16) bounds a fix's error.
+
+    Residual (3,): the penalty's residual at the offset, its cost times ``weight``. Jacobian: (3, 3).
+
+    Args:
+        offset_key: Key of the offset, a vector (3,), ENU metres.
+        penalty: Penalty on the offset.
+        weight: Share of an independent observation that the offset counts as.
+
+    Raises:
+        ValueError: The weight is not positive.
+    """
+    if not weight > 0.0:
+        raise ValueError(f"weight is {weight}, expected a positive number")
+
+    def error(offset: FloatArray) -> Linearisation:
+        residual, by_offset = penalty.residual(offset)
+        return np.sqrt(weight) * residual, [np.sqrt(weight) * by_offset]
+
+    return custom_factor(penalty.noise_model(), [Variable(offset_key, VECTOR3)], error)
+
+
+def _offset_variables(key: int | None) -> list[Variable]:
+    return [] if key is None else [Variable(key, VECTOR3)]
 
 
 def _residual(
     world_T_camera: gtsam.Pose3, fix: FloatArray, antenna: FloatArray, penalty: Penalty
-) -> tuple[FloatArray, FloatArray]:
-    """Return the penalty's residual (3,) at a pose, and its Jacobian (3, 6) to the pose."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the penalty's residual (3,) at a pose, and its Jacobians: (3, 6) to the pose, (3, 3) to minus
+    the fix."""
     antenna_by_pose = np.zeros((3, 6), order="F")
     offset = world_T_camera.transformFrom(antenna, antenna_by_pose) - fix
     residual, residual_by_offset = penalty.residual(offset)
-    return residual, residual_by_offset @ antenna_by_pose
+    return residual, residual_by_offset @ antenna_by_pose, residual_by_offset
 
 
 def _point(point: FloatArray, name: str) -> FloatArray:

@@ -70,7 +70,7 @@ def test_the_printed_defaults_are_the_defaults(tmp_path, caplog):
 
 def test_basic_settings_come_first():
     keys = list(yaml.safe_load(defaults_yaml())["gps"])
-    assert keys[:4] == ["model", "n", "omega", "regions"]
+    assert keys[:5] == ["model", "n", "error_model", "omega", "regions"]
     text = reference_text()
     assert text.index("gps.omega") < text.index("All other settings") < text.index("gps.min_sigma_m")
 

@@ -5,9 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from factors import Cylinder, Ellipsoid, Gaussian, gps_factor, gps_factor_calibrating, gps_factor_interpolated
+from factors import (
+    Cylinder,
+    Ellipsoid,
+    Gaussian,
+    gps_factor,
+    gps_factor_calibrating,
+    gps_factor_interpolated,
+    offset_factor,
+)
 
 A, B = gtsam.symbol("x", 0), gtsam.symbol("x", 1)
+OFFSET = gtsam.symbol("o", 0)
 ANTENNA = np.array([0.1, -0.3, 0.05])
 PENALTIES = [
     Cylinder(2.4, 6.5, 1, 0.5),
@@ -175,3 +184,40 @@ def test_known_time_offset_is_a_fix_at_another_time(penalty, twist, motion, alph
 def test_frames_out_of_order_are_refused():
     with pytest.raises(ValueError, match="earlier one first"):
         gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])
+
+
+@given(
+    st.sampled_from(PENALTIES), twists, twists, alphas, arrays(np.float64, (2, 3), elements=st.floats(-5, 5))
+)
+def test_jacobians_with_an_offset_of_the_solution(check_jacobians, penalty, twist, motion, alpha, offsets):
+    values = values_of(pose(twist), pose(twist).compose(pose(motion)))
+    values.insert(OFFSET, offsets[0])
+    fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offsets[1]
+    check_jacobians(gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty, OFFSET), values)
+    times, keys = (2.0, 2.5, 2.0 + 0.5 * alpha), (TIME_OFFSET, LEVER)
+    factor = gps_factor_calibrating((A, B), keys, times, fix, penalty, OFFSET)
+    check_jacobians(factor, with_sensors(values, 0.02), tolerance=1e-5)
+
+
+@given(twists, twists, alphas, arrays(np.float64, 3, elements=st.floats(-5, 5)))
+def test_an_offset_moves_the_antenna_like_the_fix_moves_back(twist, motion, alpha, offset):
+    values, fix = values_of(pose(twist), pose(twist).compose(pose(motion))), np.array([1.0, 2.0, 3.0])
+    without = gps_factor_interpolated((A, B), alpha, fix - offset, ANTENNA, PENALTIES[1])
+    expected = without.error(values)
+    values.insert(OFFSET, offset)
+    found = gps_factor_interpolated((A, B), alpha, fix, ANTENNA, PENALTIES[1], OFFSET)
+    assert found.error(values) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@given(st.sampled_from(PENALTIES), arrays(np.float64, 3, elements=st.floats(-9, 9)), st.floats(0.01, 10.0))
+def test_the_bound_of_an_offset_is_its_penalty_times_the_weight(check_jacobians, penalty, offset, weight):
+    values, factor = gtsam.Values(), offset_factor(OFFSET, penalty, weight)
+    values.insert(OFFSET, offset)
+    assert factor.error(values) == pytest.approx(weight * penalty.cost(offset[None])[0], rel=1e-9)
+    check_jacobians(factor, values)
+
+
+@pytest.mark.parametrize("weight", [0.0, -1.0, float("nan")])
+def test_the_weight_of_a_bound_is_positive(weight):
+    with pytest.raises(ValueError, match="weight is"):
+        offset_factor(OFFSET, PENALTIES[0], weight)

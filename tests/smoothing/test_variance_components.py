@@ -5,9 +5,9 @@ import pytest
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import Fixes, independent_epochs
 from vgps.smoothing.covariance import region_sigmas
-from vgps.smoothing.variance_components import balanced_sigma_scale, independent_epochs, variance_factor
+from vgps.smoothing.variance_components import antenna_offsets, balanced_sigma_scale, variance_factor
 from vgps.solution import Trajectory
 
 T_S = np.arange(0.0, 100.0, 0.5)
@@ -58,7 +58,8 @@ def test_without_fixes_the_scale_is_unchanged():
 
 def test_the_variance_factor_is_one_where_fixes_fit_and_where_there_are_none():
     def factor(found):
-        return variance_factor(Config(), STANDING, found, np.zeros(3))
+        offset = antenna_offsets(found, STANDING, np.zeros(3))
+        return variance_factor(Config().batch, offset, found, independent_epochs(found))
 
     assert factor(fixes(1.0)) == pytest.approx(1.0) and factor(Fixes.empty()) == 1.0
     assert factor(fixes(3.0)) == pytest.approx((4 + 50 * 9) / 54)

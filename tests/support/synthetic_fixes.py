@@ -43,6 +43,7 @@ def fixes_of_size(t_s, world_p_fix, r_m, h_m, **columns):
         "sigma_m": np.full((n, 3), np.nan),
         "used": np.ones(n, dtype=bool),
         "correlation_s": none,
+        "fix_class": np.zeros(n, dtype=np.int64),
     }
     return Fixes(t_s=t_s, world_p_fix=world_p_fix, r_m=r_m, h_m=h_m, **{**others, **columns})
 

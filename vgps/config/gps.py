@@ -57,7 +57,7 @@ class Region(SettingsModel):
     beta_m: PositiveFloat | None = None
     """Vertical semi-axis of the model ellipsoid (22); by default h."""
     correlation_s: PositiveFloat = 60.0
-    """Time after which the error of a fix counts as a new one; feeds the sigmas and an estimated balance."""
+    """Time after which the error of a fix counts as a new one."""
 
     @property
     def ellipsoid_shape(self) -> tuple[float, float]:
@@ -74,6 +74,61 @@ def _default_regions() -> dict[FixClass, Region]:
         FixClass.SBAS: Region(r_m=3.0, h_m=6.0),
         FixClass.SINGLE: Region(r_m=6.0, h_m=12.0),
     }
+
+
+class OffsetErrors(SettingsModel):
+    """Errors of a fix class with memory: the region of its offsets, their walk, and the noise about them."""
+
+    r_m: PositiveFloat = 6.0
+    """Radius that holds 95 % of the offsets."""
+    h_m: PositiveFloat = 12.0
+    """Half height that holds 95 % of the offsets."""
+    between_receivers: PositiveFloat = 0.9
+    """Standard deviation of the log of this size between receivers."""
+    noise_m: PositiveFloat = 0.02
+    """Scale of the noise about the offset, on each horizontal axis."""
+    walk_m: PositiveFloat = 0.07
+    """Scale of the offset's steps over one second, on each horizontal axis; it grows with the root of
+    time."""
+    tail: PositiveFloat = 3.0
+    """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""
+    vertical: PositiveFloat = 2.2
+    """Vertical noise and steps over horizontal ones."""
+
+
+def _default_offsets() -> dict[FixClass, OffsetErrors]:
+    fixed = {"noise_m": 0.004, "walk_m": 0.002, "between_receivers": 0.3}
+    floating = {"noise_m": 0.01, "walk_m": 0.06, "tail": 1.0}
+    return {
+        FixClass.RTK_FIX: OffsetErrors(r_m=0.025, h_m=0.045, **fixed),
+        FixClass.RTK_FLOAT: OffsetErrors(r_m=1.0, h_m=2.2, **floating),
+        FixClass.PPP: OffsetErrors(r_m=0.5, h_m=1.0, **floating),
+        FixClass.DGPS: OffsetErrors(r_m=1.5, h_m=3.0),
+        FixClass.SBAS: OffsetErrors(r_m=1.5, h_m=3.0),
+        FixClass.SINGLE: OffsetErrors(r_m=3.0, h_m=6.0),
+    }
+
+
+class MemoryConfig(SettingsModel):
+    """Errors with memory: a fix is antenna + offset + noise; the offset walks, and starts anew."""
+
+    n: PositiveInt = 1
+    """Exponent of the bound of an offset; the size of a region is too unsure for a steep wall."""
+    interval_s: PositiveFloat = 0.3
+    """One offset stands for the fixes of this interval; one fix each where they are further apart."""
+    max_gap_s: PositiveFloat = 10.0
+    """After a longer gap between fixes the offset starts anew, as it does when the class changes."""
+    stated_jump: float = Field(default=2.0, gt=1.0)
+    """It also starts anew where the receiver's own sigma changes by more than this factor."""
+    stated_factor: PositiveFloat = 1.5
+    """Typical error of a fix over the sigma that its receiver states."""
+    stated_spread: PositiveFloat = 1.85
+    """Standard deviation of the log of that factor between receivers: stated sigmas are weighed, not
+    believed."""
+    own_spread: PositiveFloat = 0.3
+    """Standard deviation of the log of a region that is not the default one: a survey of this receiver."""
+    classes: dict[FixClass, OffsetErrors] = Field(default_factory=_default_offsets)
+    """Errors of each class over several receivers; of other classes the region alone counts."""
 
 
 class QualityConfig(SettingsModel):
@@ -117,20 +172,37 @@ class SkyConfig(SettingsModel):
 class GpsConfig(SettingsModel):
     """The GPS term of the energy (11)."""
 
-    basic: ClassVar[tuple[str, ...]] = ("model", "n", "omega", "regions")
+    basic: ClassVar[tuple[str, ...]] = ("model", "error_model", "n", "omega", "regions")
 
     model: GpsModel = "cylinder"
     """Penalty of a fix: none, gaussian (14), gaussian-receiver (15), ellipsoid (22), cylinder (16) or
     cauchy."""
     n: PositiveInt = 2
     """Exponent of (16) and (22): the larger, the flatter inside the region and the steeper outside."""
+    error_model: Literal["memory", "independent"] = "memory"
+    """Errors under cylinder and ellipsoid in stage D: lasting offsets plus noise, or independent."""
     omega: PositiveFloat = 0.5
     """Weight of the GPS term; with 0.5 a fix at its region's wall costs as much as a one-sigma residual."""
     min_sigma_m: PositiveFloat = 0.01
     """Lower bound of the receiver's own sigmas."""
     gaussian_sigma_m: PositiveFloat = 1.0
     """Sigma of every fix under the model gaussian, which ignores accuracy (14)."""
+    memory: MemoryConfig = MemoryConfig()
     quality: QualityConfig = QualityConfig()
     sky: SkyConfig = SkyConfig()
     regions: dict[FixClass, Region] = Field(default_factory=_default_regions)
     """Region of each fix class, r(p) and h(p), from a survey of the receiver; other classes are not used."""
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether errors are modelled as offsets with memory; the baselines are without."""
+        return self.error_model == "memory" and self.model in {"cylinder", "ellipsoid"}
+
+    def offset_errors(self, fix_class: FixClass) -> OffsetErrors:
+        """Return the errors of a class with memory; a region that was set bounds the offsets, too."""
+        errors = self.memory.classes.get(fix_class, OffsetErrors())
+        region, default = self.regions[fix_class], _default_regions().get(fix_class)
+        if default is not None and (region.r_m, region.h_m) == (default.r_m, default.h_m):
+            return errors
+        own = {"r_m": region.r_m, "h_m": region.h_m, "between_receivers": self.memory.own_spread}
+        return errors.model_copy(update=own)

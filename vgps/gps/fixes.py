@@ -10,8 +10,10 @@ from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_calibrati
 from vgps.config import GpsConfig
 from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
-from vgps.model import BoolArray, FloatArray, GpsLog, IntArray
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 
+CLASSES = tuple(FixClass)
+"""Fix classes in the order of their indices."""
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
 
 
@@ -29,6 +31,7 @@ class Fixes:
         sigma_m: (M, 3) standard deviations reported by the receiver; NaN where it reports none.
         used: (M,) whether a fix contributes.
         correlation_s: (M,) time after which the error of a fix of this class counts as independent.
+        fix_class: (M,) class, as an index of :data:`CLASSES`.
     """
 
     t_s: FloatArray
@@ -42,6 +45,7 @@ class Fixes:
     sigma_m: FloatArray
     used: BoolArray
     correlation_s: FloatArray
+    fix_class: IntArray
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -54,9 +58,9 @@ class Fixes:
         """Return the fixes with a time offset removed from their times."""
         return replace(self, t_s=self.t_s - time_offset_s)
 
-    def where(self, mask: BoolArray) -> "Fixes":
-        """Return the fixes for which ``mask`` (M,) is true."""
-        return Fixes(**{column.name: getattr(self, column.name)[mask] for column in fields(self)})
+    def where(self, rows: BoolArray | IntArray) -> "Fixes":
+        """Return the fixes of a mask (M,), or of some rows in their order."""
+        return Fixes(**{column.name: getattr(self, column.name)[rows] for column in fields(self)})
 
     def merged(self, more: "Fixes") -> tuple["Fixes", IntArray]:
         """Return both sets of fixes in chronological order, and the permutation (M + N,) that sorts them."""
@@ -83,6 +87,7 @@ class Fixes:
             sigma_m=points,
             used=np.zeros(0, dtype=bool),
             correlation_s=n,
+            fix_class=np.zeros(0, dtype=np.int64),
         )
 
 
@@ -112,6 +117,7 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
         sigma_m=log.sigma_m,
         used=np.isfinite(r_m),
         correlation_s=np.array(correlation_s),
+        fix_class=np.array([CLASSES.index(name) for name in log.fix_class], dtype=np.int64),
     )
 
 
@@ -189,6 +195,12 @@ def contributing_fixes(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -
     if config.model == "none" or len(frame_t_s) < 2:
         return np.zeros(len(fixes), dtype=bool)
     return np.asarray(fixes.used & place(frame_t_s, fixes.t_s).inside)
+
+
+def independent_epochs(fixes: Fixes) -> FloatArray:
+    """Return the number of independent errors (M,), at most 1, that each fix adds to the one before."""
+    interval_s = np.diff(fixes.t_s, prepend=-np.inf)
+    return np.asarray(np.minimum(interval_s / fixes.correlation_s, 1.0))
 
 
 def gps_graph(

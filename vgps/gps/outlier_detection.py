@@ -17,8 +17,9 @@ import numpy as np
 from vgps.config import Config
 from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, state_probabilities
-from vgps.gps.fixes import Fixes, place
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.gps.fixes import CLASSES, Fixes, place
+from vgps.gps.regions import lower_class
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import Trajectory
 
 _ROUNDS = 6  # upper limit; verdicts converge within a few
@@ -58,6 +59,7 @@ class FixAssessment:
             h_m=np.where(low, fixes.lower_h_m, fixes.h_m),
             shape=np.where(low[:, None], fixes.lower_shape, fixes.shape),
             sigma_m=np.where(low[:, None], np.nan, fixes.sigma_m),
+            fix_class=np.where(low, CLASSES.index(lower_class(FixClass.RTK_FIX)), fixes.fix_class),
             used=fixes.used & ~self.rejected,
         )
 

@@ -9,6 +9,7 @@ from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.offsets import gps_term
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
@@ -18,7 +19,9 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import (
     Scene,
     build_problem,
-    gps_and_motion,
+    joined,
+    offset_states,
+    other_pose_factors,
     select_observations,
 )
 from vgps.smoothing.variance_components import balanced_sigma_scale
@@ -64,7 +67,7 @@ def optimise_batch(
         if round_ < rounds - 1:
             state = _reassess(state, fixes, solved.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
-    result = batch_result(solved, state.usable(fixes), state.assessment, state.sensors, report, context)
+    result = batch_result(solved, state.assessment, state.sensors, report, context)
     return replace(result, warnings=(*time_offset_warnings, *warnings, *result.warnings))
 
 
@@ -109,15 +112,21 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
     context, batch = state.context, state.context.config.batch
     scene, sigma = select_observations(state.scene, context, batch.first_tolerance if round_.first else 1.0)
     usable, sensors = state.usable(fixes), state.sensors
-    graph = gps_and_motion(scene, usable, sensors, context, round_.n)
-    problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed, sensors.shared())
+    term = gps_term(usable, scene.trajectory, sensors, context.config.gps, round_.n)
+    others = other_pose_factors(scene, sensors, context)
+    graph = joined(term.bounds, term.noise, others)
+    problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
+    problem = replace(problem, shared=sensors.shared(), states=offset_states(term))
     result = solve(problem, _settings(batch, round_.last), batch.solver)
     if result.stuck and round_.first:
         raise GeometryError(
             f"the optimiser made no step: {result.report.stop_reason}",
             remedy="check the camera's calibration, the GPS log and their clocks",
         )
-    return BatchSolution(result=result, scene=scene, sigma_px=sigma, fixes=usable, sensors=sensors)
+    others.push_back(term.noise)
+    return BatchSolution(
+        result=result, scene=scene, sigma_px=sigma, sensors=sensors, gps=term, other_factors=others
+    )
 
 
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:

@@ -2,17 +2,18 @@
 
 from dataclasses import dataclass, replace
 
+import gtsam
 import numpy as np
 
 from vgps.errors import GeometryError
-from vgps.gps.fixes import Fixes, contributing_fixes, gps_graph
+from vgps.gps.offsets import GpsTerm, offset_key
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
-from vgps.smoothing.factor_graph import Scene, other_pose_factors
-from vgps.smoothing.variance_components import variance_factor
+from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult
 from vgps.solver.cost import cost_terms
@@ -62,20 +63,21 @@ class BatchSolution:
         result: The solution.
         scene: The scene with the observations used.
         sigma_px: (L,) reliabilities of all features; NaN for deselected ones.
-        fixes: Fixes with their verdicts applied and their time offset removed.
         sensors: Time offset and lever arm before the round.
+        gps: The GPS term of the problem.
+        other_factors: All factors but the projections and the bounds of the GPS term.
     """
 
     result: BundleResult
     scene: Scene
     sigma_px: FloatArray
-    fixes: Fixes
     sensors: Sensors
+    gps: GpsTerm
+    other_factors: gtsam.NonlinearFactorGraph
 
 
 def batch_result(
     solved: BatchSolution,
-    fixes: Fixes,
     assessment: FixAssessment,
     sensors: Sensors,
     report: SolverReport,
@@ -85,7 +87,6 @@ def batch_result(
 
     Args:
         solved: The last round.
-        fixes: All fixes with their verdicts applied and their time offset removed.
         assessment: Assessment of all fixes.
         sensors: Time offset and lever arm after the last round.
         report: Report of the optimiser.
@@ -95,8 +96,7 @@ def batch_result(
     path = Trajectory(solved.scene.t_s, after.world_T_camera)
     covariance, warnings = _covariance(solved, context)
     # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
-    factor = variance_factor(context.config, path, fixes, sensors.camera_p_antenna)
-    covariance = covariance.scaled(factor)
+    covariance = covariance.scaled(_variance_factor(solved, path, sensors, context))
     return BatchResult(
         trajectory=path,
         covariance=covariance.poses,
@@ -134,17 +134,27 @@ def report_with_warnings(
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
     """Return the covariances at the optimum, or NaN with a warning if the system does not determine them."""
-    scene, fixes, config = solved.scene, solved.fixes, context.config
-    sources = ErrorSources(
-        gps_graph(fixes, scene.t_s, solved.sensors, config.gps),
-        other_pose_factors(scene, solved.sensors, context),
-        fixes.where(contributing_fixes(fixes, scene.t_s, config.gps)),
-    )
+    sources = ErrorSources(solved.gps.bounds, solved.other_factors, solved.gps.bounded)
+    config = context.config
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
-        unknown = np.full((len(scene.t_s), 6, 6), np.nan)
+        unknown = np.full((len(solved.scene.t_s), 6, 6), np.nan)
         return Covariances(unknown, {}), (f"the standard deviations of the poses are unknown: {error}",)
+
+
+def _variance_factor(
+    solved: BatchSolution, path: Trajectory, sensors: Sensors, context: SmoothingContext
+) -> float:
+    """Return the variance factor from the offsets of the last round."""
+    gps, batch = solved.gps, context.config.batch
+    if len(gps.offsets):
+        states = solved.result.problem.states
+        offset = np.stack([states[offset_key(k)].vector for k in range(len(gps.offsets))])
+        return max(variance_factor(batch, offset, gps.bounded, gps.weight), 1.0)
+    fixes = gps.bounded.without_time_offset(sensors.time_offset_s - solved.sensors.time_offset_s)
+    offset = antenna_offsets(fixes, path, sensors.camera_p_antenna)
+    return variance_factor(batch, offset, fixes, gps.weight)
 
 
 def _sigma(covariance: Covariances, key: int, held: bool) -> FloatArray:

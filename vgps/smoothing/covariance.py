@@ -39,9 +39,9 @@ class ErrorSources:
     """The factors on poses and vectors by the source of their errors.
 
     Attributes:
-        gps: A factor for each fix that takes part, in order, its residual (3,).
+        gps: A factor for each fix that takes part, or for each offset; in order of time, residuals (3,).
         others: All other factors.
-        fixes: The fixes of the factors in ``gps``, with the time offset removed.
+        fixes: The fixes of the factors in ``gps`` with their regions, the time offset removed.
     """
 
     gps: gtsam.NonlinearFactorGraph
@@ -124,11 +124,16 @@ def _residual_by_fix(
     """Return the derivative (M, 3, 3) of the whitened residuals by the fixes' positions, up to the sign.
 
     A common translation of both frames moves the antenna relative to the fix, so that the derivative is the
-    sum of the Jacobians by their translations.
+    sum of the Jacobians by their translations; or it is the Jacobian by the offset.
     """
-    result, vectors = np.zeros((sources.gps.size(), 3, 3)), {*problem.shared, *problem.states}
+    result = np.zeros((sources.gps.size(), 3, 3))
     for row in range(len(result)):
-        keys = [key for key in list(sources.gps.at(row).keys()) if key not in vectors]
+        keys = [key for key in list(sources.gps.at(row).keys()) if key not in problem.shared]
+        offsets = [key for key in keys if key in problem.states]
+        keys = [key for key in keys if key not in problem.states]
+        if not keys:  # a bound of an offset
+            start = POSE_DIM * structure.states[offsets[0]]
+            result[row] = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
         for frame in problem.frames_of(keys).tolist():
             start = POSE_DIM * int(structure.free[frame]) + 3
             if structure.free[frame] >= 0:

@@ -1,6 +1,6 @@
 """The energy (11) of Kume 2010 over a range of frames, as a bundle problem."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import gtsam
@@ -17,6 +17,7 @@ from factors import (
 )
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
+from vgps.gps.offsets import GpsTerm, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
@@ -25,7 +26,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
-from vgps.solver.problem import BundleProblem
+from vgps.solver.problem import BundleProblem, StateVector
 
 _LEVEL_FRAMES = 20  # that share the level prior; their number does not change its total weight
 _NEAREST_CONTROL_M = 0.1  # a nearer control point is taken to be this far away
@@ -140,7 +141,6 @@ def build_problem(
     pose_graph: gtsam.NonlinearFactorGraph,
     context: SmoothingContext,
     fixed: BoolArray | None = None,
-    shared: Mapping[int, FloatArray] | None = None,
 ) -> BundleProblem:
     """Return the energy (11): reprojection errors weighted by (12)(13), and all other terms in
     ``pose_graph``.
@@ -151,7 +151,6 @@ def build_problem(
         pose_graph: Fixes, motion and priors.
         context: Calibration, weights and loss.
         fixed: (F,) frames to hold.
-        shared: Initial values of the vectors that all frames share.
     """
     observations, config, K = scene.observations, context.config, context.K
     if config.batch.weight == "per_frame":
@@ -173,7 +172,6 @@ def build_problem(
         robust_k=robust_k,
         pose_graph=pose_graph,
         fixed=fixed,
-        shared=shared or {},
     )
 
 
@@ -219,10 +217,26 @@ def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
 def gps_and_motion(
     scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
 ) -> gtsam.NonlinearFactorGraph:
-    """Return all factors on the poses of an aligned scene; other arguments as for :func:`gps_graph`."""
+    """Return all factors on the poses of an aligned scene, errors of the fixes taken as independent.
+
+    Other arguments as for :func:`gps_graph`.
+    """
     graph = gps_graph(fixes, scene.t_s, sensors, context.config.gps, n)
-    graph.push_back(other_pose_factors(scene, sensors, context))
+    return joined(graph, other_pose_factors(scene, sensors, context))
+
+
+def joined(*graphs: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:
+    """Return a graph with the factors of all graphs."""
+    graph = gtsam.NonlinearFactorGraph()
+    for one in graphs:
+        graph.push_back(one)
     return graph
+
+
+def offset_states(term: GpsTerm) -> dict[int, StateVector]:
+    """Return the offsets of a GPS term as states of a problem, by their keys."""
+    places = zip(term.offsets, term.offset_frames.tolist(), strict=True)
+    return {offset_key(k): StateVector(offset, frame) for k, (offset, frame) in enumerate(places)}
 
 
 def other_pose_factors(

@@ -9,7 +9,7 @@ with a prior, since a log contains few independent errors.
 import numpy as np
 
 from vgps.config import BatchConfig, Config
-from vgps.gps.fixes import Fixes, antenna_at, contributing_fixes, place
+from vgps.gps.fixes import Fixes, antenna_at, contributing_fixes, independent_epochs, place
 from vgps.model import FloatArray
 from vgps.smoothing.covariance import region_sigmas
 from vgps.solution import Trajectory
@@ -34,33 +34,33 @@ def balanced_sigma_scale(
     batch = config.batch
     if batch.balance == "fixed":
         return scale
-    share = variance_factor(config, path, fixes, camera_p_antenna)
+    contributing = fixes.where(contributing_fixes(fixes, path.t_s, config.gps))
+    offset = antenna_offsets(contributing, path, camera_p_antenna)
+    share = variance_factor(batch, offset, contributing, independent_epochs(contributing))
     return float(np.clip(scale * np.sqrt(share), *_limits(batch)))
 
 
-def variance_factor(config: Config, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> float:
-    """Return the a posteriori variance factor: squared misfit of the fixes over that expected from their
-    regions.
+def antenna_offsets(fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray) -> FloatArray:
+    """Return antenna minus fix (M, 3) of fixes within the time span of a path."""
+    return antenna_at(path.world_T_camera, place(path.t_s, fixes.t_s), camera_p_antenna) - fixes.world_p_fix
+
+
+def variance_factor(batch: BatchConfig, offset: FloatArray, fixes: Fixes, weight: FloatArray) -> float:
+    """Return the a posteriori variance factor: squared offsets over those expected from the regions.
 
     A prior of weight ``balance_prior_fixes`` pulls it towards 1, its value without fixes. Covariances are
-    scaled by it as well. Arguments are those of :func:`balanced_sigma_scale`.
+    scaled by it as well.
+
+    Args:
+        batch: Weight of the prior.
+        offset: (M, 3) offsets of antennas from fixes, or of a receiver's solutions, metres.
+        fixes: Fixes with the regions of these offsets.
+        weight: (M,) number of independent errors that each offset counts as.
     """
-    contributing = fixes.where(contributing_fixes(fixes, path.t_s, config.gps))
-    if len(contributing) == 0:
+    if len(fixes) == 0:
         return 1.0
-    offset = (
-        antenna_at(path.world_T_camera, place(path.t_s, contributing.t_s), camera_p_antenna)
-        - contributing.world_p_fix
-    )
-    misfit = np.mean((offset / region_sigmas(contributing)) ** 2, axis=1)
-    weight, prior = independent_epochs(contributing), config.batch.balance_prior_fixes
+    misfit, prior = np.mean((offset / region_sigmas(fixes)) ** 2, axis=1), batch.balance_prior_fixes
     return float((prior + weight @ misfit) / (prior + weight.sum()))
-
-
-def independent_epochs(fixes: Fixes) -> FloatArray:
-    """Return the number of independent errors (M,), at most 1, that each fix adds to the one before."""
-    interval_s = np.diff(fixes.t_s, prepend=-np.inf)
-    return np.asarray(np.minimum(interval_s / fixes.correlation_s, 1.0))
 
 
 def _limits(batch: BatchConfig) -> tuple[float, float]:

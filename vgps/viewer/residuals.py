@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
-from vgps.gps.fixes import Fixes, Placement, penalty, place
+from vgps.gps.fixes import CLASSES, Fixes, Placement, penalty, place
 from vgps.gps.regions import ellipsoid_shapes, lower_class
 from vgps.model import FloatArray, GpsLog, IntArray
 from vgps.solution import FixTable, Solution, Verdict
@@ -132,6 +132,7 @@ def gps_terms(solution: Solution) -> FloatArray:
         sigma_m=log.sigma_m,
         used=table.used,
         correlation_s=unknown,
+        fix_class=np.array([CLASSES.index(name) for name in regions], dtype=np.int64),
     )
     for row in np.flatnonzero(table.used & np.isfinite(table.residual_m).all(axis=1)):
         terms[row] = penalty(fixes, int(row), config).cost(table.residual_m[row : row + 1])[0]

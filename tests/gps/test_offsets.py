@@ -1,0 +1,135 @@
+"""Fixes share offsets that last, walk, start anew and are bounded by the regions of their classes."""
+
+import gtsam
+import numpy as np
+import pytest
+from scipy.stats import multivariate_t
+from synthetic_fixes import fixes_of_size, trajectory
+
+from vgps.config import GpsConfig, Region
+from vgps.config.gps import OffsetErrors
+from vgps.gps.fixes import CLASSES
+from vgps.gps.offsets import chain_offsets, gps_term, offset_key, student
+from vgps.gps.sensors import Sensors
+from vgps.model import FixClass
+
+CONFIG = GpsConfig()
+FIX, FLOAT = (CLASSES.index(name) for name in (FixClass.RTK_FIX, FixClass.RTK_FLOAT))
+STANDING = trajectory(np.zeros((201, 3)), 0.1 * np.arange(201))
+
+
+def fixes(t_s, fix_class=FLOAT, sigma_m=np.nan, error=0.0):
+    t_s, n = np.asarray(t_s, dtype=float), len(t_s)
+    regions = [CONFIG.regions[CLASSES[k]] for k in np.broadcast_to(fix_class, n)]
+    return fixes_of_size(
+        t_s,
+        np.zeros((n, 3)) + error,
+        np.array([region.r_m for region in regions]),
+        np.array([region.h_m for region in regions]),
+        correlation_s=np.array([region.correlation_s for region in regions]),
+        fix_class=np.array(np.broadcast_to(fix_class, n)),
+        sigma_m=np.repeat(np.broadcast_to(np.asarray(sigma_m, dtype=float), n)[:, None], 3, axis=1),
+    )
+
+
+def chain(found, config=CONFIG):
+    return chain_offsets(found, found.used, config)
+
+
+def term(found, config=CONFIG):
+    return gps_term(found, STANDING, Sensors.fixed(np.zeros(3)), config)
+
+
+def test_each_fix_has_an_offset_where_fixes_are_sparse():
+    found = chain(fixes([0.0, 1.0, 2.0]))
+    assert found.offset.tolist() == [0, 1, 2] and found.starts.tolist() == [True, False, False]
+
+
+def test_fixes_of_one_interval_share_an_offset():
+    found = chain(fixes(0.1 * np.arange(7)))
+    assert found.offset.tolist() == [0, 0, 0, 1, 1, 1, 2] and found.first.tolist() == [0, 3, 6]
+
+
+def test_an_offset_starts_anew_with_the_class_after_a_gap_and_where_the_stated_sigma_jumps():
+    by_class = chain(fixes([0, 1, 2, 3], fix_class=[FIX, FIX, FLOAT, FLOAT]))
+    assert by_class.starts.tolist() == [True, False, True, False]
+    after_gap = chain(fixes([0, 1, 13, 14]))
+    assert after_gap.starts.tolist() == [True, False, True, False]
+    by_sigma = chain(fixes([0.0, 0.1, 0.2, 0.3], sigma_m=[0.05, 0.06, 2.0, 2.1]))
+    assert by_sigma.offset.tolist() == [0, 0, 1, 1] and by_sigma.starts.tolist() == [True, True]
+
+
+def test_fixes_that_do_not_contribute_have_no_offset():
+    found = fixes([0, 1, 2])
+    found.used[1] = False
+    assert chain(found).rows.tolist() == [0, 2]
+    assert term(found).noise.size() == 2 + 1  # noise of two fixes, and a step
+
+
+def test_a_stretch_counts_once_per_correlation_time():
+    assert term(fixes(np.arange(5.0))).weight.sum() == pytest.approx(1.0)
+    long = fixes(np.arange(0.0, 20.0, 0.5), fix_class=FIX)
+    assert term(long).weight.sum() == pytest.approx(19.5 / 10.0)
+    two = fixes([0, 1, 2, 3], fix_class=[FIX, FIX, FLOAT, FLOAT])
+    np.testing.assert_allclose(term(two).weight, 0.5)
+
+
+def test_the_region_of_an_offset_is_that_of_the_class_over_receivers():
+    bounded = term(fixes([0, 1])).bounded
+    expected = CONFIG.memory.classes[FixClass.RTK_FLOAT]
+    np.testing.assert_allclose(bounded.r_m, expected.r_m)
+    np.testing.assert_allclose(bounded.h_m, expected.h_m)
+
+
+def test_stated_sigmas_are_weighed_by_how_sure_they_are():
+    memory, errors = CONFIG.memory, CONFIG.memory.classes[FixClass.RTK_FLOAT]
+    share = errors.between_receivers**2 / (errors.between_receivers**2 + memory.stated_spread**2)
+    (r_m,) = term(fixes([1.0], sigma_m=0.02)).bounded.r_m
+    stated = memory.stated_factor * 0.02 * np.sqrt(-2.0 * np.log(0.05))
+    assert np.log(r_m) == pytest.approx((1 - share) * np.log(errors.r_m) + share * np.log(stated))
+    assert stated < r_m < errors.r_m
+
+
+def test_a_region_that_was_set_bounds_the_offset():
+    surveyed = {**CONFIG.regions, FixClass.RTK_FLOAT: Region(r_m=0.4, h_m=0.9)}
+    config = CONFIG.model_copy(update={"regions": surveyed})
+    (found,) = term(fixes([1.0]), config).bounded.r_m
+    assert found == pytest.approx(2.4)  # the fix's own region is given here, and in proportion
+    assert config.offset_errors(FixClass.RTK_FLOAT).r_m == 0.4
+    assert config.offset_errors(FixClass.RTK_FLOAT).walk_m == CONFIG.memory.classes[FixClass.RTK_FLOAT].walk_m
+
+
+def test_the_loss_is_the_density_of_students_t_in_space():
+    errors = OffsetErrors(tail=2.5, vertical=3.0)
+    density = multivariate_t(shape=np.diag([0.04, 0.04, 0.36]), df=2.5)
+    at = np.array([[0.1, -0.3, 0.2], [0.0, 2.0, 5.0], [0.01, 0.0, -0.02]])
+    expected = density.logpdf(np.zeros(3)) - density.logpdf(at)
+    np.testing.assert_allclose(student(errors, 0.2).cost(at), expected, rtol=1e-9)
+
+
+def test_steps_are_as_likely_over_one_second_as_over_four_when_twice_as_long():
+    def cost_of_a_step(seconds, length):
+        graph, values = term(fixes([1.0, 1.0 + seconds])).noise, gtsam.Values()
+        values.insert(offset_key(0), np.zeros(3))
+        values.insert(offset_key(1), np.array([length, 0.0, 0.0]))
+        return graph.at(2).error(values)
+
+    assert cost_of_a_step(1.0, 0.3) == pytest.approx(cost_of_a_step(4.0, 0.6))
+
+
+def test_offsets_begin_at_the_error_of_their_fixes_as_the_path_tells():
+    found = term(fixes(0.1 * np.arange(6), error=np.array([1.0, -2.0, 0.5])))
+    np.testing.assert_allclose(found.offsets, [[1.0, -2.0, 0.5]] * 2)
+    assert found.offset_frames.tolist() == [0, 3]
+
+
+@pytest.mark.parametrize("model", ["gaussian", "gaussian-receiver", "cauchy", "none"])
+def test_the_baselines_have_no_offsets(model):
+    found = term(fixes([0, 1, 2]), CONFIG.model_copy(update={"model": model}))
+    assert len(found.offsets) == 0 and found.noise.size() == 0
+
+
+def test_without_memory_each_fix_is_bounded_by_itself():
+    found = term(fixes([0, 1, 2]), CONFIG.model_copy(update={"error_model": "independent"}))
+    assert found.bounds.size() == 3 and len(found.offsets) == 0
+    np.testing.assert_allclose(found.bounded.r_m, 2.4)

@@ -1,0 +1,229 @@
+"""Errors with memory: a fix is antenna + offset + noise, and the offset is a variable of the graph.
+
+A receiver's solution lies off the truth by an offset that lasts: from one fix to the next it walks, mostly by
+centimetres and sometimes by a jump (Student's t), and it starts anew when the class changes, after a gap, or
+where the receiver's own sigma jumps. The region of the class bounds the offset, as it bounds the fix in
+Eq. (16), Kume 2010; so the shape of the path profits from fixes whose place is biased.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import gtsam
+import numpy as np
+
+from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
+from vgps.config import GpsConfig
+from vgps.config.gps import OffsetErrors
+from vgps.gps.fixes import (
+    CLASSES,
+    Fixes,
+    antenna_at,
+    contributing_fixes,
+    gps_graph,
+    independent_epochs,
+    penalty,
+    place,
+)
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
+from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solution import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class GpsTerm:
+    """The GPS term of the energy (11) over frames with keys ``x0..``.
+
+    Attributes:
+        bounds: Penalties by the regions of the classes, one per fix or per offset.
+        bounded: (B,) the fix of each bound, with its region; the first of an offset's fixes.
+        weight: (B,) number of independent errors, at most 1, that each bound counts as.
+        noise: Factors of the noise about the offsets and of their walk.
+        offsets: (K, 3) initial values of the offsets, metres, with keys ``o0..``.
+        offset_frames: (K,) frame before the first fix of each offset.
+    """
+
+    bounds: gtsam.NonlinearFactorGraph
+    bounded: Fixes
+    weight: FloatArray
+    noise: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
+    offsets: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    offset_frames: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffsetChain:
+    """Which fixes share an offset, in order of time.
+
+    Attributes:
+        rows: (M,) fixes that contribute.
+        offset: (M,) number of the offset of each.
+        first: (K,) the first of ``rows`` of each offset.
+        starts: (K,) whether the offset starts anew instead of walking from the one before.
+    """
+
+    rows: IntArray
+    offset: IntArray
+    first: IntArray
+    starts: BoolArray
+
+
+def gps_term(
+    fixes: Fixes, path: Trajectory, sensors: Sensors, config: GpsConfig, n: int | None = None
+) -> GpsTerm:
+    """Return the GPS term for a path, with offsets if the error model has memory.
+
+    Args:
+        fixes: Fixes with the time offset removed.
+        path: The frames; their poses give the initial values of the offsets.
+        sensors: Lever arm, and whether it and the time offset are estimated with the poses.
+        config: GPS model and error model.
+        n: Exponent, if not the configured one.
+    """
+    contributing = contributing_fixes(fixes, path.t_s, config)
+    if not config.has_memory or not contributing.any():
+        bounded = fixes.where(contributing)
+        weight = independent_epochs(bounded)
+        return GpsTerm(bounds=gps_graph(fixes, path.t_s, sensors, config, n), bounded=bounded, weight=weight)
+    chain = chain_offsets(fixes, contributing, config)
+    rows = chain.rows[chain.first]
+    bounded = _with_offset_regions(fixes.where(rows), config)
+    weight = _weights(bounded, chain.starts)
+    bounds = gtsam.NonlinearFactorGraph()
+    exponent = min(n or config.memory.n, config.memory.n)
+    for k in range(len(rows)):
+        bounds.push_back(
+            offset_factor(offset_key(k), penalty(bounded, k, config, exponent), float(weight[k]))
+        )
+    noise = _noise_factors(fixes, chain, path.t_s, sensors, config)
+    noise.push_back(_walk_factors(fixes, chain, config))
+    return GpsTerm(
+        bounds=bounds,
+        bounded=bounded,
+        weight=weight,
+        noise=noise,
+        offsets=_initial_offsets(fixes, chain, path, sensors),
+        offset_frames=place(path.t_s, bounded.t_s).frame,
+    )
+
+
+def chain_offsets(fixes: Fixes, contributing: BoolArray, config: GpsConfig) -> OffsetChain:
+    """Divide fixes into stretches of one solution, and stretches into intervals with an offset each.
+
+    Args:
+        fixes: In order of time.
+        contributing: (M,) which of them contribute; at least one.
+        config: When an offset starts anew, and the length of the intervals.
+    """
+    memory, rows = config.memory, np.flatnonzero(contributing)
+    t_s, stated = fixes.t_s[rows], np.log(np.linalg.norm(fixes.sigma_m[rows], axis=1))
+    change = np.diff(fixes.fix_class[rows]) != 0
+    change |= np.diff(t_s) > memory.max_gap_s
+    with np.errstate(invalid="ignore"):  # NaN without stated sigmas
+        change |= np.abs(np.diff(stated)) > np.log(memory.stated_jump)
+    anew = np.append(True, change)
+    since = t_s - t_s[anew][np.cumsum(anew) - 1]
+    interval = np.floor(since / memory.interval_s + 1e-6)
+    begins = anew | (np.diff(interval, prepend=-1.0) != 0)
+    return OffsetChain(
+        rows=rows, offset=np.cumsum(begins) - 1, first=np.flatnonzero(begins), starts=anew[begins]
+    )
+
+
+def offset_key(offset: int) -> int:
+    """Return the key of an offset by its number."""
+    return int(gtsam.symbol("o", offset))
+
+
+def _weights(first: Fixes, starts: BoolArray) -> FloatArray:
+    """Return the weight (K,) of each offset's bound: a stretch counts once per correlation time."""
+    stretch = np.cumsum(starts) - 1
+    offsets = np.bincount(stretch)
+    begin, end = np.flatnonzero(starts), np.append(np.flatnonzero(starts)[1:], len(starts)) - 1
+    duration_s = first.t_s[end] - first.t_s[begin]
+    return np.asarray((np.maximum(duration_s / first.correlation_s[begin], 1.0) / offsets)[stretch])
+
+
+def _with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
+    """Return fixes with the regions of their offsets: class and stated sigma, weighed by how sure they are.
+
+    Both are log-normal estimates of the size, so that the result is their weighted geometric mean.
+    """
+    memory, classes = config.memory, [CLASSES[k] for k in fixes.fix_class.tolist()]
+    regions, errors = [config.regions[name] for name in classes], _errors_of(fixes, config)
+    # what enlarges the region of a fix enlarges that of its offset
+    r_m = fixes.r_m * np.array([own.r_m / one.r_m for own, one in zip(errors, regions, strict=True)])
+    h_m = fixes.h_m * np.array([own.h_m / one.h_m for own, one in zip(errors, regions, strict=True)])
+    along = np.hypot(fixes.sigma_m[:, 0], fixes.sigma_m[:, 1]) / np.sqrt(2.0)
+    share = np.array([own.between_receivers**2 for own in errors])
+    share = share / (share + memory.stated_spread**2)
+
+    def combined(size: FloatArray, stated: FloatArray) -> FloatArray:
+        both = np.exp((1.0 - share) * np.log(size) + share * np.log(memory.stated_factor * stated))
+        return np.where(np.isfinite(both), both, size)
+
+    return replace(
+        fixes,
+        r_m=combined(r_m, INSIDE_PLANE * along),
+        h_m=combined(h_m, INSIDE_LINE * fixes.sigma_m[:, 2]),
+    )
+
+
+def _errors_of(fixes: Fixes, config: GpsConfig) -> list[OffsetErrors]:
+    """Return the errors of each fix's class."""
+    by_class = {k: config.offset_errors(CLASSES[k]) for k in np.unique(fixes.fix_class).tolist()}
+    return [by_class[k] for k in fixes.fix_class.tolist()]
+
+
+def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:
+    """Return the loss of Student's t in space, as Cauchy's loss: ``k^2 = tail + 3`` and a smaller sigma.
+
+    Args:
+        errors: Degrees of freedom, and the ratio of the vertical scale to the horizontal one.
+        horizontal_m: Scale on each horizontal axis.
+    """
+    sigma_m = horizontal_m * float(np.sqrt(errors.tail / (errors.tail + 3.0)))
+    return Gaussian((sigma_m, sigma_m, errors.vertical * sigma_m), float(np.sqrt(errors.tail + 3.0)))
+
+
+def _noise_factors(
+    fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, config: GpsConfig
+) -> gtsam.NonlinearFactorGraph:
+    """Return a factor for each fix: the noise of antenna + offset - fix."""
+    graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
+    losses = [student(errors, errors.noise_m) for errors in _errors_of(fixes.where(chain.rows), config)]
+    for row, offset, loss in zip(chain.rows.tolist(), chain.offset.tolist(), losses, strict=True):
+        a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
+        keys = gtsam.symbol("x", a), gtsam.symbol("x", b)
+        fix = fixes.world_p_fix[row]
+        if sensors.is_estimated:
+            times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
+            factor = gps_factor_calibrating(
+                keys, (TIME_OFFSET, ANTENNA), times, fix, loss, offset_key(offset)
+            )
+        else:
+            alpha, antenna = float(placement.alpha[row]), sensors.camera_p_antenna
+            factor = gps_factor_interpolated(keys, alpha, fix, antenna, loss, offset_key(offset))
+        graph.push_back(factor)
+    return graph
+
+
+def _walk_factors(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> gtsam.NonlinearFactorGraph:
+    """Return a factor for each step of an offset from the one before."""
+    graph, first = gtsam.NonlinearFactorGraph(), fixes.where(chain.rows[chain.first])
+    interval_s, errors = np.diff(first.t_s).tolist(), _errors_of(first, config)
+    for k in range(1, len(first)):
+        if not chain.starts[k]:
+            loss = student(errors[k], errors[k].walk_m * float(np.sqrt(interval_s[k - 1])))
+            graph.push_back(
+                gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), np.zeros(3), loss.noise_model())
+            )
+    return graph
+
+
+def _initial_offsets(fixes: Fixes, chain: OffsetChain, path: Trajectory, sensors: Sensors) -> FloatArray:
+    """Return the means (K, 3) of fix minus antenna of each offset."""
+    placement = place(path.t_s, fixes.t_s)
+    error = fixes.world_p_fix - antenna_at(path.world_T_camera, placement, sensors.camera_p_antenna)
+    sums = np.stack([np.bincount(chain.offset, error[chain.rows, axis]) for axis in range(3)], axis=1)
+    return np.asarray(sums / np.bincount(chain.offset)[:, None])
