@@ -107,14 +107,17 @@ def test_the_loss_is_the_density_of_students_t_in_space():
     np.testing.assert_allclose(student(errors, 0.2).cost(at), expected, rtol=1e-9)
 
 
-def test_steps_are_as_likely_over_one_second_as_over_four_when_twice_as_long():
+@pytest.mark.parametrize(("fix_class", "longer"), [(FIX, 2.0), (FLOAT, 4.0)])
+def test_steps_over_four_seconds_are_longer_by_the_law_of_their_tail(fix_class, longer):
+    """The root of four with a finite variance, four for Cauchy's steps."""
+
     def cost_of_a_step(seconds, length):
-        graph, values = term(fixes([1.0, 1.0 + seconds])).noise, gtsam.Values()
+        graph, values = term(fixes([1.0, 1.0 + seconds], fix_class)).noise, gtsam.Values()
         values.insert(offset_key(0), np.zeros(3))
         values.insert(offset_key(1), np.array([length, 0.0, 0.0]))
         return graph.at(2).error(values)
 
-    assert cost_of_a_step(1.0, 0.3) == pytest.approx(cost_of_a_step(4.0, 0.6))
+    assert cost_of_a_step(1.0, 0.3) == pytest.approx(cost_of_a_step(4.0, longer * 0.3))
 
 
 def test_offsets_begin_at_the_error_of_their_fixes_as_the_path_tells():

@@ -88,8 +88,7 @@ class OffsetErrors(SettingsModel):
     noise_m: PositiveFloat = 0.02
     """Scale of the noise about the offset, on each horizontal axis."""
     walk_m: PositiveFloat = 0.07
-    """Scale of the offset's steps over one second, on each horizontal axis; it grows with the root of
-    time."""
+    """Scale of the offset's steps over one second, on each horizontal axis."""
     tail: PositiveFloat = 3.0
     """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""
     vertical: PositiveFloat = 2.2

@@ -186,6 +186,15 @@ def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:
     return Gaussian((sigma_m, sigma_m, errors.vertical * sigma_m), float(np.sqrt(errors.tail + 3.0)))
 
 
+def _walk_scale(errors: OffsetErrors, interval_s: float) -> float:
+    """Return the scale of a step over an interval, metres.
+
+    Sums of n independent steps are n^(1/a) times as long, a = 2 if their variance is finite, else the tail's
+    degrees of freedom (the stable laws; Feller, An Introduction to Probability Theory, vol. 2, 1971).
+    """
+    return errors.walk_m * float(interval_s ** (1.0 / min(errors.tail, 2.0)))
+
+
 def _noise_factors(
     fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, config: GpsConfig
 ) -> gtsam.NonlinearFactorGraph:
@@ -214,7 +223,7 @@ def _walk_factors(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> gtsam.
     interval_s, errors = np.diff(first.t_s).tolist(), _errors_of(first, config)
     for k in range(1, len(first)):
         if not chain.starts[k]:
-            loss = student(errors[k], errors[k].walk_m * float(np.sqrt(interval_s[k - 1])))
+            loss = student(errors[k], _walk_scale(errors[k], interval_s[k - 1]))
             graph.push_back(
                 gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), np.zeros(3), loss.noise_model())
             )
