@@ -44,6 +44,7 @@ def test_ce90_in_the_report_is_that_of_the_truth(recording, tmp_path, vgps_verb)
     computed = np.quantile(np.hypot(away[:, 0], away[:, 1]), 0.9), np.quantile(np.abs(away[:, 2]), 0.9)
     np.testing.assert_allclose(stated, computed, rtol=0.05, atol=0.0006)
     html = (tmp_path / "r.html").read_text()
+    assert f"<td>CE90 [m]</td><td>{stated[0]:.3f}</td>" in html
     assert html.count('src="data:image/jpeg') == 40
     assert "height above the geoid EGM96" in html and "EGM96 at the origin" in html
 

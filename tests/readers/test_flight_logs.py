@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_bytes import FIX, UNIX_S, dataflash, fit, igc, tlog, ulog
+from log_bytes import FIX, UNIX_S, dataflash, fit, igc, sbf, tlog, ulog
 
 from vgps.crs import egm96
 from vgps.errors import GpsLogError
@@ -22,6 +22,7 @@ LOGS = {
     "fit": (fit, FixClass.SINGLE, GEOID_M),
     "ulog": (ulog, FixClass.RTK_FIX, 0.0),
     "mavlink": (tlog, FixClass.RTK_FIX, 0.0),
+    "sbf": (sbf, FixClass.RTK_FIX, 0.0),
 }
 
 
@@ -76,6 +77,20 @@ def test_sigmas_and_what_was_skipped(tmp_path):
     assert "1 record without a position skipped" in read(tmp_path, fit()).skipped
 
 
+def test_sigmas_of_sbf(tmp_path):
+    log = read(tmp_path, sbf())
+    np.testing.assert_allclose(log.sigma_m[0], [0.02, 0.01, 0.03], atol=1e-6)  # east, north, up
+    assert log.satellites[0] == 14 and log.correction_age_s[0] == pytest.approx(1.5)
+    assert log.skipped == (
+        "1 epoch without a fix skipped",
+        "positions are in the datum of the reference stations, says the receiver",
+    )
+    bare = read(tmp_path, sbf(covariance=False, mode=5))
+    # 2DRMS of 4 cm, two sigmas of 6 cm
+    np.testing.assert_allclose(bare.sigma_m[0], [0.02 / np.sqrt(2), 0.02 / np.sqrt(2), 0.03], atol=1e-6)
+    assert set(bare.fix_class) == {FixClass.RTK_FLOAT}
+
+
 def test_fields_of_px4_before_1_14(tmp_path):
     log = read(tmp_path, ulog(old=True))
     np.testing.assert_allclose(log.height_m, [row[2] for row in FIX], atol=1e-3)
@@ -106,7 +121,9 @@ def test_igc_south_and_west(tmp_path):
     assert (fix.latitude_deg, fix.longitude_deg) == (-34.5, -58.25)
 
 
-@pytest.mark.parametrize(("made", "extra"), [(fit, "fitdecode"), (ulog, "pyulog"), (tlog, "pymavlink")])
+@pytest.mark.parametrize(
+    ("made", "extra"), [(fit, "fitdecode"), (ulog, "pyulog"), (tlog, "pymavlink"), (sbf, "pysbf2")]
+)
 def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
     for name in [name for name in sys.modules if name.split(".")[0] == extra]:
         monkeypatch.delitem(sys.modules, name)
@@ -126,9 +143,10 @@ def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
         read(tmp_path, data)
 
 
+@pytest.mark.filterwarnings("error")
 @settings(max_examples=25)
 @given(st.data())
-@pytest.mark.parametrize("made", [igc, fit, ulog, tlog, dataflash])
+@pytest.mark.parametrize("made", [igc, fit, ulog, tlog, dataflash, sbf])
 def test_damage_is_read_around_or_refused_in_a_line(tmp_path_factory, made, data):
     whole = bytearray(made())
     for _ in range(data.draw(st.integers(1, 4))):

@@ -1,5 +1,7 @@
 """Bytes of flight and sports loggers, written by hand after their specifications."""
 
+import binascii
+import math
 import struct
 
 FIX = ((49.0, 8.4, 110.5), (49.0001, 8.4001, 111.0), (49.0002, 8.4002, 111.5))
@@ -116,3 +118,28 @@ def dataflash(rows=FIX, unix_s=UNIX_S):
             "<QBBIHBhiiiffffB", 1000 * k, 0, 4, (second + k) * 1000, week, 12, 95, *place, 0, 0, 0, 0, 1
         )
     return data
+
+
+def sbf(rows=FIX, unix_s=UNIX_S, covariance=True, mode=4):
+    """An SBF log of PVTGeodetic and PosCovGeodetic, the last epoch without a fix."""
+    week, second = divmod(unix_s + 18 - 315964800, 604800)
+    data = b""
+    for k, (latitude, longitude, height) in enumerate((*rows, rows[-1])):
+        head = struct.pack("<IH", (second + k) * 1000, week)
+        error, kind = (0, mode) if k < len(rows) else (3, 0)
+        place = *(math.radians(angle) for angle in (latitude, longitude)), height
+        body = head + struct.pack("<BB3df3ff", kind, error, *place, 48.0, 0, 0, 0, -2e10)
+        body += struct.pack("<dfBBBBHHIBBHHHHB", 0, 0, 0, 19, 14, 0, 0, 150, 0, 0, 1, 0, 10, 4, 6, 0) + bytes(
+            1
+        )
+        data += _sbf_block(4007, 2, body)
+        if covariance:
+            variances = struct.pack("<10f", 1e-4, 4e-4, 9e-4, *[0.0] * 7)
+            data += _sbf_block(5906, 0, head + struct.pack("<BB", kind, error) + variances)
+    return data
+
+
+def _sbf_block(number, revision, body):
+    body += bytes(-(len(body) + 8) % 4)
+    checked = struct.pack("<HH", number | revision << 13, len(body) + 8) + body
+    return b"$@" + struct.pack("<H", binascii.crc_hqx(checked, 0)) + checked

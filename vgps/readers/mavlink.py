@@ -80,15 +80,21 @@ def _messages(path: Path, name: str) -> Iterator[Any]:
     ):
         # by content: mavlink_connection goes by the name of the file
         if name == "GPS":
-            opened = optional_module("pymavlink.DFReader", "logs", path).DFReader_binary
+            kind = optional_module("pymavlink.DFReader", "logs", path).DFReader_binary
         else:
-            opened = optional_module("pymavlink.mavutil", "logs", path).mavlogfile
-        # a damaged end raises whatever its bytes lead to; what was read before stays
-        with contextlib.suppress(Exception):
-            log = opened(str(path))
-            while (message := log.recv_match(type=[name])) is not None:
-                if getattr(message, "I", 0) == 0:
-                    yield message
+            kind = optional_module("pymavlink.mavutil", "logs", path).mavlogfile
+        log = kind.__new__(kind)
+        try:
+            # a damaged end raises whatever its bytes lead to; what was read before stays
+            with contextlib.suppress(Exception):
+                log.__init__(str(path))
+                while (message := log.recv_match(type=[name])) is not None:
+                    if getattr(message, "I", 0) == 0:
+                        yield message
+        finally:
+            # the constructor of a damaged file fails with the file open
+            with contextlib.suppress(AttributeError):
+                log.close()
 
 
 def _whole(read: Callable[[Any, int], Read], message: Any, number: int) -> Read:
