@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from vgps.crs import coordinate_system
-from vgps.crs.system import place_in
+from vgps.crs.lookup import place_in
 from vgps.errors import RecordingError
 from vgps.model import BoolArray, ControlPoints, FloatArray, IntArray
 from vgps.readers.table import Table, read_bytes, read_table
