@@ -2,7 +2,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vgps.crs import egm96, named_geoid
@@ -39,6 +39,7 @@ def test_egm96_at_the_published_points():
     np.testing.assert_allclose(alone, height, atol=0.006)
 
 
+@settings(max_examples=25)
 @given(st.floats(-90, 90), st.floats(-720, 720))
 def test_egm96_is_defined_and_smooth_everywhere(latitude, longitude):
     height = egm96().height_m([latitude, latitude], [longitude, longitude + 1e-7])

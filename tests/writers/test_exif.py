@@ -126,6 +126,19 @@ def test_an_image_folder_keeps_pixels_and_other_metadata(tmp_path, data_dir):
         assert float(new["GPS GPSAltitude"].values[0]) == 100.0
 
 
+def test_names_are_those_of_the_folder_s_images(tmp_path):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for name in ("b.png", "a.jpg"):
+        Image.new("RGB", (64, 48)).save(folder / name)
+    (folder / "frame_times.csv").write_text("file,t_s\nb.png,0\na.jpg,2\n")
+    run = make_solution(np.array([0.0, 2.0]), np.tile(np.eye(4), (2, 1, 1)), recording=folder)
+    out = exported(run, tmp_path, "exif", "out")
+    assert sorted(file.name for file in out.glob("*.jpg")) == ["a.jpg", "b.jpg"]  # PNG becomes JPEG
+    table = exported(run, tmp_path, "csv", "a.csv", columns=("image",))
+    assert table.read_text().split() == ["image", "b.png", "a.jpg"]
+
+
 def test_without_its_video_the_remedy_is_said(true_run, tmp_path):
     with pytest.raises(RunFolderError, match=r"no frames to export .*--images"):
         exported(replace(true_run, recording=tmp_path / "gone"), tmp_path, "exif", "out")

@@ -22,6 +22,11 @@ def open_video(path: PathLike) -> Source:
     return opened(place_of(Path(path))[1])
 
 
+def is_image_folder(path: Path) -> bool:
+    """Whether a path is a folder of images, and not that of a ROS 2 bag."""
+    return path.is_dir() and not is_bag(path)
+
+
 def place_of(path: Path) -> tuple[Path, Path]:
     """Return the folder of the other files, and the video, bag or folder of images.
 

@@ -55,15 +55,15 @@ def _images(job: ExportJob) -> Iterator[tuple[int, str, bytes]]:
     """Yield row, name and JPEG of every frame chosen."""
     if not isinstance(job.video, ImageFolder):
         for row, picture in job.pictures():
-            yield row, job.image_names[row], encoded(Image.fromarray(picture))
+            yield row, job.jpeg_names[row], encoded(Image.fromarray(picture))
         return
-    for row, number in enumerate(job.frame.tolist()):
+    for row, (number, name) in enumerate(zip(job.frame.tolist(), job.jpeg_names, strict=True)):
         file = job.video.files[number]
-        if file.suffix.lower() in {".jpg", ".jpeg"}:
-            yield row, file.name, file.read_bytes()
+        if file.name == name:
+            yield row, name, file.read_bytes()
             continue
         for _, picture in job.video.pictures([number]):
-            yield row, f"{file.stem}.jpg", encoded(Image.fromarray(picture))
+            yield row, name, encoded(Image.fromarray(picture))
 
 
 def _old_exif(jpeg: bytes) -> bytes:

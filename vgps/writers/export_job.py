@@ -13,7 +13,8 @@ from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, IntArray, RgbImage
-from vgps.readers.sources import Source, open_video
+from vgps.readers.images import ImageFolder
+from vgps.readers.sources import Source, is_image_folder, open_video, place_of
 from vgps.solution import Solution
 from vgps.writers.frame_choice import FrameChoice
 
@@ -111,10 +112,21 @@ class ExportJob:
         start = start.astimezone(UTC)
         return [start + timedelta(seconds=t_s + offset_s) for t_s in self.solution.t_s.tolist()]
 
-    @property
+    @cached_property
     def image_names(self) -> list[str]:
-        """Names of the frames' images, as FFmpeg numbers them."""
-        return [IMAGE_NAME.format(number) for number in self.frame.tolist()]
+        """Names of the frames' images: those of a folder of images, else as FFmpeg numbers them."""
+        files = image_files(self.options.images or self.solution.recording)
+        if files is None or len(files) <= self.frame.max(initial=-1):
+            return [IMAGE_NAME.format(number) for number in self.frame.tolist()]
+        return [files[number].name for number in self.frame.tolist()]
+
+    @property
+    def jpeg_names(self) -> list[str]:
+        """The same names for images that are written as JPEG."""
+        return [
+            name if name.lower().endswith((".jpg", ".jpeg")) else f"{Path(name).stem}.jpg"
+            for name in self.image_names
+        ]
 
     @cached_property
     def video(self) -> Source:
@@ -131,6 +143,15 @@ class ExportJob:
         wanted: Collection[int] = rows.keys()
         for number, picture in self.video.pictures(wanted):
             yield rows[number], picture
+
+
+def image_files(place: Path | None) -> list[Path] | None:
+    """Return the files of a recording whose frames are a folder of images; None for others."""
+    try:
+        source = None if place is None else place_of(place)[1]
+        return ImageFolder(source).files if source is not None and is_image_folder(source) else None
+    except VgpsError:
+        return None
 
 
 def video_of(solution: Solution, images: Path | None, last: int) -> Source:

@@ -61,12 +61,12 @@ def write_splat(job: ExportJob, folder: Path) -> None:
     lens = None if camera.model == "pinhole" else _lens_map(camera)
     written = []
     for row, picture in job.pictures():
-        name = job.image_names[row]
+        name = job.jpeg_names[row]
         (folder / "images" / name).write_bytes(encoded(Image.fromarray(_undistorted(picture, lens))))
         written.append(name)
     scene, world_p_origin = _near_origin(job.solution)
-    write_colmap(scene, folder / "sparse" / "0", job.image_names)
-    write_nerfstudio(scene, folder / "transforms.json", job.image_names)
+    write_colmap(scene, folder / "sparse" / "0", job.jpeg_names)
+    write_nerfstudio(scene, folder / "transforms.json", job.jpeg_names)
     about = _georeference(job, scene, world_p_origin)
     (folder / MARK).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
     where = (
