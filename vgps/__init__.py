@@ -1,18 +1,23 @@
-"""The pose of every frame of a video in world coordinates, from the video and a GPS log."""
+"""The pose of every frame of a video in world coordinates, from the video and a GPS log.
 
-from importlib.metadata import version
+Names are imported when they are first used, so that ``import vgps`` and ``vgps --help`` cost little.
+"""
 
-from vgps.config import Config, read_config
-from vgps.errors import VgpsError
-from vgps.evaluation import evaluate
-from vgps.localization import localize
-from vgps.model import Camera, Recording, Rig
-from vgps.online import Fix, OnlineEstimate, OnlineSmoother
-from vgps.pipeline.offline import smooth
-from vgps.readers.calibration import read_camera
-from vgps.readers.recording import open_recording
-from vgps.solution import Solution
-from vgps.writers.run_folder import write_run
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vgps.config import Config, read_config
+    from vgps.errors import VgpsError
+    from vgps.evaluation import evaluate
+    from vgps.localization import localize
+    from vgps.model import Camera, Recording, Rig
+    from vgps.online import Fix, OnlineEstimate, OnlineSmoother
+    from vgps.pipeline.offline import smooth
+    from vgps.readers.calibration import read_camera
+    from vgps.readers.recording import open_recording
+    from vgps.solution import Solution
+    from vgps.writers.run_folder import write_run
 
 __all__ = [
     "Camera",
@@ -34,4 +39,36 @@ __all__ = [
     "write_run",
 ]
 
-__version__ = version("vgps")
+_HOMES = {
+    "Camera": "model",
+    "Config": "config",
+    "Fix": "online",
+    "OnlineEstimate": "online",
+    "OnlineSmoother": "online",
+    "Recording": "model",
+    "Rig": "model",
+    "Solution": "solution",
+    "VgpsError": "errors",
+    "evaluate": "evaluation",
+    "localize": "localization",
+    "open_recording": "readers.recording",
+    "read_camera": "readers.calibration",
+    "read_config": "config",
+    "smooth": "pipeline.offline",
+    "write_run": "writers.run_folder",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        value: Any = import_module("importlib.metadata").version("vgps")
+    elif name in _HOMES:
+        value = getattr(import_module(f"vgps.{_HOMES[name]}"), name)
+    else:
+        raise AttributeError(f"module 'vgps' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -106,6 +106,8 @@ def test_a_killed_run_leaves_no_file_under_a_final_name(solution: Solution, tmp_
     )
     assert done.returncode == -9
     assert not out.exists()
-    assert all(path.name.startswith(".run.new-") for path in tmp_path.iterdir())
+    left = {path.name.split("-")[0] for path in tmp_path.iterdir()}
+    assert left == {".run.new", ".run.lock"}
     write_run(solution, out)
     assert_same(read_run(out), solution)
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]

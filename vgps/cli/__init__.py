@@ -8,38 +8,31 @@ import sys
 import cyclopts
 from pydantic import ValidationError
 
-from vgps.cli import (  # noqa: F401  (importing a module registers its verb)
-    calibrate,
-    compare,
-    config,
-    demo,
-    evaluate,
-    export,
-    inspect,
-    landmarks,
-    online,
-    report,
-    simulate,
-    smooth,
-    survey,
-    track,
-)
 from vgps.cli.app import app
 from vgps.errors import VgpsError
 
-_BAD_INPUT, _INTERRUPTED = 2, 130
+# imported when it is called: nobody waits for what another verb needs
+_VERBS = (
+    "demo:demo", "smooth:smooth", "online:online", "evaluate:evaluate", "report:report", "inspect:inspect",
+    "export:export", "survey:survey", "compare:compare", "landmarks:landmarks", "track:track",
+    "calibrate:calibrate_gyro", "simulate:simulate", "config:config", "doctor:doctor",
+)  # fmt: skip
+for _verb in _VERBS:
+    app.command(f"vgps.cli.{_verb}")
+
+_BAD_INPUT = 2
 
 
 def main() -> None:
     """Run a verb; a user's mistake gives one line and exit code 2."""
+    if not sys.argv[1:] or sys.argv[1].startswith("-"):
+        for verb in list(app):
+            app[verb]  # the list of verbs has the first line of each
     try:
         app(sys.argv[1:], exit_on_error=False, print_error=False)
     except (VgpsError, cyclopts.CycloptsError) as error:
         print("vgps: " + " ".join(_message(error).split()), file=sys.stderr)
         sys.exit(_BAD_INPUT)
-    except KeyboardInterrupt:
-        print("vgps: interrupted, nothing written", file=sys.stderr)
-        sys.exit(_INTERRUPTED)
 
 
 def _message(error: Exception) -> str:

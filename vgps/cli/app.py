@@ -4,7 +4,11 @@ from cyclopts import App
 from rich.console import Console
 from rich.text import Text
 
-app = App(name="vgps", help="Estimate the pose of every frame of a video in world coordinates, with GPS.")
+app = App(
+    name="vgps",
+    help="Estimate the pose of every frame of a video in world coordinates, with GPS.",
+    suppress_keyboard_interrupt=False,  # vgps.__main__ tells Ctrl-C from SIGTERM
+)
 
 
 def print_line(text: str, *, to_stderr: bool = False) -> None:

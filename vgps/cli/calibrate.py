@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CalibrationFiles, SettingsOptions
 from vgps.cli.tables import calibration_table
 from vgps.cli.terminal import TerminalProgress
@@ -16,7 +16,6 @@ from vgps.writers.rig import write_rig
 _FILES, _SETTINGS = CalibrationFiles(), SettingsOptions()
 
 
-@app.command
 def calibrate_gyro(
     recording: Path,
     *,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vgps.cli.app import app, print_line
+from vgps.cli.app import print_line
 from vgps.cli.options import SurveyedSettings
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import comparison_table
@@ -13,7 +13,6 @@ from vgps.readers.recording import open_recording
 _SETTINGS = SurveyedSettings()
 
 
-@app.command
 def compare(
     recording: Path,
     *,
@@ -31,8 +30,8 @@ def compare(
         gps: GPS log; a path, or a name inside the folder.
         settings: Settings.
     """
-    from vgps.compare import check_outputs, write_comparison  # noqa: PLC0415  (plots are slow to import)
-    from vgps.compare import compare as compare_models  # noqa: PLC0415
+    from vgps.compare import check_outputs, write_comparison
+    from vgps.compare import compare as compare_models
 
     config = settings.read()
     check_outputs(out)

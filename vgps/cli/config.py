@@ -1,10 +1,8 @@
 """The verb that lists the settings."""
 
-from vgps.cli.app import app
 from vgps.config.reference import defaults_yaml, reference_text
 
 
-@app.command
 def config(*, defaults: bool = False) -> None:
     """List every setting with its default, unit and meaning.
 

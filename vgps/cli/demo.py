@@ -4,14 +4,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vgps.cli.app import app, print_line
+from vgps.cli.app import print_line
 from vgps.cli.options import Seed
 from vgps.cli.smooth import print_summary
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluation_table
 
 
-@app.command
 def demo(*, out: Path = Path("demo"), seed: Seed = 0) -> None:
     """Simulate a short recording, smooth it, evaluate it against its truth and write a report.
 
@@ -19,7 +18,7 @@ def demo(*, out: Path = Path("demo"), seed: Seed = 0) -> None:
         out: Folder for the recording, the run and the report.
         seed: Seed of the simulated world and its GPS errors.
     """
-    from vgps.demo import demo as run_demo  # noqa: PLC0415  (plots and simulation are slow to import)
+    from vgps.demo import demo as run_demo
 
     solution, evaluation = run_demo(out, seed, TerminalProgress())
     print_summary(solution, out / "run")

@@ -7,12 +7,10 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from vgps.cli.app import app
 from vgps.evaluation import evaluate as evaluate_run
 from vgps.evaluation import evaluation_table, to_json
 
 
-@app.command
 def evaluate(
     run: Path,
     *,

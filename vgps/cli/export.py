@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CoordinateOptions
 from vgps.writers.export import ExportOptions
 from vgps.writers.export import export as export_run
@@ -14,7 +14,6 @@ from vgps.writers.frame_choice import FrameChoice
 _COORDINATES = CoordinateOptions()
 
 
-@app.command
 def export(
     run: Path,
     *,

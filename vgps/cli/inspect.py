@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.errors import VgpsError
 from vgps.model import Recording
 from vgps.readers.recording import open_recording
@@ -11,7 +11,6 @@ from vgps.solution import Solution
 from vgps.viewer import inspect_run
 
 
-@app.command
 def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = None) -> None:
     """Show a run in the rerun viewer: video with reprojections, 3-D scene, factor graph, plots and map.
 

@@ -6,7 +6,6 @@ from typing import Annotated
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from vgps.cli.app import app
 from vgps.cli.tables import database_table
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import Frames, LandmarksConfig, read_config
@@ -16,7 +15,6 @@ from vgps.landmarks.info import database_info
 from vgps.writers.atomic import check_file
 
 landmarks = App(name="landmarks", help="Build and check landmark databases, against which `track` localises.")
-app.command(landmarks)
 
 
 @landmarks.command

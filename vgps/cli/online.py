@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from vgps.cli.app import app, print_line
+from vgps.cli.app import print_line
 from vgps.cli.options import GpsSettings, NotNegative
 from vgps.online.session import OnlineOptions, pose_live, pose_recording
 
@@ -35,7 +35,6 @@ class Sources:
 _NONE, _SETTINGS = Sources(), GpsSettings()
 
 
-@app.command
 def online(
     recording: Path | None = None,
     *,

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from vgps.cli.app import app, print_line
+from vgps.cli.app import print_line
 from vgps.readers.run_folder import read_run, read_summary
 
 
-@app.command
 def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = None) -> None:
     """Write a run as one HTML page: warnings, datum, path, verdicts on the fixes, check points, plots.
 
@@ -16,8 +15,8 @@ def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = 
         crs: Coordinate system to state coordinates in, as EPSG:25832+7837; by default WGS 84.
         geoid: What heights are above: egm96, a grid file, or metres; by default the ellipsoid.
     """
-    from vgps.evaluation.check_points import summary_line  # noqa: PLC0415
-    from vgps.report import write_report  # noqa: PLC0415  (plots are slow to import)
+    from vgps.evaluation.check_points import summary_line
+    from vgps.report import write_report
 
     solution = read_run(run)
     write_report(solution, out, crs=crs, geoid=geoid, versions=read_summary(run).get("versions"))

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from vgps.cli.app import app, print_line
+from vgps.cli.app import print_line
 from vgps.cli.options import Seed
 
 
-@app.command
 def simulate(
     *,
     out: Path,
@@ -25,8 +24,8 @@ def simulate(
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
     """
-    from vgps.simulate import scene_with_errors  # noqa: PLC0415  (slow to import)
-    from vgps.simulate import simulate as simulate_recording  # noqa: PLC0415
+    from vgps.simulate import scene_with_errors
+    from vgps.simulate import simulate as simulate_recording
 
     simulate_recording(out, scene_with_errors(scene, gps_errors, gps_reference), seed)
     print_line(f"wrote {out}")

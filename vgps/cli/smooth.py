@@ -2,27 +2,20 @@
 
 from pathlib import Path
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.cli.options import GpsSettings, RecordingFiles
-from vgps.cli.terminal import TerminalProgress
-from vgps.evaluation.check_points import summary_line
-from vgps.pipeline.offline import smooth as smooth_recording
-from vgps.readers.control_points import PointSystem
-from vgps.readers.recording import open_recording
-from vgps.runtime.timing import sequential_seconds
 from vgps.solution import Solution
-from vgps.writers.run_folder import check_writable, write_run
 
 _FILES, _SETTINGS = RecordingFiles(), GpsSettings()
 
 
-@app.command
 def smooth(
     recording: Path,
     *,
     out: Path,
     files: RecordingFiles = _FILES,
     settings: GpsSettings = _SETTINGS,
+    resume: bool = False,
 ) -> None:
     """Estimate the pose of every frame of a recording in world coordinates.
 
@@ -31,25 +24,40 @@ def smooth(
         out: Run folder to write.
         files: Other files.
         settings: Settings.
+        resume: Go on where an interrupted run with the same options left off.
     """
+    from vgps.cli.terminal import TerminalProgress
+    from vgps.pipeline.checkpoint import Checkpoint
+    from vgps.pipeline.offline import smooth as smooth_recording
+    from vgps.readers.control_points import PointSystem
+    from vgps.readers.recording import open_recording
+    from vgps.writers.claim import claimed
+    from vgps.writers.run_folder import check_writable, write_run
+
     check_writable(out)
     config = settings.read()
-    opened = open_recording(
-        recording,
-        gps=files.gps,
-        camera=files.camera,
-        rig=files.rig,
-        control_points=files.control_points,
-        control_system=PointSystem(files.control_crs, files.control_geoid),
-        image_topic=files.image_topic,
-    )
-    solution = smooth_recording(opened, config, TerminalProgress())
-    write_run(solution, out)
+    with claimed(out):
+        opened = open_recording(
+            recording,
+            gps=files.gps,
+            camera=files.camera,
+            rig=files.rig,
+            control_points=files.control_points,
+            control_system=PointSystem(files.control_crs, files.control_geoid),
+            image_topic=files.image_topic,
+        )
+        checkpoint = Checkpoint(out, opened, config, resume=resume)
+        solution = smooth_recording(opened, config, TerminalProgress(), checkpoint)
+        write_run(solution, out)
+        checkpoint.remove()
     print_summary(solution, out)
 
 
 def print_summary(solution: Solution, out: Path) -> None:
     """Print the warnings of a run, its numbers of frames and fixes, and its speed."""
+    from vgps.evaluation.check_points import summary_line
+    from vgps.runtime.timing import sequential_seconds
+
     for warning in solution.warnings:
         print_note(warning)
     frames, seconds = len(solution.t_s), sequential_seconds(solution.seconds)

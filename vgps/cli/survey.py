@@ -7,7 +7,7 @@ from pathlib import Path
 from cyclopts import Parameter
 from rich.console import Console
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.cli.options import NotNegative
 from vgps.config import read_config
 from vgps.errors import ConfigError
@@ -35,7 +35,6 @@ class Motion:
 _STILL = Motion()
 
 
-@app.command
 def survey(
     *logs: Path,
     out: Path,

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from vgps.cli.app import app, print_line, print_note
+from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CalibrationFiles
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_config
@@ -16,7 +16,6 @@ from vgps.writers.run_folder import check_writable, write_run
 _FILES = CalibrationFiles()
 
 
-@app.command
 def track(
     recording: Path,
     *,

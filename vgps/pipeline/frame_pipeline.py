@@ -1,6 +1,7 @@
 """Stages A, B and C frame by frame, offline and live."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -128,6 +129,32 @@ class FramePipeline:
         """Wait for stage C, if it is running, and apply its result; call it after the last frame."""
         if self._current is not None and self._worker.busy:
             self._attempt(self._current, self._worker.finish)
+
+    def state(self) -> dict[str, Any] | None:
+        """Return all that the next frames depend on; None while stage C runs or a lost camera is searched."""
+        builders = (self._current, self._next)
+        if self._worker.busy or any(builder and builder.relocaliser for builder in builders):
+            return None
+        return {
+            "current": self._current,
+            "next": self._next,
+            "times": self._times,
+            "maps": self.maps,
+            "warnings": self.warnings,
+            "seconds": self.timer.by_stage,
+            "fix_buffer": self.fix_buffer,
+            "used_until_s": self._worker.used_until_s,
+            "random": self._rng.bit_generator.state,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over a state, before the first frame; see :meth:`state`."""
+        self._current, self._next = state["current"], state["next"]
+        self._times, self.maps, self.warnings = state["times"], state["maps"], state["warnings"]
+        self.timer.by_stage.update(state["seconds"])
+        vars(self.fix_buffer).update(vars(state["fix_buffer"]))
+        self._worker.used_until_s = state["used_until_s"]
+        self._rng.bit_generator.state = state["random"]
 
     def discard(self) -> list[RetiredPoses]:
         """Discard what the retention policy does not keep, and return the discarded poses."""

@@ -11,6 +11,7 @@ from vgps.gps.world_frame import world_fixes
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
+from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
@@ -50,8 +51,10 @@ class FrontEnd:
         return SmoothingContext(self.recording.camera, config, self.controls)
 
 
-def run_front_end(recording: Recording, config: Config, progress: Progress) -> FrontEnd:
-    """Run stages A to C over all frames.
+def run_front_end(
+    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None = None
+) -> FrontEnd:
+    """Run stages A to C over all frames, from those of a checkpoint on if one is given.
 
     Raises:
         GpsLogError: Too few usable fixes.
@@ -62,11 +65,18 @@ def run_front_end(recording: Recording, config: Config, progress: Progress) -> F
     controls = world_controls(recording.control_points, recording.camera, origin) or NO_CONTROL_OBSERVATIONS
     context = SmoothingContext(recording.camera, config, controls)
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
+    done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
     frames = _decoded(recording.video.frames(), frame_pipeline.timer)
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
+            if frame.index < done:
+                continue
             frame_pipeline.add_frame(frame)
+            if checkpoint is not None:
+                checkpoint.offer(frame_pipeline)
         frame_pipeline.finish_window()
+    if checkpoint is not None:
+        checkpoint.write(frame_pipeline)
     if not frame_pipeline.maps:
         raise GeometryError(
             "no map could be started: the camera hardly moves, or too few features are visible",

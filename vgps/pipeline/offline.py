@@ -10,6 +10,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
 from vgps.model import BoolArray, Camera, Recording
+from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -22,19 +23,25 @@ from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
 
 
-def smooth(recording: Recording, config: Config | None = None, progress: Progress | None = None) -> Solution:
+def smooth(
+    recording: Recording,
+    config: Config | None = None,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Solution:
     """Return the pose of every frame of a recording, in world coordinates.
 
     Args:
         recording: From :func:`vgps.open_recording`.
         config: Settings; the defaults if none are given.
         progress: Progress display.
+        checkpoint: Where stages A to C are kept, and resumed from.
 
     Raises:
         VgpsError: The recording does not determine the poses.
     """
     config, progress = config or Config(), progress or NoProgress()
-    front_end = run_front_end(recording, config, progress)  # stages A, B and C
+    front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config)
 

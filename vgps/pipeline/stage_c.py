@@ -17,11 +17,14 @@ class StageC:
     Args:
         context: Camera, control points and settings.
         timer: Timer of the parts.
+
+    Attributes:
+        used_until_s: Time of the newest frame that was optimised.
     """
 
     def __init__(self, context: SmoothingContext, timer: StageTimer) -> None:
         self._context, self._timer = context, timer
-        self._used_until_s = -np.inf
+        self.used_until_s = -np.inf
 
     def run(self, local_map: LocalMap, fix_buffer: FixBuffer, suffix: str = "") -> tuple[str, ...]:
         """Correct drift if fixes contradict the frames that the window will hold, then optimise the window.
@@ -47,7 +50,7 @@ class StageC:
             tolerance = self._context.config.window.corrected_tolerance if corrected else 1.0
             result = optimise_window(local_map, fixes, antenna, self._context, tolerance)
             local_map.apply(result.update)
-        self._used_until_s = until_s
+        self.used_until_s = until_s
         if result.converged:
             return ()
         return (f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged",)
@@ -64,7 +67,7 @@ class StageC:
         fix_buffer.update_time_offset(odometry_trajectory(local_map, since_s))
         if not contradicted():
             return False
-        rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self._used_until_s)
+        rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self.used_until_s)
         if rejected_s < until_s:
             local_map.apply(restore_odometry(local_map, rejected_s - config.window.bend_s))
         if not contradicted():

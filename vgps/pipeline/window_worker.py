@@ -49,6 +49,15 @@ class WindowWorker:
         """Whether stage C was started and :meth:`finish` not yet called."""
         return self._job is not None
 
+    @property
+    def used_until_s(self) -> float:
+        """Time of the newest frame that stage C has optimised."""
+        return self._stage_c.used_until_s
+
+    @used_until_s.setter
+    def used_until_s(self, t_s: float) -> None:
+        self._stage_c.used_until_s = t_s
+
     def optimise(self, local_map: LocalMap) -> WindowOutcome:
         """Run stage C now.
 

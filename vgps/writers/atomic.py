@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vgps.errors import RunFolderError
+from vgps.writers.claim import claimed
 
 MARK = "solution.json"  # the file that marks a folder as a run
 
@@ -54,9 +55,12 @@ def new_folder(out: Path, own_files: tuple[str, ...], mark: str = MARK) -> Itera
         RunFolderError: As :func:`check_writable`, or writing fails.
     """
     check_writable(out, mark)
-    out = out.resolve()
+    with claimed(out):
+        yield from _new_folder(out.resolve(), own_files)
+
+
+def _new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
     except OSError as error:
         raise _not_writable(out, error) from error
@@ -81,9 +85,12 @@ def new_file(out: Path) -> Iterator[Path]:
         RunFolderError: ``out`` is a folder, or cannot be written.
     """
     check_file(out)
-    out = out.resolve()
+    with claimed(out):
+        yield from _new_file(out.resolve())
+
+
+def _new_file(out: Path) -> Iterator[Path]:
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
     except OSError as error:
         raise _not_writable(out, error) from error

@@ -1,0 +1,62 @@
+"""A run that goes on from a checkpoint is the run that was never interrupted."""
+
+import pytest
+from run_files import bytes_of
+
+import vgps
+from vgps.errors import RunFolderError
+from vgps.pipeline import checkpoint as module
+from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder
+from vgps.pipeline.front_end import run_front_end
+from vgps.runtime.progress import NoProgress
+
+pytestmark = pytest.mark.slow
+
+
+class Stops(NoProgress):
+    """Ends a run after a number of frames."""
+
+    def __init__(self, frames):
+        self.frames = frames
+
+    def track(self, frames, total):
+        for frame in frames:
+            if frame.index == self.frames:
+                raise KeyboardInterrupt
+            yield frame
+
+
+@pytest.fixture
+def opened(recording, monkeypatch):
+    monkeypatch.setattr(module, "EVERY_S", 0.0)
+    monkeypatch.setattr(module, "_SHARE", 1e9)
+    return vgps.open_recording(recording)
+
+
+def files(folder):
+    found = bytes_of(folder)
+    del found["solution.json"]  # its seconds vary
+    return found
+
+
+@pytest.mark.parametrize("frames", [1, 20, 61])
+def test_the_resumed_run_has_the_same_bytes(opened, tmp_path, frames):
+    config, out = vgps.Config(), tmp_path / "run"
+    vgps.write_run(vgps.smooth(opened, config), tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        vgps.smooth(opened, config, Stops(frames), Checkpoint(out, opened, config, resume=True))
+    again = Checkpoint(out, opened, config, resume=True)
+    vgps.write_run(vgps.smooth(opened, config, None, again), out)
+    again.remove()
+    assert files(out) == files(tmp_path / "whole")
+    assert not checkpoint_folder(out).exists()
+
+
+def test_a_checkpoint_of_another_run_is_refused(opened, tmp_path):
+    config, out = vgps.Config(), tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_front_end(opened, config, Stops(20), Checkpoint(out, opened, config, resume=False))
+    other = vgps.Config(seed=1)
+    with pytest.raises(RunFolderError, match="another recording, configuration or version"):
+        run_front_end(opened, other, NoProgress(), Checkpoint(out, opened, other, resume=True))
+    run_front_end(opened, other, NoProgress(), Checkpoint(out, opened, other, resume=False))

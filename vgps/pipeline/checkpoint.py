@@ -1,0 +1,131 @@
+"""Checkpoints of stages A to C, from which an interrupted run goes on as if nothing had happened."""
+
+import hashlib
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.errors import RunFolderError
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.gps.fixes import Fixes
+from vgps.gps.outlier_detection import FixAssessment
+from vgps.gps.sensors import Sensors, TimeOffset
+from vgps.mapping.feature_table import FeatureTable
+from vgps.mapping.growing_array import GrowingArray
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.observation_log import ObservationLog
+from vgps.mapping.zero_motion import ZeroMotion
+from vgps.model import Recording
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.map_builder import MapBuilder
+from vgps.runtime.state_file import read_state, write_state
+
+EVERY_S = 30.0  # between checkpoints
+_SHARE = 0.05  # of the time that may go into writing checkpoints
+_CLASSES = (
+    FeatureTable, FixAssessment, FixBuffer, Fixes, GrowingArray, LocalMap, MapBuilder, ObservationLog,
+    Sensors, TimeOffset, ZeroMotion,
+)  # fmt: skip
+
+
+class Checkpoint:
+    """The newest checkpoint of a run, in a hidden folder beside the run folder.
+
+    Args:
+        out: Run folder.
+        recording, config: What the run is made of; a checkpoint of anything else is refused.
+        resume: Whether to go on from a checkpoint that is there; else it is replaced.
+    """
+
+    def __init__(self, out: Path, recording: Recording, config: Config, *, resume: bool) -> None:
+        self._folder = checkpoint_folder(out)
+        self._file, self._run = self._folder / "front_end.npz", fingerprint(recording, config)
+        self._resume, self._next_s = resume, time.monotonic() + EVERY_S
+
+    def restore(self, frame_pipeline: FramePipeline) -> int:
+        """Take over the state of the checkpoint, if there is one, and return its number of frames.
+
+        Raises:
+            RunFolderError: The checkpoint is damaged, or of another recording, version or configuration.
+        """
+        if not (self._resume and self._file.is_file()):
+            return 0
+        state = read_state(self._file, _CLASSES)
+        if state.get("run") != self._run:
+            raise RunFolderError(
+                "the interrupted run has another recording, configuration or version of vgps",
+                file=self._file,
+                remedy="run as before, or without --resume",
+            )
+        frame_pipeline.restore(state["pipeline"])
+        return int(state["frames"])
+
+    def offer(self, frame_pipeline: FramePipeline) -> None:
+        """Write a checkpoint if the last one is old enough and stage C is not running."""
+        if time.monotonic() >= self._next_s:
+            self.write(frame_pipeline)
+
+    def write(self, frame_pipeline: FramePipeline) -> None:
+        """Write a checkpoint, unless stage C is running.
+
+        Raises:
+            RunFolderError: The disk cannot be written.
+        """
+        state = frame_pipeline.state()
+        if state is None:
+            return
+        begun = time.monotonic()
+        whole = {"run": self._run, "frames": len(frame_pipeline.t_s), "pipeline": state}
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_state(whole, self._file, _CLASSES)
+        except OSError as error:
+            raise RunFolderError(
+                f"cannot be written ({error.strerror})", file=self._file, remedy="check the free space"
+            ) from error
+        now = time.monotonic()
+        self._next_s = now + max(EVERY_S, (now - begun) / _SHARE)
+
+    def remove(self) -> None:
+        """Remove the checkpoint, after the run is written."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def checkpoint_folder(out: Path) -> Path:
+    """Return the folder of the checkpoints of a run."""
+    out = out.resolve()
+    return out.with_name(f".{out.name}.resume")
+
+
+def fingerprint(recording: Recording, config: Config) -> str:
+    """Return a digest of what decides the result of stages A to C."""
+    gps, points = recording.gps, recording.control_points
+    parts: dict[str, Any] = {
+        "config": config.model_dump(mode="json"),
+        "camera": repr(recording.camera),
+        "rig": repr(recording.rig),
+        "times": _digest(recording.video.times_s),
+        "video": _stamp(recording.video.path),
+        "gps": None if gps is None else _digest(gps.t_s, gps.latitude_deg, gps.longitude_deg, gps.height_m),
+        "classes": None if gps is None else list(gps.fix_class),
+        "points": None if points is None else _digest(points.frame, points.uv_px, points.world_p_point),
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _digest(*arrays: np.ndarray) -> str:
+    return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+
+
+def _stamp(path: Path) -> list[Any]:
+    """Return what changes when a file does: name, size and time of change."""
+    try:
+        about = path.stat()
+    except OSError:
+        return [str(path)]
+    return [str(path), about.st_size, about.st_mtime_ns]

@@ -1,0 +1,106 @@
+"""What this installation has and lacks: versions, codecs, cores, memory."""
+
+import importlib
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+
+CODECS = ("h264", "hevc", "av1", "vp9", "mpeg4", "mjpeg", "prores")
+# packages whose wheels hold compiled code that may not suit the machine, and the names they are imported by
+_COMPILED = {
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "gtsam": "gtsam",
+    "opencv-python-headless": "cv2",
+    "av": "av",
+    "rerun-sdk": "rerun",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report: what, how it is, and what to do if it is wrong ("" if it is not)."""
+
+    name: str
+    state: str
+    remedy: str = ""
+
+
+def examine() -> list[Finding]:
+    """Return what vgps needs and how it is here; a finding with a remedy keeps some verb from working."""
+    return [*_machine(), *_packages(), *_codecs(), *_viewer()]
+
+
+def _machine() -> Iterator[Finding]:
+    python = platform.python_version()
+    supported = sys.version_info >= (3, 11) and sys.implementation.name == "cpython"
+    yield Finding("Python", python, "" if supported else "install CPython 3.11 or later")
+    yield Finding("system", f"{platform.system()} {platform.release()}, {platform.machine()}")
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    yield Finding("cores", f"{usable} of {os.cpu_count()}")
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        memory_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30
+        yield Finding("memory", f"{memory_gb:.1f} GB")
+
+
+def _packages() -> Iterator[Finding]:
+    yield Finding("vgps", version("vgps"))
+    for requirement in requires("vgps") or ():
+        name, extra = _split(requirement)
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            remedy = f'pip install "vgps[{extra}]"' if extra else f'pip install "{name}"'
+            yield Finding(name, "not installed", "" if extra else remedy)
+            continue
+        broken = "" if extra else _broken(name)
+        yield Finding(
+            name, f"{found}, cannot be imported: {broken}" if broken else found, _reinstall(name, broken)
+        )
+
+
+def _split(requirement: str) -> tuple[str, str]:
+    """Return the name of the package, and the extra that asks for it, if it is one."""
+    head, _, marker = requirement.partition(";")
+    name = head.split("[")[0]
+    for sign in "<>=!~ ":
+        name = name.split(sign)[0]
+    extra = marker.partition("extra ==")[2].strip().strip("'\"")
+    return name.strip(), extra
+
+
+def _broken(name: str) -> str:
+    """Return why a package with compiled code cannot be imported; "" if it can, or has none."""
+    if name not in _COMPILED:
+        return ""
+    try:
+        importlib.import_module(_COMPILED[name])
+    except ImportError as error:
+        return " ".join(str(error).split())
+    return ""
+
+
+def _reinstall(name: str, broken: str) -> str:
+    return f"pip install --force-reinstall {name}" if broken else ""
+
+
+def _codecs() -> Iterator[Finding]:
+    try:
+        av = importlib.import_module("av")
+    except ImportError:
+        return  # reported among the packages
+    known = set(av.codecs_available)
+    missing = [codec for codec in CODECS if codec not in known]
+    state = f"decodes {', '.join(codec for codec in CODECS if codec in known)}"
+    remedy = f"install a PyAV with {', '.join(missing)}, or convert such videos" if missing else ""
+    yield Finding("FFmpeg", state, remedy)
+
+
+def _viewer() -> Iterator[Finding]:
+    if sys.platform == "linux":
+        shown = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        without = "none: vgps inspect needs --save or --screenshot"
+        yield Finding("display", "available" if shown else without)
