@@ -135,8 +135,8 @@ def walked_with_float_fixes(walk, frames, seed):
     """Errors in sigmas (n, 3) of a walk whose fixes err by the region and correlation time of RTK-float."""
     rng, errors = np.random.default_rng(seed), np.zeros(3)
     template, opened = next(fixes_of(walk.opened.gps)), walk.opened
-    # rendered pictures let a camera drift less than real ones do
-    config = vgps.Config(drift=DriftConfig(scale_sigma=0.01, rotation_sigma_deg=0.15))
+    # aligned tracks of rendered pictures let a camera drift less than real ones do
+    config = vgps.Config(drift=DriftConfig(scale_sigma=0.002, rotation_sigma_deg=0.03))
     smoother, ratios = vgps.OnlineSmoother(opened.camera, opened.rig, config), []
     region = config.gps.regions[FixClass.RTK_FLOAT]
     one = np.ones(1)

@@ -36,8 +36,9 @@ class TrackingConfig(SettingsModel):
     """LK: features not found at the first try are searched in the whole pyramid if fewer were found."""
     search_px: PositiveInt = 48
     """SSD: half the side of the search window around a feature's previous position (A-2)."""
-    rematch_px: PositiveInt = 6
-    """SSD: half the side of the search window around a feature's predicted position (A-4)."""
+    rematch_px: PositiveInt = 2
+    """A feature is lost if its reference patch fits only further than this from where it is expected
+    (A-4)."""
     max_match_error: PositiveFloat = 25.0
     """A match is rejected if its mean absolute difference in grey values (0 to 255) exceeds this."""
     forward_backward_px: PositiveFloat = 1.0

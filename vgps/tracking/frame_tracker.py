@@ -1,6 +1,7 @@
 """Stage A, Kume 2010: match the followed features in a new frame and pose the camera by them."""
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
+from vgps.tracking.reference_patches import ReferencePatches
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
@@ -44,6 +46,7 @@ class FrameTracker:
         self._config, self._mapping = tracking, mapping
         self._rng = rng
         self._matcher: Matcher = make_matcher(tracking)
+        self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
 
     def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> TrackingResult:
         """Match the features of a map that has no positions yet; the frame gets no pose."""
@@ -75,8 +78,9 @@ class FrameTracker:
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
         tentative = lmeds_pose(self._K, matches, guesses, samples, self._rng, good_px)
         tentative, _ = self._refine(local_map, result, usable, tentative)
-        result = self._rematch(local_map, (previous, gray), result, tentative)
-        return self._final_pose(local_map, result, tentative)
+        aligned = self._aligned(local_map, (previous, gray), result, tentative)
+        matched = local_map.positioned & (result.found | aligned.found)
+        return self._final_pose(local_map, aligned, tentative, self._config.min_inlier_share * matched.sum())
 
     def _undistorted(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)
@@ -116,14 +120,16 @@ class FrameTracker:
         mu = 0.5 / np.maximum(sigma, self._mapping.sigma_floor_px) ** 2
         return refine_pose(self._K, start, Correspondences(points[usable], result.uv_px[usable]), mu)
 
-    def _rematch(
+    def _aligned(
         self,
         local_map: LocalMap,
         images: tuple[GrayImage, GrayImage],
         result: TrackingResult,
         tentative: FloatArray,
     ) -> TrackingResult:
-        """Match features that were lost or mismatched again, near their projection by a tentative pose (A-4).
+        """Align the reference patches of all features of known position with a frame (A-4).
+
+        The search begins at the first match if it agrees with the tentative pose, else at the projection.
 
         Args:
             local_map: As in :meth:`track`.
@@ -133,16 +139,17 @@ class FrameTracker:
         """
         points = local_map.points[local_map.ids]
         agree = reprojection_inliers(self._K, tentative, points, result.uv_px, self._config.inlier_px)
-        rows = np.flatnonzero(local_map.positioned & ~(result.found & agree))
-        raw, inside = self._project(tentative, points[rows])
-        rows, raw = rows[inside], raw[inside]
-        again = self._undistorted(self._matcher.rematch(*images, local_map.raw_uv_px[rows], raw))
-        raw_uv, uv_px, found = result.raw_uv_px.copy(), result.uv_px.copy(), result.found.copy()
-        raw_uv[rows], uv_px[rows], found[rows] = again.raw_uv_px, again.uv_px, again.found
-        return TrackingResult(raw_uv_px=raw_uv, uv_px=uv_px, found=found)
+        projected, inside = self._project(tentative, points)
+        again = local_map.positioned & ~(result.found & agree)
+        start = np.where((again & inside)[:, None], projected, result.raw_uv_px)
+        patches = self._patches.setdefault(local_map, ReferencePatches(self._camera))
+        patches.take(local_map, images[0])
+        aligned = patches.align(local_map, tentative, images[1], start, self._config.rematch_px)
+        found = np.where(aligned.tried, aligned.found & (inside | ~again), result.found & ~again)
+        return self._undistorted(Match(aligned.uv_px, found))
 
     def _final_pose(
-        self, local_map: LocalMap, result: TrackingResult, tentative: FloatArray
+        self, local_map: LocalMap, result: TrackingResult, tentative: FloatArray, min_inliers: float
     ) -> TrackingResult:
         """Refine the pose over all inliers (A-5) by Eq. (18) and drop the matches that still disagree."""
         positioned = local_map.positioned
@@ -151,7 +158,7 @@ class FrameTracker:
         pose, information = self._refine(local_map, result, usable, tentative)
         agree = reprojection_inliers(self._K, pose, points, result.uv_px, self._config.inlier_px)
         inliers = int((usable & agree).sum())
-        if inliers < self._config.min_inliers or inliers < self._config.min_inlier_share * usable.sum():
+        if inliers < max(self._config.min_inliers, min_inliers):
             return result
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
         found = result.found & (agree | ~positioned)

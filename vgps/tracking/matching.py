@@ -30,12 +30,6 @@ class Matcher(Protocol):
         """Match tentatively (A-2): search widely around ``predicted_uv_px`` (N, 2)."""
         ...
 
-    def rematch(
-        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
-    ) -> Match:
-        """Match again in a small window around pixels predicted by the tentative pose (A-4)."""
-        ...
-
 
 class LucasKanade:
     """Pyramidal Lucas-Kanade with a forward-backward check."""
@@ -55,12 +49,6 @@ class LucasKanade:
         again = self._flow(previous, current, uv_px[rows], predicted_uv_px[rows], self._config.pyramid_levels)
         match.uv_px[rows], match.found[rows] = again.uv_px, again.found
         return match
-
-    def rematch(
-        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
-    ) -> Match:
-        """See :class:`Matcher`."""
-        return self._flow(previous, current, uv_px, predicted_uv_px, 1)
 
     def _flow(
         self,
@@ -111,27 +99,11 @@ class SsdTemplates:
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
         """See :class:`Matcher`."""
-        return self._search(previous, current, uv_px, predicted_uv_px, self._config.search_px)
-
-    def rematch(
-        self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
-    ) -> Match:
-        """See :class:`Matcher`."""
-        return self._search(previous, current, uv_px, predicted_uv_px, self._config.rematch_px)
-
-    def _search(
-        self,
-        previous: GrayImage,
-        current: GrayImage,
-        uv_px: FloatArray,
-        predicted_uv_px: FloatArray,
-        radius_px: int,
-    ) -> Match:
         corners = harris_maxima(current, self._config)[0][:_MAX_CORNERS]
         best_uv, found = predicted_uv_px.copy(), np.zeros(len(uv_px), dtype=bool)
         if len(corners) == 0 or len(uv_px) == 0:
             return Match(best_uv, found)
-        near = np.abs(predicted_uv_px[:, None] - corners[None]).max(axis=-1) <= radius_px
+        near = np.abs(predicted_uv_px[:, None] - corners[None]).max(axis=-1) <= self._config.search_px
         feature, corner = np.nonzero(near)
         if len(feature) == 0:
             return Match(best_uv, found)
