@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from vgps.config import (
     BatchConfig,
     Config,
+    IntrinsicsConfig,
     OutlierConfig,
     TrackingConfig,
     WindowConfig,
@@ -154,7 +155,11 @@ def test_a_section_of_the_same_name_as_an_old_setting_is_taken_as_it_is():
 
 
 def test_the_whole_configuration_of_a_run_of_0_1_gives_the_same_settings(caplog):
-    before = Config(tracking=TrackingConfig(rematch_px=6), batch=BatchConfig(robust_px=1.0))  # its defaults
+    before = Config(  # defaults of then that have changed
+        tracking=TrackingConfig(rematch_px=6),
+        batch=BatchConfig(robust_px=1.0),
+        intrinsics=IntrinsicsConfig(refine="no", focal_sigma=0.05),
+    )
     assert read_config(V0_1 / "config.yaml") == before
     assert len(caplog.messages) > 10
 

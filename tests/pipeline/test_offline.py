@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 from gpmf_bytes import doppler_speeds
-from textured_room import CONFIG, path, room_control_points, room_gps_log, room_recording
+from textured_room import CAMERA, CONFIG, path, room_control_points, room_gps_log, room_recording
 
 import vgps
+from vgps.config import IntrinsicsConfig
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
 from vgps.readers.gpmf import read_gpmf
@@ -60,6 +61,18 @@ def test_a_video_alone_keeps_place_and_scale_of_its_map():
     held = np.linalg.norm(after - before, axis=1) < 1e-6
     assert held[0] and held.sum() == 2
     np.testing.assert_allclose(solution.world_T_camera[0], np.eye(4), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("gps", "refine", "refined"), [(False, "auto", True), (False, "no", False), (True, "auto", False)]
+)
+def test_the_calibration_is_refined_where_nothing_ties_the_path(gps, refine, refined):
+    poses = path(16)
+    config = CONFIG.model_copy(update={"intrinsics": IntrinsicsConfig(refine=refine)})
+    solution = vgps.smooth(room_recording(poses, gps=room_gps_log(poses) if gps else None), config)
+    assert (solution.camera.model == "opencv") is refined
+    assert any("calibration was refined" in text for text in solution.warnings) is refined
+    assert solution.camera.fx == pytest.approx(CAMERA.fx, rel=0.02)
 
 
 def test_control_points_give_place_and_scale_and_hold_no_frame():

@@ -19,7 +19,7 @@ from vgps.smoothing.intrinsics import _changed, _undistorted_by, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
-    batch=BatchConfig(video_sigma_scale=4.0, robust_px=1.0),  # its observations err by 0.5 px
+    batch=BatchConfig(video_sigma_scale=4.0, robust_px=1.0),  # synthetic observations are rough
 )
 TRUE = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
 LENS = replace(TRUE, model="opencv", distortion=(-0.2, 0.05, 0.0, 0.0))
@@ -31,7 +31,7 @@ def refined(camera, wrong, **believed):
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     start = _changed(camera, np.array(wrong))
 
-    def optimise(scene, camera):
+    def optimise(scene, camera, every=1):
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
@@ -40,7 +40,7 @@ def refined(camera, wrong, **believed):
 
 
 def test_focal_length_and_centre_are_recovered_within_their_sigmas():
-    error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0])
+    error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0], focal_sigma=0.05, distortion_sigma=1e-4)
     camera, sigma = found.camera, found.sigma
     assert found.converged and error_m < 0.05
     assert abs(np.log(camera.fx / TRUE.fx)) < min(4 * sigma["focal"], 0.015)
@@ -70,3 +70,23 @@ def test_observations_are_undistorted_by_the_new_lens():
     seen = _undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)
+
+
+def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():
+    """Images undistorted by a wrong lens model keep some distortion; one frame in three shows it."""
+    problem, poses, _, fixes = scene(disturbed=0.0)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    bent = replace(TRUE, model="opencv", distortion=(0.03, 0.0, 0.0, 0.0))
+    seen = replace(made.observations, uv_px=distort(bent, made.observations.uv_px))
+    frames = []
+
+    def optimise(scene, camera, every=1):
+        frames.append((len(scene.t_s), every))
+        return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
+
+    settings = IntrinsicsConfig(distortion_sigma=0.1)
+    result, found = refine_camera(replace(made, observations=seen), TRUE, optimise, settings, every=3)
+    assert set(frames[:-1]) == {(20, 3)} and frames[-1] == (60, 1)
+    assert len(result.trajectory.t_s) == 60
+    assert found.camera.distortion[0] == pytest.approx(0.03, abs=max(4 * found.sigma["k1"], 0.005))
+    assert "k1 0.0000 -> 0.0" in found.note(TRUE)

@@ -1,9 +1,9 @@
 """Settings of stages C and D: what is optimised, and what is estimated beside the poses."""
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, field_validator
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
@@ -170,15 +170,24 @@ class IntrinsicsConfig(SettingsModel):
     renamed: ClassVar[Mapping[str, str]] = {"steps": "iterations", "settled_sigmas": "tolerance_sigmas"}
     basic: ClassVar[tuple[str, ...]] = ("refine",)
 
-    refine: bool = False
-    """Refine the calibration; for cameras whose calibration is only roughly known."""
-    focal_sigma: Share = 0.05
+    refine: Literal["auto", "yes", "no"] = "auto"
+    """Refine the calibration with the poses; auto does where neither fixes nor control points fix the path,
+    whose scale would follow the calibration's errors."""
+    focal_sigma: Share = 0.01
     """Prior standard deviation of the focal length, as a share of it."""
     centre_sigma_px: PositiveFloat = 5.0
     """Prior standard deviation of the principal point, on each axis."""
     distortion_sigma: PositiveFloat = 0.02
     """Prior standard deviation of the first two distortion coefficients, where the lens model has any."""
+
     iterations: PositiveInt = 8
     """Alternations between poses and calibration at most."""
+    every_frames: PositiveInt = 4
+    """Without fixes, one in so many frames gives the calibration; tracks last several times as long."""
     tolerance_sigmas: PositiveFloat = 0.5
     """The alternation ends once every parameter changes by less than this share of its standard deviation."""
+
+    @field_validator("refine", mode="before")
+    @classmethod
+    def _accept_yes_and_no(cls, value: Any) -> Any:
+        return {True: "yes", False: "no"}[value] if isinstance(value, bool) else value

@@ -22,6 +22,8 @@ from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
 
+_MIN_VIEWS = 20  # that are left to estimate a calibration from
+
 
 def smooth(
     recording: Recording,
@@ -76,23 +78,44 @@ def _optimise(
     front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config
 ) -> tuple[BatchResult, RefinedCamera | None]:
     """Optimise everything, including the calibration if the settings ask for it."""
-    camera, held = front_end.recording.camera, _held_frames(front_end, merged, config)
+    tied = _tied(front_end, merged, config)
 
-    def optimise(scene: Scene, camera: Camera) -> BatchResult:
-        context = replace(front_end.context(config), camera=camera)
+    def optimise(scene: Scene, camera: Camera, every: int = 1) -> BatchResult:
+        held = None if tied else _held_frames(scene, config)
+        few = config if every == 1 else _for_few_frames(config, every)
+        context = replace(front_end.context(few), camera=camera)
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
-    if config.intrinsics.refine:
-        return refine_camera(merged.scene, camera, optimise, config.intrinsics)
-    return optimise(merged.scene, camera), None
+    camera, refine = front_end.recording.camera, config.intrinsics.refine
+    if refine == "no" or (refine == "auto" and tied):
+        return optimise(merged.scene, camera), None
+    views = len(np.unique(merged.scene.observations.frame))
+    every = 1 if tied else min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
+    return refine_camera(merged.scene, camera, optimise, config.intrinsics, every)
 
 
-def _held_frames(front_end: FrontEnd, merged: MergedMaps, config: Config) -> BoolArray | None:
-    """Return the frames (F,) to hold, which fix place and scale if neither fixes nor control points do."""
+def _for_few_frames(config: Config, every: int) -> Config:
+    """Return settings for a rough solution in one round, in which each frame counts for several."""
+    batch = config.batch
+    changes = {
+        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
+        "rounds": 1,
+        "relative_tolerance": batch.early_tolerance,
+        "draws": 1,
+    }
+    gps = config.gps.model_copy(update={"n": 1})
+    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
+
+
+def _tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
+    """Return whether fixes or control points determine place and scale."""
     tied_by_fixes = merged.georeferenced and config.gps.model != "none"
-    if tied_by_fixes or len(front_end.controls.frame):
-        return None
-    poses = merged.scene.poses
+    return tied_by_fixes or len(front_end.controls.frame) > 0
+
+
+def _held_frames(scene: Scene, config: Config) -> BoolArray:
+    """Return the frames (F,) to hold, which fix place and scale."""
+    poses = scene.poses
     distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
     return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])

@@ -27,6 +27,8 @@ from vgps.smoothing.factor_graph import (
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
+_FIRST_DAMPING = 1e-9  # the scale of a video without fixes drifts along directions this weak
+
 
 def optimise_batch(
     scene: Scene,
@@ -161,7 +163,9 @@ def _settings(config: BatchConfig, last: bool) -> SolverSettings:
         tolerance, iterations = config.relative_tolerance, 2 * config.iterations
     else:
         tolerance, iterations = config.early_tolerance, config.iterations
-    return SolverSettings(max_iterations=iterations, relative_tolerance=tolerance)
+    return SolverSettings(
+        max_iterations=iterations, relative_tolerance=tolerance, lambda_start=_FIRST_DAMPING
+    )
 
 
 def _retriangulate(scene: Scene, sigma_px: FloatArray, context: SmoothingContext) -> Scene:

@@ -2,29 +2,34 @@
 
 Stage D is solved for poses and landmarks with the calibration held. A Gauss-Newton step of the calibration
 follows, in which poses and landmarks move as the linearised optimum predicts. Both are repeated until the
-steps are small relative to their standard deviations.
+steps are small relative to their standard deviations. Without fixes a few frames of every track suffice for
+this, and stage D follows once on all frames.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import gtsam
 import numpy as np
 
 from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
+from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
+from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.elimination import analyse_sparsity
-from vgps.solver.marginals import factorise_pose_system
 from vgps.solver.normal_equations import LinearisedChunk, linearise, whitening
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import factorise_landmarks, landmark_steps
+from vgps.solver.schur_complement import factorise_landmarks, landmark_steps, reduce_to_poses
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
+_NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
+_DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
 
 
@@ -54,7 +59,7 @@ class RefinedCamera:
             f"{refined.cx:.1f}, {refined.cy:.1f} px (sigma {self.sigma['cx']:.1f}, {self.sigma['cy']:.1f})"
         )
         for k, name in enumerate(name for name in ("k1", "k2") if name in self.sigma):
-            before, after = given.distortion[k], refined.distortion[k]
+            before, after = (given.distortion or _NO_DISTORTION)[k], refined.distortion[k]
             words += f", {name} {before:.4f} -> {after:.4f} (sigma {self.sigma[name]:.4f})"
         return (
             words
@@ -63,30 +68,58 @@ class RefinedCamera:
         )
 
 
+class Optimiser(Protocol):
+    """Stage D as a function of a scene and the camera that its observations were undistorted by."""
+
+    def __call__(self, scene: Scene, camera: Camera, every: int = 1) -> BatchResult:
+        """Return the result of stage D; each frame stands for ``every`` frames of the video."""
+        ...
+
+
 def refine_camera(
-    scene: Scene,
-    camera: Camera,
-    optimise: Callable[[Scene, Camera], BatchResult],
-    config: IntrinsicsConfig,
+    scene: Scene, camera: Camera, optimise: Optimiser, config: IntrinsicsConfig, every: int = 1
 ) -> tuple[BatchResult, RefinedCamera]:
     """Run stage D with the calibration as an unknown.
+
+    A pinhole camera gets radial distortion: images undistorted by an imperfect lens model keep some of it.
 
     Args:
         scene: Input of stage D, observations undistorted by ``camera``.
         camera: Initial calibration, and mean of its prior.
-        optimise: Stage D as a function of a scene and the camera that its observations were undistorted by.
+        optimise: Stage D.
         config: Standard deviations of the prior, and stopping criteria.
+        every: Step between the frames from which the calibration is estimated.
+
+    Raises:
+        GeometryError: The video does not determine the calibration.
     """
-    given, result, step, converged = camera, optimise(scene, camera), 0, False
+    given = (
+        replace(camera, model="opencv", distortion=_NO_DISTORTION) if camera.model == "pinhole" else camera
+    )
+    few = scene if every == 1 else _thinned(scene, every)
+    camera, result, step, converged = given, optimise(few, given, every), 0, False
     while step < config.iterations and not converged:
         step += 1
         delta, sigma, following = _step(result.problem, camera, given, config)
         moved = _changed(camera, delta)
-        scene = _undistorted_by(moved, camera, replace(scene, poses=following[0], points=following[1]))
+        few = _undistorted_by(moved, camera, replace(few, poses=following[0], points=following[1]))
         camera = moved
-        result = optimise(scene, camera)
+        result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
+    if every > 1:
+        result = optimise(_undistorted_by(camera, given, scene), camera)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
+
+
+def _thinned(scene: Scene, every: int) -> Scene:
+    """Return the scene with one in ``every`` of the frames that have observations."""
+    old = scene.observations
+    frames = np.unique(old.frame)[::every]
+    row_of = np.full(len(scene.t_s), -1)
+    row_of[frames] = np.arange(len(frames))
+    kept = row_of[old.frame] >= 0
+    observations = Observations(row_of[old.frame[kept]], old.landmark[kept], old.uv_px[kept])
+    return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations)
 
 
 def _changed(camera: Camera, delta: FloatArray) -> Camera:
@@ -154,7 +187,14 @@ def _step(
         hessian += np.einsum("kin,min->km", J, reduced)
         gradient += np.einsum("in,kin->k", part.r, reduced)
     V = structure.to_columns(coupling.transpose(1, 0, 2))
-    factor, pose_gradient = factorise_pose_system(linear, structure)
+    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
+    try:
+        factor = structure.cholesky(matrix)
+    except NotPositiveDefiniteError:
+        raise GeometryError(
+            "the video does not determine the calibration with its poses",
+            remedy="set intrinsics: {refine: no}",
+        ) from None
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     prior = 1.0 / _sigmas(config)[:size] ** 2
     information = hessian - V.T @ follow[:, :-1] + np.diag(prior)
