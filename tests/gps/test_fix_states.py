@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,9 +11,11 @@ from vgps.gps.fix_states import (
     NOMINAL,
     OUTLIER,
     REPEATED_LOWER,
+    REPEATED_NOMINAL,
     REPEATED_OUTLIER,
     state_probabilities,
 )
+from vgps.gps.offsets import log_walk_density
 
 CONFIG = Config()
 JUDGE = CONFIG.outliers
@@ -25,28 +28,41 @@ def density(offset, r_m, h_m):
     return own[0, NOMINAL] * np.exp(likelihood) / (1.0 - JUDGE.outlier_share)
 
 
-def by_enumeration(offset, has_lower):
+def walked(offset, k, fixes, config):
+    """Return the density of fix k if its class's error goes on from the fix before."""
+    step = log_walk_density(offset[k : k + 1] - offset[k - 1 : k], fixes.where([k - 1, k]), config.gps)
+    regions = [(fixes.r_m[row], fixes.h_m[row]) for row in (k - 1, k)]
+    farther = density(offset[k], *regions[1]) / density(offset[k - 1], *regions[0])
+    return np.exp(step[0]) * min(farther, 1.0)
+
+
+def by_enumeration(offset, fixes, config):
     """Sum over all sequences of states, by the definition of the model."""
     bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
-    lasts = JUDGE.persistence
-    total = np.zeros((len(offset), 5))
-    for states in product(range(5), repeat=len(offset)):
+    has_lower, total = np.isfinite(fixes.lower_r_m), np.zeros((len(offset), 6))
+    for states in product(range(6), repeat=len(offset)):
         weight = 1.0
         for k, state in enumerate(states):
             low = JUDGE.lower_share if has_lower[k] else 0.0
-            prior = [1.0 - JUDGE.outlier_share - low, low, JUDGE.outlier_share, 0.0, 0.0]
-            before = states[k - 1] if k else NOMINAL
-            still = (
-                {LOWER: REPEATED_LOWER, REPEATED_LOWER: REPEATED_LOWER}.get(before) if has_lower[k] else None
-            )
-            still = REPEATED_OUTLIER if before in {OUTLIER, REPEATED_OUTLIER} else still
-            goes_on = lasts if still is not None else 0.0
-            weight *= (1.0 - goes_on) * prior[state] + goes_on * (state == still)
+            good, bad_share = 1.0 - JUDGE.outlier_share - low, JUDGE.outlier_share
+            prior = np.array([good, low, bad_share, 0.0, 0.0, 0.0])
+            before = states[k - 1] if k else None
+            same_class = k > 0 and fixes.fix_class[k] == fixes.fix_class[k - 1]
+            if before in {NOMINAL, REPEATED_NOMINAL} and same_class and config.gps.has_memory:
+                lasts = config.gps.memory.persistence
+                prior[[NOMINAL, REPEATED_NOMINAL]] = (1.0 - lasts) * good, lasts * good
+            lower_lasts = before in {LOWER, REPEATED_LOWER} and has_lower[k]
+            if lower_lasts or before in {OUTLIER, REPEATED_OUTLIER}:
+                prior *= 1.0 - JUDGE.persistence
+                prior[REPEATED_LOWER if lower_lasts else REPEATED_OUTLIER] = JUDGE.persistence
+            weight *= prior[state]
             if not weight:
                 break
             regions = [FIX if lower else FLOAT for lower in has_lower]
             if state in {NOMINAL, LOWER}:
                 weight *= density(offset[k], *(regions[k] if state == NOMINAL else FLOAT))
+            elif state == REPEATED_NOMINAL:
+                weight *= walked(offset, k, fixes, config)
             elif state == OUTLIER:
                 weight *= bad
             else:
@@ -56,8 +72,9 @@ def by_enumeration(offset, has_lower):
     return total / total.sum(axis=1, keepdims=True), np.log(total[0].sum())
 
 
+@pytest.mark.parametrize("error_model", ["memory", "independent"])
 @pytest.mark.parametrize("seed", range(3))
-def test_forward_and_backward_are_the_sum_over_all_sequences(seed):
+def test_forward_and_backward_are_the_sum_over_all_sequences(seed, error_model):
     rng = np.random.default_rng(seed)
     has_lower = np.array([True, True, False, True])
     offset = rng.normal(0, [0.05, 0.05, 0.03], (4, 3))
@@ -65,8 +82,10 @@ def test_forward_and_backward_are_the_sum_over_all_sequences(seed):
     r, h = np.where(has_lower, FIX[0], FLOAT[0]), np.where(has_lower, FIX[1], FLOAT[1])
     lower = [np.where(has_lower, size, np.nan) for size in FLOAT]
     fixes = fixes_at(np.arange(4.0), r, h, lower=lower)
-    found, likelihood = state_probabilities(offset, fixes, CONFIG)
-    expected, log_total = by_enumeration(offset, has_lower)
+    fixes = replace(fixes, fix_class=np.where(has_lower, 0, 1))
+    config = CONFIG.model_copy(update={"gps": CONFIG.gps.model_copy(update={"error_model": error_model})})
+    found, likelihood = state_probabilities(offset, fixes, config)
+    expected, log_total = by_enumeration(offset, fixes, config)
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert likelihood == pytest.approx(log_total, abs=1e-9)
 
@@ -92,3 +111,26 @@ def test_a_fix_without_a_class_below_is_never_down_classed():
     assert (
         found[0, LOWER] > 0.9 and found[1, [LOWER, REPEATED_LOWER]].max() == 0.0 and found[1, NOMINAL] > 0.9
     )
+
+
+def test_a_long_stretch_off_by_more_than_its_region_does_not_outvote_good_fixes():
+    """Forty RTK-floats two regions off are one unlikely error under memory, forty without."""
+    t_s, offset = np.arange(40.0), np.tile([5.0, 0.0, 0.0], (40, 1))
+    independent = CONFIG.gps.model_copy(update={"error_model": "independent"})
+
+    def log_likelihood(config, here):
+        return state_probabilities(here, fixes_at(t_s, *FLOAT), config)[1]
+
+    lost = [
+        log_likelihood(config, 0.0 * offset) - log_likelihood(config, offset)
+        for config in (CONFIG, CONFIG.model_copy(update={"gps": independent}))
+    ]
+    assert lost[0] < 10.0
+    assert lost[1] > 100.0
+
+
+def test_a_jump_to_far_outside_the_region_is_an_outlier_under_memory():
+    offset = np.zeros((9, 3))
+    offset[4] = [30.0, 0.0, 0.0]
+    found, _ = state_probabilities(offset, fixes_at(np.arange(9.0), *FLOAT), CONFIG)
+    assert found[4, OUTLIER] > 0.99 and found[[0, 1, 2, 3, 5, 6, 7, 8], OUTLIER].max() < 0.01

@@ -117,6 +117,8 @@ class MemoryConfig(SettingsModel):
     """One offset stands for the fixes of this interval; one fix each where they are further apart."""
     max_gap_s: PositiveFloat = 10.0
     """After a longer gap between fixes the offset starts anew, as it does when the class changes."""
+    persistence: Share = 0.9
+    """Probability that the offset of a good fix lasts to the next one of its stretch, as verdicts see it."""
     stated_jump: float = Field(default=2.0, gt=1.0)
     """It also starts anew where the receiver's own sigma changes by more than this factor."""
     stated_factor: PositiveFloat = 1.5

@@ -3,7 +3,8 @@
 The error of a fix is that of its class, or that of the class below (a wrong integer ambiguity leaves an
 RTK-fix with the error of an RTK-float), or it is an outlier of up to tens of metres. An error may persist:
 a wrong ambiguity or a reflection gives the next fixes the same error. So six fixes that agree with each other
-but with no other fix are more likely one error than six.
+but with no other fix are more likely one error than six. Under the error model with memory the error of a
+class persists, too, up to the walk of its offset: a stretch of fixes counts once, however many they are.
 """
 
 from math import gamma
@@ -12,10 +13,13 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.model import FloatArray
+from vgps.gps.offsets import log_walk_density
+from vgps.model import BoolArray, FloatArray
 
-NOMINAL, LOWER, OUTLIER, REPEATED_LOWER, REPEATED_OUTLIER = range(5)
+NOMINAL, LOWER, OUTLIER, REPEATED_NOMINAL, REPEATED_LOWER, REPEATED_OUTLIER = range(6)
 _REPEATED = {
+    NOMINAL: REPEATED_NOMINAL,
+    REPEATED_NOMINAL: REPEATED_NOMINAL,
     LOWER: REPEATED_LOWER,
     REPEATED_LOWER: REPEATED_LOWER,
     OUTLIER: REPEATED_OUTLIER,
@@ -40,14 +44,14 @@ def state_probabilities(
         tolerance_m: Error of the path itself.
 
     Returns:
-        (M, 5), columns NOMINAL, LOWER, OUTLIER, REPEATED_LOWER, REPEATED_OUTLIER, and the log of the density
-        of all offsets.
+        (M, 6), columns NOMINAL, LOWER, OUTLIER, REPEATED_NOMINAL, REPEATED_LOWER, REPEATED_OUTLIER, and the
+        log of the density of all offsets.
     """
     log_density = _log_densities(offset, fixes, config, tolerance_m)
     highest = log_density.max(axis=1)
     density = np.exp(log_density - highest[:, None])
     prior = _prior(fixes, config)
-    change = _transitions(prior, config.outliers.persistence)
+    change = _transitions(prior, fixes, config)
     forward, size = np.empty_like(density), np.empty(len(density))
     belief = prior[0]
     for k, likelihood in enumerate(density):
@@ -61,27 +65,44 @@ def state_probabilities(
 
 
 def _prior(fixes: Fixes, config: Config) -> FloatArray:
-    """Return the prior (M, 5) of each fix's states, independent of the previous fix."""
+    """Return the prior (M, 6) of each fix's states, independent of the previous fix."""
     lower = np.where(np.isfinite(fixes.lower_r_m), config.outliers.lower_share, 0.0)
     bad = np.full(len(fixes), config.outliers.outlier_share)
     none = np.zeros(len(fixes))
-    return np.stack([1.0 - lower - bad, lower, bad, none, none], axis=1)
+    return np.stack([1.0 - lower - bad, lower, bad, none, none, none], axis=1)
 
 
-def _transitions(prior: FloatArray, persistence: float) -> FloatArray:
-    """Return the transition probabilities (M - 1, 5, 5) from each fix to the next."""
+def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
+    """Return the transition probabilities (M - 1, 6, 6) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
-    for state, repeated in _REPEATED.items():
+    share = {
+        REPEATED_NOMINAL: np.where(_continued(fixes, config), config.gps.memory.persistence, 0.0),
         # a fix whose class has none below it cannot be in that state
-        possible = prior[1:, LOWER] > 0.0 if repeated == REPEATED_LOWER else True
-        share = np.where(possible, persistence, 0.0)
-        change[:, state] *= (1.0 - share)[..., None]
-        change[:, state, repeated] += share
+        REPEATED_LOWER: np.where(prior[1:, LOWER] > 0.0, config.outliers.persistence, 0.0),
+        REPEATED_OUTLIER: np.full(len(change), config.outliers.persistence),
+    }
+    for state, repeated in _REPEATED.items():
+        # the next fix may go wrong from a nominal state as from any other
+        taken = change[:, state, NOMINAL] if repeated == REPEATED_NOMINAL else 1.0
+        moved = share[repeated] * taken
+        if repeated == REPEATED_NOMINAL:
+            change[:, state, NOMINAL] -= moved
+        else:
+            change[:, state] *= (1.0 - moved)[..., None]
+        change[:, state, repeated] += moved
     return change
 
 
+def _continued(fixes: Fixes, config: Config) -> BoolArray:
+    """Return whether each fix (M - 1,) continues the stretch of the one before, under errors with memory."""
+    if not config.gps.has_memory:
+        return np.zeros(max(len(fixes) - 1, 0), dtype=bool)
+    same = np.diff(fixes.fix_class) == 0
+    return np.asarray(same & (np.diff(fixes.t_s) <= config.gps.memory.max_gap_s))
+
+
 def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float) -> FloatArray:
-    """Return the log density (M, 5) of the offset [1/m^3] in each state."""
+    """Return the log density (M, 6) of the offset [1/m^3] in each state."""
     nominal = _log_class_density(offset, fixes.r_m, fixes.h_m, config, tolerance_m)
     with np.errstate(invalid="ignore"):  # NaN where there is no class below
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
@@ -90,7 +111,10 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
     r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
     same = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
     repeated = np.append(-np.inf, same)
-    return np.stack([nominal, lower, bad, repeated, repeated], axis=1)
+    # a jump within a stretch leads to another offset of the class
+    farther = np.append(0.0, np.minimum(np.diff(nominal), 0.0))
+    walked = np.append(-np.inf, log_walk_density(np.diff(offset, axis=0), fixes, config.gps, tolerance_m))
+    return np.stack([nominal, lower, bad, walked + farther, repeated, repeated], axis=1)
 
 
 def _log_class_density(

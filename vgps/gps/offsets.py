@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
+from scipy.special import gammaln
 
 from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from vgps.config import GpsConfig
@@ -193,6 +194,29 @@ def _walk_scale(errors: OffsetErrors, interval_s: float) -> float:
     degrees of freedom (the stable laws; Feller, An Introduction to Probability Theory, vol. 2, 1971).
     """
     return errors.walk_m * float(interval_s ** (1.0 / min(errors.tail, 2.0)))
+
+
+def log_walk_density(
+    step: FloatArray, fixes: Fixes, config: GpsConfig, tolerance_m: float = 0.0
+) -> FloatArray:
+    """Return the log density (M - 1,) [1/m^3] of steps between fixes of one stretch, Student's t in space.
+
+    Args:
+        step: (M - 1, 3) change of the error from each fix to the next, metres.
+        fixes: In order of time.
+        config: Errors of the classes.
+        tolerance_m: Error of the path that gives the steps.
+    """
+    errors, interval_s = _errors_of(fixes, config)[1:], np.diff(fixes.t_s).tolist()
+    walk = np.array([_walk_scale(one, dt) for one, dt in zip(errors, interval_s, strict=True)])
+    noise, tail, vertical = (
+        np.array([getattr(one, name) for one in errors]) for name in ("noise_m", "tail", "vertical")
+    )
+    plane = np.sqrt(walk**2 + 2.0 * noise**2)
+    scale = np.hypot(np.stack([plane, plane, vertical * plane], axis=1), tolerance_m)
+    norm = gammaln((tail + 3.0) / 2.0) - gammaln(tail / 2.0) - 1.5 * np.log(tail * np.pi)
+    squared = np.sum((step / scale) ** 2, axis=1)
+    return np.asarray(norm - np.log(scale).sum(axis=1) - (tail + 3.0) / 2.0 * np.log1p(squared / tail))
 
 
 def _noise_factors(

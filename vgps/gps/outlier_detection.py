@@ -16,7 +16,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.drift_model import DriftModel
-from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, state_probabilities
+from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, REPEATED_NOMINAL, state_probabilities
 from vgps.gps.fixes import CLASSES, Fixes, place
 from vgps.gps.regions import lower_class
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -100,7 +100,7 @@ def assess_offsets(
     rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
     if rows.any():
         state, _ = state_probabilities(offset[rows], fixes.where(rows), config, tolerance_m)
-        assessment.nominal[rows] = state[:, NOMINAL]
+        assessment.nominal[rows] = state[:, NOMINAL] + state[:, REPEATED_NOMINAL]
         assessment.lower[rows] = state[:, LOWER] + state[:, REPEATED_LOWER]
     return assessment
 
