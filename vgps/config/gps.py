@@ -199,6 +199,11 @@ class GpsConfig(SettingsModel):
         """Whether errors are modelled as offsets with memory; the baselines are without."""
         return self.error_model == "memory" and self.model in {"cylinder", "ellipsoid"}
 
+    @property
+    def exponent(self) -> int:
+        """Exponent of the bounds in stage D: of offsets, or of fixes."""
+        return self.memory.n if self.has_memory else self.n
+
     def offset_errors(self, fix_class: FixClass) -> OffsetErrors:
         """Return the errors of a class with memory; a region that was set bounds the offsets, too."""
         errors = self.memory.classes.get(fix_class, OffsetErrors())

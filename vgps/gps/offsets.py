@@ -91,7 +91,7 @@ def gps_term(
     bounded = _with_offset_regions(fixes.where(rows), config)
     weight = _weights(bounded, chain.starts)
     bounds = gtsam.NonlinearFactorGraph()
-    exponent = min(n or config.memory.n, config.memory.n)
+    exponent = n or config.exponent
     for k in range(len(rows)):
         bounds.push_back(
             offset_factor(offset_key(k), penalty(bounded, k, config, exponent), float(weight[k]))

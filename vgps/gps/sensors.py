@@ -56,6 +56,10 @@ class Sensors:
         """Return sensors with another prior of the time offset, starting from it."""
         return replace(self, time_offset_s=prior.time_offset_s, prior_time_offset=prior)
 
+    def holding_time_offset(self) -> "Sensors":
+        """Return sensors whose time offset is not estimated with the poses."""
+        return replace(self, prior_time_offset=TimeOffset(self.time_offset_s, 0.0))
+
     @property
     def is_estimated(self) -> bool:
         """Whether the time offset or the lever arm is estimated."""

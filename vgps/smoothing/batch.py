@@ -62,7 +62,7 @@ def optimise_batch(
     for round_ in range(rounds):
         if round_ == 1:  # before the first round, seams between merged maps look like time offsets
             state, time_offset_warnings = _with_time_offset(state, fixes)
-        for n in exponent_schedule(config.gps.n) if round_ == 0 else [config.gps.n]:
+        for n in exponent_schedule(config.gps.exponent) if round_ == 0 else [config.gps.exponent]:
             solved = _solve_round(state, fixes, fixed, _Round(round_ == 0, round_ == rounds - 1, n))
             state = state.after(solved.result)
             iterations += solved.result.report.iterations
@@ -114,6 +114,8 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
     context, batch = state.context, state.context.config.batch
     scene, sigma = select_observations(state.scene, context, batch.first_tolerance if round_.first else 1.0)
     usable, sensors = state.usable(fixes), state.sensors
+    if context.config.gps.has_memory:  # a walking offset and a time offset explain the same differences
+        sensors = sensors.holding_time_offset()
     term = gps_term(usable, scene.trajectory, sensors, context.config.gps, round_.n)
     others = other_pose_factors(scene, sensors, context)
     graph = joined(term.bounds, term.noise, others)

@@ -105,7 +105,7 @@ def batch_result(
         observations=solved.scene.observations,
         assessment=assessment,
         sensors=sensors,
-        time_offset_sigma_s=_sigma(covariance, TIME_OFFSET, sensors.prior_time_offset.sigma_s == 0.0),
+        time_offset_sigma_s=_time_offset_sigma(covariance, solved.sensors, sensors),
         antenna_sigma_m=_sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report=report,
         warnings=warnings,
@@ -155,6 +155,14 @@ def _variance_factor(
     fixes = gps.bounded.without_time_offset(sensors.time_offset_s - solved.sensors.time_offset_s)
     offset = antenna_offsets(fixes, path, sensors.camera_p_antenna)
     return variance_factor(batch, offset, fixes, gps.weight)
+
+
+def _time_offset_sigma(covariance: Covariances, solved: Sensors, sensors: Sensors) -> FloatArray:
+    """Return the standard deviation (1,) of the time offset, as the poses or the displacements give it."""
+    prior_s = sensors.prior_time_offset.sigma_s
+    if prior_s and not solved.prior_time_offset.sigma_s:
+        return np.array([prior_s])
+    return _sigma(covariance, TIME_OFFSET, prior_s == 0.0)
 
 
 def _sigma(covariance: Covariances, key: int, held: bool) -> FloatArray:
