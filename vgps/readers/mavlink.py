@@ -1,10 +1,6 @@
-"""MAVLink logs of ArduPilot and PX4: telemetry logs (.tlog) and dataflash logs (.bin), with pymavlink.
-
-pymavlink is in the extra ``logs``.
-"""
+"""Logs of ArduPilot and PX4: telemetry (.tlog, with pymavlink of the extra ``logs``) and dataflash (.bin)."""
 
 import contextlib
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,11 +9,11 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.readers.extras import optional_module
+from vgps.readers.dataflash import SYNC, dataflash_messages
+from vgps.readers.extras import optional_module, quiet
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
-_DATAFLASH = b"\xa3\x95"
 _STARTS = (0xFE, 0xFD)  # of a message of MAVLink 1 and 2, behind a time of eight bytes
 _LEAST_US, _LAST_US = 1_000_000_000_000_000, 10_000_000_000_000_000  # of telemetry logs: 2001 to 2286
 _CLASSES = {
@@ -36,7 +32,7 @@ _UNKNOWN_U16 = 65535
 
 def looks_like_mavlink(data: bytes) -> bool:
     """Whether the file begins as a dataflash log, or as a telemetry log with a time before a message."""
-    if data.startswith(_DATAFLASH):
+    if data.startswith(SYNC):
         return True
     return len(data) > 9 and data[8] in _STARTS and _LEAST_US < int.from_bytes(data[:8], "big") < _LAST_US
 
@@ -55,9 +51,12 @@ def read_mavlink(data: bytes, path: Path) -> RawLog:
     Raises:
         GpsLogError: There is no GPS, or none had a fix.
     """
-    name = "GPS" if data.startswith(_DATAFLASH) else "GPS_RAW_INT"
-    messages = list(_messages(path, name))
-    read = _dataflash if name == "GPS" else _telemetry
+    name, read = "GPS_RAW_INT", _telemetry
+    if data.startswith(SYNC):
+        name, read = "GPS", _dataflash
+        messages = [one for one in dataflash_messages(data, "GPS") if getattr(one, "I", 0) == 0]
+    else:
+        messages = list(_telemetry_messages(path))
     found = [fix for row, one in enumerate(messages, 1) if (fix := _whole(read, one, row)) is not None]
     if not found:
         raise GpsLogError(f"{counted(len(messages), 'message')} {name}, none with a fix", file=path)
@@ -71,26 +70,17 @@ def read_mavlink(data: bytes, path: Path) -> RawLog:
     return RawLog(Clock.UTC, fixes, notes)
 
 
-def _messages(path: Path, name: str) -> Iterator[Any]:
-    """Yield the messages of a name; pymavlink reads from a file only, and prints what it does not know."""
-    with (
-        Path(os.devnull).open("w") as silent,
-        contextlib.redirect_stdout(silent),
-        contextlib.redirect_stderr(silent),
-    ):
-        # by content: mavlink_connection goes by the name of the file
-        if name == "GPS":
-            kind = optional_module("pymavlink.DFReader", "logs", path).DFReader_binary
-        else:
-            kind = optional_module("pymavlink.mavutil", "logs", path).mavlogfile
+def _telemetry_messages(path: Path) -> Iterator[Any]:
+    """Yield the GPS_RAW_INT messages; pymavlink reads from a file only, and prints what it does not know."""
+    kind = optional_module("pymavlink.mavutil", "logs", path).mavlogfile
+    with quiet():
         log = kind.__new__(kind)
         try:
             # a damaged end raises whatever its bytes lead to; what was read before stays
             with contextlib.suppress(Exception):
                 log.__init__(str(path))
-                while (message := log.recv_match(type=[name])) is not None:
-                    if getattr(message, "I", 0) == 0:
-                        yield message
+                while (message := log.recv_match(type=["GPS_RAW_INT"])) is not None:
+                    yield message
         finally:
             # the constructor of a damaged file fails with the file open
             with contextlib.suppress(AttributeError):

@@ -8,11 +8,14 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FloatArray
-from vgps.readers.extras import optional_module
+from vgps.readers.extras import optional_module, quiet
 from vgps.readers.fixes import Clock, Fix, RawLog, counted
 from vgps.readers.mavlink import fix_class
 
 _TOPICS = ("sensor_gps", "vehicle_gps_position")
+_NEEDED = {"time_utc_usec", "fix_type"}
+_HEADER_BYTES = 16
+_KINDS = frozenset(bytes([kind]) for kind in b"BFIMPQARDLCSO")  # of messages
 _LEAST_FIX = 2  # fix_type from here on is a position
 
 
@@ -29,13 +32,14 @@ def read_ulog(data: bytes, path: Path) -> RawLog:
     """
     pyulog = optional_module("pyulog", "logs", path)
     try:
-        log = pyulog.ULog(io.BytesIO(data), list(_TOPICS))
+        with quiet():
+            log = pyulog.ULog(io.BytesIO(data[: _end(data)]), list(_TOPICS))
     except Exception as error:  # pyulog raises whatever damaged bytes lead to
         raise GpsLogError(f"damaged ULog ({error})", file=path, remedy="copy it again") from error
     topics = {one.name: one.data for one in log.data_list if one.multi_id == 0}
     found = next((topics[name] for name in _TOPICS if name in topics), None)
-    if found is None:
-        raise GpsLogError("no GPS", file=path, expected=f"a topic {' or '.join(_TOPICS)}")
+    if found is None or not found.keys() >= _NEEDED:
+        raise GpsLogError("no GPS", file=path, expected=f"a topic {' or '.join(_TOPICS)} with its fields")
     utc_s = found["time_utc_usec"].astype(np.float64) * 1e-6
     good = (found["fix_type"] >= _LEAST_FIX) & (utc_s > 1e9)
     rows = np.flatnonzero(good)
@@ -46,6 +50,17 @@ def read_ulog(data: bytes, path: Path) -> RawLog:
         [f"{counted(int((~good).sum()), 'message')} without a fix or UTC skipped"] if not good.all() else []
     )
     return RawLog(Clock.UTC, fixes, notes)
+
+
+def _end(data: bytes) -> int:
+    """Return where the chain of whole messages ends; behind it pyulog's search for more may never end."""
+    at = _HEADER_BYTES
+    while at + 3 <= len(data) and data[at + 2 : at + 3] in _KINDS:
+        following = at + 3 + int.from_bytes(data[at : at + 2], "little")
+        if following > len(data):
+            break
+        at = following
+    return at
 
 
 def _fix(topic: dict[str, Any], row: int, t_s: float) -> Fix:
