@@ -11,6 +11,7 @@ import vgps
 from vgps.config import OnlineConfig
 from vgps.errors import GeometryError
 from vgps.online import OnlineState
+from vgps.online.replay import fixes_of
 from vgps.pipeline import stage_c
 
 
@@ -108,3 +109,17 @@ def test_memory_does_not_grow(walk):
         solution.world_T_camera[60:, :3, 3] - walk.true[[walk.row(k) for k in range(60, 281)], :3, 3], axis=1
     )
     assert away.mean() < 0.2
+
+
+def test_fixes_from_the_future_are_counted_and_not_kept(walk):
+    jumps = []
+
+    def each(index, smoother):
+        if index % 5 == 0:
+            fix = next(fixes_of(walk.opened.gps))
+            jumps.append(smoother.add_fix(fix._replace(t_s=1e6 + index)))
+
+    _, estimates = walk.drive(60, vgps.Config(), each=each)
+    assert jumps == [False] * 12
+    told = [note for note in notes(estimates) if "the receiver's clock jumped" in note]
+    assert [note.split(": ")[1].split()[0] for note in told] == ["1", "10"]

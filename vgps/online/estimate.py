@@ -65,3 +65,8 @@ class OnlineEstimate:
     def posed(self) -> bool:
         """Whether there is a pose in the world."""
         return self.state in {OnlineState.TRACKED, OnlineState.BRIDGED}
+
+
+def counts_as_news(count: int) -> bool:
+    """Whether a count of faults is worth a message: 1, 10, 100, ..."""
+    return set(str(count)[1:]) <= {"0"} and str(count)[0] == "1"

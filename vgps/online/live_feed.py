@@ -10,6 +10,7 @@ from vgps.online.run import FeedItem, SourceNote
 from vgps.online.video_source import VideoSource
 from vgps.readers.fixes import DAY_S, Clock, Fix, unix_s
 
+_MOST_EARLY = 1000  # fixes kept until the first frame
 _SAME_CLOCK_S = 2.0  # exceeds the latency of receivers and the error of network clocks
 
 
@@ -66,7 +67,7 @@ def live_feed(
             clock = VideoClock(start_s, video.live and rig.video_start_utc is None)
         received, notes = gps.poll() if gps is not None else ([], [])
         yield from (SourceNote(text) for text in notes)
-        early += received
+        early = (early + received)[-_MOST_EARLY:]
         if clock is not None:
             for fix in early:
                 placed, note = clock.fix(fix)

@@ -15,7 +15,7 @@ from vgps.gps.world_frame import fix_origin
 from vgps.mapping.retention import RetentionPolicy, retire_map
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
-from vgps.online.estimate import OnlineEstimate, OnlineEvent
+from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import PoseUncertainty
 from vgps.online.session_result import SessionRecord, session_front_end, session_solution
@@ -29,6 +29,9 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
 _SAME_TIME_S = 1e-6  # fixes closer in time are duplicates up to rounding
+_FURTHEST_AHEAD_S = (
+    3600.0  # of the newest frame; later fixes come from a clock that jumped, and would be kept
+)
 _DISCARD_EVERY = 15  # frames; discarding costs more than keeping a few frames
 _GIVE_BACK_EVERY = 300  # frames; returning memory to the system takes milliseconds
 _MAX_WARNINGS = 500  # kept for the result
@@ -78,7 +81,7 @@ class OnlineSmoother:
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
-        self._refined = 0
+        self._refined = self._ahead = 0
         self._origin: GeodeticPoint | None = rig.world_origin
         self.video_start_utc = rig.video_start_utc
 
@@ -89,8 +92,17 @@ class OnlineSmoother:
             fix: ``t_s`` on the video's clock, heights ellipsoidal.
 
         Returns:
-            Whether it was accepted; a fix without a position, or at the time of another, is not.
+            Whether it was accepted; a fix without a position, at the time of another, or an hour ahead of the
+            newest frame is not.
         """
+        frames_s = self._frame_pipeline.t_s
+        if len(frames_s) and fix.t_s - frames_s[-1] > _FURTHEST_AHEAD_S:
+            self._ahead += 1
+            if counts_as_news(self._ahead):
+                self.add_note(
+                    f"the receiver's clock jumped: {self._ahead} fixes from the future left out so far"
+                )
+            return False
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self._fixes.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
             return False

@@ -10,6 +10,7 @@ from pathlib import Path
 import av
 
 from vgps.errors import VideoError
+from vgps.online.estimate import counts_as_news
 from vgps.online.run import TimedImage
 from vgps.readers.luma import luma
 
@@ -46,6 +47,8 @@ class VideoSource:
         self.live = not Path(address).is_file()
         self.dropped = 0
         self.start_unix_s = 0.0
+        self._shape: tuple[int, ...] = ()
+        self._other_sizes = 0
         self._begun_s: float | None = None  # monotonic time of the first frame
         self._last_s = -1.0
         self._frames: queue.Queue[TimedImage] = queue.Queue(_QUEUED)
@@ -128,12 +131,22 @@ class VideoSource:
         for image, stamp_s, arrival_s in self._current(container):
             if self._closed.is_set():
                 return
+            gray = luma(image)
+            self._shape = self._shape or gray.shape
+            if gray.shape != self._shape:
+                self._other_sizes += 1
+                if counts_as_news(self._other_sizes):
+                    found = f"{gray.shape[1]} x {gray.shape[0]}"
+                    self._notes.put(
+                        f"{self.address}: {self._other_sizes} frames of another size ({found}) left out"
+                    )
+                continue
             if self._begun_s is None:
                 self._begun_s = stamp_s
                 self.start_unix_s = time.time() - (time.monotonic() - stamp_s)
             t_s = max(stamp_s - self._begun_s, self._last_s + _MIN_STEP_S, 0.0)
             self._last_s = t_s
-            self._put(TimedImage(t_s, luma(image), arrival_s))
+            self._put(TimedImage(t_s, gray, arrival_s))
 
     def _current(
         self, container: av.container.InputContainer

@@ -24,12 +24,13 @@ from vgps.model import Recording
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
+from vgps.tracking.reference_patches import Patches
 
 EVERY_S = 30.0  # between checkpoints
 _SHARE = 0.05  # of the time that may go into writing checkpoints
 _CLASSES = (
     FeatureTable, FixAssessment, FixBuffer, Fixes, GrowingArray, LocalMap, MapBuilder, ObservationLog,
-    Sensors, TimeOffset, ZeroMotion,
+    Patches, Sensors, TimeOffset, ZeroMotion,
 )  # fmt: skip
 
 

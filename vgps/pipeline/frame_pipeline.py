@@ -144,6 +144,7 @@ class FramePipeline:
             "seconds": self.timer.by_stage,
             "fix_buffer": self.fix_buffer,
             "used_until_s": self._worker.used_until_s,
+            "patches": [pair for pair in self._tracker.patches() if any(pair[0] is one for one in self.maps)],
             "random": self._rng.bit_generator.state,
         }
 
@@ -154,6 +155,7 @@ class FramePipeline:
         self.timer.by_stage.update(state["seconds"])
         vars(self.fix_buffer).update(vars(state["fix_buffer"]))
         self._worker.used_until_s = state["used_until_s"]
+        self._tracker.restore(state["patches"])
         self._rng.bit_generator.state = state["random"]
 
     def discard(self) -> list[RetiredPoses]:

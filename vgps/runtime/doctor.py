@@ -16,8 +16,10 @@ _COMPILED = {
     "gtsam": "gtsam",
     "opencv-python-headless": "cv2",
     "av": "av",
-    "rerun-sdk": "rerun",
 }
+
+
+_FOR_DEVELOPERS = {"test", "bench"}
 
 
 @dataclass(frozen=True)
@@ -50,11 +52,15 @@ def _packages() -> Iterator[Finding]:
     yield Finding("vgps", version("vgps"))
     for requirement in requires("vgps") or ():
         name, extra = _split(requirement)
+        if extra in _FOR_DEVELOPERS:
+            continue
         try:
             found = version(name)
         except PackageNotFoundError:
             remedy = f'pip install "vgps[{extra}]"' if extra else f'pip install "{name}"'
-            yield Finding(name, "not installed", "" if extra else remedy)
+            yield Finding(
+                name, f"not installed ({remedy})" if extra else "not installed", "" if extra else remedy
+            )
             continue
         broken = "" if extra else _broken(name)
         yield Finding(

@@ -12,7 +12,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
-from vgps.tracking.reference_patches import ReferencePatches
+from vgps.tracking.reference_patches import Patches, ReferencePatches
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
@@ -47,6 +47,16 @@ class FrameTracker:
         self._rng = rng
         self._matcher: Matcher = make_matcher(tracking)
         self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
+
+    def patches(self) -> list[tuple[LocalMap, Patches]]:
+        """Return the reference patches of every map, which the next frames depend on."""
+        return [(local_map, reference.patches) for local_map, reference in self._patches.items()]
+
+    def restore(self, patches: list[tuple[LocalMap, Patches]]) -> None:
+        """Take over the reference patches of maps; see :meth:`patches`."""
+        for local_map, given in patches:
+            self._patches[local_map] = ReferencePatches(self._camera)
+            self._patches[local_map].patches = given
 
     def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> TrackingResult:
         """Match the features of a map that has no positions yet; the frame gets no pose."""

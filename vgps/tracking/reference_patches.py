@@ -79,12 +79,16 @@ class Alignment:
 
 
 class ReferencePatches:
-    """The patches of the features that a map follows."""
+    """The patches of the features that a map follows.
+
+    Attributes:
+        patches: The patches.
+    """
 
     def __init__(self, camera: Camera) -> None:
         self._camera, self._K = camera, camera.K
         nothing = np.zeros((0, 2))
-        self._patches = self._taken(np.zeros(0, np.int64), 0, np.zeros((1, 1), np.uint8), nothing)
+        self.patches = self._taken(np.zeros(0, np.int64), 0, np.zeros((1, 1), np.uint8), nothing)
 
     def take(self, local_map: LocalMap, view: GrayImage) -> None:
         """Take patches of features that have none, or one of another scale, and drop those of lost features.
@@ -94,13 +98,13 @@ class ReferencePatches:
             view: The image of that view.
         """
         ids = local_map.ids + local_map.discarded_features
-        _, rows, mine = np.intersect1d(ids, self._patches.ids, assume_unique=True, return_indices=True)
-        scale = self._patches.scale[mine]
+        _, rows, mine = np.intersect1d(ids, self.patches.ids, assume_unique=True, return_indices=True)
+        scale = self.patches.scale[mine]
         good = (scale < _MAX_SCALE) & (scale > 1.0 / _MAX_SCALE)
         new = np.setdiff1d(np.arange(len(ids)), rows[good], assume_unique=True)
         taken = self._taken(ids[new], int(local_map.view_frames[-1]), view, local_map.raw_uv_px[new])
         order = np.argsort(np.concatenate([rows[good], new]))
-        self._patches = self._patches.rows(mine[good]).joined(taken).rows(order)
+        self.patches = self.patches.rows(mine[good]).joined(taken).rows(order)
 
     def align(
         self,
@@ -121,10 +125,10 @@ class ReferencePatches:
         """
         warp, tried = self._warps(local_map, world_T_camera)
         scale = np.sqrt(np.abs(np.linalg.det(warp)))
-        self._patches.scale[tried] = scale[tried]
+        self.patches.scale[tried] = scale[tried]
         rows = np.flatnonzero(tried)
         image = gray.astype(np.float32)
-        moved, correlation = _aligned(self._patches.rows(rows), image, start_uv_px[rows], warp[rows])
+        moved, correlation = _aligned(self.patches.rows(rows), image, start_uv_px[rows], warp[rows])
         inside = np.all((moved > _HALF) & (moved < np.array(gray.shape[::-1]) - _HALF), axis=1)
         near = np.linalg.norm(moved - start_uv_px[rows], axis=1) < max_shift_px
         uv, found = start_uv_px.copy(), np.zeros(len(tried), dtype=bool)
@@ -152,7 +156,7 @@ class ReferencePatches:
 
         A patch is taken to be parallel to the image in which it was taken, at the depth of its feature.
         """
-        patches, points = self._patches, local_map.points[local_map.ids]
+        patches, points = self.patches, local_map.points[local_map.ids]
         row = patches.frame - local_map.first_frame
         taken = local_map.poses[np.maximum(row, 0)]
         depth = np.einsum("ni,ni->n", points - taken[:, :3, 3], taken[:, :3, 2])

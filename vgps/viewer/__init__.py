@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from vgps.errors import ViewerError
 from vgps.model import Recording
 from vgps.solution import Solution
 
@@ -27,9 +28,15 @@ def inspect_run(
         What could not be shown, a line each.
 
     Raises:
-        ViewerError: There is no display for a window, or no graphics driver to draw with.
+        ViewerError: The extra ``viewer`` is not installed, there is no display for a window, or no graphics
+            driver to draw with.
         RunFolderError: A file cannot be written, or has another suffix.
     """
-    from vgps.viewer.rerun_recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
+    try:
+        from vgps.viewer.rerun_recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
+    except ModuleNotFoundError as error:
+        if error.name != "rerun":
+            raise
+        raise ViewerError("the viewer is not installed", remedy='pip install "vgps[viewer]"') from error
 
     return show(solution, recording, save, screenshot)
