@@ -134,6 +134,23 @@ def test_a_survey_gives_the_regions_of_the_classes_it_names(tmp_path):
     assert set(config.gps.regions) == {FixClass.RTK_FIX} and config.gps.regions[FixClass.RTK_FIX].h_m == 0.03
 
 
+def test_a_survey_bounds_the_offsets_and_gives_their_walk(tmp_path):
+    text = "rtk_float: {r_m: 0.4, h_m: 0.9, walk_m: 0.011, tail: 1.2}\ndgps: {r_m: 1.0, h_m: 2.0}\n"
+    gps = Config().with_gps(None, written(tmp_path / "s.yaml", text)).gps
+    found, default = gps.offset_errors(FixClass.RTK_FLOAT), Config().gps.memory
+    assert (found.r_m, found.h_m, found.walk_m, found.tail) == (0.4, 0.9, 0.011, 1.2)
+    assert found.noise_m == default.classes[FixClass.RTK_FLOAT].noise_m
+    assert found.between_receivers == default.own_spread
+    assert gps.offset_errors(FixClass.DGPS).walk_m == default.classes[FixClass.DGPS].walk_m
+
+
+@pytest.mark.parametrize("key", ["walk_m: -1", "tail: 0", "noise_m: far"])
+def test_an_impossible_walk_in_a_survey_is_told(tmp_path, key):
+    file = written(tmp_path / "s.yaml", f"rtk_fix: {{r_m: 0.02, h_m: 0.03, {key}}}")
+    with pytest.raises(ConfigError, match=f"rtk_fix.{key.split(':')[0]}"):
+        Config().with_gps(None, file)
+
+
 @pytest.mark.parametrize(
     "text", ["rtk_fix: {r_m: 0.02}", "rtk_fix: {r_m: -1, h_m: 1}", "other: {r_m: 1, h_m: 1}"]
 )

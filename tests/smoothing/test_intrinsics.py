@@ -13,9 +13,10 @@ from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera
 from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.camera_equations import changed
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import scene_of_map
-from vgps.smoothing.intrinsics import _changed, _undistorted_by, refine_camera
+from vgps.smoothing.intrinsics import _undistorted_by, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
@@ -29,7 +30,7 @@ def refined(camera, wrong, **believed):
     """Stage D with a calibration that is wrong by ``wrong``, and where it ends."""
     problem, poses, _, fixes = scene(disturbed=0.1)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    start = _changed(camera, np.array(wrong))
+    start = changed(camera, np.array(wrong))
 
     def optimise(scene, camera, every=1):
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
@@ -66,7 +67,7 @@ def test_a_tight_prior_holds_the_calibration():
 def test_observations_are_undistorted_by_the_new_lens():
     problem, poses, _, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    other = _changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
+    other = changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
     seen = _undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from vgps.config.base import SettingsModel, present_names
-from vgps.config.gps import Region
+from vgps.config.gps import OffsetErrors, Region
 from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import ConfigError
 from vgps.model import FixClass
@@ -18,6 +18,8 @@ from vgps.model import FixClass
 Settings = TypeVar("Settings", bound=SettingsModel)
 
 log = logging.getLogger(__name__)
+
+_MEMORY_KEYS = ("noise_m", "walk_m", "tail", "vertical")
 
 
 def read_settings(path: Path, model: type[Settings]) -> Settings:
@@ -59,6 +61,29 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
         known = ", ".join(FixClass)
         raise ConfigError("no fix class in it", file=path, expected=f"one of {known}, each with r_m and h_m")
     return regions
+
+
+def read_survey_memory(path: Path, classes: Mapping[FixClass, OffsetErrors]) -> dict[FixClass, OffsetErrors]:
+    """Return the errors with memory of each class, with the keys that a survey file has for it.
+
+    Args:
+        path: A file that :func:`read_survey` reads.
+        classes: Errors where the file has none.
+
+    Raises:
+        ConfigError: Not readable, or impossible numbers.
+    """
+    found = dict(classes)
+    for name, value in _read_yaml(path).items():
+        if name not in set(FixClass) or not isinstance(value, dict):
+            continue
+        keys = {key: value[key] for key in _MEMORY_KEYS if key in value}
+        before = classes.get(FixClass(name), OffsetErrors()).model_dump()
+        try:
+            found[FixClass(name)] = OffsetErrors.model_validate(before | keys)
+        except ValidationError as error:
+            raise as_config_error(error, OffsetErrors, (name,), path) from error
+    return found
 
 
 def as_config_error(

@@ -12,7 +12,7 @@ from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.landmarks import LandmarksConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
-from vgps.config.reading import as_config_error, read_settings, read_survey
+from vgps.config.reading import as_config_error, read_settings, read_survey, read_survey_memory
 from vgps.config.smoothing import (
     BatchConfig,
     DriftConfig,
@@ -61,13 +61,17 @@ class Config(SettingsModel):
     survey: SurveyConfig = SurveyConfig()
 
     def with_gps(self, model: GpsModel | None = None, survey: Path | None = None) -> Self:
-        """Return the configuration with another GPS model or the regions of a survey file.
+        """Return the configuration with another GPS model or the errors of a survey file.
 
         Raises:
             ConfigError: The survey cannot be read or names an unknown class.
         """
-        regions = None if survey is None else read_survey(survey)
-        return self._with("gps", model=model, regions=regions)
+        if survey is None:
+            return self._with("gps", model=model)
+        memory = self.gps.memory
+        classes = read_survey_memory(survey, memory.classes)
+        memory = memory.model_copy(update={"classes": classes})
+        return self._with("gps", model=model, regions=read_survey(survey), memory=memory)
 
     def with_estimator(self, estimator: Literal["frame", "graph"] | None) -> Self:
         """Return the configuration with another estimator of the tracker, if one is given."""

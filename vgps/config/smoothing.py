@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, field_validator
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
+from vgps.model import FloatArray
 
 
 class WindowConfig(SettingsModel):
@@ -180,12 +182,23 @@ class IntrinsicsConfig(SettingsModel):
     distortion_sigma: PositiveFloat = 0.02
     """Prior standard deviation of the first two distortion coefficients, where the lens model has any."""
 
+    held_focal_sigma: Share = 0.005
+    """Standard deviation of a held focal length, as a share of it; counts in the poses' sigmas."""
+    held_centre_sigma_px: PositiveFloat = 3.0
+    """Standard deviation of a held principal point, on each axis; counts in the poses' sigmas."""
     iterations: PositiveInt = 8
     """Alternations between poses and calibration at most."""
     every_frames: PositiveInt = 4
     """Without fixes, one in so many frames gives the calibration; tracks last several times as long."""
     tolerance_sigmas: PositiveFloat = 0.5
     """The alternation ends once every parameter changes by less than this share of its standard deviation."""
+
+    @property
+    def held_sigmas(self) -> FloatArray:
+        """(3,) standard deviations of log focal length and principal point [px]; 0 if they are refined."""
+        if self.refine:
+            return np.zeros(3)
+        return np.array([self.held_focal_sigma, self.held_centre_sigma_px, self.held_centre_sigma_px])
 
     @field_validator("refine", mode="before")
     @classmethod

@@ -134,8 +134,14 @@ def report_with_warnings(
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
     """Return the covariances at the optimum, or NaN with a warning if the system does not determine them."""
-    sources = ErrorSources(solved.gps.bounds, solved.other_factors, solved.gps.bounded)
     config = context.config
+    sources = ErrorSources(
+        gps=solved.gps.bounds,
+        others=solved.other_factors,
+        fixes=solved.gps.bounded,
+        camera=context.camera,
+        camera_sigma=config.intrinsics.held_sigmas,
+    )
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:

@@ -9,9 +9,10 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
   Errors, 2008). The residuals give its size; pixel sigmas only weigh it, as in the estimate;
 - a **fix** has an error of the size of its class's region, which holds 95 %, and keeps it for the class's
   correlation time: a Gauss-Markov process;
-- every other factor has an error of its sigma.
+- every other factor has an error of its sigma;
+- the **calibration**, which all tracks share, has an error in focal length and principal point.
 
-Errors common to all tracks, from a wrong calibration or a moving scene, are not included.
+Other errors common to all tracks, such as those of a moving scene, are not included.
 """
 
 from dataclasses import dataclass
@@ -23,8 +24,9 @@ from scipy import sparse
 
 from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
-from vgps.model import FloatArray
+from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import one_blas_thread
+from vgps.smoothing.camera_equations import linearise_camera
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
@@ -42,11 +44,15 @@ class ErrorSources:
         gps: A factor for each fix that takes part, or for each offset; in order of time, residuals (3,).
         others: All other factors.
         fixes: The fixes of the factors in ``gps`` with their regions, the time offset removed.
+        camera: The calibration, which undistorted the observations.
+        camera_sigma: (3,) standard deviations of log focal length and principal point [px].
     """
 
     gps: gtsam.NonlinearFactorGraph
     others: gtsam.NonlinearFactorGraph
     fixes: Fixes
+    camera: Camera
+    camera_sigma: FloatArray
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
@@ -70,6 +76,8 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         size = POSE_DIM * structure.n_free
         right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
         right[:size] += _track_draws(linear, structure, draws, rng)
+        camera = linearise_camera(problem, linear, structure, sources.camera, len(sources.camera_sigma))
+        right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((3, draws)))
         shared: FloatArray = np.zeros((0, draws))
         steps = factor.solve(right[:size])
         if problem.shared:

@@ -18,19 +18,18 @@ from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.batch_result import BatchResult
+from vgps.smoothing.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
-from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.elimination import analyse_sparsity
-from vgps.solver.normal_equations import LinearisedChunk, linearise, whitening
+from vgps.solver.normal_equations import LinearisedChunk, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import factorise_landmarks, landmark_steps, reduce_to_poses
+from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
 _DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
-_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def refine_camera(
     while step < config.iterations and not converged:
         step += 1
         delta, sigma, following = _step(result.problem, camera, given, config)
-        moved = _changed(camera, delta)
+        moved = changed(camera, delta)
         few = _undistorted_by(moved, camera, replace(few, poses=following[0], points=following[1]))
         camera = moved
         result = optimise(few, camera, every)
@@ -122,24 +121,6 @@ def _thinned(scene: Scene, every: int) -> Scene:
     return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations)
 
 
-def _changed(camera: Camera, delta: FloatArray) -> Camera:
-    """Return the camera with a change of log focal length, principal point and first two coefficients."""
-    scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
-    coefficients[: len(delta) - 3] += delta[3:]
-    return replace(
-        camera,
-        fx=camera.fx * scale,
-        fy=camera.fy * scale,
-        cx=camera.cx + float(delta[1]),
-        cy=camera.cy + float(delta[2]),
-        distortion=tuple(coefficients.tolist()),
-    )
-
-
-def _parameters(camera: Camera) -> int:
-    return 3 + min(len(camera.distortion), 2)
-
-
 def _sigmas(config: IntrinsicsConfig) -> FloatArray:
     """Return the prior standard deviations (5,) of the parameters."""
     rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
@@ -150,7 +131,7 @@ def _difference(camera: Camera, given: Camera) -> FloatArray:
     """Return the parameters (p,) of a camera relative to the given one."""
     ends = np.array(camera.distortion) - np.array(given.distortion)
     moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
-    return np.array(moved[: _parameters(camera)])
+    return np.array(moved[: parameter_count(camera)])
 
 
 def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
@@ -175,18 +156,10 @@ def _step(
 
     Time offset and lever arm are held; states follow the poses, and stay where they are.
     """
-    structure, size = analyse_sparsity(problem), _parameters(camera)
+    structure, size = analyse_sparsity(problem), parameter_count(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
-    coupling = np.zeros((6, len(structure.free), size))
-    hessian, gradient = np.zeros((size, size)), np.zeros(size)
-    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
-    for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([_projected_residuals(part, J[k]) for k in range(size)])
-        frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
-        coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
-        hessian += np.einsum("kin,min->km", J, reduced)
-        gradient += np.einsum("in,kin->k", part.r, reduced)
-    V = structure.to_columns(coupling.transpose(1, 0, 2))
+    equations = linearise_camera(problem, linear, structure, camera, size)
+    V = equations.coupling
     matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
     try:
         factor = structure.cholesky(matrix)
@@ -197,43 +170,17 @@ def _step(
         ) from None
     follow = factor.solve(np.column_stack([V, pose_gradient]))
     prior = 1.0 / _sigmas(config)[:size] ** 2
-    information = hessian - V.T @ follow[:, :-1] + np.diag(prior)
-    gradient = gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
+    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(prior)
+    gradient = equations.gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
     poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))
-    moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, by_camera, strict=True))
+    moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, equations.by_camera, strict=True))
     points = problem.world_p_landmark + landmark_steps(replace(linear, chunks=moved), poses, 0.0).T
     retracted = [
         gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
     ]
     return delta, sigma, (np.stack(retracted), points)
-
-
-def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
-    """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
-    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
-    camera_p = camera_points(here)
-    error, behind = pixel_errors(here, camera_p)
-    scale = np.where(behind, 0.0, whitening(here, error))
-    rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
-    raw = distort(camera, here.uv_px)
-
-    def residual(delta: FloatArray) -> FloatArray:
-        other = _changed(camera, delta)
-        predicted = rays * [[other.fx], [other.fy]] + [[other.cx], [other.cy]]
-        return np.asarray(predicted - undistort(other, raw).T)
-
-    steps = np.diag(_STEPS[:size])
-    slopes = [(residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
-    return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
-
-
-def _projected_residuals(part: LinearisedChunk, r: FloatArray) -> FloatArray:
-    """Return residuals r (2, n) minus the part that the points absorb."""
-    points = factorise_landmarks(part, 0.0)
-    step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
-    return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
 
 
 def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:

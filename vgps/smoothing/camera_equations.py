@@ -1,0 +1,102 @@
+"""Normal equations of the camera's calibration beside those of poses, with the points eliminated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vgps.camera import distort, undistort
+from vgps.model import Camera, FloatArray
+from vgps.solver.cost import camera_points, pixel_errors
+from vgps.solver.normal_equations import Linearisation, LinearisedChunk, whitening
+from vgps.solver.problem import BundleProblem
+from vgps.solver.schur_complement import factorise_landmarks
+from vgps.solver.unknowns import Unknowns
+
+_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
+
+
+@dataclass(frozen=True)
+class CameraEquations:
+    """Equations of log focal length, principal point and the first two coefficients: p parameters.
+
+    Attributes:
+        coupling: (6 n_free, p) with poses and states.
+        hessian: (p, p).
+        gradient: (p,).
+        by_camera: Whitened Jacobians (p, 2, n) of each chunk's residuals.
+    """
+
+    coupling: FloatArray
+    hessian: FloatArray
+    gradient: FloatArray
+    by_camera: Sequence[FloatArray]
+
+
+def linearise_camera(
+    problem: BundleProblem, linear: Linearisation, unknowns: Unknowns, camera: Camera, size: int
+) -> CameraEquations:
+    """Linearise all observations by the calibration.
+
+    Args:
+        problem: Its observations are undistorted by ``camera``.
+        linear: The problem, linearised.
+        unknowns: Places of its poses.
+        camera: The calibration.
+        size: Number p of parameters, at most :func:`parameter_count`.
+    """
+    coupling = np.zeros((6, len(unknowns.free), size))
+    hessian, gradient = np.zeros((size, size)), np.zeros(size)
+    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
+    for part, J in zip(linear.chunks, by_camera, strict=True):
+        reduced = np.stack([_projected_residuals(part, J[k]) for k in range(size)])
+        frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
+        coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
+        hessian += np.einsum("kin,min->km", J, reduced)
+        gradient += np.einsum("in,kin->k", part.r, reduced)
+    return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
+
+
+def changed(camera: Camera, delta: FloatArray) -> Camera:
+    """Return the camera with a change of log focal length, principal point and first two coefficients."""
+    scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
+    coefficients[: len(delta) - 3] += delta[3:]
+    return replace(
+        camera,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
+        cx=camera.cx + float(delta[1]),
+        cy=camera.cy + float(delta[2]),
+        distortion=tuple(coefficients.tolist()),
+    )
+
+
+def parameter_count(camera: Camera) -> int:
+    """Return the number of parameters of a camera."""
+    return 3 + min(len(camera.distortion), 2)
+
+
+def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
+    """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
+    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    camera_p = camera_points(here)
+    error, behind = pixel_errors(here, camera_p)
+    scale = np.where(behind, 0.0, whitening(here, error))
+    rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
+    raw = distort(camera, here.uv_px)
+
+    def residual(delta: FloatArray) -> FloatArray:
+        other = changed(camera, delta)
+        predicted = rays * [[other.fx], [other.fy]] + [[other.cx], [other.cy]]
+        return np.asarray(predicted - undistort(other, raw).T)
+
+    steps = np.diag(_STEPS[:size])
+    slopes = [(residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
+    return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
+
+
+def _projected_residuals(part: LinearisedChunk, r: FloatArray) -> FloatArray:
+    """Return residuals r (2, n) minus the part that the points absorb."""
+    points = factorise_landmarks(part, 0.0)
+    step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
+    return np.asarray(r - np.einsum("ian,an->in", part.jl, step))
