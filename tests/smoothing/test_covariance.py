@@ -184,4 +184,4 @@ def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
         values.reshape(-1, 2, 3).sum(axis=2)
         for values in (variance(camera_sigma) - variance(np.zeros(3)), delta**2)
     )
-    np.testing.assert_allclose(np.median(np.sqrt(found / moved), axis=0), 1.0, atol=0.1)
+    np.testing.assert_allclose(np.median(np.sqrt(found / moved), axis=0), 1.0, atol=0.2)
