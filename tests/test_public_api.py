@@ -12,7 +12,15 @@ def test_everything_public_is_there_and_documented():
 
 
 def test_verbs_are_functions_and_not_rooms_of_their_name():
-    for name in ("evaluate", "localize", "open_recording", "read_camera", "smooth", "write_run"):
+    for name in (
+        "evaluate",
+        "factor_graph",
+        "localize",
+        "open_recording",
+        "read_camera",
+        "smooth",
+        "write_run",
+    ):
         assert inspect.isfunction(getattr(vgps, name)), name
 
 

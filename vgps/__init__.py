@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vgps.pipeline.offline import smooth
     from vgps.readers.calibration import read_camera
     from vgps.readers.recording import open_recording
+    from vgps.smoothing.run_graph import factor_graph
     from vgps.solution import Solution
     from vgps.writers.run_folder import write_run
 
@@ -31,6 +32,7 @@ __all__ = [
     "VgpsError",
     "__version__",
     "evaluate",
+    "factor_graph",
     "localize",
     "open_recording",
     "read_camera",
@@ -50,6 +52,7 @@ _HOMES = {
     "Solution": "solution",
     "VgpsError": "errors",
     "evaluate": "evaluation",
+    "factor_graph": "smoothing.run_graph",
     "localize": "localization",
     "open_recording": "readers.recording",
     "read_camera": "readers.calibration",

@@ -153,6 +153,8 @@ class Solution:
         video_start_utc: UTC instant of the video's first frame, if the rig gives it.
         world_p_before: (F, 3) camera positions after stages A to C; None in older runs.
         control_points: Control and check points, as read; None without any.
+        graph: What :func:`vgps.factor_graph` needs beside the rest, as :mod:`vgps.writers.measurements` lists
+            it; None if stage D did not give this result, and in older runs.
     """
 
     recording: Path | None
@@ -177,6 +179,7 @@ class Solution:
     video_start_utc: datetime | None = None
     world_p_before: FloatArray | None = None
     control_points: ControlPoints | None = None
+    graph: Mapping[str, npt.NDArray[Any]] | None = None
 
     @property
     def trajectory(self) -> Trajectory:

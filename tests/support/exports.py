@@ -48,6 +48,7 @@ def consistent(solution, camera, noise_px=0.5):
         landmarks=Landmarks(points, np.full(40, 0.5), np.arange(40, dtype=np.uint8)),
         observations=Observations(frame, landmark, uv),
         world_p_before=None,
+        graph=None,
     ), np.linalg.norm(uv - project(pinhole, p), axis=1).mean()
 
 

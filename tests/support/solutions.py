@@ -109,6 +109,34 @@ def make_control_points() -> ControlPoints:
     )
 
 
+def make_graph_arrays() -> dict[str, np.ndarray]:
+    """Input of stage D for four frames, two fixes, one standing frame and one control point."""
+    rng = np.random.default_rng(7)
+    fixes = {"t_s": (2,), "world_p_fix": (2, 3), "r_m": (2,), "h_m": (2,), "shape": (2, 2), "sigma_m": (2, 3)}
+    controls = {"uv_px": (1, 2), "world_p_point": (1, 3), "sigma_m": (1, 3), "sigma_px": (1,)}
+    return {
+        "offsets": rng.normal(size=(2, 3)),
+        "c0": np.array([0.015]),
+        "d0": np.array([0.055, -0.935, -0.325]),
+        "held": np.array([True, False, False, True]),
+        "video_sigma_scale": np.array(8.5),
+        "time_offset_s": np.array(0.11),
+        "prior_time_offset_s": np.array([0.105, 0.5]),
+        "prior_antenna": np.array([0.06, -0.94, -0.33]),
+        "prior_antenna_sigma_m": np.array(0.35),
+        **{f"fixes.{name}": rng.normal(size=shape) for name, shape in fixes.items()},
+        "fixes.used": np.array([True, False]),
+        "fixes.correlation_s": np.array([10.5, np.nan]),
+        "fixes.fix_class": np.array(["rtk_fix", "rtk_float"]),
+        "zero_motions.frame": np.array([2]),
+        "zero_motions.reference": np.array([1]),
+        "zero_motions.pose": rng.normal(size=(1, 4, 4)),
+        "zero_motions.sigma": rng.uniform(size=(1, 6)),
+        "controls.frame": np.array([3]),
+        **{f"controls.{name}": rng.normal(size=shape) for name, shape in controls.items()},
+    }
+
+
 def distinct_values() -> Solution:
     """Four frames, three landmarks (one never observed), two fixes (one unused): no value occurs twice.
 
@@ -166,6 +194,7 @@ def distinct_values() -> Solution:
         control_points=make_control_points(),
         world_p_before=np.arange(12.0).reshape(4, 3) / 7,
         config={"gps": {"model": "cylinder", "n": 4, "omega": 1e-8, "limit": None}, "names": ["a", "b"]},
+        graph=make_graph_arrays(),
     )
 
 

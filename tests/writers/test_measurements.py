@@ -26,10 +26,10 @@ def test_the_keys_are_those_of_the_table(solution, tmp_path):
 
 
 def test_keys_of_absent_parts_are_absent(solution, tmp_path):
-    bare = replace(solution, gps=None, fixes=None, world_p_before=None, control_points=None)
+    bare = replace(solution, gps=None, fixes=None, world_p_before=None, control_points=None, graph=None)
     write_measurements(bare, tmp_path / "m.npz")
     with np.load(tmp_path / "m.npz") as archive:
         absent = documented() - set(archive.files)
     assert absent == {
-        key for key in documented() if key.startswith(("gps.", "fixes.", "control_points."))
+        key for key in documented() if key.startswith(("gps.", "fixes.", "control_points.", "graph."))
     } | {"world_p_before"}

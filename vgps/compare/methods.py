@@ -143,7 +143,7 @@ def _place(solution: Solution, true: Trajectory) -> Solution:
     shift = wanted[:, :3, 3].mean(axis=0) - scale * R @ estimated[:, :3, 3].mean(axis=0)
     poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + shift
     sigma = scale * solution.sigma_position_m
-    return replace(solution, georeferenced=True, world_T_camera=poses, sigma_position_m=sigma)
+    return replace(solution, georeferenced=True, world_T_camera=poses, sigma_position_m=sigma, graph=None)
 
 
 def check_origin(origin: GeodeticPoint | None, true: GeodeticPoint | None, truth: Path) -> None:

@@ -160,6 +160,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         video_start_utc=recording.rig.video_start_utc,
         world_p_before=merged.scene.poses[:, :3, 3].copy(),
         control_points=recording.control_points,
+        graph=batch.graph,
     )
 
 

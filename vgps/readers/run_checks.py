@@ -35,15 +35,54 @@ _FLOATS: dict[str, tuple[str | int, ...]] = {
     "fixes.world_p_fix": ("fixes", 3),
     "fixes.residual_m": ("fixes", 3),
     **{f"fixes.{name}": ("fixes",) for name in ("r_m", "h_m", "probability")},
+    "graph.offsets": ("offsets", 3),
+    "graph.c0": (1,),
+    "graph.prior_time_offset_s": (2,),
+    **{f"graph.{name}": (3,) for name in ("d0", "prior_antenna")},
+    **{f"graph.{name}": () for name in ("video_sigma_scale", "time_offset_s", "prior_antenna_sigma_m")},
+    **{f"graph.fixes.{name}": ("fixes",) for name in ("t_s", "r_m", "h_m", "correlation_s")},
+    **{f"graph.fixes.{name}": ("fixes", 3) for name in ("world_p_fix", "sigma_m")},
+    "graph.fixes.shape": ("fixes", 2),
+    "graph.zero_motions.pose": ("zero motions", 4, 4),
+    "graph.zero_motions.sigma": ("zero motions", 6),
+    "graph.controls.uv_px": ("controls", 2),
+    "graph.controls.world_p_point": ("controls", 3),
+    "graph.controls.sigma_m": ("controls", 3),
+    "graph.controls.sigma_px": ("controls",),
 }
 _INTEGERS = {
     "observations.frame": "observations",
     "observations.landmark": "observations",
     "landmarks.gray": "landmarks",
     "gps.line": "fixes",
+    "graph.zero_motions.frame": "zero motions",
+    "graph.zero_motions.reference": "zero motions",
+    "graph.controls.frame": "controls",
 }
-_WORDS = {"state": "frames", "gps.fix_class": "fixes", "fixes.verdict": "fixes", "fixes.reason": "fixes"}
-_SHAPES = {**_FLOATS, **{key: (name,) for key, name in (_INTEGERS | _WORDS).items()}}
+_FLAGS = {"graph.held": "frames", "graph.fixes.used": "fixes"}
+_WORDS = {
+    "state": "frames",
+    **dict.fromkeys(("gps.fix_class", "fixes.verdict", "fixes.reason", "graph.fixes.fix_class"), "fixes"),
+}
+_SHAPES = {**_FLOATS, **{key: (name,) for key, name in (_INTEGERS | _FLAGS | _WORDS).items()}}
+_KINDS = {
+    **dict.fromkeys(_FLOATS, "f"),
+    **dict.fromkeys(_INTEGERS, "iu"),
+    **dict.fromkeys(_FLAGS, "b"),
+    **dict.fromkeys(_WORDS, "U"),
+}
+_POINTERS = {
+    "observations.landmark": "landmarks",
+    **dict.fromkeys(
+        (
+            "observations.frame",
+            "graph.zero_motions.frame",
+            "graph.zero_motions.reference",
+            "graph.controls.frame",
+        ),
+        "frames",
+    ),
+}
 
 
 class _Origin(BaseModel):
@@ -150,10 +189,10 @@ def check_arrays(arrays: Arrays, file: Path) -> None:
         expected = tuple(name if isinstance(name, int) else sizes.get(name, 0) for name in names)
         if array.shape != expected:
             raise _damaged(f"shape {array.shape}", key, file, f"shape {expected}")
-        kinds = "f" if key in _FLOATS else "iu" if key in _INTEGERS else "U"
-        if array.dtype.kind not in kinds:
-            raise _damaged(f"values of type {array.dtype}", key, file, "floats" if kinds == "f" else None)
-    for key, name in (("observations.frame", "frames"), ("observations.landmark", "landmarks")):
+        if array.dtype.kind not in _KINDS[key]:
+            expected_type = "floats" if _KINDS[key] == "f" else None
+            raise _damaged(f"values of type {array.dtype}", key, file, expected_type)
+    for key, name in _POINTERS.items():
         rows = arrays.get(key, np.zeros(0, np.int64))
         if rows.size and not 0 <= rows.min() <= rows.max() < sizes.get(name, 0):
             raise _damaged(f"points at row {rows.max()} of {sizes.get(name, 0)}", key, file)

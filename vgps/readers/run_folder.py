@@ -167,6 +167,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         video_start_utc=None if start is None else datetime.fromisoformat(start),
         world_p_before=arrays.get("world_p_before"),
         control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
+        graph=_part(arrays, "graph") or None,
     )
 
 

@@ -9,21 +9,15 @@ from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.gps.offsets import gps_term
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray
+from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.factor_graph import (
-    Scene,
-    build_problem,
-    joined,
-    offset_states,
-    other_pose_factors,
-    select_observations,
-)
+from vgps.smoothing.control_factors import control_sigma_px
+from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
@@ -67,7 +61,7 @@ def optimise_batch(
             state = state.after(solved.result)
             iterations += solved.result.report.iterations
         if round_ < rounds - 1:
-            state = _reassess(state, fixes, solved.sigma_px, context)
+            state = _reassess(state, fixes, solved.given.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
     return replace(result, warnings=(*time_offset_warnings, *warnings, *result.warnings))
@@ -113,24 +107,28 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
     """Build and solve the problem of a round."""
     context, batch = state.context, state.context.config.batch
     scene, sigma = select_observations(state.scene, context, batch.first_tolerance if round_.first else 1.0)
-    usable, sensors = state.usable(fixes), state.sensors
+    sensors = state.sensors
     if context.config.gps.has_memory:  # a walking offset and a time offset explain the same differences
         sensors = sensors.holding_time_offset()
-    term = gps_term(usable, scene.trajectory, sensors, context.config.gps, round_.n)
-    others = other_pose_factors(scene, sensors, context)
-    graph = joined(term.bounds, term.noise, others)
-    problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
-    problem = replace(problem, shared=sensors.shared(), states=offset_states(term))
-    result = solve(problem, _settings(batch, round_.last), batch.solver)
+    given = BatchInput(
+        scene=scene,
+        sigma_px=sigma,
+        control_sigma_px=control_sigma_px(
+            scene.controls, scene.poses, context.K, context.config.start.control_sigma_px
+        ),
+        fixes=state.usable(fixes),
+        sensors=sensors,
+        fixed=fixed,
+        context=context,
+    )
+    built = batch_problem(given, round_.n)
+    result = solve(built.problem, _settings(batch, round_.last), batch.solver)
     if result.stuck and round_.first:
         raise GeometryError(
             f"the optimiser made no step: {result.report.stop_reason}",
             remedy="check the camera's calibration, the GPS log and their clocks",
         )
-    others.push_back(term.noise)
-    return BatchSolution(
-        result=result, scene=scene, sigma_px=sigma, sensors=sensors, gps=term, other_factors=others
-    )
+    return BatchSolution(given, built, result)
 
 
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:

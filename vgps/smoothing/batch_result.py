@@ -1,18 +1,22 @@
 """Result of stage D: the last problem's solution, with standard deviations and a report."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
-import gtsam
 import numpy as np
+import numpy.typing as npt
 
 from vgps.errors import GeometryError
-from vgps.gps.offsets import GpsTerm, offset_key
+from vgps.gps.offsets import offset_key
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FloatArray
+from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.run_graph import graph_arrays
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult
@@ -39,6 +43,7 @@ class BatchResult:
         report: Cost per term before and after, iterations, reason for stopping.
         warnings: Warnings for the user.
         problem: The last problem at its optimum.
+        graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.run_graph`).
     """
 
     trajectory: Trajectory
@@ -53,27 +58,16 @@ class BatchResult:
     report: SolverReport
     warnings: tuple[str, ...]
     problem: BundleProblem
+    graph: Mapping[str, npt.NDArray[Any]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class BatchSolution:
-    """Solution of one round of stage D, and the input of its problem.
+    """One round of stage D: its input, its problem, and the solution."""
 
-    Attributes:
-        result: The solution.
-        scene: The scene with the observations used.
-        sigma_px: (L,) reliabilities of all features; NaN for deselected ones.
-        sensors: Time offset and lever arm before the round.
-        gps: The GPS term of the problem.
-        other_factors: All factors but the projections and the bounds of the GPS term.
-    """
-
+    given: BatchInput
+    built: BatchProblem
     result: BundleResult
-    scene: Scene
-    sigma_px: FloatArray
-    sensors: Sensors
-    gps: GpsTerm
-    other_factors: gtsam.NonlinearFactorGraph
 
 
 def batch_result(
@@ -93,7 +87,8 @@ def batch_result(
         context: Calibration, weights and GPS model.
     """
     after = solved.result.problem
-    path = Trajectory(solved.scene.t_s, after.world_T_camera)
+    scene = solved.given.scene
+    path = Trajectory(scene.t_s, after.world_T_camera)
     covariance, warnings = _covariance(solved, context)
     # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
     covariance = covariance.scaled(_variance_factor(solved, path, sensors, context))
@@ -101,15 +96,16 @@ def batch_result(
         trajectory=path,
         covariance=covariance.poses,
         points=after.world_p_landmark,
-        sigma_px=solved.sigma_px,
-        observations=solved.scene.observations,
+        sigma_px=solved.given.sigma_px,
+        observations=scene.observations,
         assessment=assessment,
         sensors=sensors,
-        time_offset_sigma_s=_time_offset_sigma(covariance, solved.sensors, sensors),
+        time_offset_sigma_s=_time_offset_sigma(covariance, solved.given.sensors, sensors),
         antenna_sigma_m=_sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report=report,
         warnings=warnings,
         problem=after,
+        graph=graph_arrays(solved.given, after),
     )
 
 
@@ -134,18 +130,18 @@ def report_with_warnings(
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
     """Return the covariances at the optimum, or NaN with a warning if the system does not determine them."""
-    config = context.config
+    config, gps = context.config, solved.built.gps
     sources = ErrorSources(
-        gps=solved.gps.bounds,
-        others=solved.other_factors,
-        fixes=solved.gps.bounded,
+        gps=gps.bounds,
+        others=solved.built.other_factors,
+        fixes=gps.bounded,
         camera=context.camera,
         camera_sigma=config.intrinsics.held_sigmas,
     )
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
-        unknown = np.full((len(solved.scene.t_s), 6, 6), np.nan)
+        unknown = np.full((len(solved.given.scene.t_s), 6, 6), np.nan)
         return Covariances(unknown, {}), (f"the standard deviations of the poses are unknown: {error}",)
 
 
@@ -153,12 +149,12 @@ def _variance_factor(
     solved: BatchSolution, path: Trajectory, sensors: Sensors, context: SmoothingContext
 ) -> float:
     """Return the variance factor from the offsets of the last round."""
-    gps, batch = solved.gps, context.config.batch
+    gps, batch = solved.built.gps, context.config.batch
     if len(gps.offsets):
         states = solved.result.problem.states
         offset = np.stack([states[offset_key(k)].vector for k in range(len(gps.offsets))])
         return max(variance_factor(batch, offset, gps.bounded, gps.weight), 1.0)
-    fixes = gps.bounded.without_time_offset(sensors.time_offset_s - solved.sensors.time_offset_s)
+    fixes = gps.bounded.without_time_offset(sensors.time_offset_s - solved.given.sensors.time_offset_s)
     offset = antenna_offsets(fixes, path, sensors.camera_p_antenna)
     return variance_factor(batch, offset, fixes, gps.weight)
 

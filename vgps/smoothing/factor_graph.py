@@ -9,27 +9,24 @@ from gtsam.symbol_shorthand import X
 
 from factors import (
     constant_velocity_factor,
-    control_point_factor,
     level_factor,
-    projection_noise,
     projection_sigma_px,
     reliability_sigma_px,
 )
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
-from vgps.gps.offsets import GpsTerm, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.control_factors import control_factors, control_sigma_px
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
 
 _LEVEL_FRAMES = 20  # that share the level prior; their number does not change its total weight
-_NEAREST_CONTROL_M = 0.1  # a nearer control point is taken to be this far away
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
 
 
@@ -221,8 +218,10 @@ def gps_and_motion(
 
     Other arguments as for :func:`gps_graph`.
     """
-    graph = gps_graph(fixes, scene.t_s, sensors, context.config.gps, n)
-    return joined(graph, other_pose_factors(scene, sensors, context))
+    config, controls, K = context.config, scene.controls, context.K
+    sigma_px = control_sigma_px(controls, scene.poses, K, config.start.control_sigma_px)
+    graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
+    return joined(graph, other_pose_factors(scene, sensors, config), control_factors(controls, sigma_px, K))
 
 
 def joined(*graphs: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:
@@ -233,47 +232,9 @@ def joined(*graphs: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:
     return graph
 
 
-def offset_states(term: GpsTerm) -> dict[int, StateVector]:
-    """Return the offsets of a GPS term as states of a problem, by their keys."""
-    places = zip(term.offsets, term.offset_frames.tolist(), strict=True)
-    return {offset_key(k): StateVector(offset, frame) for k, (offset, frame) in enumerate(places)}
-
-
-def other_pose_factors(
-    scene: Scene, sensors: Sensors, context: SmoothingContext
-) -> gtsam.NonlinearFactorGraph:
-    """Return all factors on poses except those of the fixes."""
-    config = context.config
-    graph = sensors.priors()
-    graph.push_back(motion_graph(scene, config))
-    graph.push_back(_upright_priors(len(scene.t_s), config))
-    graph.push_back(_control_point_factors(scene, context))
-    return graph
-
-
-def _control_point_factors(scene: Scene, context: SmoothingContext) -> gtsam.NonlinearFactorGraph:
-    graph, K, controls = gtsam.NonlinearFactorGraph(), context.K, scene.controls
-    calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
-    sigma_px = np.hypot(context.config.start.control_sigma_px, _projected_sigma_px(scene, K))
-    for frame, uv, point, sigma in zip(
-        controls.frame.tolist(), controls.uv_px, controls.world_p_point, sigma_px.tolist(), strict=True
-    ):
-        graph.push_back(control_point_factor(X(frame), uv, point, calibration, projection_noise(sigma)))
-    return graph
-
-
-def _projected_sigma_px(scene: Scene, K: FloatArray) -> FloatArray:
-    """Return (N,) standard deviations of control points' positions as their images show them, pixels."""
-    controls = scene.controls
-    pose = scene.poses[controls.frame]
-    camera_R_world = np.swapaxes(pose[:, :3, :3], 1, 2)
-    p = np.einsum("nij,nj->ni", camera_R_world, controls.world_p_point - pose[:, :3, 3])
-    depth = np.maximum(np.abs(p[:, 2]), _NEAREST_CONTROL_M)
-    # rows of the projection's Jacobian: f / z (1, 0, -x / z) and f / z (0, 1, -y / z)
-    across = camera_R_world[:, :2] - (p[:, :2] / depth[:, None])[:, :, None] * camera_R_world[:, 2:3]
-    scale = np.array([K[0, 0], K[1, 1]]) / depth[:, None]
-    variance = scale**2 * np.einsum("nij,nj->ni", across**2, controls.sigma_m**2)
-    return np.asarray(np.sqrt(variance.mean(axis=1)))
+def other_pose_factors(scene: Scene, sensors: Sensors, config: Config) -> gtsam.NonlinearFactorGraph:
+    """Return the factors of sensors, motion and a level camera: all but those of fixes and control points."""
+    return joined(sensors.priors(), motion_graph(scene, config), _upright_priors(len(scene.t_s), config))
 
 
 def _upright_priors(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:

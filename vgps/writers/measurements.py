@@ -37,11 +37,39 @@ control_points.uv_px            (P, 2)       in the original image
 control_points.world_p_point    (P, 3)       ENU metres, or latitude, longitude, ellipsoidal height
 control_points.sigma_m          (P, 3)       standard deviations of the mark, east, north, up
 control_points.check            (P,)         whether it is a check point
+graph.offsets                   (K, 3)       the receiver's offsets ``o0..``, east, north, up
+graph.c0                        (1,)         change of the time offset, if it is estimated
+graph.d0                        (3,)         lever arm, if it is estimated
+graph.held                      (F,)         whether a frame's pose is held
+graph.video_sigma_scale         ()           factor of the pixel sigmas
+graph.time_offset_s             ()           removed from the times of the fixes
+graph.prior_time_offset_s       (2,)         prior of the time offset and its sigma, 0 if not estimated
+graph.prior_antenna             (3,)         prior of the lever arm
+graph.prior_antenna_sigma_m     ()           its sigma, 0 if not estimated
+graph.fixes.t_s                 (M,)         times of the fixes without the time offset
+graph.fixes.world_p_fix         (M, 3)       as ``fixes.world_p_fix``
+graph.fixes.fix_class           (M,)         class that the fix is taken to be of
+graph.fixes.r_m, h_m            (M,)         region of that class
+graph.fixes.shape               (M, 2)       semi-axes of its ellipsoid over r and h
+graph.fixes.sigma_m             (M, 3)       the receiver's own, NaN if they are not believed
+graph.fixes.used                (M,)         whether it has a factor, inside the video
+graph.fixes.correlation_s       (M,)         time after which its error counts as independent
+graph.zero_motions.frame        (Z,)         standing frame without observations
+graph.zero_motions.reference    (Z,)         frame with observations that it stands at
+graph.zero_motions.pose         (Z, 4, 4)    reference_T_frame
+graph.zero_motions.sigma        (Z, 6)       of rotation (rad) and translation (m)
+graph.controls.frame            (C,)         row of the frames
+graph.controls.uv_px            (C, 2)       control point in the undistorted image
+graph.controls.world_p_point    (C, 3)       ENU metres
+graph.controls.sigma_m          (C, 3)       of its position
+graph.controls.sigma_px         (C,)         of its position and its observation, in the image
 =============================== ============ ============================================================
 
 The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts, the ``control_points`` keys
 without such points; ``schema_version`` and ``world_p_before`` in runs from before version 0.1.0. The
-intrinsics are in ``solution.json``. Nothing is pickled.
+``graph`` keys hold what the last problem of stage D took beside the rest, for :func:`vgps.factor_graph`; they
+are absent where stage D was not run, and in runs of version 0.1. The intrinsics are in ``solution.json``.
+Nothing is pickled.
 """
 
 from collections.abc import Iterator
@@ -72,6 +100,8 @@ def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         part = getattr(solution, name)
         if part is not None:
             yield from _fields_of(part, f"{name}.")
+    for key, array in (solution.graph or {}).items():
+        yield f"graph.{key}", array
     yield "state", _words(solution.state)
     if solution.control_points is not None:
         yield "control_points.name", _words(solution.control_points.name)

@@ -1,0 +1,188 @@
+"""The factor graph of stage D, rebuilt from a run: :func:`vgps.factor_graph`.
+
+GTSAM cannot serialise factors written in Python, so a run keeps the input of its last problem as arrays.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import gtsam
+import numpy as np
+import numpy.typing as npt
+
+from vgps.config import Config
+from vgps.errors import RunFolderError
+from vgps.gps.fixes import CLASSES, Fixes
+from vgps.gps.offsets import offset_key
+from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
+from vgps.mapping.control_observations import ControlObservations
+from vgps.mapping.zero_motion import ZeroMotion
+from vgps.readers.run_folder import read_run
+from vgps.smoothing.batch_problem import BatchInput, batch_problem
+from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.factor_graph import Scene
+from vgps.solution import Solution
+from vgps.solver.gtsam_export import to_graph
+from vgps.solver.problem import BundleProblem
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+
+_TOLERANCE = 1e-6  # relative, between the graph's error and the cost that the run reports
+_REMEDY = "run vgps smooth again"
+
+
+def factor_graph(run: Path | str | Solution) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """Return the whole graph that stage D minimised last, and the values at which it ended.
+
+    The graph's error at these values is the cost that the run reports, and ``batch: {solver: gtsam}`` lets
+    GTSAM optimise just this graph. Its variables are
+
+    - ``x<frame>``: poses world_T_camera (Pose3);
+    - ``l<row>``: landmarks, rows of ``Solution.landmarks`` (Point3), metres;
+    - ``o<number>``: offsets of the receiver in order of time, east, north, up, metres (vectors of 3), if its
+      error model has memory: a fix is antenna + offset + noise;
+    - ``c0``: change of the time offset since the fixes were placed between frames, seconds (vector of 1), and
+      ``d0``: lever arm ``camera_p_antenna``, metres (vector of 3), both if one of them is estimated.
+
+    Its factors are, in this order, those of the fixes (for a model with memory bounds, noise and walk of the
+    offsets), priors of ``c0`` and ``d0``, zero motion and constant velocity of frames without observations,
+    priors of a level camera, control points, projections, and priors that hold frames where nothing else ties
+    the run to the world.
+
+    Args:
+        run: Run folder of ``vgps smooth``, or a Solution.
+
+    Raises:
+        RunFolderError: The run holds no graph of stage D, or it is damaged or of another version.
+    """
+    solution = run if isinstance(run, Solution) else read_run(Path(run))
+    file = None if isinstance(run, Solution) else Path(run) / "measurements.npz"
+    if solution.graph is None:
+        raise RunFolderError(
+            "no arrays graph.*, the input of stage D",
+            file=file,
+            expected="a result of stage D of this version",
+            remedy=_REMEDY,
+        )
+    try:
+        graph, values = to_graph(_problem(solution, solution.graph))
+        error = graph.error(values)
+    except (KeyError, TypeError, ValueError, IndexError, RuntimeError) as problem:
+        raise RunFolderError(
+            f"the graph of stage D is damaged ({problem})", file=file, remedy=_REMEDY
+        ) from problem
+    reported = sum(solution.report.cost_after.values())
+    if not abs(error - reported) <= _TOLERANCE * reported:
+        raise RunFolderError(
+            f"the graph of stage D has the cost {error:.9g}",
+            file=file,
+            expected=f"{reported:.9g}, as the run reports",
+            remedy=f"{_REMEDY}: another version, or other settings, gave this result",
+        )
+    return graph, values
+
+
+def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray[Any]]:
+    """Return what :func:`factor_graph` needs beside the other fields of a Solution.
+
+    Args:
+        given: Input of the last problem of stage D.
+        end: That problem at its minimum.
+    """
+    sensors, prior = given.sensors, given.sensors.prior_time_offset
+    offsets = [end.states[offset_key(k)].vector for k in range(len(end.states))]
+    return {
+        "offsets": np.array(offsets).reshape(-1, 3),
+        **({"c0": end.shared[TIME_OFFSET], "d0": end.shared[ANTENNA]} if end.shared else {}),
+        "held": end.fixed_frames,
+        "video_sigma_scale": np.array(given.context.config.batch.video_sigma_scale),
+        "time_offset_s": np.array(sensors.time_offset_s),
+        "prior_time_offset_s": np.array([prior.time_offset_s, prior.sigma_s]),
+        "prior_antenna": np.array(sensors.prior_antenna),
+        "prior_antenna_sigma_m": np.array(sensors.antenna_sigma_m),
+        **_fix_arrays(given.fixes),
+        **_zero_motion_arrays(given.scene.zero_motions),
+        **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
+        "controls.sigma_px": given.control_sigma_px,
+    }
+
+
+def _problem(solution: Solution, graph: Arrays) -> BundleProblem:
+    """Return the last problem of stage D at its minimum."""
+    problem = batch_problem(_input(solution, graph)).problem
+    shared = {TIME_OFFSET: graph["c0"], ANTENNA: graph["d0"]} if problem.shared else {}
+    if len(graph["offsets"]) != len(problem.states):
+        raise ValueError(f"{len(graph['offsets'])} offsets, expected {len(problem.states)}")
+    states = {
+        key: state.moved(graph["offsets"][k]) for k, (key, state) in enumerate(sorted(problem.states.items()))
+    }
+    return problem.moved(problem.world_T_camera, problem.world_p_landmark, shared, states)
+
+
+def _input(solution: Solution, graph: Arrays) -> BatchInput:
+    config = Config.model_validate(solution.config)
+    scale = float(graph["video_sigma_scale"])
+    config = config.model_copy(update={"batch": config.batch.model_copy(update={"video_sigma_scale": scale})})
+    controls = {key: graph[f"controls.{key}"] for key in ControlObservations.__dataclass_fields__}
+    return BatchInput(
+        scene=Scene(
+            solution.t_s,
+            solution.world_T_camera,
+            solution.landmarks.world_p_landmark,
+            solution.observations,
+            _zero_motions(graph),
+            ControlObservations(**controls),
+        ),
+        sigma_px=solution.landmarks.sigma_px,
+        control_sigma_px=graph["controls.sigma_px"],
+        fixes=_fixes(graph),
+        sensors=_sensors(solution, graph),
+        fixed=graph["held"],
+        context=SmoothingContext(solution.camera, config),
+    )
+
+
+def _sensors(solution: Solution, graph: Arrays) -> Sensors:
+    return Sensors(
+        time_offset_s=float(graph["time_offset_s"]),
+        camera_p_antenna=solution.camera_p_antenna,
+        prior_time_offset=TimeOffset(*graph["prior_time_offset_s"].tolist()),
+        prior_antenna=graph["prior_antenna"],
+        antenna_sigma_m=float(graph["prior_antenna_sigma_m"]),
+    )
+
+
+def _fix_columns() -> list[str]:
+    """Return the columns that the factors depend on: the class below counts only where it was chosen."""
+    return [column.name for column in fields(Fixes) if not column.name.startswith("lower_")]
+
+
+def _fix_arrays(fixes: Fixes) -> dict[str, npt.NDArray[Any]]:
+    arrays = {f"fixes.{name}": getattr(fixes, name) for name in _fix_columns()}
+    words = [str(CLASSES[k]) for k in fixes.fix_class.tolist()]
+    return {**arrays, "fixes.fix_class": np.array(words, dtype=np.str_)}
+
+
+def _fixes(graph: Arrays) -> Fixes:
+    columns = {name: graph[f"fixes.{name}"] for name in _fix_columns()}
+    unknown = np.full((len(columns["t_s"]), 2), np.nan)
+    words = [str(name) for name in CLASSES]
+    numbers = [words.index(word) for word in columns["fix_class"].tolist()]
+    columns["fix_class"] = np.array(numbers, dtype=np.int64)
+    return Fixes(**columns, lower_r_m=unknown[:, 0], lower_h_m=unknown[:, 1], lower_shape=unknown)
+
+
+def _zero_motion_arrays(zero_motions: tuple[ZeroMotion, ...]) -> dict[str, npt.NDArray[Any]]:
+    return {
+        "zero_motions.frame": np.array([one.frame for one in zero_motions], dtype=np.int64),
+        "zero_motions.reference": np.array([one.reference for one in zero_motions], dtype=np.int64),
+        "zero_motions.pose": np.array([one.reference_T_frame for one in zero_motions]).reshape(-1, 4, 4),
+        "zero_motions.sigma": np.array([one.sigma for one in zero_motions]).reshape(-1, 6),
+    }
+
+
+def _zero_motions(graph: Arrays) -> tuple[ZeroMotion, ...]:
+    columns = [graph[f"zero_motions.{key}"] for key in ("frame", "reference", "pose", "sigma")]
+    return tuple(ZeroMotion(int(f), int(r), T, sigma) for f, r, T, sigma in zip(*columns, strict=True))
