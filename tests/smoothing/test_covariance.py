@@ -15,7 +15,6 @@ from vgps.config import GpsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import gps_graph
 from vgps.gps.sensors import Sensors
-from vgps.model import Camera
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_errors
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import reprojection_errors
@@ -52,14 +51,8 @@ def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
     gps = gps_graph(fixes, times, Sensors.fixed(CAMERA_P_ANTENNA), GAUSSIAN)
     sigma_px = np.full(len(problem.frame), noise_px)
     given = replace(problem, uv_px=exact + noise, sigma_px=sigma_px, robust="none", pose_graph=gps)
-    camera = pinhole(problem.K)
-    sources = ErrorSources(gps, gtsam.NonlinearFactorGraph(), fixes, camera, np.zeros(3))
+    sources = ErrorSources(gps, gtsam.NonlinearFactorGraph(), fixes, np.zeros(4))
     return solve(given, SolverSettings(relative_tolerance=1e-10)).problem, poses, sources
-
-
-def pinhole(K):
-    """Return a camera whose pictures are large enough for any observation."""
-    return Camera(model="pinhole", width=4000, height=4000, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
 
 
 def nees(problem, poses, covariance):
@@ -156,11 +149,11 @@ def test_independent_errors_give_the_marginals_of_states():
     assert np.median(of_poses[0] / of_poses[1]) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("parameter", "sigma"), [(0, 2e-4), (1, 0.1), (2, 0.1)])
+@pytest.mark.parametrize(("parameter", "sigma"), [(0, 2e-4), (1, 0.1), (2, 0.1), (3, 1e-3)])
 def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
     """The drawn standard deviation is the shift of the optimum with a calibration off by one sigma."""
     problem, _, sources = optimum(noise_px=1e-3)
-    camera_sigma = np.eye(3)[parameter] * sigma
+    camera_sigma = np.eye(4)[parameter] * sigma
     exact = replace(sources.fixes, r_m=sources.fixes.r_m * 1e-9, h_m=sources.fixes.h_m * 1e-9)
     sources = replace(sources, fixes=exact)
 
@@ -171,8 +164,11 @@ def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
     fx, fy, cx, cy = problem.K
 
     def with_error(sign):
-        scale, shift = np.exp(sign * camera_sigma[0]), sign * camera_sigma[1:]
-        off = replace(problem, K=(scale * fx, scale * fy, cx + shift[0], cy + shift[1]))
+        scale, shift = np.exp(sign * camera_sigma[0]), sign * camera_sigma[1:3]
+        ray = (problem.uv_px - [cx, cy]) / [fx, fy]
+        distorted = sign * camera_sigma[3] * np.sum(ray**2, axis=1)[:, None] * ray * [fx, fy]
+        K = scale * fx, scale * fy, cx + shift[0], cy + shift[1]
+        off = replace(problem, K=K, uv_px=problem.uv_px - distorted)
         tight = SolverSettings(relative_tolerance=1e-15, absolute_tolerance=1e-15)
         return solve(off, tight).problem.world_T_camera
 
@@ -182,6 +178,6 @@ def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
     # rotation and translation of each frame; single axes may be weakly determined
     found, moved = (
         values.reshape(-1, 2, 3).sum(axis=2)
-        for values in (variance(camera_sigma) - variance(np.zeros(3)), delta**2)
+        for values in (variance(camera_sigma) - variance(np.zeros(4)), delta**2)
     )
     np.testing.assert_allclose(np.median(np.sqrt(found / moved), axis=0), 1.0, atol=0.2)

@@ -148,7 +148,7 @@ class BatchConfig(SettingsModel):
     """Factor on mapping.max_reprojection_px in the first round, while the poses are rough."""
     early_tolerance: Share = 3e-4
     """The rounds before the last end once a step lowers the cost by a smaller share."""
-    robust_px: PositiveFloat = 0.3
+    robust_px: PositiveFloat = 1.0
     """Huber's constant: reprojection errors beyond it count linearly, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"
     """Weight of an observation: per_frame divides by the number of features in the frame, Eq. (12)."""
@@ -186,6 +186,9 @@ class IntrinsicsConfig(SettingsModel):
     """Standard deviation of a held focal length, as a share of it; counts in the poses' sigmas."""
     held_centre_sigma_px: PositiveFloat = 3.0
     """Standard deviation of a held principal point, on each axis; counts in the poses' sigmas."""
+    held_radial_sigma: PositiveFloat = 0.01
+    """Standard deviation of the radial distortion k1 left after a held calibration; counts in the poses'
+    sigmas."""
     iterations: PositiveInt = 8
     """Alternations between poses and calibration at most."""
     every_frames: PositiveInt = 4
@@ -195,10 +198,11 @@ class IntrinsicsConfig(SettingsModel):
 
     @property
     def held_sigmas(self) -> FloatArray:
-        """(3,) standard deviations of log focal length and principal point [px]; 0 if they are refined."""
-        if self.refine:
-            return np.zeros(3)
-        return np.array([self.held_focal_sigma, self.held_centre_sigma_px, self.held_centre_sigma_px])
+        """(4,) standard deviations of log focal length, principal point [px] and k1; 0 if refined."""
+        if self.refine == "yes":
+            return np.zeros(4)
+        centre = [self.held_centre_sigma_px] * 2
+        return np.array([self.held_focal_sigma, *centre, self.held_radial_sigma])
 
     @field_validator("refine", mode="before")
     @classmethod

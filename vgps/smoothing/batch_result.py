@@ -135,7 +135,6 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         gps=gps.bounds,
         others=solved.built.other_factors,
         fixes=gps.bounded,
-        camera=context.camera,
         camera_sigma=config.intrinsics.held_sigmas,
     )
     try:

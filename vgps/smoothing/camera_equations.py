@@ -45,9 +45,31 @@ def linearise_camera(
         camera: The calibration.
         size: Number p of parameters, at most :func:`parameter_count`.
     """
+    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
+    return _equations(linear, unknowns, by_camera, size)
+
+
+def linearise_pinhole(problem: BundleProblem, linear: Linearisation, unknowns: Unknowns) -> CameraEquations:
+    """Linearise all observations by what may be left of errors in undistorted images, whatever the lens.
+
+    Parameters: log focal length, principal point [px], and radial distortion k1, by which a ray of squared
+    radius r^2 is off by ``k1 r^2`` of itself.
+
+    Args:
+        problem: The problem.
+        linear: The problem, linearised.
+        unknowns: Places of its poses.
+    """
+    by_camera = [_by_pinhole(problem, part) for part in linear.chunks]
+    return _equations(linear, unknowns, by_camera, 4)
+
+
+def _equations(
+    linear: Linearisation, unknowns: Unknowns, by_camera: Sequence[FloatArray], size: int
+) -> CameraEquations:
+    """Return the equations with the points eliminated."""
     coupling = np.zeros((6, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
-    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
     for part, J in zip(linear.chunks, by_camera, strict=True):
         reduced = np.stack([_projected_residuals(part, J[k]) for k in range(size)])
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
@@ -55,6 +77,20 @@ def linearise_camera(
         hessian += np.einsum("kin,min->km", J, reduced)
         gradient += np.einsum("in,kin->k", part.r, reduced)
     return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
+
+
+def _by_pinhole(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
+    """Return whitened Jacobians (4, 2, n) of a chunk's residuals by the parameters of a pinhole camera."""
+    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    camera_p = camera_points(here)
+    error, behind = pixel_errors(here, camera_p)
+    scale = np.where(behind, 0.0, whitening(here, error))
+    focal = np.array([[problem.K[0]], [problem.K[1]]])
+    pixels = focal * camera_p[:2] / np.where(behind, 1.0, camera_p[2])
+    squared = np.sum((pixels / focal) ** 2, axis=0)
+    one, zero = np.ones_like(scale), np.zeros_like(scale)
+    J = np.stack([pixels, np.stack([one, zero]), np.stack([zero, one]), squared * pixels])
+    return np.asarray(J * scale)
 
 
 def changed(camera: Camera, delta: FloatArray) -> Camera:

@@ -10,7 +10,8 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 - a **fix** has an error of the size of its class's region, which holds 95 %, and keeps it for the class's
   correlation time: a Gauss-Markov process;
 - every other factor has an error of its sigma;
-- the **calibration**, which all tracks share, has an error in focal length and principal point.
+- the **calibration**, which all tracks share, has an error in focal length, principal point and radial
+  distortion.
 
 Other errors common to all tracks, such as those of a moving scene, are not included.
 """
@@ -24,9 +25,9 @@ from scipy import sparse
 
 from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
-from vgps.model import Camera, FloatArray
+from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.smoothing.camera_equations import linearise_camera
+from vgps.smoothing.camera_equations import linearise_pinhole
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
@@ -44,14 +45,13 @@ class ErrorSources:
         gps: A factor for each fix that takes part, or for each offset; in order of time, residuals (3,).
         others: All other factors.
         fixes: The fixes of the factors in ``gps`` with their regions, the time offset removed.
-        camera: The calibration, which undistorted the observations.
-        camera_sigma: (3,) standard deviations of log focal length and principal point [px].
+        camera_sigma: (4,) standard deviations of the calibration, see
+            :func:`vgps.smoothing.camera_equations.linearise_pinhole`.
     """
 
     gps: gtsam.NonlinearFactorGraph
     others: gtsam.NonlinearFactorGraph
     fixes: Fixes
-    camera: Camera
     camera_sigma: FloatArray
 
 
@@ -76,8 +76,8 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         size = POSE_DIM * structure.n_free
         right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
         right[:size] += _track_draws(linear, structure, draws, rng)
-        camera = linearise_camera(problem, linear, structure, sources.camera, len(sources.camera_sigma))
-        right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((3, draws)))
+        camera = linearise_pinhole(problem, linear, structure)
+        right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
         shared: FloatArray = np.zeros((0, draws))
         steps = factor.solve(right[:size])
         if problem.shared:
