@@ -76,6 +76,8 @@ class Rig:
 
     Attributes:
         camera_p_antenna: Antenna (phase centre) in the camera frame, (3,), metres.
+        antenna_known: Whether ``camera_p_antenna`` was measured; else it is a guess, as for a camera's own
+            receiver.
         video_start_utc: UTC instant of the video's first frame; None if the log is on the video's clock.
         world_origin: Origin of the ENU world frame; None for the first usable fix.
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
@@ -86,6 +88,7 @@ class Rig:
     """
 
     camera_p_antenna: FloatArray = field(default_factory=lambda: np.zeros(3))
+    antenna_known: bool = True
     video_start_utc: datetime | None = None
     world_origin: GeodeticPoint | None = None
     gyro_R_camera: FloatArray | None = None

@@ -10,7 +10,8 @@ from vgps.config import StartConfig
 from vgps.geometry import largest_angle_rad, world_rays
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.smoothing.alignment import align
+from vgps.smoothing.alignment import Correspondences, align
+from vgps.smoothing.alignment_sigmas import alignment_sigmas
 from vgps.solution import Solution
 from vgps.solver.cost import reprojection_errors
 from vgps.solver.problem import BundleProblem
@@ -91,20 +92,25 @@ def drifted(
 
 def aligned(poses: FloatArray, points: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
     """Return poses and points aligned with the priors, as vgps and COLMAP do before they adjust."""
-    regions = priors.sigma_m * [INSIDE_PLANE, INSIDE_PLANE, INSIDE_LINE]
-    found = align(poses[priors.frame], priors.world_p_camera, regions, np.zeros(3), StartConfig())
+    config = StartConfig()
+    seen = Correspondences(
+        map_T_camera=poses[priors.frame],
+        world_p_fix=priors.world_p_camera,
+        region_m=priors.sigma_m * [INSIDE_PLANE, INSIDE_PLANE, INSIDE_LINE],
+        camera_p_antenna=np.zeros(3),
+    )
+    found = align(seen, config)
     if found is None:
-        print("warning: the fixes spread too little to align the start with them")
+        print("warning: the camera does not move, so that the start cannot be aligned with the fixes")
         return poses, points
-    if found.straight:
-        print(
-            "warning: the fixes lie on a straight line, so that the roll is undetermined, and with it the "
-            "minimum; take more frames"
-        )
-    R, out = found.to_world.scale * found.to_world.world_R_map, poses.copy()
-    out[:, :3, :3] = found.to_world.world_R_map @ poses[:, :3, :3]
-    out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.to_world.world_p_map
-    return out, points @ R.T + found.to_world.world_p_map
+    errors = priors.sigma_m.T[:, :, None] ** 2 * np.eye(len(seen))
+    sigmas = alignment_sigmas(seen, found, errors, config)
+    if not sigmas.within(config) or np.degrees(sigmas.tilt_rad) > config.level_sigma_deg / np.sqrt(2.0):
+        print(f"warning: the fixes do not determine the minimum ({sigmas}): take more frames")
+    R, out = found.scale * found.world_R_map, poses.copy()
+    out[:, :3, :3] = found.world_R_map @ poses[:, :3, :3]
+    out[:, :3, 3] = poses[:, :3, 3] @ R.T + found.world_p_map
+    return out, points @ R.T + found.world_p_map
 
 
 def well_observed(run: Solution, frames: int) -> BoolArray:

@@ -39,8 +39,8 @@ BAD = {
         ),
         "gps.csv",
     ),
-    "two fixes": (
-        lambda f: broken(f, "gps.nmea", lambda b: b"\n".join(b.splitlines()[:6])), "2 usable fixes"
+    "one fix": (
+        lambda f: broken(f, "gps.nmea", lambda b: b"\n".join(b.splitlines()[:3])), "during the video: 1"
     ),
     "not a number": (
         lambda f: (f / "gps.nmea").unlink() or (f / "gps.csv").write_text(
@@ -100,3 +100,14 @@ def test_nothing_else_is_overwritten(recording, tmp_path, vgps_verb):
     code, _, err = vgps_verb("smooth", recording, "--out", precious)
     assert code == 2 and "thesis" in err
     assert (precious / "chapter1.txt").read_text() == "words"
+
+
+@pytest.mark.slow
+def test_two_fixes_give_poses_and_a_warning(recording, tmp_path, vgps_verb):
+    folder = tmp_path / "few"
+    shutil.copytree(recording, folder)
+    broken(folder, "gps.nmea", lambda b: b"\n".join(b.splitlines()[:6]))
+    code, out, err = vgps_verb("smooth", folder, "--out", tmp_path / "run")
+    assert code == 0, err
+    assert "only 2 fixes tie the path to the world" in out + err
+    assert (tmp_path / "run" / "poses.csv").is_file()

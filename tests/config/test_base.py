@@ -10,6 +10,8 @@ from vgps.config import Config, SettingsModel, present_names
 class Engine(SettingsModel):
     renamed: ClassVar[Mapping[str, str]] = {"power": "power_w"}
 
+    removed: ClassVar[Mapping[str, str]] = {"valves": "the engine has none"}
+
     power_w: float = 1.0
     """Power."""
 
@@ -40,6 +42,11 @@ class Car(SettingsModel):
         # the name of a section once was that of a plain setting
         ({"engine": "diesel"}, {"kind": "diesel"}, ["setting engine is now called kind"]),
         ({"engine": None}, {"engine": {}}, []),
+        (
+            {"engine": {"valves": 8, "power_w": 2.0}},
+            {"engine": {"power_w": 2.0}},
+            ["setting engine.valves has no effect any more: the engine has none"],
+        ),
     ],
 )
 def test_old_names_become_present_ones_and_each_is_noted(old, present, notes):

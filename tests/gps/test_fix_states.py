@@ -15,7 +15,7 @@ from vgps.gps.fix_states import (
     REPEATED_OUTLIER,
     state_probabilities,
 )
-from vgps.gps.offsets import log_walk_density
+from vgps.gps.offset_errors import log_walk_density
 
 CONFIG = Config()
 JUDGE = CONFIG.outliers

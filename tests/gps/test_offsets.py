@@ -9,7 +9,8 @@ from synthetic_fixes import fixes_of_size, trajectory
 from vgps.config import GpsConfig, Region
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import CLASSES
-from vgps.gps.offsets import chain_offsets, gps_term, offset_key, student
+from vgps.gps.offset_errors import student
+from vgps.gps.offsets import chain_offsets, gps_term, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.model import FixClass
 

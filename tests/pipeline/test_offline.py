@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import vgps
 from vgps.config import IntrinsicsConfig
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
+from vgps.model import FixClass
 from vgps.readers.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FrameState, Verdict
@@ -52,6 +54,46 @@ def test_without_gps_the_result_is_not_georeferenced(recording):
     solution = vgps.smooth(opened)
     assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
     assert any("no fix or control point ties" in warning for warning in solution.warnings)
+
+
+def test_an_unknown_lever_arm_is_estimated_and_in_the_sigmas():
+    poses = path(24)
+    opened = room_recording(poses, gps=room_gps_log(poses))
+    known = vgps.smooth(opened, CONFIG)
+    assert np.isnan(known.sensors.antenna_sigma_m).all() and "antenna" not in "".join(known.warnings)
+    unknown = vgps.smooth(replace(opened, rig=replace(opened.rig, antenna_known=False)), CONFIG)
+    assert np.abs(unknown.camera_p_antenna).max() < 0.1
+    # turns of a few degrees do not show it, so that the camera is as uncertain as its antenna's place
+    assert np.median(np.linalg.norm(unknown.sigma_position_m, axis=1)) > 0.1
+    assert re.search(
+        r"antenna's place in the camera is not given.*motion does not show it", "".join(unknown.warnings)
+    )
+    zero = CONFIG.model_copy(
+        update={"sensors": CONFIG.sensors.model_copy(update={"unknown_antenna_sigma_m": 0.0})}
+    )
+    held = vgps.smooth(replace(opened, rig=replace(opened.rig, antenna_known=False)), zero)
+    np.testing.assert_array_equal(held.world_T_camera, known.world_T_camera)
+
+
+def test_a_drone_that_sees_decimetres_of_rtk_fixes_is_in_the_world():
+    poses = path(24)
+    log = room_gps_log(poses[:16])
+    solution = vgps.smooth(room_recording(poses, gps=log), CONFIG)
+    assert solution.georeferenced and not any("do not determine" in text for text in solution.warnings)
+    assert np.linalg.norm(solution.world_T_camera[:, :3, 3] - poses[:, :3, 3], axis=1).max() < 0.1
+
+
+def test_fixes_that_determine_nothing_are_a_warning_with_sigmas():
+    """Single fixes along two metres."""
+    poses = path(24)
+    log = replace(room_gps_log(poses), fix_class=(FixClass.SINGLE,) * 8)
+    solution = vgps.smooth(room_recording(poses, gps=log), CONFIG)
+    assert solution.georeferenced
+    expected = (
+        r"do not determine scale and heading \(standard deviations of scale \d+%.*record a path of about"
+    )
+    assert re.search(expected, "".join(solution.warnings))
+    assert np.degrees(np.median(solution.sigma_rotation_rad[:, 2])) > 3.0
 
 
 def test_a_video_alone_keeps_place_and_scale_of_its_map():

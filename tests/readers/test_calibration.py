@@ -138,7 +138,7 @@ exposure_s: 1e-2
 video_start_s: 10.5
 """,
     )
-    assert read.camera_p_antenna.tolist() == [0.05, -0.93, -0.32]
+    assert read.camera_p_antenna.tolist() == [0.05, -0.93, -0.32] and read.antenna_known
     assert read.video_start_utc == datetime(2011, 9, 26, 12, 0, 0, 250000, UTC)
     assert read.world_origin == GeodeticPoint(49.011, 8.4165, 163.0)
     np.testing.assert_allclose(read.gyro_R_camera, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
@@ -156,7 +156,7 @@ def test_a_naive_start_is_utc(tmp_path, cell):
 
 def test_a_rig_may_say_nothing(tmp_path):
     read = rig(tmp_path, "# nothing known\n")
-    assert read.camera_p_antenna.tolist() == [0, 0, 0]
+    assert read.camera_p_antenna.tolist() == [0, 0, 0] and not read.antenna_known
     assert read.video_start_utc is None
     assert read.gyro_R_camera is None
     assert (read.gyro_time_offset_s, read.gyro_bias_rad_s.tolist()) == (0, [0, 0, 0])

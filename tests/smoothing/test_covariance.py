@@ -11,7 +11,7 @@ from synthetic_bundle import drive
 from synthetic_fixes import fixes_of_size
 from synthetic_states import offset_fix, walk
 
-from vgps.config import GpsConfig
+from vgps.config import DriftConfig, GpsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import gps_graph
 from vgps.gps.sensors import Sensors
@@ -51,7 +51,9 @@ def optimum(slip_px=0.0, seed=0, noise_px=0.3, frames=40):
     gps = gps_graph(fixes, times, Sensors.fixed(CAMERA_P_ANTENNA), GAUSSIAN)
     sigma_px = np.full(len(problem.frame), noise_px)
     given = replace(problem, uv_px=exact + noise, sigma_px=sigma_px, robust="none", pose_graph=gps)
-    sources = ErrorSources(gps, gtsam.NonlinearFactorGraph(), fixes, np.zeros(4))
+    sources = ErrorSources(
+        gps=gps, others=gtsam.NonlinearFactorGraph(), fixes=fixes, camera_sigma=np.zeros(4)
+    )
     return solve(given, SolverSettings(relative_tolerance=1e-10)).problem, poses, sources
 
 
@@ -181,3 +183,36 @@ def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
         for values in (variance(camera_sigma) - variance(np.zeros(4)), delta**2)
     )
     np.testing.assert_allclose(np.median(np.sqrt(found / moved), axis=0), 1.0, atol=0.2)
+
+
+def test_drift_of_the_video_is_what_the_fixes_do_not_take_back():
+    """It grows with the distance from the last fix, and is zero without drift."""
+    problem, _, sources = optimum(frames=60)
+    times = INTERVAL_S * np.arange(60)
+    first = sources.fixes.until(2.0)
+    gps = gps_graph(first, times, Sensors.fixed(CAMERA_P_ANTENNA), GAUSSIAN)
+    problem = replace(problem, pose_graph=gps)
+    sources = replace(sources, gps=gps, fixes=first)
+
+    def sigma_m(drift):
+        drawn = drawn_covariances(problem, replace(sources, drift=drift), 300, 1).poses
+        return np.sqrt(np.trace(drawn[:, 3:, 3:], axis1=1, axis2=2))
+
+    without, with_drift = sigma_m(None), sigma_m(DriftConfig())
+    np.testing.assert_allclose(with_drift[:20], without[:20], rtol=0.5, atol=0.02)
+    # over 24 m behind the fixes log scale and rotation walk 40 frames, to about 8 % and 0.15 degrees
+    beyond = np.sqrt(with_drift[-1] ** 2 - without[-1] ** 2)
+    assert 0.5 < beyond < 3.0
+
+
+def test_noise_errs_by_its_ratio():
+    problem, _, sources = optimum()
+    noise, none = sources.gps, gtsam.NonlinearFactorGraph()
+    rows = np.ones(noise.size())
+    fixes = sources.fixes.until(-1.0)
+
+    def sigma(ratio):
+        changed = replace(sources, gps=none, fixes=fixes, noise=noise, noise_ratio=ratio * rows)
+        return np.sqrt(np.median(np.diagonal(drawn_covariances(problem, changed, 500, 1).poses[:, 3:, 3:])))
+
+    assert sigma(40.0) == pytest.approx(2.0 * sigma(20.0), rel=0.1)

@@ -1,16 +1,16 @@
+import re
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, moved, scene
 
 from vgps.config import Config
-from vgps.errors import GeometryError
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.sensors import Sensors
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.zero_motion import ZeroMotion
+from vgps.model import FixClass
 from vgps.smoothing.merge_maps import merge_maps
 from vgps.solution import FrameState
 
@@ -64,12 +64,22 @@ def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():
     assert "too few fixes to align" in found.warnings[0]
 
 
-def test_too_few_fixes_are_an_error_and_none_a_warning():
+def test_fixes_that_do_not_determine_the_scale_align_with_a_warning():
+    """Two single fixes on a path straight up, which has no heading."""
+    maps, true, t_s, fixes = two_maps((False, False))
+    single = replace(fixes, fix_class=np.full(len(fixes), CLASSES.index(FixClass.SINGLE)))
+    found = merged(maps, t_s, single.where(single.t_s < 0.5))
+    assert found.georeferenced and np.isfinite(found.scene.poses).all()
+    assert away(found.scene.poses[:5], true[:5]) < 1.0
+    expected = r"only 2 fixes tie.*standard deviations of scale \d+%, heading unknown, tilt \d+ degrees"
+    assert re.search(expected, found.warnings[0])
+
+
+def test_a_run_whose_fixes_lie_outside_its_maps_is_not_in_the_world():
     maps, _, t_s, fixes = two_maps((False, False))
-    near = fixes.where(fixes.t_s < 0.5)
-    with pytest.raises(GeometryError, match="too little for scale and heading"):
-        merged(maps, t_s, near)
-    maps, _, t_s, _ = two_maps((False, False))
+    between = fixes.where((fixes.t_s > 2.75) & (fixes.t_s < 3.15))
+    found = merged(maps, t_s, between)
+    assert len(between) and not found.georeferenced and "no two fixes lie where" in found.warnings[0]
     found = merged(maps, t_s, Fixes.empty())
     assert not found.georeferenced and "no fix or control point ties" in found.warnings[0]
     assert np.isfinite(found.scene.poses).all()

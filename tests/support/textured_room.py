@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from solutions import NORTH_R_CAMERA, make_gps_log, make_poses
 
 from vgps.camera import distort, undistort
-from vgps.config import Config, MappingConfig, StartConfig, TrackingConfig, WindowConfig
+from vgps.config import Config, MappingConfig, TrackingConfig, WindowConfig
 from vgps.geodesy import to_geodetic
 from vgps.geometry import project
 from vgps.mapping.local_map import LocalMap
@@ -27,7 +27,6 @@ LENS = replace(CAMERA, model="opencv", distortion=(-0.15, 0.04, 0.001, -0.001))
 CONFIG = Config(
     tracking=TrackingConfig(max_features=150),
     mapping=MappingConfig(max_track_frames=20),
-    start=StartConfig(min_travel_m=1.0),
     window=WindowConfig(length_frames=12, every_frames=5, delay_frames=0),
 )
 FPS = 10.0

@@ -21,6 +21,9 @@ class SettingsModel(BaseModel):
     renamed: ClassVar[Mapping[str, str]] = {}
     """Old name of a setting -> its present name, dotted where it moved into a section of this model."""
 
+    removed: ClassVar[Mapping[str, str]] = {}
+    """Name of a setting that is gone -> what decides instead; it is read and has no effect."""
+
     basic: ClassVar[tuple[str, ...]] = ()
     """Settings that a user is likely to change; the reference shows them first."""
 
@@ -55,7 +58,7 @@ class SettingsModel(BaseModel):
 def present_names(
     settings: Mapping[str, Any], model: type[SettingsModel], place: str = ""
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return settings under their present names, and a line for each that had an old one.
+    """Return settings under their present names, and a line for each that had an old one or is gone.
 
     Sections without any key count as empty ones.
 
@@ -68,8 +71,12 @@ def present_names(
         PydanticCustomError: A setting is given under both its names.
     """
     old = {key: model.renamed[key] for key, value in settings.items() if _is_old(key, value, model)}
-    found = {key: value for key, value in settings.items() if key not in old}
-    notes = []
+    found = {key: value for key, value in settings.items() if key not in old and key not in model.removed}
+    notes = [
+        f"setting {place}{key} has no effect any more: {model.removed[key]}"
+        for key in settings
+        if key in model.removed
+    ]
     for key, name in old.items():
         if not _put(found, name, settings[key]):
             message = "setting {new} is also given under its old name {old}"

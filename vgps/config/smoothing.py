@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, field_validator
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
@@ -112,6 +112,9 @@ class SensorsConfig(SettingsModel):
     time_offset: TimeOffsetConfig = TimeOffsetConfig()
     estimate_antenna: bool = False
     """Estimate the lever arm (camera_p_antenna) with the poses."""
+    unknown_antenna_sigma_m: NonNegativeFloat = 0.1
+    """Prior standard deviation of a lever arm that no rig gives, such as that of a camera's own receiver; it
+    is then estimated about zero, and 0 holds it there."""
     antenna_sigma_m: PositiveFloat = 0.5
     """Prior standard deviation of the lever arm, on each axis."""
 

@@ -85,8 +85,16 @@ class MappingConfig(SettingsModel):
 class StartConfig(SettingsModel):
     """How a map begins, and what gives it scale, heading and position."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"least_travel_ratio": "final_travel_ratio"}
-    basic: ClassVar[tuple[str, ...]] = ("min_travel_m", "level_sigma_deg", "pitch_sigma_deg")
+    removed: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("min_travel_m", "min_travel_ratio", "final_travel_ratio", "least_travel_ratio", "min_places"),
+        "a map is placed in the world by start.scale_sigma and start.heading_sigma_deg",
+    )
+    basic: ClassVar[tuple[str, ...]] = (
+        "scale_sigma",
+        "heading_sigma_deg",
+        "level_sigma_deg",
+        "pitch_sigma_deg",
+    )
 
     min_flow_px: PositiveFloat = 15.0
     """Median image motion needed between the two views that begin a map."""
@@ -98,18 +106,14 @@ class StartConfig(SettingsModel):
     """Median angle needed between the rays of the two views."""
     min_fixes: PositiveInt = 3
     """Usable fixes needed before GPS gives scale, heading and position."""
-    min_travel_m: PositiveFloat = 3.0
-    """The fixes must span at least this distance before they give scale and heading."""
-    min_travel_ratio: PositiveFloat = 4.0
-    """The fixes must also span this many times the median radius of their regions."""
-    final_travel_ratio: PositiveFloat = 1.0
-    """Replaces min_travel_ratio at the end of a video that never spans enough; a warning is then given."""
+    scale_sigma: PositiveFloat = 0.05
+    """A map is placed in the world once its scale is known to this share, one standard deviation."""
+    heading_sigma_deg: PositiveFloat = 5.0
+    """A map is placed in the world once its heading is known to this, one standard deviation."""
     level_sigma_deg: PositiveFloat = 5.0
     """Standard deviation of the camera's mean roll about level; decides where fixes do not show the roll."""
     pitch_sigma_deg: PositiveFloat = 30.0
     """Standard deviation of the camera's mean pitch about level."""
-    min_places: PositiveInt = 6
-    """The span is measured over distinct places if there are this many, so that a stop counts once."""
     robust_regions: PositiveFloat = 1.0
     """Cauchy's constant of the alignment with fixes, in regions: fixes further off count less and less."""
     min_control_travel_m: PositiveFloat = 0.5

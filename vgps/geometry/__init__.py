@@ -1,5 +1,6 @@
 """Vectorised geometry: projection, triangulation, pose interpolation, angular rates."""
 
+from vgps.geometry.cross_product import cross_matrices
 from vgps.geometry.interpolation import interpolate_poses
 from vgps.geometry.projection import (
     MIN_DEPTH,
@@ -15,6 +16,7 @@ from vgps.geometry.projection import (
 
 __all__ = [
     "MIN_DEPTH",
+    "cross_matrices",
     "interpolate_poses",
     "largest_angle_rad",
     "linearise_projection",

@@ -13,7 +13,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.gps.offsets import log_walk_density
+from vgps.gps.offset_errors import log_walk_density
 from vgps.model import BoolArray, FloatArray
 
 NOMINAL, LOWER, OUTLIER, REPEATED_NOMINAL, REPEATED_LOWER, REPEATED_OUTLIER = range(6)

@@ -10,11 +10,9 @@ from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
-from scipy.special import gammaln
 
-from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
+from factors import gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from vgps.config import GpsConfig
-from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import (
     CLASSES,
     Fixes,
@@ -25,6 +23,7 @@ from vgps.gps.fixes import (
     penalty,
     place,
 )
+from vgps.gps.offset_errors import between_receivers, errors_of, student, walk_scale
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -40,6 +39,7 @@ class GpsTerm:
         bounded: (B,) the fix of each bound, with its region; the first of an offset's fixes.
         weight: (B,) number of independent errors, at most 1, that each bound counts as.
         noise: Factors of the noise about the offsets and of their walk.
+        noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`between_receivers`.
         offsets: (K, 3) initial values of the offsets, metres, with keys ``o0..``.
         offset_frames: (K,) frame before the first fix of each offset.
     """
@@ -48,6 +48,7 @@ class GpsTerm:
     bounded: Fixes
     weight: FloatArray
     noise: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
+    noise_ratio: FloatArray = field(default_factory=lambda: np.zeros(0))
     offsets: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     offset_frames: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
@@ -88,7 +89,7 @@ def gps_term(
         return GpsTerm(bounds=gps_graph(fixes, path.t_s, sensors, config, n), bounded=bounded, weight=weight)
     chain = chain_offsets(fixes, contributing, config)
     rows = chain.rows[chain.first]
-    bounded = _with_offset_regions(fixes.where(rows), config)
+    bounded = with_offset_regions(fixes.where(rows), config)
     weight = _weights(bounded, chain.starts)
     bounds = gtsam.NonlinearFactorGraph()
     exponent = n or config.exponent
@@ -103,6 +104,7 @@ def gps_term(
         bounded=bounded,
         weight=weight,
         noise=noise,
+        noise_ratio=_noise_ratio(fixes, chain, config),
         offsets=_initial_offsets(fixes, chain, path, sensors),
         offset_frames=place(path.t_s, bounded.t_s).frame,
     )
@@ -145,13 +147,13 @@ def _weights(first: Fixes, starts: BoolArray) -> FloatArray:
     return np.asarray((np.maximum(duration_s / first.correlation_s[begin], 1.0) / offsets)[stretch])
 
 
-def _with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
+def with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
     """Return fixes with the regions of their offsets: class and stated sigma, weighed by how sure they are.
 
     Both are log-normal estimates of the size, so that the result is their weighted geometric mean.
     """
     memory, classes = config.memory, [CLASSES[k] for k in fixes.fix_class.tolist()]
-    regions, errors = [config.regions[name] for name in classes], _errors_of(fixes, config)
+    regions, errors = [config.regions[name] for name in classes], errors_of(fixes, config)
     # what enlarges the region of a fix enlarges that of its offset
     r_m = fixes.r_m * np.array([own.r_m / one.r_m for own, one in zip(errors, regions, strict=True)])
     h_m = fixes.h_m * np.array([own.h_m / one.h_m for own, one in zip(errors, regions, strict=True)])
@@ -170,53 +172,13 @@ def _with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
     )
 
 
-def _errors_of(fixes: Fixes, config: GpsConfig) -> list[OffsetErrors]:
-    """Return the errors of each fix's class."""
-    by_class = {k: config.offset_errors(CLASSES[k]) for k in np.unique(fixes.fix_class).tolist()}
-    return [by_class[k] for k in fixes.fix_class.tolist()]
+def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatArray:
+    """Return the errors of noise and steps (N,) over the sigmas of their losses, in the factors' order.
 
-
-def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:
-    """Return the loss of Student's t in space, as Cauchy's loss: ``k^2 = tail + 3`` and a smaller sigma.
-
-    Args:
-        errors: Degrees of freedom, and the ratio of the vertical scale to the horizontal one.
-        horizontal_m: Scale on each horizontal axis.
+    A loss bounds what the tails of its own distribution do; a worse receiver is not in it.
     """
-    sigma_m = horizontal_m * float(np.sqrt(errors.tail / (errors.tail + 3.0)))
-    return Gaussian((sigma_m, sigma_m, errors.vertical * sigma_m), float(np.sqrt(errors.tail + 3.0)))
-
-
-def _walk_scale(errors: OffsetErrors, interval_s: float) -> float:
-    """Return the scale of a step over an interval, metres.
-
-    Sums of n independent steps are n^(1/a) times as long, a = 2 if their variance is finite, else the tail's
-    degrees of freedom (the stable laws; Feller, An Introduction to Probability Theory, vol. 2, 1971).
-    """
-    return errors.walk_m * float(interval_s ** (1.0 / min(errors.tail, 2.0)))
-
-
-def log_walk_density(
-    step: FloatArray, fixes: Fixes, config: GpsConfig, tolerance_m: float = 0.0
-) -> FloatArray:
-    """Return the log density (M - 1,) [1/m^3] of steps between fixes of one stretch, Student's t in space.
-
-    Args:
-        step: (M - 1, 3) change of the error from each fix to the next, metres.
-        fixes: In order of time.
-        config: Errors of the classes.
-        tolerance_m: Error of the path that gives the steps.
-    """
-    errors, interval_s = _errors_of(fixes, config)[1:], np.diff(fixes.t_s).tolist()
-    walk = np.array([_walk_scale(one, dt) for one, dt in zip(errors, interval_s, strict=True)])
-    noise, tail, vertical = (
-        np.array([getattr(one, name) for one in errors]) for name in ("noise_m", "tail", "vertical")
-    )
-    plane = np.sqrt(walk**2 + 2.0 * noise**2)
-    scale = np.hypot(np.stack([plane, plane, vertical * plane], axis=1), tolerance_m)
-    norm = gammaln((tail + 3.0) / 2.0) - gammaln(tail / 2.0) - 1.5 * np.log(tail * np.pi)
-    squared = np.sum((step / scale) ** 2, axis=1)
-    return np.asarray(norm - np.log(scale).sum(axis=1) - (tail + 3.0) / 2.0 * np.log1p(squared / tail))
+    ratio = np.array([between_receivers(errors) for errors in errors_of(fixes.where(chain.rows), config)])
+    return np.concatenate([ratio, ratio[chain.first][~chain.starts]])
 
 
 def _noise_factors(
@@ -224,7 +186,7 @@ def _noise_factors(
 ) -> gtsam.NonlinearFactorGraph:
     """Return a factor for each fix: the noise of antenna + offset - fix."""
     graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
-    losses = [student(errors, errors.noise_m) for errors in _errors_of(fixes.where(chain.rows), config)]
+    losses = [student(errors, errors.noise_m) for errors in errors_of(fixes.where(chain.rows), config)]
     for row, offset, loss in zip(chain.rows.tolist(), chain.offset.tolist(), losses, strict=True):
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         keys = gtsam.symbol("x", a), gtsam.symbol("x", b)
@@ -244,10 +206,10 @@ def _noise_factors(
 def _walk_factors(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> gtsam.NonlinearFactorGraph:
     """Return a factor for each step of an offset from the one before."""
     graph, first = gtsam.NonlinearFactorGraph(), fixes.where(chain.rows[chain.first])
-    interval_s, errors = np.diff(first.t_s).tolist(), _errors_of(first, config)
+    interval_s, errors = np.diff(first.t_s), errors_of(first, config)
     for k in range(1, len(first)):
         if not chain.starts[k]:
-            loss = student(errors[k], _walk_scale(errors[k], interval_s[k - 1]))
+            loss = student(errors[k], float(walk_scale(errors[k], interval_s[k - 1])))
             graph.push_back(
                 gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), np.zeros(3), loss.noise_model())
             )

@@ -52,6 +52,10 @@ class Sensors:
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
         return replace(cls.fixed(camera_p_antenna, config.time_offset_s), antenna_sigma_m=antenna_sigma_m)
 
+    def with_antenna_prior(self, sigma_m: float) -> "Sensors":
+        """Return sensors with a prior of this standard deviation of the lever arm, unless it has one."""
+        return replace(self, antenna_sigma_m=self.antenna_sigma_m or sigma_m)
+
     def with_time_offset(self, prior: TimeOffset) -> "Sensors":
         """Return sensors with another prior of the time offset, starting from it."""
         return replace(self, time_offset_s=prior.time_offset_s, prior_time_offset=prior)

@@ -9,6 +9,8 @@ from vgps.gps.fixes import Fixes, fixes_in_world, place
 from vgps.gps.regions import region_sizes
 from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording
 
+_MIN_FIXES = 2  # fewer have no direction, and hint at a wrong clock or log
+
 
 def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:
     """Return the origin of the world frame and the log's fixes in it.
@@ -16,7 +18,7 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
     The origin is that of the rig, else the first control point, else the first usable fix.
 
     Raises:
-        GpsLogError: Fewer usable fixes than the alignment needs.
+        GpsLogError: Fewer than two usable fixes.
         RecordingError: Control points in ENU beside a GPS log, and no origin.
     """
     log, origin = recording.gps, _given_origin(recording)
@@ -40,12 +42,12 @@ def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
     """Return which fixes (M,) are within the video and of a class with a region."""
     r_m, _ = region_sizes(log.fix_class, config.gps)
     usable = np.isfinite(r_m) & place(times_s, log.t_s).inside
-    if usable.sum() < config.start.min_fixes:
+    if usable.sum() < _MIN_FIXES:
         classes = ", ".join(sorted(set(log.fix_class)))
         raise GpsLogError(
-            f"{usable.sum()} usable fixes during the video (classes in the log: {classes})",
+            f"usable fixes during the video: {usable.sum()} (classes in the log: {classes})",
             file=log.source,
-            expected=f"at least {config.start.min_fixes}, of a class with a region",
+            expected=f"at least {_MIN_FIXES}, of a class with a region",
             remedy="check the log and rig.yaml's video_start_utc, or give regions with --survey",
         )
     return np.asarray(usable)

@@ -8,6 +8,7 @@ the path is given.
 import numpy as np
 
 from vgps.config import DriftConfig
+from vgps.geometry import cross_matrices
 from vgps.model import BoolArray, FloatArray
 
 POSITION, SCALE, ROTATION = slice(0, 3), 3, slice(4, 7)
@@ -82,11 +83,3 @@ def updated(covariance: FloatArray, H: FloatArray, sigma: float) -> FloatArray:
     gain = np.linalg.solve(H @ shared + sigma**2 * np.eye(len(H)), shared.T).T
     after = covariance - gain @ shared.T
     return np.asarray((after + after.T) / 2.0)
-
-
-def cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Return the matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
-    out = np.zeros((*vectors.shape[:-1], 3, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
-    return np.asarray(out - np.swapaxes(out, -1, -2))

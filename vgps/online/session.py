@@ -108,7 +108,7 @@ def pose_live(
         raise RecordingError("--video without a calibration", expected="--camera CAMERA.YAML")
     options.check()
     lens = read_camera(options.camera)
-    rig = read_rig(options.rig) if options.rig is not None else Rig()
+    rig = read_rig(options.rig) if options.rig is not None else Rig(antenna_known=False)
     source = VideoSource(video)
     if not source.live and options.gps is not None and rig.video_start_utc is None:
         raise GpsLogError(

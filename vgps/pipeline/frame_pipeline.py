@@ -32,6 +32,7 @@ class FramePipeline:
     """Stages A to C of one video: tracking, mapping, and optimisation of the newest window.
 
     Attributes:
+        config: The settings.
         maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: Warnings for the user.
         timer: Seconds by stage.
@@ -52,7 +53,7 @@ class FramePipeline:
         retention: RetentionPolicy | None = None,
     ) -> None:
         camera, config = context.camera, context.config
-        self._context, self._config, self._retention = context, config, retention
+        self._context, self.config, self._retention = context, config, retention
         self._rng = rng = np.random.default_rng(config.seed)
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
@@ -109,7 +110,7 @@ class FramePipeline:
         builder = self._current
         if builder is None or not builder.started:
             return
-        delay = self._config.window.delay_frames
+        delay = self.config.window.delay_frames
         if self._worker.busy and len(self._times) >= builder.window_at + delay:
             self.finish_window()
         if not builder.moved:
@@ -117,7 +118,7 @@ class FramePipeline:
         builder.moved = False
         if not builder.local_map.aligned:
             self._align(builder)
-        if builder.since_window < self._config.window.every_frames:
+        if builder.since_window < self.config.window.every_frames:
             return
         if delay == 0 or not builder.local_map.aligned:
             self._run_window(builder)
@@ -195,7 +196,7 @@ class FramePipeline:
         warning = builder.bridge(self.t_s, frame.index, result.world_T_camera)
         self.warnings += [warning] if warning else []
         builder.add_pose(frame.t_s, result.world_T_camera)
-        if builder.stands(frame, result, self._config.tracking, self._retention):
+        if builder.stands(frame, result, self.config.tracking, self._retention):
             builder.add_zero_motion(frame.index, result)
             return
         builder.add_view(frame, result)
@@ -207,12 +208,12 @@ class FramePipeline:
 
     def _align(self, builder: MapBuilder) -> None:
         """Align the map with the world by control points or fixes, once they suffice."""
-        local_map, start = builder.local_map, self._config.start
+        local_map, start = builder.local_map, self.config.start
         with self.timer.measure("align"):
             result = align_to_control(local_map, self._control_poses, start.min_control_travel_m)
             if result is None and self.fix_buffer.has_new(float(self.t_s[-2]), float(self.t_s[-1])):
                 antenna = self.sensors.prior_antenna
-                result = align_to_fixes(local_map, self.fix_buffer.fixes, antenna, self._config)
+                result = align_to_fixes(local_map, self.fix_buffer.fixes, antenna, self.config)
             if result is None:
                 return
             local_map.apply(result.update)
@@ -234,7 +235,7 @@ class FramePipeline:
         else:
             builder.failures = 0
             self._apply(outcome)
-        if builder.failures >= self._config.window.max_failures:
+        if builder.failures >= self.config.window.max_failures:
             self.warnings.append(f"stage C failed {builder.failures} times in a row: a new map begins")
             self._current = None
         builder.relocaliser = None  # it has the positions before stage C
@@ -254,7 +255,7 @@ class FramePipeline:
         local_map = builder.local_map
         if builder.relocaliser is None:
             builder.relocaliser = Relocaliser(
-                self._context.camera, self._config.tracking, self._rng, builder.view_image, local_map
+                self._context.camera, self.config.tracking, self._rng, builder.view_image, local_map
             )
         pose = builder.relocaliser.locate(frame.gray, predicted)
         return pose if pose is None else self._tracker.track(local_map, builder.view_image, frame.gray, pose)

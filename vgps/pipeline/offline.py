@@ -52,7 +52,7 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     """Run stage D: merge the maps, optimise everything, and return the solution.
 
     Raises:
-        GeometryError: No map can be aligned with the fixes, or no step lowers the cost.
+        GeometryError: No step lowers the cost.
     """
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
@@ -65,10 +65,13 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
 
 
 def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes:
-    """Return the fixes, with larger regions where the scene hides the sky if the settings ask for it."""
+    """Return the fixes, with larger regions where the scene hides the sky if the settings ask for it.
+
+    Those of a run that is not in the world are not used.
+    """
     log, scene = front_end.recording.gps, merged.scene
     if log is None or not merged.georeferenced:
-        return front_end.fixes
+        return replace(front_end.fixes, used=np.zeros_like(front_end.fixes.used))
     return under_sky(
         front_end.fixes, scene.trajectory, scene.points, front_end.sensors, log.satellites, config.gps
     )
@@ -155,12 +158,39 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         ),
         report=batch.report,
         seconds=front_end.seconds,
-        warnings=(*front_end.warnings, *merged.warnings, *batch.warnings),
+        warnings=(
+            *front_end.warnings,
+            *merged.warnings,
+            *batch.warnings,
+            *_antenna_notes(front_end, merged, batch, config),
+        ),
         config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
         world_p_before=merged.scene.poses[:, :3, 3].copy(),
         control_points=recording.control_points,
         graph=batch.graph,
+    )
+
+
+def _antenna_notes(
+    front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config
+) -> tuple[str, ...]:
+    """Return a warning if the lever arm is not known: what the motion says of it."""
+    sigma_m, prior_m = batch.antenna_sigma_m, front_end.sensors.antenna_sigma_m
+    if front_end.recording.rig.antenna_known or not merged.georeferenced or not np.isfinite(sigma_m).all():
+        return ()
+    shown = [
+        axis
+        for axis, sigma in zip(("right", "down", "forward"), sigma_m.tolist(), strict=True)
+        if sigma < config.sensors.time_offset.shown_share * prior_m
+    ]
+    place, sigmas = (", ".join(f"{x:.2f}" for x in row) for row in (batch.sensors.camera_p_antenna, sigma_m))
+    says = f"shows it along {' and '.join(shown)} only" if shown else "does not show it"
+    says = "shows it" if len(shown) == 3 else says
+    return (
+        f"the antenna's place in the camera is not given: it was taken as zero, uncertain by {prior_m:g} m, "
+        f"and the motion {says} (estimate {place} m, standard deviations {sigmas} m): measure it and give "
+        "camera_p_antenna in rig.yaml",
     )
 
 

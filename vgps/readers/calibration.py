@@ -83,7 +83,7 @@ class _TsaiFields(_Fields):
 
 
 class _RigFields(_Fields):
-    camera_p_antenna: Vector3 = (0.0, 0.0, 0.0)
+    camera_p_antenna: Vector3 | None = None
     video_start_utc: datetime | None = None
     world_origin: tuple[Latitude, Longitude, FiniteFloat] | None = None
     gyro_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
@@ -144,7 +144,8 @@ def read_rig(path: str | Path) -> Rig:
     path = Path(path)
     fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
     return Rig(
-        camera_p_antenna=np.array(fields.camera_p_antenna),
+        camera_p_antenna=np.array(fields.camera_p_antenna or (0.0, 0.0, 0.0)),
+        antenna_known=fields.camera_p_antenna is not None,
         video_start_utc=_utc(fields.video_start_utc, path),
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
         gyro_R_camera=_rotation(fields.gyro_R_camera, path) if fields.gyro_R_camera else None,

@@ -63,7 +63,7 @@ def open_recording(
     video = opened(source, image_topic)
     lens = _camera(_given(folder, camera, *_CAMERAS), folder, video)
     rig_file = _given(folder, rig, "rig.yaml")
-    mount = read_rig(rig_file) if rig_file else Rig()
+    mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
         # frame_times.csv is on the clock of gyro.csv
         mount = replace(mount, video_start_s=video.start_s)

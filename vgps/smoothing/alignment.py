@@ -1,127 +1,196 @@
 """Alignment of a map of unknown scale, heading and position with GPS fixes: the start of Kume 2010."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
+from vgps.geometry import cross_matrices
 from vgps.mapping.map_update import Similarity
-from vgps.model import FloatArray
+from vgps.model import BoolArray, FloatArray
+
+_UNKNOWNS = 7  # log scale, rotation vector, translation
+_ITERATIONS = 100  # upper limit; a dozen suffice
+_CONVERGED = 1e-9  # relative decrease of the cost
+_MAX_DAMPING = 1e8
+_NO_MOTION = 1e-9
+_RIDGE = 1e-12  # keeps the equations solvable where nothing determines an unknown
 
 
-@dataclass(frozen=True)
-class Alignment:
-    """Similarity to the world, and whether the path is too straight to determine the camera's roll."""
+@dataclass(frozen=True, kw_only=True)
+class Correspondences:
+    """Fixes, and the camera in the map at their times.
 
-    to_world: Similarity
-    straight: bool
-
-
-def align(
-    map_T_camera: FloatArray,
-    world_p_fix: FloatArray,
-    region_m: FloatArray,
-    camera_p_antenna: FloatArray,
-    config: StartConfig,
-) -> Alignment | None:
-    """Return the similarity from map to world that best fits the antenna to the fixes.
-
-    Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and translation. Cauchy's loss
-    rho bounds the effect of outliers, and a prior that the camera is upright determines the roll where the
-    fixes are nearly collinear.
-
-    Args:
-        map_T_camera: (M, 4, 4) camera poses in the map at the fixes' times.
+    Attributes:
+        map_T_camera: (M, 4, 4) camera poses.
         world_p_fix: (M, 3) the fixes.
         region_m: (M, 3) size of each fix's region east, north, up.
         camera_p_antenna: (3,) metres.
-        config: Minimum number and extent of the fixes, and the prior.
+    """
+
+    map_T_camera: FloatArray
+    world_p_fix: FloatArray
+    region_m: FloatArray
+    camera_p_antenna: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.world_p_fix)
+
+    def where(self, rows: BoolArray) -> "Correspondences":
+        """Return some of them."""
+        poses, fixes, regions = self.map_T_camera[rows], self.world_p_fix[rows], self.region_m[rows]
+        return replace(self, map_T_camera=poses, world_p_fix=fixes, region_m=regions)
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Weighted least squares about a similarity, in 7 unknowns about the mean camera position.
+
+    Attributes:
+        by_fix: (M, 3, 7) derivatives of the antennas, metres.
+        offset: (M, 3) antenna minus fix, metres.
+        weight: (M, 3) weights of these, one over square metres.
+        by_level: (2, 7) derivatives of the two axes' elevation over their sigmas.
+        level: (2,) these elevations.
+        level_weight: (2,) their weights.
+        cost: The cost, with Cauchy's loss.
+    """
+
+    by_fix: FloatArray
+    offset: FloatArray
+    weight: FloatArray
+    by_level: FloatArray
+    level: FloatArray
+    level_weight: FloatArray
+    cost: float
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The matrix (7, 7)."""
+        fixes = np.einsum("mai,ma,maj->ij", self.by_fix, self.weight, self.by_fix)
+        return np.asarray(fixes + self.by_level.T @ (self.level_weight[:, None] * self.by_level))
+
+    @property
+    def gradient(self) -> FloatArray:
+        """The right-hand side (7,)."""
+        fixes = np.einsum("mai,ma,ma->i", self.by_fix, self.weight, self.offset)
+        return np.asarray(fixes + self.by_level.T @ (self.level_weight * self.level))
+
+
+def align(seen: Correspondences, config: StartConfig) -> Similarity | None:
+    """Return the similarity from map to world that best fits the antenna to the fixes.
+
+    Minimises ``sum rho(||(antenna - fix) / region||)`` over scale, rotation and translation by
+    Levenberg-Marquardt. Cauchy's loss rho bounds the effect of outliers, and a prior that the camera is
+    upright determines the roll where the fixes are nearly collinear.
+
+    Args:
+        seen: Fixes and camera poses.
+        config: Constant of the loss, and the prior.
 
     Returns:
-        The alignment, or None if the fixes do not suffice.
+        The similarity, however uncertain; None if the camera was at one place at all fixes.
     """
-    if len(world_p_fix) < config.min_fixes:
-        return None
-    radius = float(np.median(region_m[:, 0]))
-    travel = _travel(world_p_fix, max(radius, config.min_travel_m / 4.0), config.min_places)
-    if travel < max(config.min_travel_m, config.min_travel_ratio * radius):
-        return None
-    start = _level_start(map_T_camera, world_p_fix)
-    if start is None:
-        return None
-    level_sigma = np.sin(np.radians([config.level_sigma_deg, config.pitch_sigma_deg]))
+    found = _level_start(seen)
+    if found is None or not np.ptp(seen.world_p_fix, axis=0).any():
+        return found
+    system, damping = linearise(seen, found, config), 1e-4
+    for _ in range(_ITERATIONS):
+        matrix = system.matrix
+        matrix += np.diag(damping * np.diagonal(matrix) + _RIDGE)
+        step = -np.linalg.solve(matrix, system.gradient).astype(np.float64)
+        trial = _moved(seen, found, step)
+        after = linearise(seen, trial, config)
+        if after.cost < system.cost:
+            converged = system.cost - after.cost < _CONVERGED * system.cost
+            found, system, damping = trial, after, damping / 10.0
+            if converged:
+                break
+        elif damping > _MAX_DAMPING:
+            break
+        else:
+            damping *= 10.0
+    return found
 
-    def residual(parameters: FloatArray) -> FloatArray:
-        scale, rotation, translation = _unpack(parameters)
-        antenna = scale * map_T_camera[:, :3, 3] @ rotation.T + translation
-        antenna = antenna + (rotation @ map_T_camera[:, :3, :3]) @ camera_p_antenna
-        offset = (antenna - world_p_fix) / region_m
-        level = (rotation @ map_T_camera[:, :3, [0, 2]].mean(axis=0))[2] / level_sigma
-        return np.append(np.linalg.norm(offset, axis=1), level)
 
-    best = least_squares(
-        residual, start, loss="cauchy", f_scale=config.robust_regions, x_scale="jac", max_nfev=200
+def linearise(seen: Correspondences, at: Similarity, config: StartConfig) -> NormalEquations:
+    """Return the reweighted normal equations about a similarity."""
+    R = at.scale * at.world_R_map
+    path = (seen.map_T_camera[:, :3, 3] - seen.map_T_camera[:, :3, 3].mean(axis=0)) @ R.T
+    arm = at.world_R_map @ seen.map_T_camera[:, :3, :3] @ seen.camera_p_antenna
+    offset = seen.map_T_camera[:, :3, 3] @ R.T + at.world_p_map + arm - seen.world_p_fix
+    by_fix = np.zeros((len(seen), 3, _UNKNOWNS))
+    by_fix[:, :, 0], by_fix[:, :, 1:4], by_fix[:, :, 4:] = path, -cross_matrices(path + arm), np.eye(3)
+
+    axes = at.world_R_map @ seen.map_T_camera[:, :3, [0, 2]].mean(axis=0)
+    sigma = np.sin(np.radians([config.level_sigma_deg, config.pitch_sigma_deg]))
+    by_level = np.zeros((2, _UNKNOWNS))
+    by_level[:, 1:4] = -cross_matrices(axes.T)[:, 2] / sigma[:, None]
+    level = axes[2] / sigma
+
+    width = config.robust_regions**2
+    squared = np.sum((offset / seen.region_m) ** 2, axis=1)
+    return NormalEquations(
+        by_fix=by_fix,
+        offset=offset,
+        weight=1.0 / (1.0 + squared / width)[:, None] / seen.region_m**2,
+        by_level=by_level,
+        level=level,
+        level_weight=1.0 / (1.0 + level**2 / width),
+        cost=width * float(np.log1p(squared / width).sum() + np.log1p(level**2 / width).sum()),
     )
-    scale, rotation, translation = _unpack(best.x)
-    path = scale * map_T_camera[:, :3, 3]
-    straight = _roll_sigma_rad(path - path.mean(axis=0), region_m) > np.radians(config.level_sigma_deg)
-    return Alignment(Similarity(scale, rotation, translation), straight)
 
 
-def _roll_sigma_rad(spread: FloatArray, region_m: FloatArray) -> float:
-    """Return the standard deviation of the rotation about the fixes' main axis, by their distances from it.
+def covariance(system: NormalEquations, errors: FloatArray) -> FloatArray:
+    """Return the covariance (7, 7) of an alignment: log scale, rotation about the world's axes, position.
 
-    Regions are taken as uniform distributions, of sigma r / sqrt(3).
+    It is ``N^-1 (J^T W V W J + L^T L) N^-1`` for fixes with errors of covariance V, which may be correlated
+    and need not be those that the weights W stand for; the level prior L errs by its own sigma.
+
+    Args:
+        system: At the alignment.
+        errors: (3, M, M) covariances of the fixes along east, north, up.
     """
-    axis = _main_axis(spread)
-    lever = np.linalg.norm(spread - np.outer(spread @ axis, axis), axis=1)
-    sigma = region_m.mean(axis=1) / np.sqrt(3.0)
-    information = float(np.sum((lever / sigma) ** 2))
-    return float(1.0 / np.sqrt(max(information, 1e-12)))
+    by_error = system.by_fix * system.weight[:, :, None]
+    spread = np.einsum("mai,amn,naj->ij", by_error, errors, by_error, optimize=True)
+    level = system.by_level.T @ (system.level_weight[:, None] * system.by_level)
+    ridge = _RIDGE * np.eye(_UNKNOWNS)
+    inverse = np.linalg.inv(system.matrix + ridge)
+    return np.asarray(inverse @ (spread + level + ridge) @ inverse)
 
 
-def _unpack(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    rotation = Rotation.from_rotvec(parameters[1:4]).as_matrix()
-    return (
-        float(np.exp(np.clip(parameters[0], -50.0, 50.0))),
-        np.asarray(rotation, np.float64),
-        parameters[4:7],
-    )
+def _moved(seen: Correspondences, at: Similarity, step: FloatArray) -> Similarity:
+    """Return a similarity moved by a step (7,) about the mean camera position."""
+    scale = float(np.exp(np.clip(step[0], -2.0, 2.0)))
+    rotation = np.asarray(Rotation.from_rotvec(step[1:4]).as_matrix(), np.float64)
+    mean = seen.map_T_camera[:, :3, 3].mean(axis=0)
+    pivot = at.scale * at.world_R_map @ mean + at.world_p_map
+    shift = pivot + scale * rotation @ (at.world_p_map - pivot) + step[4:]
+    return Similarity(scale * at.scale, rotation @ at.world_R_map, shift)
 
 
-def _main_axis(spread: FloatArray) -> FloatArray:
-    _, _, right = np.linalg.svd(spread, full_matrices=False)
-    return np.asarray(right[0])
-
-
-def _travel(world_p_fix: FloatArray, cell_m: float, min_places: int) -> float:
-    """Return the extent of the fixes, robust to outliers; fixes during a stop count once."""
-    cells = cell_m * np.unique(np.round(world_p_fix / cell_m), axis=0)
-    if len(cells) < min_places:  # around a stop, outliers might be half of the cells
-        cells = world_p_fix
-    return 2.0 * float(np.median(np.linalg.norm(cells - np.median(cells, axis=0), axis=1)))
-
-
-def _level_start(map_T_camera: FloatArray, world_p_fix: FloatArray) -> FloatArray | None:
-    """Return initial parameters: main directions of the paths aligned, and the camera level."""
-    centres = map_T_camera[:, :3, 3]
-    first, last = slice(None, max(1, len(centres) // 3)), slice(-max(1, len(centres) // 3), None)
-    map_direction = centres[last].mean(axis=0) - centres[first].mean(axis=0)
-    world_direction = np.median(world_p_fix[last], axis=0) - np.median(world_p_fix[first], axis=0)
-    if min(np.linalg.norm(map_direction), np.linalg.norm(world_direction)) < 1e-9:
+def _level_start(seen: Correspondences) -> Similarity | None:
+    """Return an initial similarity: main directions of the paths aligned, and the camera level."""
+    centres, fixes = seen.map_T_camera[:, :3, 3], seen.world_p_fix
+    third = max(1, len(centres) // 3)
+    map_direction = centres[-third:].mean(axis=0) - centres[:third].mean(axis=0)
+    world_direction = np.median(fixes[-third:], axis=0) - np.median(fixes[:third], axis=0)
+    if np.linalg.norm(map_direction) < _NO_MOTION:
         return None
+    if np.linalg.norm(world_direction) < _NO_MOTION:  # of unknown length and heading: within a region, north
+        world_direction = np.array([0.0, float(np.median(seen.region_m[:, 0])), 0.0])
     scale = float(np.linalg.norm(world_direction) / np.linalg.norm(map_direction))
     forward = map_direction / np.linalg.norm(map_direction)
     world_forward = world_direction / np.linalg.norm(world_direction)
-    up = _across(-map_T_camera[:, :3, 1].mean(axis=0), forward)
+    up = _across(-seen.map_T_camera[:, :3, 1].mean(axis=0), forward)
     if np.linalg.norm(up) < 0.3:  # the camera looks along its own up axis: straight down or up
-        up = _across(-map_T_camera[:, :3, 2].mean(axis=0), forward)
+        up = _across(-seen.map_T_camera[:, :3, 2].mean(axis=0), forward)
     world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
+    if np.linalg.norm(world_up) < 0.3:  # straight up or down
+        world_up = np.array([0.0, 1.0, 0.0])
     rotation = _axes(world_forward, world_up) @ _axes(forward, up).T
-    translation = np.median(world_p_fix - scale * centres @ rotation.T, axis=0)
-    return np.concatenate([[np.log(scale)], Rotation.from_matrix(rotation).as_rotvec(), translation])
+    return Similarity(scale, rotation, np.median(fixes - scale * centres @ rotation.T, axis=0))
 
 
 def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:

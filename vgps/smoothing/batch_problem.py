@@ -45,7 +45,7 @@ class BatchProblem:
     Attributes:
         problem: The problem.
         gps: Its GPS term.
-        other_factors: All factors but the projections and the bounds of the GPS term.
+        other_factors: All factors but the projections and the GPS term.
     """
 
     problem: BundleProblem
@@ -67,7 +67,7 @@ def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
     graph = joined(term.bounds, term.noise, others)
     problem = build_problem(scene, np.nan_to_num(given.sigma_px, nan=1.0), graph, context, given.fixed)
     problem = replace(problem, shared=sensors.shared(), states=_offset_states(term))
-    return BatchProblem(problem, term, joined(others, term.noise))
+    return BatchProblem(problem, term, others)
 
 
 def _offset_states(term: GpsTerm) -> dict[int, StateVector]:

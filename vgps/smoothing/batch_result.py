@@ -136,6 +136,9 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         others=solved.built.other_factors,
         fixes=gps.bounded,
         camera_sigma=config.intrinsics.held_sigmas,
+        noise=gps.noise,
+        noise_ratio=gps.noise_ratio,
+        drift=config.drift,
     )
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()

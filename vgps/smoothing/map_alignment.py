@@ -6,14 +6,40 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.config import Config, StartConfig
+from vgps.config import Config
 from vgps.geometry import interpolate_poses
+from vgps.gps.error_covariance import error_covariances
 from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
-from vgps.smoothing.alignment import Alignment, align
+from vgps.smoothing.alignment import Correspondences, align
+from vgps.smoothing.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+
+_JACKKNIFE = 4.0
+_MOST_FIXES = 400  # more of them are thinned out evenly
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alignment:
+    """Similarity from a map to the world, and its standard deviations.
+
+    Attributes:
+        to_world: The similarity.
+        sigmas: Standard deviations by the errors of the fixes.
+        determined: Whether these are within the settings' limits, and no part of the path alone decides.
+        straight: Whether the path is too straight for the fixes to determine the camera's roll.
+        fixes: Number of fixes.
+        span_m: Extent of the camera's path between them.
+    """
+
+    to_world: Similarity
+    sigmas: AlignmentSigmas
+    determined: bool
+    straight: bool
+    fixes: int
+    span_m: float
 
 
 @dataclass(frozen=True)
@@ -35,8 +61,8 @@ def align_to_fixes(
         camera_p_antenna: (3,) metres.
         config: Gives the requirements, ``start``.
     """
-    alignment = find_alignment(local_map, fixes, camera_p_antenna, config.start)
-    if alignment is None:
+    alignment = find_alignment(local_map, fixes, camera_p_antenna, config)
+    if alignment is None or not alignment.determined:
         return None
     update = MapUpdate(similarity=alignment.to_world, aligned=True)
     if not alignment.straight:
@@ -80,16 +106,39 @@ def align_to_control(
 
 
 def find_alignment(
-    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: StartConfig
+    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> Alignment | None:
-    """Return the alignment of a map with the fixes within its frames, or None if they do not suffice."""
+    """Return the alignment of a map with the fixes within its frames, however uncertain.
+
+    None with fewer than two such fixes, or if the camera was at one place at all of them.
+    """
     path = map_trajectory(local_map)
     if len(path) < 2:
         return None
-    inside = fixes.where(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
-    if len(inside) == 0:
+    inside = np.flatnonzero(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    if len(inside) < 2:
         return None
-    posed = np.isfinite(path.world_T_camera[:, 0, 0])
-    at_fixes = interpolate_poses(path.t_s[posed], path.world_T_camera[posed], inside.t_s)
-    region = np.stack([inside.r_m, inside.r_m, inside.h_m], axis=1)
-    return align(at_fixes, inside.world_p_fix, region, camera_p_antenna, config)
+    if len(inside) > _MOST_FIXES:
+        inside = inside[np.linspace(0, len(inside) - 1, _MOST_FIXES).astype(np.int64)]
+    chosen, posed = fixes.where(inside), np.isfinite(path.world_T_camera[:, 0, 0])
+    seen = Correspondences(
+        map_T_camera=interpolate_poses(path.t_s[posed], path.world_T_camera[posed], chosen.t_s),
+        world_p_fix=chosen.world_p_fix,
+        region_m=np.stack([chosen.r_m, chosen.r_m, chosen.h_m], axis=1),
+        camera_p_antenna=camera_p_antenna,
+    )
+    to_world = align(seen, config.start)
+    if to_world is None:
+        return None
+    sigmas = alignment_sigmas(seen, to_world, error_covariances(chosen, config.gps), config.start)
+    determined = len(seen) >= config.start.min_fixes and sigmas.within(config.start)
+    return Alignment(
+        to_world=to_world,
+        sigmas=sigmas,
+        determined=determined
+        and jackknife_sigmas(seen, to_world, config.start).within(config.start, _JACKKNIFE),
+        # fixes say less than the prior of a level camera if they leave more than 1 / sqrt(2) of its sigma
+        straight=bool(sigmas.tilt_rad > np.radians(config.start.level_sigma_deg) / np.sqrt(2.0)),
+        fixes=len(seen),
+        span_m=to_world.scale * float(np.linalg.norm(np.ptp(seen.map_T_camera[:, :3, 3], axis=0))),
+    )

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.config import Config
-from vgps.errors import GeometryError
+from vgps.config import Config, StartConfig
 from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
@@ -19,7 +18,7 @@ from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.drift_correction import correct_drift
 from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.map_alignment import find_alignment
+from vgps.smoothing.map_alignment import Alignment, find_alignment
 from vgps.smoothing.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 
@@ -56,9 +55,6 @@ def merge_maps(
         fixes: All fixes, at the times of their time stamps.
         sensors: Lever arm, and the time offset estimated so far.
         context: Control points, and settings.
-
-    Raises:
-        GeometryError: There are fixes, but no map could be aligned with them.
     """
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
@@ -88,54 +84,56 @@ def merge_maps(
 def _align_maps(
     maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> tuple[bool, list[str]]:
-    """Align each map with the fixes within it; return whether the result is georeferenced, and warnings."""
+    """Align each map with the fixes within it; return whether the result is georeferenced, and warnings.
+
+    Maps whose fixes do not determine scale and heading continue those whose fixes do. If there are none, the
+    map whose fixes determine the scale best is aligned all the same.
+    """
+    uncertain: list[tuple[LocalMap, Alignment]] = []
     for local_map in maps:
         local_map.apply(pose_standing_frames(local_map))
-        if not local_map.aligned:
-            alignment = find_alignment(local_map, fixes, camera_p_antenna, config.start)
-            if alignment is not None:
-                local_map.apply(MapUpdate(similarity=alignment.to_world, aligned=True))
+        found = None if local_map.aligned else find_alignment(local_map, fixes, camera_p_antenna, config)
+        if found is not None and found.determined:
+            local_map.apply(MapUpdate(similarity=found.to_world, aligned=True))
+        elif found is not None:
+            uncertain.append((local_map, found))
     if any(local_map.aligned for local_map in maps):
         return True, []
-    if fixes.used.any():
-        return True, [_align_longest(maps, fixes, camera_p_antenna, config)]
+    if uncertain:
+        local_map, found = min(uncertain, key=lambda one: one[1].sigmas.scale)
+        local_map.apply(MapUpdate(similarity=found.to_world, aligned=True))
+        return True, [_uncertain(found, config.start)]
     maps[0].apply(MapUpdate(aligned=True))
-    return False, [
-        "no fix or control point ties the result to the world: position, heading and scale are arbitrary; "
-        "give a GPS log or control points"
-    ]
-
-
-def _align_longest(
-    maps: Sequence[LocalMap], fixes: Fixes, camera_p_antenna: FloatArray, config: Config
-) -> str:
-    """Align the longest map with fixes of too small an extent; return a warning."""
-    start = config.start.model_copy(update={"min_travel_ratio": config.start.final_travel_ratio})
-    longest = max(maps, key=lambda local_map: len(local_map.poses))
-    alignment = find_alignment(longest, fixes, camera_p_antenna, start)
-    if alignment is None:
-        raise _not_aligned(fixes, config)
-    longest.apply(MapUpdate(similarity=alignment.to_world, aligned=True))
-    span, radius = _span(fixes)
-    return (
-        f"the fixes span {span:.1f} m with regions of {radius:.1f} m, so scale and heading are poorly known: "
-        f"record a path of {config.start.min_travel_ratio * radius:.0f} m, or give control points"
+    why = (
+        "no two fixes lie where tracking holds and the camera moves"
+        if fixes.used.any()
+        else ("no fix or control point ties the result to the world")
     )
+    return False, [f"{why}: position, heading and scale are arbitrary; give a GPS log or control points"]
 
 
-def _span(fixes: Fixes) -> tuple[float, float]:
-    """Return the extent of the used fixes, and their median radius, metres."""
-    extent = float(np.linalg.norm(np.ptp(fixes.world_p_fix[fixes.used], axis=0)))
-    return extent, float(np.median(fixes.r_m[fixes.used]))
-
-
-def _not_aligned(fixes: Fixes, config: Config) -> GeometryError:
-    span, radius = _span(fixes)
-    needed = max(config.start.min_travel_m, config.start.final_travel_ratio * radius)
-    return GeometryError(
-        f"the {fixes.used.sum()} usable fixes span {span:.1f} m: too little for scale and heading",
-        expected=f"{config.start.min_fixes} fixes or more that span {needed:.1f} m while tracking holds",
-        remedy="record a longer path, or give control points",
+def _uncertain(found: Alignment, start: StartConfig) -> str:
+    """Return the warning of a map that was aligned with fixes that do not determine it."""
+    known = f"standard deviations of {found.sigmas}"
+    if found.fixes < start.min_fixes:
+        return (
+            f"only {found.fixes} fixes tie the path to the world, and none checks them ({known}): record "
+            "more fixes, or give control points"
+        )
+    short = max(
+        found.sigmas.scale / start.scale_sigma,
+        np.degrees(found.sigmas.heading_rad) / start.heading_sigma_deg,
+    )
+    if short <= 1.0:
+        return (
+            f"scale and heading hang on a part of the fixes ({known} if they are right): record a longer "
+            "path, or give control points"
+        )
+    return (
+        f"the fixes do not determine scale and heading ({known}; "
+        f"wanted are {start.scale_sigma:.0%} and {start.heading_sigma_deg:g} degrees): record a path of "
+        f"about {found.span_m * short:.0f} m instead of {found.span_m:.1f} m, or RTK-fixes, or give control "
+        "points"
     )
 
 

@@ -1,0 +1,74 @@
+"""Distribution of the noise about offsets and of their steps: Student's t, with heavy tails."""
+
+import numpy as np
+from scipy.special import gammaln, stdtrit
+
+from factors import Gaussian
+from vgps.config import GpsConfig
+from vgps.config.gps import OffsetErrors
+from vgps.gps.fixes import CLASSES, Fixes
+from vgps.model import FloatArray
+
+_ONE_SIGMA = 0.8413  # cumulative probability of one standard deviation of a Gaussian
+
+
+def errors_of(fixes: Fixes, config: GpsConfig) -> list[OffsetErrors]:
+    """Return the errors of each fix's class."""
+    by_class = {k: config.offset_errors(CLASSES[k]) for k in np.unique(fixes.fix_class).tolist()}
+    return [by_class[k] for k in fixes.fix_class.tolist()]
+
+
+def between_receivers(errors: OffsetErrors) -> float:
+    """Return the root mean square over receivers, whose scales are log-normal, over the median."""
+    return float(np.exp(errors.between_receivers**2))
+
+
+def one_sigma(errors: OffsetErrors) -> float:
+    """Return the standard deviation of noise and steps over their scale, in the mean over receivers.
+
+    That of a Gaussian with the same 68 % limits as Student's t, whose variance may be infinite.
+    """
+    return float(stdtrit(errors.tail, _ONE_SIGMA)) * between_receivers(errors)
+
+
+def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:
+    """Return the loss of Student's t in space, as Cauchy's loss: ``k^2 = tail + 3`` and a smaller sigma.
+
+    Args:
+        errors: Degrees of freedom, and the ratio of the vertical scale to the horizontal one.
+        horizontal_m: Scale on each horizontal axis.
+    """
+    sigma_m = horizontal_m * float(np.sqrt(errors.tail / (errors.tail + 3.0)))
+    return Gaussian((sigma_m, sigma_m, errors.vertical * sigma_m), float(np.sqrt(errors.tail + 3.0)))
+
+
+def walk_scale(errors: OffsetErrors, interval_s: FloatArray) -> FloatArray:
+    """Return the scales of steps over intervals (...), metres.
+
+    Sums of n independent steps are n^(1/a) times as long, a = 2 if their variance is finite, else the tail's
+    degrees of freedom (the stable laws; Feller, An Introduction to Probability Theory, vol. 2, 1971).
+    """
+    return np.asarray(errors.walk_m * interval_s ** (1.0 / min(errors.tail, 2.0)))
+
+
+def log_walk_density(
+    step: FloatArray, fixes: Fixes, config: GpsConfig, tolerance_m: float = 0.0
+) -> FloatArray:
+    """Return the log density (M - 1,) [1/m^3] of steps between fixes of one stretch, Student's t in space.
+
+    Args:
+        step: (M - 1, 3) change of the error from each fix to the next, metres.
+        fixes: In order of time.
+        config: Errors of the classes.
+        tolerance_m: Error of the path that gives the steps.
+    """
+    errors, interval_s = errors_of(fixes, config)[1:], np.diff(fixes.t_s)
+    walk = np.array([walk_scale(one, dt) for one, dt in zip(errors, interval_s, strict=True)])
+    noise, tail, vertical = (
+        np.array([getattr(one, name) for one in errors]) for name in ("noise_m", "tail", "vertical")
+    )
+    plane = np.sqrt(walk**2 + 2.0 * noise**2)
+    scale = np.hypot(np.stack([plane, plane, vertical * plane], axis=1), tolerance_m)
+    norm = gammaln((tail + 3.0) / 2.0) - gammaln(tail / 2.0) - 1.5 * np.log(tail * np.pi)
+    squared = np.sum((step / scale) ** 2, axis=1)
+    return np.asarray(norm - np.log(scale).sum(axis=1) - (tail + 3.0) / 2.0 * np.log1p(squared / tail))
