@@ -21,14 +21,21 @@ def comparison(recording):
 
 
 def test_methods_are_those_of_the_thesis_and_a_robust_one():
-    assert [method.model for method in METHODS] == [
+    assert [method.key for method in METHODS] == [
         "none",
         "gaussian",
         "gaussian-receiver",
         "ellipsoid",
         "cylinder",
         "cauchy",
+        "cylinder-independent",
     ]
+
+
+def test_a_method_is_configured_by_both_its_models():
+    found = [method.configured(Config()).gps for method in METHODS]
+    assert [(gps.model, gps.error_model) for gps in found] == [(m.model, m.error_model) for m in METHODS]
+    assert [gps.has_memory for gps in found] == [False, False, False, True, True, False, False]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.config import Config, GpsModel
+from vgps.config import Config, ErrorModel, GpsModel
 from vgps.errors import TrajectoryError
 from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
@@ -21,10 +21,21 @@ from vgps.solution import Solution, Trajectory
 
 
 class Method(NamedTuple):
-    """A GPS model under the name that Kume 2010 gives it."""
+    """A GPS model under the name that Kume 2010 gives it, and its error model."""
 
     name: str
     model: GpsModel
+    error_model: ErrorModel = "memory"
+
+    @property
+    def key(self) -> str:
+        """The model, with its error model if that is not the default."""
+        return self.model if self.error_model == "memory" else f"{self.model}-{self.error_model}"
+
+    def configured(self, config: Config) -> Config:
+        """Return the configuration with this method's models."""
+        gps = config.with_gps(self.model).gps.model_copy(update={"error_model": self.error_model})
+        return config.model_copy(update={"gps": gps})
 
 
 METHODS = (
@@ -34,6 +45,7 @@ METHODS = (
     Method("D ellipsoid (22)", "ellipsoid"),
     Method("cylinder (16)", "cylinder"),
     Method("Cauchy on (15)", "cauchy"),
+    Method("cylinder (16), independent errors", "cylinder", "independent"),
 )
 _FIRST_FRAMES = 30  # their true poses place the run without GPS, as control points do in Kume 2010
 
@@ -87,7 +99,7 @@ def compare(
     fixes = np.zeros((0, 3))
     for front, method in front_ends(recording, config, progress, methods):
         progress.stage(f"stage D: {method.name}")
-        solution = optimise_all(front, config.with_gps(method.model))
+        solution = optimise_all(front, method.configured(config))
         check_origin(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":
             solution = _place(solution, true)

@@ -14,7 +14,8 @@ from vgps.evaluation import to_json
 from vgps.writers.atomic import check_file, new_file
 from vgps.writers.page import embedded, tidy, write_page
 
-_COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2")  # one per method
+# one per method
+_COLOURS = ("#9aa0a6", "#c8553d", "#e9a23b", "#5a6acf", "#2a9d8f", "#8e5ea2", "#8ab17d")
 _WIDTH = 7.2  # of the path from above, inches, beside its legend
 _MAX_VECTORS = 3000  # frames
 

@@ -4,7 +4,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 """
 
 from vgps.config.base import SettingsModel, present_names
-from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
+from vgps.config.gps import ErrorModel, GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig, RotationConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import LocalizationConfig
@@ -27,6 +27,7 @@ __all__ = [
     "BatchConfig",
     "Config",
     "DriftConfig",
+    "ErrorModel",
     "Frames",
     "GpsConfig",
     "GpsModel",

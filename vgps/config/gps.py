@@ -9,6 +9,7 @@ from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
 from vgps.model import FixClass
 
+ErrorModel = Literal["memory", "independent"]
 GpsModel = Literal["none", "gaussian", "gaussian-receiver", "ellipsoid", "cylinder", "cauchy"]
 
 
@@ -180,7 +181,7 @@ class GpsConfig(SettingsModel):
     cauchy."""
     n: PositiveInt = 2
     """Exponent of (16) and (22): the larger, the flatter inside the region and the steeper outside."""
-    error_model: Literal["memory", "independent"] = "memory"
+    error_model: ErrorModel = "memory"
     """Errors under cylinder and ellipsoid in stage D: lasting offsets plus noise, or independent."""
     omega: PositiveFloat = 0.5
     """Weight of the GPS term; with 0.5 a fix at its region's wall costs as much as a one-sigma residual."""

@@ -16,7 +16,9 @@ is per axis, 1 if the sigmas are right; cells count by their independent samples
 correlation time of the error in sigmas, at least one.
 
 The default regions come from ``survey``, and the simulator's own logs imitate it: these cells are marked as
-seen, and summed up apart from the others. No priors are learned yet, so none is left out for a receiver.
+seen, and summed up apart from the others. The constants of the errors with memory are pooled over ``survey``,
+``rtk_drive``, Septentrio and u-blox (``python -m scripts.experiments.receiver_priors``, which also leaves
+each of them out), so only kitti07's static receiver is new to them.
 """
 
 import argparse
@@ -67,7 +69,7 @@ def run(task: Task, data: Path, scenes: Path) -> Cell:
 
 def row(cell: Cell) -> list[str]:
     """Return a line of the table of cells."""
-    means = [f"{cell.mean_m[m.model]:.3f}" if m.model in cell.mean_m else "no result" for m in MODELS]
+    means = [f"{cell.mean_m[m.key]:.3f}" if m.key in cell.mean_m else "no result" for m in MODELS]
     counts = cell.counts
     refused = counts.good_rtk_fix_refused + counts.good_other_refused
     return [
@@ -114,7 +116,7 @@ def main() -> None:
     given = arguments(parser)
     cells: list[Cell] = []
     live = LiveTable(
-        *("recording, source, seed", "fixes: mean / max [m]", *(f"{m.model} [m]" for m in MODELS)),
+        *("recording, source, seed", "fixes: mean / max [m]", *(f"{m.key} [m]" for m in MODELS)),
         *("cylinder over better", "NEES of samples", "good refused", "wrong missed"),
     )
     with parser.refusals(), tempfile.TemporaryDirectory() as scratch:

@@ -19,10 +19,8 @@ from vgps.runtime.progress import Progress
 from vgps.simulate.receiver_errors import fit_gauss_markov
 from vgps.solution import Solution, Trajectory, Verdict
 
-MODELS = tuple(
-    sorted((one for one in METHODS if one.model != "none"), key=lambda one: one.model != "cylinder")
-)
 DEFAULT = "cylinder"
+MODELS = tuple(sorted((one for one in METHODS if one.model != "none"), key=lambda one: one.key != DEFAULT))
 SIGMAS, SIZES = 5.0, 3.0  # errors beyond these are those of wrong fixes
 
 
@@ -101,13 +99,13 @@ def run_cell(drive: Drive, errors: Errors, source: str, seed: int, progress: Pro
     recording = replace(drive.recording, gps=errors.log)
     try:
         for front, method in front_ends(recording, vgps.Config(seed=seed), progress, MODELS):
-            progress.stage(f"stage D: {method.model}")
+            progress.stage(f"stage D: {method.key}")
             try:
-                solution = optimise_all(front, vgps.Config(seed=seed).with_gps(method.model))
+                solution = optimise_all(front, method.configured(vgps.Config(seed=seed)))
             except GeometryError as error:
-                cell = replace(cell, failed=f"{method.model}: {error.found}")
+                cell = replace(cell, failed=f"{method.key}: {error.found}")
                 continue
-            cell = _with_model(cell, method.model, solution, drive, errors)
+            cell = _with_model(cell, method.key, solution, drive, errors)
     except (GeometryError, GpsLogError) as error:  # what errors of fixes may lead to
         return replace(cell, failed=error.found)
     return cell

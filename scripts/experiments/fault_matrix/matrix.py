@@ -88,7 +88,7 @@ def run_fault(
             check_origin(front.origin, rig.world_origin, truth)
             progress.stage(f"{fault.name}, stage D: {method.name}")
             try:
-                solution = optimise_all(front, config.with_gps(method.model))
+                solution = optimise_all(front, method.configured(config))
             except _NO_RESULT as error:
                 row[method.name] = Cell.of_failure(error)
                 continue
