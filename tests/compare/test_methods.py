@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 import vgps
-from vgps.compare import METHODS, Method, compare
+from vgps.compare import ALL_METHODS, METHODS, Method, compare
 from vgps.config import Config
 from vgps.errors import TrajectoryError
 from vgps.readers.calibration import read_rig
@@ -21,7 +21,7 @@ def comparison(recording):
 
 
 def test_methods_are_those_of_the_thesis_and_a_robust_one():
-    assert [method.key for method in METHODS] == [
+    assert [method.key for method in ALL_METHODS] == [
         "none",
         "gaussian",
         "gaussian-receiver",
@@ -33,8 +33,8 @@ def test_methods_are_those_of_the_thesis_and_a_robust_one():
 
 
 def test_a_method_is_configured_by_both_its_models():
-    found = [method.configured(Config()).gps for method in METHODS]
-    assert [(gps.model, gps.error_model) for gps in found] == [(m.model, m.error_model) for m in METHODS]
+    found = [method.configured(Config()).gps for method in ALL_METHODS]
+    assert [(gps.model, gps.error_model) for gps in found] == [(m.model, m.error_model) for m in ALL_METHODS]
     assert [gps.has_memory for gps in found] == [False, False, False, True, True, False, False]
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from trajectories import random_walk
 
-from vgps.compare import METHODS, Comparison, comparison_to_json, write_comparison
+from vgps.compare import ALL_METHODS, Comparison, comparison_to_json, write_comparison
 from vgps.compare.page import _COLOURS, ratios
 from vgps.evaluation import evaluate
 from vgps.solution import Trajectory
 
-B, C = METHODS[1].name, METHODS[2].name
+B, C = ALL_METHODS[1].name, ALL_METHODS[2].name
 OFFSETS_M = {B: 4.0, C: 2.0, "cylinder (16)": 1.0}
 
 
@@ -59,4 +59,4 @@ def test_json_has_errors_seconds_and_ratios_by_method(comparison):
 
 
 def test_every_method_has_a_colour():
-    assert len(set(_COLOURS)) == len(METHODS)
+    assert len(set(_COLOURS)) == len(ALL_METHODS)

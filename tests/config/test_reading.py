@@ -6,7 +6,6 @@ import yaml
 from pydantic import ValidationError
 
 from vgps.config import (
-    BatchConfig,
     Config,
     IntrinsicsConfig,
     OutlierConfig,
@@ -174,7 +173,6 @@ def test_a_section_of_the_same_name_as_an_old_setting_is_taken_as_it_is():
 def test_the_whole_configuration_of_a_run_of_0_1_gives_the_same_settings(caplog):
     before = Config(  # defaults of then that have changed
         tracking=TrackingConfig(rematch_px=6),
-        batch=BatchConfig(robust_px=1.0),
         intrinsics=IntrinsicsConfig(refine="no", focal_sigma=0.05),
     )
     assert read_config(V0_1 / "config.yaml") == before

@@ -20,7 +20,7 @@ from vgps.smoothing.intrinsics import _undistorted_by, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
-    batch=BatchConfig(video_sigma_scale=4.0, robust_px=1.0),  # synthetic observations are rough
+    batch=BatchConfig(video_sigma_scale=4.0),  # synthetic observations are rough
 )
 TRUE = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
 LENS = replace(TRUE, model="opencv", distortion=(-0.2, 0.05, 0.0, 0.0))

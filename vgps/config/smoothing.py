@@ -151,7 +151,7 @@ class BatchConfig(SettingsModel):
     """Factor on mapping.max_reprojection_px in the first round, while the poses are rough."""
     early_tolerance: Share = 3e-4
     """The rounds before the last end once a step lowers the cost by a smaller share."""
-    robust_px: PositiveFloat = 0.5
+    robust_px: PositiveFloat = 1.0
     """Huber's constant: reprojection errors beyond it count linearly, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"
     """Weight of an observation: per_frame divides by the number of features in the frame, Eq. (12)."""

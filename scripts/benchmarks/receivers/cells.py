@@ -8,7 +8,7 @@ import numpy as np
 import vgps
 from scripts.benchmarks.receivers.drives import Drive
 from scripts.benchmarks.receivers.sources import Errors
-from vgps.compare.methods import METHODS, front_ends
+from vgps.compare.methods import ALL_METHODS, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.evaluation.association import half_interval_s, match_times
@@ -20,7 +20,9 @@ from vgps.simulate.receiver_errors import fit_gauss_markov
 from vgps.solution import Solution, Trajectory, Verdict
 
 DEFAULT = "cylinder"
-MODELS = tuple(sorted((one for one in METHODS if one.model != "none"), key=lambda one: one.key != DEFAULT))
+MODELS = tuple(
+    sorted((one for one in ALL_METHODS if one.model != "none"), key=lambda one: one.key != DEFAULT)
+)
 SIGMAS, SIZES = 5.0, 3.0  # errors beyond these are those of wrong fixes
 
 
