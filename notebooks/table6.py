@@ -97,7 +97,7 @@ axes.grid(visible=False)
 plt.show()
 
 # %%
-found = compare(recording, folder / "truth.tum", vgps.Config(), NoProgress())
+found = compare(recording, folder / "truth.tum", vgps.Config(), NoProgress(), METHODS)
 Markdown(as_markdown([antenna_errors(found)]))
 
 # %%
