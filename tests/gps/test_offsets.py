@@ -1,5 +1,7 @@
 """Fixes share offsets that last, walk, start anew and are bounded by the regions of their classes."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -94,8 +96,11 @@ def test_stated_sigmas_are_weighed_by_how_sure_they_are():
 def test_a_region_that_was_set_bounds_the_offset():
     surveyed = {**CONFIG.regions, FixClass.RTK_FLOAT: Region(r_m=0.4, h_m=0.9)}
     config = CONFIG.model_copy(update={"regions": surveyed})
-    (found,) = term(fixes([1.0]), config).bounded.r_m
-    assert found == pytest.approx(2.4)  # the fix's own region is given here, and in proportion
+    given = replace(fixes([1.0]), r_m=np.array([0.4]), h_m=np.array([0.9]))
+    bounded = term(given, config).bounded
+    assert (bounded.r_m, bounded.h_m) == (pytest.approx(0.4), pytest.approx(0.9))
+    doubled = replace(given, r_m=2.0 * given.r_m)  # as a bad dilution of precision does
+    assert term(doubled, config).bounded.r_m == pytest.approx(0.8)
     assert config.offset_errors(FixClass.RTK_FLOAT).r_m == 0.4
     assert config.offset_errors(FixClass.RTK_FLOAT).walk_m == CONFIG.memory.classes[FixClass.RTK_FLOAT].walk_m
 

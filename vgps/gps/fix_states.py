@@ -82,10 +82,9 @@ def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
         REPEATED_OUTLIER: np.full(len(change), config.outliers.persistence),
     }
     for state, repeated in _REPEATED.items():
-        # the next fix may go wrong from a nominal state as from any other
-        taken = change[:, state, NOMINAL] if repeated == REPEATED_NOMINAL else 1.0
-        moved = share[repeated] * taken
-        if repeated == REPEATED_NOMINAL:
+        moved = share[repeated]
+        if repeated == REPEATED_NOMINAL:  # a good fix is followed by a wrong one as often as any other is
+            moved = moved * change[:, state, NOMINAL]
             change[:, state, NOMINAL] -= moved
         else:
             change[:, state] *= (1.0 - moved)[..., None]

@@ -150,7 +150,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
 def _variance_factor(
     solved: BatchSolution, path: Trajectory, sensors: Sensors, context: SmoothingContext
 ) -> float:
-    """Return the variance factor from the offsets of the last round."""
+    """Return the variance factor from what the last round left between antennas and fixes."""
     gps, batch = solved.built.gps, context.config.batch
     if len(gps.offsets):
         states = solved.result.problem.states

@@ -14,9 +14,9 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 - the **video** drifts in scale and rotation, all tracks together, by the random walk of the settings
   ``drift``: a deformation d of the path that leaves no residuals. Of it remains what the other factors, with
   the matrix G, do not take back: ``x = d - H^-1 G d``;
-- every other factor has an error of its sigma;
 - the **calibration**, which all tracks share, has an error in focal length, principal point and radial
-  distortion.
+  distortion;
+- every other factor has an error of its sigma.
 """
 
 from dataclasses import dataclass, field
@@ -74,7 +74,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
     """Return the covariances of poses, states and shared vectors at an optimum.
 
     Args:
-        problem: At its optimum; its pose graph is both parts of ``sources``.
+        problem: At its optimum; its pose graph is all factors of ``sources``.
         sources: Sources of the errors.
         draws: Number of draws K; the relative error of the standard deviations is 1 / sqrt(2 K).
         seed: Seed of the random generator.
@@ -89,12 +89,11 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         linear = linearise(problem, values, structure)
         factor, gradient = factorise_pose_system(linear, structure)
         size = POSE_DIM * structure.n_free
-        right = _pose_factor_draws(problem, values, sources, structure, draws, rng)
+        right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
         right[:size] += _track_draws(linear, structure, draws, rng)
         camera = linearise_pinhole(problem, linear, structure)
         right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
         drift = _drift_draws(problem, structure, sources.drift, draws, rng)
-        J, _ = whitened_jacobian(problem, problem.pose_graph, values, structure)
         right -= J.T @ (J[:, :size] @ drift)
         shared: FloatArray = np.zeros((0, draws))
         steps = factor.solve(right[:size])
@@ -163,18 +162,20 @@ def _pose_factor_draws(
     structure: SparsityStructure,
     draws: int,
     rng: np.random.Generator,
-) -> FloatArray:
-    """Return gradients (6 n_free + shared, K) of drawn errors of fixes and of all other factors."""
-    J, _ = whitened_jacobian(problem, sources.others, values, structure)
-    total: FloatArray = J.T @ rng.standard_normal((J.shape[0], draws))
-    J, _ = whitened_jacobian(problem, sources.noise, values, structure)
-    total += J.T @ (np.repeat(sources.noise_ratio, 3)[:, None] * rng.standard_normal((J.shape[0], draws)))
-    if sources.gps.size() == 0:
-        return total
-    by_fix, _ = whitened_jacobian(problem, sources.gps, values, structure)
-    errors = fix_errors(sources.fixes, draws, rng)
-    whitened = _residual_by_fix(problem, by_fix, sources, structure) @ errors
-    return np.asarray(total + by_fix.T @ whitened.reshape(-1, draws))
+) -> tuple[FloatArray, sparse.csr_array]:
+    """Return gradients (6 n_free + shared, K) of drawn errors of all factors, and their Jacobian."""
+    others, noise, by_fix = (
+        whitened_jacobian(problem, graph, values, structure)[0]
+        for graph in (sources.others, sources.noise, sources.gps)
+    )
+    total: FloatArray = others.T @ rng.standard_normal((others.shape[0], draws))
+    ratio = np.repeat(sources.noise_ratio, 3)[:, None]
+    total += noise.T @ (ratio * rng.standard_normal((noise.shape[0], draws)))
+    if sources.gps.size():
+        errors = fix_errors(sources.fixes, draws, rng)
+        whitened = _residual_by_fix(problem, by_fix, sources, structure) @ errors
+        total += by_fix.T @ whitened.reshape(-1, draws)
+    return total, sparse.csr_array(sparse.vstack([others, noise, by_fix]))
 
 
 def _residual_by_fix(

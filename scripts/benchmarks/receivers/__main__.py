@@ -16,9 +16,11 @@ is per axis, 1 if the sigmas are right; cells count by their independent samples
 correlation time of the error in sigmas, at least one.
 
 The default regions come from ``survey``, and the simulator's own logs imitate it: these cells are marked as
-seen, and summed up apart from the others. The constants of the errors with memory are pooled over ``survey``,
-``rtk_drive``, Septentrio and u-blox (``python -m scripts.experiments.receiver_priors``, which also leaves
-each of them out), so only kitti07's static receiver is new to them.
+seen, and summed up apart from the others.
+
+The constants of the errors with memory were chosen in view of these receivers, on kitti03 and kitti07: their
+cells do not show that they generalise. ``python -m scripts.experiments.receiver_priors`` leaves each
+receiver out.
 """
 
 import argparse
