@@ -103,7 +103,7 @@ def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Recons
         observations=Observations(problem.frame, problem.landmark, problem.uv_px),
     )
     with TemporaryDirectory() as folder:
-        write_colmap(solution, Path(folder))
+        write_colmap(solution, Path(folder), [IMAGE_NAME.format(frame) for frame in range(len(solution.t_s))])
         return pycolmap.Reconstruction(folder)
 
 

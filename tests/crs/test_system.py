@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from pyproj import CRS
 
 from vgps.crs import CoordinateSystem, coordinate_system
 from vgps.errors import CoordinateSystemError
@@ -34,5 +35,6 @@ def test_a_place_without_an_image_is_refused():
 
 
 def test_without_a_transformer_coordinates_pass_through():
-    plain = CoordinateSystem(name="n", height_datum="h", axes=("longitude_deg", "latitude_deg", "h"), wkt="")
+    axes = ("longitude_deg", "latitude_deg", "h")
+    plain = CoordinateSystem(name="n", height_datum="h", axes=axes, definition=CRS(4979))
     assert plain.to_geodetic(np.array([[8.0, 49.0, 5.0]])).tolist() == [[49.0, 8.0, 5.0]]

@@ -4,6 +4,7 @@ EGM96 comes with vgps as a grid of 15 minutes of arc (NGA and NASA, public domai
 within 1 cm of the values that NGA publishes for tests, and EGM96 itself is within about a metre of the geoid.
 """
 
+import os
 import re
 import tempfile
 from collections.abc import Callable
@@ -99,8 +100,8 @@ def _by_name(text: str) -> Geoid:
     name = re.sub(r"[\s_-]", "", text.lower())
     if name == "egm96":
         return egm96()
-    folders = [Path(folder) for part in (get_data_dir(), get_user_data_dir()) for folder in part.split(":")]
-    folders.append(Path("/usr/share/proj"))
+    installed = os.pathsep.join([get_data_dir(), get_user_data_dir(), "/usr/share/proj"])
+    folders = [Path(folder) for folder in installed.split(os.pathsep)]
     for grid in (*_PROJ_GRIDS.get(name, ()), text):
         found = next((folder / grid for folder in folders if (folder / grid).is_file()), None)
         if found is not None:

@@ -60,7 +60,7 @@ def coordinate_system(
         name=f"{horizontal.name} ({crs or WGS84})",
         height_datum=_height_datum(vertical, horizontal, model, converts_heights),
         axes=_axes(horizontal, vertical if converts_heights else None),
-        wkt=target.to_wkt() if converts_heights else _definition(horizontal, model),
+        definition=target if converts_heights else _definition(horizontal, model),
         epsg=code,
         notes=notes,
         transformer=transformer,
@@ -76,7 +76,7 @@ def _plain(model: Geoid | None) -> CoordinateSystem:
         name="WGS 84 (EPSG:4979)" if model is None else "WGS 84 (EPSG:4326)",
         height_datum=ELLIPSOIDAL if model is None else _above(model),
         axes=("longitude_deg", "latitude_deg", "height_m"),
-        wkt=str(CRS.from_epsg(4979).to_wkt()) if model is None else _definition(CRS.from_epsg(4326), model),
+        definition=CRS.from_epsg(4979) if model is None else _definition(CRS.from_epsg(4326), model),
         epsg=4326,
         geoid=model,
     )
@@ -115,12 +115,9 @@ def _check_area(whole: CRS, text: str, place: tuple[float, float]) -> None:
         area = part.area_of_use
         if area is None:
             continue
-        east = (longitude - area.west) % 360.0 <= (
-            area.east - area.west
-        ) % 360.0 or area.east - area.west >= 360
-        near = min(abs((longitude - edge + 180.0) % 360.0 - 180.0) for edge in (area.west, area.east))
-        inside = area.south - _BEYOND_DEG <= latitude <= area.north + _BEYOND_DEG
-        if not (inside and (east or near <= _BEYOND_DEG)):
+        width = (area.east - area.west) % 360.0 or 360.0  # an area may cross 180 degrees
+        inside_east = (longitude - area.west + _BEYOND_DEG) % 360.0 <= width + 2.0 * _BEYOND_DEG
+        if not (inside_east and area.south - _BEYOND_DEG <= latitude <= area.north + _BEYOND_DEG):
             raise CoordinateSystemError(
                 f"{text} ({part.name}) is for {area.west:g}° to {area.east:g}° east, {area.south:g}° to "
                 f"{area.north:g}° north; the run lies at {latitude:.4f}°, {longitude:.4f}°",
@@ -175,16 +172,16 @@ def _height_datum(vertical: CRS | None, horizontal: CRS, model: Geoid | None, co
     return "geocentric, without heights" if converts else ELLIPSOIDAL
 
 
-def _definition(horizontal: CRS, model: Geoid | None) -> str:
-    """Return WKT2 of a horizontal system with heights above its ellipsoid or above a geoid."""
+def _definition(horizontal: CRS, model: Geoid | None) -> CRS:
+    """Return a horizontal system with heights above its ellipsoid or above a geoid."""
     if model is None:
-        return str(horizontal.to_3d().to_wkt())
+        return horizontal.to_3d()
     if model is egm96():
         vertical = CRS.from_epsg(_EGM96_HEIGHT)
     else:
         datum = {"type": "VerticalReferenceFrame", "name": model.name}
         vertical = VerticalCRS(name=_above(model), datum=datum)
-    return str(CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical]).to_wkt())
+    return CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
 
 
 def _above(model: Geoid) -> str:

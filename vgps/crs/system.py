@@ -22,7 +22,7 @@ class CoordinateSystem:
         name: Its name and code.
         height_datum: What its heights are above.
         axes: Names of its three coordinates with units, east or longitude first.
-        wkt: Its definition with the heights, WKT2.
+        definition: It with its heights, for libraries that take pyproj's objects.
         epsg: Code of the horizontal part, if it has one.
         notes: What a user should know: accuracy of the conversion, frames taken as one.
         transformer: From longitude, latitude, ellipsoidal height; None for these themselves.
@@ -34,18 +34,13 @@ class CoordinateSystem:
     name: str
     height_datum: str
     axes: tuple[str, str, str]
-    wkt: str
+    definition: CRS
     epsg: int | None = None
     notes: tuple[str, ...] = ()
     transformer: Transformer | None = None
     has_heights: bool = False
     geoid: Geoid | None = None
     epoch: float = np.inf
-
-    @property
-    def definition(self) -> CRS:
-        """The system with its heights, for libraries that take pyproj's objects."""
-        return CRS.from_wkt(self.wkt)
 
     @property
     def horizontal_wkt1(self) -> str:

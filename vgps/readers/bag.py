@@ -4,8 +4,7 @@ rosbags and mcap are in the extra ``ros``. Times are those of the messages' head
 """
 
 from collections.abc import Collection, Generator, Iterator
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import Camera, FixClass, FloatArray, Frame, GyroLog, RgbImage
 from vgps.readers.bag_messages import IMAGES, bag_messages, grey_of, rgb_of, stamp_s
-from vgps.readers.fixes import Clock, Fix, RawLog, counted
+from vgps.readers.fixes import EPOCH, Clock, Fix, RawLog, counted
 from vgps.readers.luma import ahead
 
 _MAGIC = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
@@ -25,14 +24,6 @@ _RTK_FIX_M = 0.05  # a ground-based fix with a smaller horizontal sigma has its 
 _LENSES = {"plumb_bob": "opencv", "rational_polynomial": "opencv", "equidistant": "fisheye"}
 
 
-@dataclass
-class _Streams:
-    """What a bag holds beside its images: messages with the times of their headers, by kind."""
-
-    image_s: dict[str, list[float]] = field(default_factory=dict)
-    others: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
-
-
 def looks_like_bag(data: bytes) -> bool:
     """Whether the file begins as a ROS 1 bag or an MCAP file."""
     return data.startswith(_MAGIC)
@@ -41,7 +32,7 @@ def looks_like_bag(data: bytes) -> bool:
 def is_bag(path: Path) -> bool:
     """Whether a path is a ROS 1 bag, an MCAP file, or the folder of a ROS 2 bag."""
     if path.is_dir():
-        return (path / "metadata.yaml").is_file() and any(path.glob("*.db3")) | any(path.glob("*.mcap"))
+        return (path / "metadata.yaml").is_file() and (any(path.glob("*.db3")) or any(path.glob("*.mcap")))
     return path.suffix.lower() in {".bag", ".mcap"} and path.is_file()
 
 
@@ -51,10 +42,8 @@ def read_bag_fixes(path: Path) -> RawLog:
     Raises:
         GpsLogError: A library is missing, the file is damaged, or has no NavSatFix.
     """
-    streams = _Streams()
-    for kind, _, message in bag_messages(path, (_FIX,)):
-        streams.others.setdefault(kind, []).append((stamp_s(message), message))
-    return _fixes(streams.others.get(_FIX, []), 0.0, Clock.UTC, path)
+    found = [(stamp_s(message), message) for _, _, message in bag_messages(path, (_FIX,))]
+    return _fixes(found, 0.0, Clock.UTC, path)
 
 
 class BagVideo:
@@ -72,19 +61,19 @@ class BagVideo:
             GpsLogError: A library is missing, or the file is damaged.
         """
         self.path, self.warnings = path, tuple[str, ...]()
-        streams = _Streams()
+        image_s: dict[str, list[float]] = {}  # by topic
+        self._others: dict[str, list[tuple[float, Any]]] = {}  # times and messages, by kind
         for kind, name, message in bag_messages(path, (*IMAGES, _FIX, _RATES, _INFO)):
             if kind in IMAGES:
-                streams.image_s.setdefault(name, []).append(stamp_s(message))
+                image_s.setdefault(name, []).append(stamp_s(message))
             else:
-                streams.others.setdefault(kind, []).append((stamp_s(message), message))
-        self._topic = _only(list(streams.image_s), topic, path)
-        stamps = np.array(streams.image_s[self._topic])
+                self._others.setdefault(kind, []).append((stamp_s(message), message))
+        self._topic = _only(list(image_s), topic, path)
+        stamps = np.array(image_s[self._topic])
         self._order = np.unique(stamps, return_index=True)[1]  # repeated instants are dropped
         self._origin_s = float(stamps[self._order[0]])
         self.times_s: FloatArray = stamps[self._order] - self._origin_s
         self.start_s = 0.0
-        self._others = streams.others
         first = next(self.pictures([0]), None)
         if first is None:
             raise VideoError("the first image cannot be decoded", file=path, place=self._topic)
@@ -95,7 +84,7 @@ class BagVideo:
         """UTC of the first image; None on a simulation's clock."""
         if self._origin_s < _UTC_S:
             return None
-        return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=self._origin_s)
+        return EPOCH + timedelta(seconds=self._origin_s)
 
     def frames(self) -> Iterator[Frame]:
         """Yield all images in order of time, decoded ahead in a separate thread."""
@@ -184,7 +173,7 @@ def _fix(t_s: float, message: Any, row: int) -> Fix:
     variance = np.asarray(message.position_covariance, float)[[0, 4, 8]]
     sigma = np.sqrt(np.where(known & (variance > 0), variance, np.nan))
     status = int(message.status.status)
-    kind = {_SBAS: FixClass.SBAS}.get(status, FixClass.SINGLE)
+    kind = FixClass.SBAS if status == _SBAS else FixClass.SINGLE
     if status == _GBAS:
         kind = FixClass.RTK_FIX if np.hypot(sigma[0], sigma[1]) < _RTK_FIX_M else FixClass.RTK_FLOAT
     place = float(message.latitude), float(message.longitude), float(message.altitude)

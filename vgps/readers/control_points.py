@@ -8,7 +8,7 @@ of the mark (else a mark is told by its position), ``role`` (``control`` or ``ch
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,42 +58,36 @@ def read_control_points(
     if path.suffix.lower() == ".txt":
         return _read_gcp_list(path, system, images)
     table = read_table(path, RecordingError)
-    columns, geodetic = _position_columns(table, system)
+    columns, system_of_columns = _position_columns(table, system)
     names = [table.require(name) for name in ("frame", "u_px", "v_px", *columns)]
     values = np.column_stack([table.numbers(name) for name in names])
     if len(values) == 0:
         raise RecordingError("no control points", file=path, expected="a row for each observation")
-    _check(values, table.line, path, columns, geodetic)
-    return _points(
-        path,
-        values,
-        _names(table, values[:, 3:]),
-        _roles(table),
-        _sigmas(table),
-        (system if columns[0] not in ENU else None, geodetic),
-    )
+    _check(values, table.line, path, columns)
+    names_of_marks, check, sigma_m = _names(table, values[:, 3:]), _roles(table), _sigmas(table)
+    return _points(path, values, names_of_marks, check, sigma_m, system_of_columns)
 
 
-def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...], bool]:
-    """Return the columns of the position, and whether they are latitude and longitude."""
+def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...], PointSystem | None]:
+    """Return the columns of the position and what they are in, None for ENU."""
     if table.find(*GEODETIC[:2]) is not None:
-        return GEODETIC, True
+        return GEODETIC, replace(system, crs=None)
     first, second = (table.find(*_NAMES[axis]) for axis in ("x", "y"))
     if first is None or second is None:
-        return ENU, False
+        return ENU, None
     if system.crs is None:
         raise RecordingError(
             f"columns {first} and {second} of an unknown coordinate system",
             file=table.path,
             remedy="name it with --control-crs EPSG:NNNN",
         )
-    return (first, second, "height_m"), False
+    return (first, second, "height_m"), system
 
 
-def _check(values: FloatArray, line: IntArray, path: Path, columns: tuple[str, ...], geodetic: bool) -> None:
+def _check(values: FloatArray, line: IntArray, path: Path, columns: tuple[str, ...]) -> None:
     frame = values[:, 0]
     bad = ~np.isfinite(values).all(axis=1) | (frame < 0) | (frame > _LAST_FRAME) | (np.floor(frame) != frame)
-    if geodetic:
+    if columns == GEODETIC:
         bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
     if bad.any():
         raise RecordingError(
@@ -110,19 +104,17 @@ def _points(
     names: list[str],
     check: BoolArray,
     sigma_m: FloatArray,
-    place: tuple[PointSystem | None, bool],
+    system: PointSystem | None,
 ) -> ControlPoints:
-    """Return the points with positions in ENU, or converted to geodetic ones."""
-    system, geodetic = place
+    """Return the points with positions in ENU (no system), or converted to geodetic ones."""
     position, notes = values[:, 3:6], tuple[str, ...]()
     if system is not None:
-        if geodetic:
+        if system.crs is None:
+            where = float(position[0, 0]), float(position[0, 1])
             position = position[:, [1, 0, 2]]
-        crs = None if geodetic else system.crs
-        where = float(position[0, 1]), float(position[0, 0])
-        if crs is not None:
-            where = place_in(crs, position[0])
-        converter = coordinate_system(where, crs, system.geoid)
+        else:
+            where = place_in(system.crs, position[0])
+        converter = coordinate_system(where, system.crs, system.geoid)
         position, notes = converter.to_geodetic(position), converter.notes
     return ControlPoints(
         name=tuple(names),
@@ -184,15 +176,9 @@ def _read_gcp_list(path: Path, system: PointSystem, images: list[str] | None) ->
     names = [row[6] if len(row) > _GCP_FIELDS else " ".join(row[:3]) for _, row in rows]
     values, line = np.array(parsed), np.array([n for n, _ in rows])
     crs = _odm_crs(header, path)
-    _check(values, line, path, PROJECTED, False)
-    return _points(
-        path,
-        values,
-        names,
-        np.zeros(len(rows), bool),
-        np.zeros((len(rows), 3)),
-        (PointSystem(system.crs or crs, system.geoid), False),
-    )
+    _check(values, line, path, PROJECTED)
+    check, sigma_m = np.zeros(len(rows), bool), np.zeros((len(rows), 3))
+    return _points(path, values, names, check, sigma_m, replace(system, crs=system.crs or crs))
 
 
 def _odm_crs(header: str, path: Path) -> str:

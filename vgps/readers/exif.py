@@ -15,7 +15,7 @@ from PIL import Image
 
 from vgps.errors import VideoError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, unix_s
+from vgps.readers.fixes import EPOCH, Clock, Fix, RawLog, counted, from_sea_level, unix_s
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes
 
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
@@ -88,7 +88,7 @@ def picture_times(folder: Path, files: Sequence[Path]) -> FrameTimes:
 def picture_start_utc(file: Path) -> datetime | None:
     """Return the UTC of a picture, by its GPS or its zone; None if it names neither."""
     utc_s = read_taken(file).utc_s
-    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=utc_s) if np.isfinite(utc_s) else None
+    return EPOCH + timedelta(seconds=utc_s) if np.isfinite(utc_s) else None
 
 
 def read_exif_fixes(files: Sequence[Path], t_s: FloatArray) -> RawLog:

@@ -12,7 +12,7 @@ from vgps.model import FixClass
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
-ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
+_ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -98,4 +98,4 @@ def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
         fix._replace(height_m=fix.height_m + added)
         for fix, added in zip(fixes, separation.tolist(), strict=True)
     ]
-    return raised, [ABOVE_SEA.format(float(np.median(separation[good])))]
+    return raised, [_ABOVE_SEA.format(float(np.median(separation[good])))]

@@ -39,11 +39,11 @@ def open_recording(
     """Open a recording; the video is indexed, its frames are not decoded yet.
 
     Args:
-        path: A folder with ``video.mp4`` (.mov, .avi, or a folder of images with ``frame_times.csv``),
+        path: A folder with ``video.mp4`` (.mov, .avi, or a bag named ``video``, or a folder of images),
             ``camera.yaml`` (or a calibration of OpenCV's, Kalibr's or COLMAP's: ``camera.yml``, ``.xml``,
             ``.json``, ``camchain.yaml``, ``cameras.txt``) and, optional, ``rig.yaml``, ``gps.*``,
-            ``gyro.csv``, ``control_points.csv`` or ``gcp_list.txt``; or a video or folder of images with the
-            other files beside it.
+            ``gyro.csv``, ``control_points.csv`` or ``gcp_list.txt``; or a video, bag or folder of images with
+            the other files beside it.
         gps, camera, rig, control_points: Other files to use; a path, or a name inside the folder.
         control_system: What the coordinates of the control points are in, unless they say so.
         image_topic: Topic of the images of a bag that has several.

@@ -59,7 +59,7 @@ def place_of(path: Path) -> tuple[Path, Path]:
     raise RecordingError(
         found,
         file=path,
-        expected="video.mp4, video.mov, video.avi or one folder of images with frame_times.csv",
+        expected="video.mp4, video.mov, video.avi, a bag named video or one folder of images",
     )
 
 

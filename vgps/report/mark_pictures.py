@@ -21,12 +21,12 @@ _MOST = 40  # pictures, which bounds the size of the page
 
 
 def mark_pictures(solution: Solution, marks: Sequence[Mark]) -> dict[str, str]:
-    """Return a data URI by name of the mark: a cut around it in the frame whose pixels it fills best.
+    """Return a data URI by name of the mark: a cut around it in the frame of the nearest camera.
 
     A cross is where the image was measured, a ring where the run projects the surveyed position. Empty if the
     recording is not where the run says.
     """
-    chosen = {mark.name: (mark, _best_view(solution, mark)) for mark in marks[:_MOST]}
+    chosen = {mark.name: (mark, _nearest_view(solution, mark)) for mark in marks[:_MOST]}
     wanted = {int(mark.frame[view]) for mark, view in chosen.values()}
     if solution.recording is None or not wanted:
         return {}
@@ -41,7 +41,7 @@ def mark_pictures(solution: Solution, marks: Sequence[Mark]) -> dict[str, str]:
     }
 
 
-def _best_view(solution: Solution, mark: Mark) -> int:
+def _nearest_view(solution: Solution, mark: Mark) -> int:
     """Return the row of the nearest camera."""
     away = solution.world_T_camera[mark.frame, :3, 3] - mark.world_p_mark
     return int(np.argmin(np.linalg.norm(away, axis=1)))

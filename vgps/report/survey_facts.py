@@ -36,7 +36,7 @@ def datum_facts(solution: Solution, system: CoordinateSystem | None) -> list[tup
                 "PPP, the national frame for a reference network",
             ),
             ("axes of the path", "east, north, up at the origin; metres"),
-            ("origin", coordinates_text(system, np.array([origin]))[0]),
+            ("origin", _coordinates_text(system, np.array(origin))),
             ("first camera", _at_frame(solution, system, 0)),
             ("last camera", _at_frame(solution, system, -1)),
             ("EGM96 at the origin", f"{undulation:.2f} m above the ellipsoid"),
@@ -56,27 +56,18 @@ def _epoch(solution: Solution) -> list[tuple[str, str]]:
 def _at_frame(solution: Solution, system: CoordinateSystem, frame: int) -> str:
     assert solution.world_origin is not None
     position = to_geodetic(solution.world_origin, solution.world_T_camera[frame, :3, 3])
-    return coordinates_text(system, position[None])[0]
+    return _coordinates_text(system, position)
 
 
-def coordinates_text(system: CoordinateSystem, geodetic: FloatArray) -> list[str]:
-    """Return coordinates in a system, with their names, of latitudes, longitudes and heights (N, 3)."""
+def _coordinates_text(system: CoordinateSystem, geodetic: FloatArray) -> str:
+    """Return coordinates in a system, with their names and units, of latitude, longitude and height (3,)."""
     digits = (9, 9, 3) if system.is_geographic else (3, 3, 3)
-    return [
-        ", ".join(
-            f"{_axis(name)} {value:.{digit}f} {_unit(name)}"
-            for name, value, digit in zip(system.axes, row, digits, strict=True)
-        )
-        for row in system.from_geodetic(geodetic).tolist()
-    ]
-
-
-def _axis(name: str) -> str:
-    return name.split("_", 1)[0]
-
-
-def _unit(name: str) -> str:
-    return name.split("_", 1)[1].replace("deg", "°")
+    axes = [name.split("_", 1) for name in system.axes]
+    values = system.from_geodetic(geodetic)[0].tolist()
+    return ", ".join(
+        f"{axis} {value:.{digit}f} {unit.replace('deg', '°')}"
+        for (axis, unit), value, digit in zip(axes, values, digits, strict=True)
+    )
 
 
 def class_spells(solution: Solution) -> list[tuple[str, float, float, int]]:

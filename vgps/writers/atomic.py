@@ -1,6 +1,5 @@
 """Files and folders that get their final name only when they are complete."""
 
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -8,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vgps.errors import RunFolderError
-from vgps.writers.claim import claimed
+from vgps.writers.claim import claimed, not_writable
 
 MARK = "solution.json"  # the file that marks a folder as a run
 
@@ -27,7 +26,7 @@ def check_writable(out: Path, mark: str = MARK) -> None:
     try:
         _check_folder(out.resolve(), mark)
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
 
 
 def check_file(out: Path) -> None:
@@ -41,7 +40,7 @@ def check_file(out: Path) -> None:
     try:
         _check_place(out.resolve())
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
 
 
 @contextmanager
@@ -63,7 +62,7 @@ def _new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
     try:
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
     earlier = scratch / "earlier"
     try:
         folder = scratch / "run"  # mkdtemp's folder is private to the user; this one follows the umask
@@ -71,7 +70,7 @@ def _new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
         yield folder
         _swap(folder, out, earlier, own_files)
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
     finally:
         if not earlier.exists():  # else the swap failed, and the earlier run is in there
             shutil.rmtree(scratch, ignore_errors=True)
@@ -93,12 +92,12 @@ def _new_file(out: Path) -> Iterator[Path]:
     try:
         scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
     try:
         yield scratch / out.name
         (scratch / out.name).replace(out)
     except OSError as error:
-        raise _not_writable(out, error) from error
+        raise not_writable(out, error) from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
@@ -144,12 +143,3 @@ def _swap(new: Path, out: Path, aside: Path, own_files: tuple[str, ...]) -> None
         if entry.name not in own_files:
             entry.rename(out / entry.name)
     shutil.rmtree(aside)
-
-
-def _not_writable(out: Path, error: OSError) -> RunFolderError:
-    reason = error.strerror or os.strerror(error.errno or 0)
-    return RunFolderError(
-        f"cannot be written ({reason})",
-        file=out,
-        remedy="check permissions and free space, or name another --out",
-    )

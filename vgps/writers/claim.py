@@ -33,12 +33,7 @@ def claimed(out: Path) -> Iterator[None]:
         out.parent.mkdir(parents=True, exist_ok=True)
         lock = _locked(file, out)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise RunFolderError(
-            f"cannot be written ({reason})",
-            file=out,
-            remedy="check permissions and free space, or name another",
-        ) from error
+        raise not_writable(out, error) from error
     _HELD.add(out)
     try:
         _remove_leftovers(out)
@@ -47,6 +42,16 @@ def claimed(out: Path) -> Iterator[None]:
         _HELD.discard(out)
         file.unlink(missing_ok=True)
         os.close(lock)
+
+
+def not_writable(out: Path, error: OSError) -> RunFolderError:
+    """Return what to tell the user of an output that the system refuses."""
+    reason = error.strerror or os.strerror(error.errno or 0)
+    return RunFolderError(
+        f"cannot be written ({reason})",
+        file=out,
+        remedy="check permissions and free space, or name another --out",
+    )
 
 
 def _locked(file: Path, out: Path) -> int:

@@ -19,20 +19,18 @@ from vgps.writers.tum import quaternion
 
 MARK = "origin.json"  # the file that marks a model written by vgps
 FILES = ("cameras.txt", "images.txt", "points3D.txt", MARK)
+# as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0 frame_%06d.jpg`` names the frames
 IMAGE_NAME = "frame_{:06d}.jpg"
 _CENTRE = 0.5
 
 
-def write_colmap(solution: Solution, folder: Path, names: Sequence[str] | None = None) -> None:
+def write_colmap(solution: Solution, folder: Path, names: Sequence[str]) -> None:
     """Write cameras, images and points with their tracks, and the origin.
-
-    Every frame is an image, by default named as ``ffmpeg -i video.mp4 -fps_mode passthrough -start_number 0
-    frame_%06d.jpg`` names it.
 
     Args:
         solution: A run.
         folder: An empty folder.
-        names: Names of the images.
+        names: Names of the images, one per frame.
     """
     observed = solution.observations
     uv = observed.uv_px if solution.camera.model == "tsai" else distort(solution.camera, observed.uv_px)
@@ -44,9 +42,7 @@ def write_colmap(solution: Solution, folder: Path, names: Sequence[str] | None =
         np.arange(len(frame), dtype=np.int64) - begins[frame]
     )  # of an observation among those of its image
     _write(folder / "cameras.txt", [_camera_line(solution.camera)])
-    _write(
-        folder / "images.txt", _image_lines(solution, names or default_names(solution), landmark, uv, begins)
-    )
+    _write(folder / "images.txt", _image_lines(solution, names, landmark, uv, begins))
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
     origin = None if solution.world_origin is None else solution.world_origin._asdict()
     about = {
@@ -56,11 +52,6 @@ def write_colmap(solution: Solution, folder: Path, names: Sequence[str] | None =
         "georeferenced": solution.georeferenced,
     }
     (folder / MARK).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-
-
-def default_names(solution: Solution) -> list[str]:
-    """Return the names of the images of all frames."""
-    return [IMAGE_NAME.format(frame) for frame in range(len(solution.t_s))]
 
 
 def colmap_camera(camera: Camera) -> tuple[str, list[float]]:

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 from PIL import Image
@@ -134,7 +135,7 @@ def _hdop(job: ExportJob, row: int) -> float:
 def _xmp(job: ExportJob, row: int) -> str:
     sigma = job.solution.sigma_position_m[row]
     yaw, pitch, roll = pix4d_angles_deg(job.local_R_camera[row])
-    values = {"HorizCS": "EPSG:4326", "VertCS": _plain(job.georeferenced.height_datum)}
+    values = {"HorizCS": "EPSG:4326", "VertCS": escape(job.georeferenced.height_datum, {'"': "&quot;"})}
     values |= {"Yaw": f"{yaw:.6f}", "Pitch": f"{pitch:.6f}", "Roll": f"{roll:.6f}"}
     if np.isfinite(sigma).all():
         values |= {"GPSXYAccuracy": f"{np.hypot(*sigma[:2]):.4f}", "GPSZAccuracy": f"{sigma[2]:.4f}"}
@@ -148,10 +149,6 @@ def pix4d_angles_deg(local_R_camera: FloatArray) -> tuple[float, float, float]:
         warnings.simplefilter("ignore", UserWarning)  # towards the horizon, yaw and roll are one angle
         yaw, pitch, roll = ned_R_body.as_euler("ZYX", degrees=True).tolist()
     return yaw, pitch, roll
-
-
-def _plain(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
 
 
 def _degrees(angle: float) -> tuple[IFDRational, IFDRational, IFDRational]:

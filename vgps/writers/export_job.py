@@ -12,13 +12,12 @@ from vgps.crs import CoordinateSystem
 from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
-from vgps.model import FloatArray, IntArray, RgbImage
+from vgps.model import FloatArray, GeodeticPoint, IntArray, RgbImage
 from vgps.readers.images import ImageFolder
 from vgps.readers.sources import Source, is_image_folder, open_video, place_of
 from vgps.solution import Solution
+from vgps.writers.colmap import IMAGE_NAME
 from vgps.writers.frame_choice import FrameChoice
-
-IMAGE_NAME = "frame_{:06d}.jpg"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,13 +66,18 @@ class ExportJob:
         Raises:
             RunFolderError: The run is not georeferenced.
         """
-        if self.system is None:
+        return self._system_and_origin[0]
+
+    @property
+    def _system_and_origin(self) -> tuple[CoordinateSystem, GeodeticPoint]:
+        """The coordinate system, and the origin of the run's world; raises as `georeferenced`."""
+        if self.system is None or self.solution.world_origin is None:
             raise RunFolderError(
                 "the run is not georeferenced",
                 expected="a run tied to the world by fixes or control points",
                 remedy="export it as tum, kitti, ply, colmap, nerfstudio or splat",
             )
-        return self.system
+        return self.system, self.solution.world_origin
 
     @cached_property
     def geodetic(self) -> FloatArray:
@@ -82,8 +86,7 @@ class ExportJob:
 
     def geodetic_of(self, world_p_point: FloatArray) -> FloatArray:
         """Return latitude, longitude [deg] and ellipsoidal height [m] (N, 3) of points (N, 3)."""
-        assert self.georeferenced is not None and self.solution.world_origin is not None
-        return to_geodetic(self.solution.world_origin, world_p_point)
+        return to_geodetic(self._system_and_origin[1], world_p_point)
 
     @cached_property
     def coordinates(self) -> FloatArray:
@@ -93,8 +96,7 @@ class ExportJob:
     @cached_property
     def local_R_camera(self) -> FloatArray:
         """(F, 3, 3) rotations to east, north, up at each camera's own place."""
-        assert self.solution.world_origin is not None
-        rotation = local_R_world(self.solution.world_origin, self.geodetic)
+        rotation = local_R_world(self._system_and_origin[1], self.geodetic)
         return np.asarray(rotation @ self.solution.world_T_camera[:, :3, :3])
 
     @cached_property

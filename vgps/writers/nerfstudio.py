@@ -9,13 +9,13 @@ import numpy as np
 from vgps.crs import ELLIPSOIDAL
 from vgps.errors import RunFolderError
 from vgps.solution import Solution
-from vgps.writers.colmap import colmap_camera, default_names
+from vgps.writers.colmap import colmap_camera
 
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera: x right, y up, z backward
 _LENS = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"), "PINHOLE": ()}
 
 
-def write_nerfstudio(solution: Solution, out: Path, names: Sequence[str] | None = None) -> None:
+def write_nerfstudio(solution: Solution, out: Path, names: Sequence[str]) -> None:
     """Write intrinsics and a pose per frame, whose image is ``images/frame_000000.jpg`` and so on.
 
     The world is ENU, z up, in metres, and not normalised, so that results keep position and scale.
@@ -38,9 +38,7 @@ def write_nerfstudio(solution: Solution, out: Path, names: Sequence[str] | None 
     poses = solution.world_T_camera @ _OPENGL
     frames = [
         {"file_path": f"images/{name}", "transform_matrix": pose, "t_s": t_s}
-        for name, pose, t_s in zip(
-            names or default_names(solution), poses.tolist(), solution.t_s.tolist(), strict=True
-        )
+        for name, pose, t_s in zip(names, poses.tolist(), solution.t_s.tolist(), strict=True)
     ]
     document = {
         "camera_model": "OPENCV" if name == "PINHOLE" else name,

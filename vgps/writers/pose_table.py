@@ -65,7 +65,6 @@ def _columns(job: ExportJob) -> dict[str, Iterable[object]]:
     system, solution, utc = job.georeferenced, job.solution, job.utc
     degrees = 10 if system.is_geographic else 4
     attitude = attitude_deg(job.local_R_camera)
-    qx, qy, qz, qw = quaternion(solution.world_T_camera).T
     return {
         "image": job.image_names,
         "frame": job.frame.tolist(),
@@ -79,7 +78,10 @@ def _columns(job: ExportJob) -> dict[str, Iterable[object]]:
             zip(("east_m", "north_m", "up_m"), _columns_of(solution.world_T_camera[:, :3, 3]), strict=True)
         ),
         **dict(zip(("heading_deg", "pitch_deg", "roll_deg"), _columns_of(attitude), strict=True)),
-        **{name: _numbers(q, 12) for name, q in zip(("qx", "qy", "qz", "qw"), (qx, qy, qz, qw), strict=True)},
+        **{
+            name: _numbers(q, 12)
+            for name, q in zip(("qx", "qy", "qz", "qw"), quaternion(solution.world_T_camera).T, strict=True)
+        },
         **{
             f"sigma_{axis}_m": _numbers(solution.sigma_position_m[:, k], 4)
             for k, axis in enumerate(("east", "north", "up"))
