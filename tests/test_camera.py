@@ -9,16 +9,8 @@ from vgps.camera import camera_fields, distort, project, turning_radius, undisto
 from vgps.model import Camera
 
 PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
-CV4 = Camera(
-    model="opencv",
-    width=848,
-    height=480,
-    fx=486.16,
-    fy=486.16,
-    cx=424.0,
-    cy=240.0,
-    distortion=(-0.1435, 0.01, 0.001, -0.002),
-)
+WIDE = replace(PINHOLE, width=848, fx=486.16, fy=486.16, cx=424.0)
+CV4 = replace(WIDE, model="opencv", distortion=(-0.1435, 0.01, 0.001, -0.002))
 CV5 = replace(PINHOLE, model="opencv", distortion=(-0.2, 0.05, 0.001, -0.0005, -0.004))
 CV8 = replace(PINHOLE, model="opencv", distortion=(0.1, 0.05, 1e-3, -5e-4, 0.01, 0.2, 0.1, 0.01))
 FISHEYE = replace(PINHOLE, model="fisheye", fx=300.0, fy=305.0, distortion=(-0.01, 0.02, -0.005, 0.001))

@@ -1,5 +1,6 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
+from solutions import make_poses
 
 from vgps.crs import coordinate_system
 from vgps.crs.frames import local_R_world, poses_in_system, poses_in_world
@@ -10,10 +11,8 @@ ORIGIN = GeodeticPoint(49.0, 8.4, 160.0)
 
 def poses(count=20):
     rng = np.random.default_rng(0)
-    found = np.tile(np.eye(4), (count, 1, 1))
-    found[:, :3, :3] = Rotation.random(count, random_state=1).as_matrix()
-    found[:, :3, 3] = rng.uniform(-500, 500, (count, 3))
-    return found
+    rotations = Rotation.random(count, random_state=1).as_matrix()
+    return make_poses(rng.uniform(-500, 500, (count, 3)), rotations)
 
 
 def test_grid_north_differs_by_the_convergence():

@@ -47,7 +47,9 @@ def test_images_are_those_of_the_video(bag, recording):
     found, true = open_recording(bag).video, open_recording(recording).video
     # the video stores its luminance from 16 to 235
     grey = {one.index: (one.gray - 16.0) * 255 / 219 for one in true.frames() if one.index % 10 == 0}
-    for frame in found.frames():
+    frames = list(found.frames())
+    assert len(frames) == len(grey)
+    for frame in frames:
         assert np.abs(frame.gray - grey[10 * frame.index]).mean() < 2.0
     ((index, picture),) = found.pictures([3])
     assert index == 3 and picture.shape == (*grey[0].shape, 3)

@@ -3,13 +3,12 @@
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from PIL import Image
-from solutions import make_solution
+from solutions import exact_run
 
 from vgps.crs import egm96
 from vgps.errors import VideoError
@@ -17,7 +16,6 @@ from vgps.evaluation import evaluate
 from vgps.model import FixClass
 from vgps.readers.exif import picture_start_utc, picture_times, read_exif_fixes, read_taken
 from vgps.readers.recording import open_recording
-from vgps.readers.trajectory import read_trajectory
 from vgps.writers.export import ExportOptions, export
 from vgps.writers.run_folder import write_run
 
@@ -42,21 +40,13 @@ def test_a_drone_s_pictures_are_a_recording(data_dir, tmp_path):
 @pytest.fixture(scope="module")
 def pictures(recording, tmp_path_factory):
     """Every second frame of the simulated recording, with its true pose written into it."""
-    truth, opened = read_trajectory(recording / "truth.tum"), open_recording(recording)
-    run = make_solution(
-        truth.t_s,
-        truth.world_T_camera,
-        recording=recording,
-        camera=opened.camera,
-        world_origin=opened.rig.world_origin,
-        video_start_utc=opened.rig.video_start_utc,
-    )
+    run = exact_run(recording)
     folder = tmp_path_factory.mktemp("pictures")
     write_run(run, folder / "run")
     export(folder / "run", "exif", folder / "walk", ExportOptions(geoid="egm96"))
     for name in ("camera.yaml", "truth.tum"):
         shutil.copy(recording / name, folder / name)
-    (folder / "rig.yaml").write_text(f"world_origin: {list(opened.rig.world_origin)}\n")
+    (folder / "rig.yaml").write_text(f"world_origin: {list(run.world_origin)}\n")
     return folder
 
 
@@ -131,4 +121,4 @@ def test_a_picture_without_a_position_gives_no_fix(tmp_path):
     file = picture(tmp_path / "a.jpg", taken="2026:05:01 11:30:12")
     assert read_exif_fixes([file], np.zeros(1)).fixes == []
     (tmp_path / "b.jpg").write_bytes(b"rubbish")
-    assert replace(read_taken(tmp_path / "b.jpg"), utc_s=0.0).fix is None
+    assert read_taken(tmp_path / "b.jpg").fix is None

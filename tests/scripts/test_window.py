@@ -6,14 +6,22 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
-from solutions import NORTH_R_CAMERA, PINHOLE, make_gps_log, make_landmarks, make_poses, make_solution
+from solutions import (
+    NORTH_R_CAMERA,
+    PINHOLE,
+    make_fixes,
+    make_gps_log,
+    make_landmarks,
+    make_poses,
+    make_solution,
+)
 
 from scripts.benchmarks.window.__main__ import run
 from scripts.benchmarks.window.methods import HeldWindow, Incremental
 from scripts.benchmarks.window.replay import Replay, batches
 from vgps.geometry import project
 from vgps.model import FixClass
-from vgps.solution import FixTable, Observations, Verdict
+from vgps.solution import Observations, Verdict
 
 FRAMES, LENGTH, EVERY = 40, 12, 4
 LIMIT_RAD = np.radians(1.0)
@@ -35,15 +43,7 @@ def replay():
     shifted = true.copy()
     shifted[:, :3, 3] += east_m
     count = len(fixes)
-    table = FixTable(
-        world_p_fix=antenna,
-        residual_m=np.zeros((count, 3)),
-        r_m=np.full(count, 0.1),
-        h_m=np.full(count, 0.1),
-        probability=np.ones(count),
-        verdict=(Verdict.REJECTED,) + (Verdict.USED,) * (count - 1),
-        reason=("",) * count,
-    )
+    table = make_fixes(antenna, verdict=(Verdict.REJECTED,) + (Verdict.USED,) * (count - 1))
     solution = make_solution(
         t_s=np.arange(FRAMES) / 10,
         world_T_camera=shifted,

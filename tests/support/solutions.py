@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from vgps.camera import undistort
 from vgps.geometry import project
 from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
+from vgps.readers.recording import open_recording
+from vgps.readers.trajectory import read_trajectory
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -92,6 +94,34 @@ def make_solution(t_s: np.ndarray, world_T_camera: np.ndarray, **changes: Any) -
         config={},
     )
     return replace(solution, **changes)
+
+
+def make_fixes(world_p_fix: np.ndarray, **changes: Any) -> FixTable:
+    """Used fixes without residuals, of a region of 0.1 m."""
+    count = len(world_p_fix)
+    table = FixTable(
+        world_p_fix=world_p_fix,
+        residual_m=np.zeros((count, 3)),
+        r_m=np.full(count, 0.1),
+        h_m=np.full(count, 0.1),
+        probability=np.ones(count),
+        verdict=(Verdict.USED,) * count,
+        reason=("",) * count,
+    )
+    return replace(table, **changes)
+
+
+def exact_run(recording: Path) -> Solution:
+    """A simulated recording with its true poses, as a run that found them exactly."""
+    truth, opened = read_trajectory(recording / "truth.tum"), open_recording(recording)
+    return make_solution(
+        truth.t_s,
+        truth.world_T_camera,
+        recording=recording,
+        camera=opened.camera,
+        world_origin=opened.rig.world_origin,
+        video_start_utc=opened.rig.video_start_utc,
+    )
 
 
 def make_control_points() -> ControlPoints:
@@ -203,16 +233,8 @@ def short_drive() -> Solution:
 
     Observations are in reverse order and exact, but for one pixel on landmark 0 in frame 0.
     """
-    camera = Camera(
-        model="opencv",
-        width=64,
-        height=48,
-        fx=50.0,
-        fy=50.0,
-        cx=31.5,
-        cy=23.5,
-        distortion=(-0.2, 0.03, 0.0, 0.0),
-    )
+    small = replace(PINHOLE, width=64, height=48, fx=50.0, fy=50.0, cx=31.5, cy=23.5)
+    camera = replace(small, model="opencv", distortion=(-0.2, 0.03, 0.0, 0.0))
     assert np.isfinite(undistort(camera, [[0.0, 0.0], [63.0, 47.0]])).all()
     poses = make_poses(np.arange(6.0)[:, None] * [0.0, 1.0, 0.0], NORTH_R_CAMERA)
     points = np.array([[-1.0, 12.0, 1.0], [1.0, 14.0, -1.0], [2.0, 16.0, 0.5]])

@@ -11,13 +11,12 @@ import pytest
 from exports import exported
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from solutions import make_gps_log, make_solution
+from solutions import make_fixes, make_gps_log, make_solution
 
 from vgps.crs import egm96
 from vgps.errors import RunFolderError, VideoError
 from vgps.geodesy import enu_R_ecef, heading_deg, to_geodetic
 from vgps.model import FixClass
-from vgps.solution import FixTable, Verdict
 from vgps.writers.exif import pix4d_angles_deg
 from vgps.writers.frame_choice import FrameChoice
 from vgps.writers.jpeg import with_metadata
@@ -45,17 +44,7 @@ def number(tag, sign=1):
 def frames(true_run, tmp_path_factory):
     """Every tenth frame of the simulated recording, with one used fix, and the folder of images."""
     log = replace(make_gps_log(np.array([0.0]), (FixClass.RTK_FIX,)), hdop=np.array([0.85]))
-    one, three = np.ones(1), np.zeros((1, 3))
-    table = FixTable(
-        world_p_fix=three,
-        residual_m=three,
-        r_m=one,
-        h_m=one,
-        probability=one,
-        verdict=(Verdict.USED,),
-        reason=("used",),
-    )
-    run = replace(true_run, gps=log, fixes=table)
+    run = replace(true_run, gps=log, fixes=make_fixes(np.zeros((1, 3))))
     choice = FrameChoice(every_s=1.0)
     out = exported(run, tmp_path_factory.mktemp("exif"), "exif", "out", choice=choice, geoid="egm96")
     return run, out

@@ -11,7 +11,6 @@ from solutions import distinct_values
 
 from vgps.camera import distort
 from vgps.geodesy import to_geodetic
-from vgps.model import Camera
 from vgps.writers.frame_choice import FrameChoice
 from vgps.writers.splat import _lens_map, _undistorted
 
@@ -75,16 +74,7 @@ def test_observations_are_those_of_the_undistorted_images(tmp_path):
 
 
 def test_a_point_keeps_its_place_in_the_undistorted_image():
-    camera = Camera(
-        model="fisheye",
-        width=320,
-        height=240,
-        fx=150,
-        fy=150,
-        cx=160,
-        cy=120,
-        distortion=(0.03, -0.01, 2e-3, -1e-3),
-    )
+    camera = replace(LENSES["fisheye"], width=320, height=240, fx=150.0, fy=150.0, cx=160.0, cy=120.0)
     at = np.array([[250.0, 60.0]])
     (u, v) = distort(camera, at)[0]
     y, x = np.mgrid[:240, :320]
