@@ -58,14 +58,14 @@ def read_control_points(
     if path.suffix.lower() == ".txt":
         return _read_gcp_list(path, system, images)
     table = read_table(path, RecordingError)
-    columns, system_of_columns = _position_columns(table, system)
+    columns, system = _position_columns(table, system)
     names = [table.require(name) for name in ("frame", "u_px", "v_px", *columns)]
     values = np.column_stack([table.numbers(name) for name in names])
     if len(values) == 0:
         raise RecordingError("no control points", file=path, expected="a row for each observation")
     _check(values, table.line, path, columns)
-    names_of_marks, check, sigma_m = _names(table, values[:, 3:]), _roles(table), _sigmas(table)
-    return _points(path, values, names_of_marks, check, sigma_m, system_of_columns)
+    marks, check, sigma_m = _names(table, values[:, 3:]), _roles(table), _sigmas(table)
+    return _points(path, values, marks, check, sigma_m, system)
 
 
 def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...], PointSystem | None]:
