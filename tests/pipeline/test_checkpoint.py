@@ -1,12 +1,14 @@
 """A run that goes on from a checkpoint is the run that was never interrupted."""
 
+from dataclasses import replace
+
 import pytest
 from run_files import bytes_of
 
 import vgps
 from vgps.errors import RunFolderError
 from vgps.pipeline import checkpoint as module
-from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder
+from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder, fingerprint
 from vgps.pipeline.front_end import run_front_end
 from vgps.runtime.progress import NoProgress
 
@@ -60,3 +62,13 @@ def test_a_checkpoint_of_another_run_is_refused(opened, tmp_path):
     with pytest.raises(RunFolderError, match="another recording, configuration or version"):
         run_front_end(opened, other, NoProgress(), Checkpoint(out, opened, other, resume=True))
     run_front_end(opened, other, NoProgress(), Checkpoint(out, opened, other, resume=False))
+
+
+def test_sigmas_of_fixes_and_the_version_of_vgps_make_another_run(opened, monkeypatch):
+    config = vgps.Config()
+    before = fingerprint(opened, config)
+    assert fingerprint(opened, config) == before
+    less_accurate = replace(opened, gps=replace(opened.gps, sigma_m=opened.gps.sigma_m + 1.0))
+    assert fingerprint(less_accurate, config) != before
+    monkeypatch.setattr(module, "version", lambda _: "0.0.0")
+    assert fingerprint(opened, config) != before

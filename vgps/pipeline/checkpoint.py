@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import Recording
+from vgps.model import ControlPoints, GpsLog, Recording
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
@@ -107,20 +108,24 @@ def fingerprint(recording: Recording, config: Config) -> str:
     """Return a digest of what decides the result of stages A to C."""
     gps, points = recording.gps, recording.control_points
     parts: dict[str, Any] = {
+        "version": version("vgps"),
         "config": config.model_dump(mode="json"),
         "camera": repr(recording.camera),
         "rig": repr(recording.rig),
         "times": _digest(recording.video.times_s),
         "video": _stamp(recording.video.path),
-        "gps": None if gps is None else _digest(gps.t_s, gps.latitude_deg, gps.longitude_deg, gps.height_m),
-        "classes": None if gps is None else list(gps.fix_class),
-        "points": None if points is None else _digest(points.frame, points.uv_px, points.world_p_point),
+        "gps": None if gps is None else _digest_fields(gps),
+        "points": None if points is None else _digest_fields(points),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _digest(*arrays: np.ndarray) -> str:
-    return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+def _digest_fields(table: GpsLog | ControlPoints) -> list[str]:
+    return [_digest(value) for value in vars(table).values() if isinstance(value, np.ndarray | tuple)]
+
+
+def _digest(values: np.ndarray | tuple[str, ...]) -> str:
+    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
 
 
 def _stamp(path: Path) -> list[Any]:
