@@ -1,4 +1,4 @@
-# vgps without rights: docker build -t vgps . && docker run --rm --network none -v "$PWD:/data" vgps smooth walk --out run
+# vgps as an unprivileged user: docker build -t vgps . && docker run --rm --network none -v "$PWD:/data" vgps smooth walk --out run
 FROM python:3.12-slim-bookworm AS build
 COPY --from=ghcr.io/astral-sh/uv:0.9 /uv /bin/uv
 WORKDIR /src

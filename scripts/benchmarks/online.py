@@ -7,7 +7,6 @@ against the truth, and NEES its square over the stated variance: 1 is honest, mo
 """
 
 import argparse
-import resource
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ import vgps
 from scripts.common.command import ScriptParser
 from scripts.common.fix_server import FixServer
 from scripts.common.markdown import table
+from scripts.common.memory import resident_mb
 from scripts.common.ping_pong import PingPong
 from vgps.model import FloatArray
 from vgps.online import OnlineEstimate
@@ -38,14 +38,6 @@ COLUMNS = {
     "nees": "NEES",
     "memory_mb": "memory [MB]",
 }
-
-
-def resident_mb() -> float:
-    """Return the memory that the process holds now, MB; the most it held where the system has no more."""
-    pages = Path("/proc/self/statm")
-    if pages.exists():
-        return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 @dataclass

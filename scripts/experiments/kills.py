@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from scripts.common.command import ScriptParser
 from vgps.landmarks.info import database_info
@@ -152,7 +153,7 @@ def main() -> None:
     sys.exit(1 if wrong else 0)
 
 
-def _kill_often(verb: Verb, folder: Path, kills: int, rng: random.Random) -> dict:  # type: ignore[type-arg]
+def _kill_often(verb: Verb, folder: Path, kills: int, rng: random.Random) -> dict[str, Any]:
     folder.mkdir()
     begun = time.monotonic()
     faults = [] if started(verb, folder).wait(timeout=600) == 0 else ["the undisturbed run failed"]

@@ -184,7 +184,6 @@ class IntrinsicsConfig(SettingsModel):
     """Prior standard deviation of the principal point, on each axis."""
     distortion_sigma: PositiveFloat = 0.02
     """Prior standard deviation of the first two distortion coefficients, where the lens model has any."""
-
     held_focal_sigma: Share = 0.005
     """Standard deviation of a held focal length, as a share of it; counts in the poses' sigmas."""
     held_centre_sigma_px: PositiveFloat = 3.0
@@ -201,7 +200,7 @@ class IntrinsicsConfig(SettingsModel):
 
     @property
     def held_sigmas(self) -> FloatArray:
-        """(4,) standard deviations of log focal length, principal point [px] and k1; 0 if refined."""
+        """(4,) standard deviations of log focal length, principal point [px] and k1; 0 if refine is yes."""
         if self.refine == "yes":
             return np.zeros(4)
         centre = [self.held_centre_sigma_px] * 2

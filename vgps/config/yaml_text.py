@@ -76,12 +76,12 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         lines: dict[str, int] = {}
         for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode) and key.value in lines:
-                problem = (
-                    f"key {key.value} is given twice, first on line {lines[key.value]}; keep one of the two"
-                )
-                raise _refusal(problem, key)
-            lines[key.value if isinstance(key, yaml.ScalarNode) else ""] = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in lines:
+                first = f"first on line {lines[key.value]}"
+                raise _refusal(f"key {key.value} is given twice, {first}; keep one of the two", key)
+            lines[key.value] = key.start_mark.line + 1
         return super().construct_mapping(node, deep)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:

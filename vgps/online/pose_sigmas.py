@@ -11,9 +11,8 @@ means:
   that time are no better than one.
 
 The filter uses the fixes optimally; stage C may not, since a fix has no effect within its region. A
-correction
-of more than one sigma shows that the sigmas were too small: a variance factor raises them accordingly and
-decays with the fixes' correlation time.
+correction of more than one sigma shows that the sigmas were too small: a variance factor raises them
+accordingly and decays with the fixes' correlation time.
 
 Fixes count once stage C has used them and corrected the pose, with their verdicts at that time. A frame
 without features also has the error that the settings of ``motion`` allow since the last frame with features.

@@ -29,9 +29,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
 _SAME_TIME_S = 1e-6  # fixes closer in time are duplicates up to rounding
-_FURTHEST_AHEAD_S = (
-    3600.0  # of the newest frame; later fixes come from a clock that jumped, and would be kept
-)
+_FURTHEST_AHEAD_S = 3600.0  # of the newest frame; later fixes are those of a clock that jumped
 _DISCARD_EVERY = 15  # frames; discarding costs more than keeping a few frames
 _GIVE_BACK_EVERY = 300  # frames; returning memory to the system takes milliseconds
 _MAX_WARNINGS = 500  # kept for the result

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 
 CODECS = ("h264", "hevc", "av1", "vp9", "mpeg4", "mjpeg", "prores")
+_FOR_DEVELOPERS = {"test", "bench"}  # extras
 # packages whose wheels hold compiled code that may not suit the machine, and the names they are imported by
 _COMPILED = {
     "numpy": "numpy",
@@ -17,9 +18,6 @@ _COMPILED = {
     "opencv-python-headless": "cv2",
     "av": "av",
 }
-
-
-_FOR_DEVELOPERS = {"test", "bench"}
 
 
 @dataclass(frozen=True)

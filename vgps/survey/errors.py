@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from vgps.config import SurveyConfig
 from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import FixClass, FloatArray, GeodeticPoint, GpsLog, IntArray, Rig
 from vgps.readers.gps import read_gps_log
 
-CLOCK = Rig(
-    video_start_utc=datetime(2000, 1, 1, tzinfo=UTC)
-)  # any start, the same for a log and its reference
-MAX_SPREAD_M = 1.0
+# any start, the same for a log and its reference
+CLOCK = Rig(video_start_utc=datetime(2000, 1, 1, tzinfo=UTC))
+_MAX_SPREAD_M = SurveyConfig().max_spread_m
 _SAME_TIME_S = 0.01
 
 
@@ -73,7 +73,7 @@ def errors_about(truth: GeodeticPoint, log: GpsLog) -> ErrorSeries:
     return _series(log, np.arange(len(log)), _enu(truth, log))
 
 
-def errors_against(reference: GpsLog, log: GpsLog, max_spread_m: float = MAX_SPREAD_M) -> ErrorSeries:
+def errors_against(reference: GpsLog, log: GpsLog, max_spread_m: float = _MAX_SPREAD_M) -> ErrorSeries:
     """Return the errors of a log at the RTK-fix epochs of a better one of the same antenna.
 
     Args:
@@ -107,7 +107,7 @@ def errors_against(reference: GpsLog, log: GpsLog, max_spread_m: float = MAX_SPR
     return found
 
 
-def mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float = MAX_SPREAD_M) -> GeodeticPoint:
+def mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float = _MAX_SPREAD_M) -> GeodeticPoint:
     """Return the mean of the RTK-fix epochs of a standing receiver.
 
     Raises:

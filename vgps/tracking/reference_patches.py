@@ -69,7 +69,7 @@ class Patches:
 
 
 @dataclass(frozen=True)
-class Alignment:
+class AlignedPatches:
     """Aligned pixels ``uv_px`` (n, 2) in the distorted image; ``tried`` and ``found`` (n,) say of which
     features a patch could be warped, and for which of them it agrees with the frame."""
 
@@ -113,7 +113,7 @@ class ReferencePatches:
         gray: GrayImage,
         start_uv_px: FloatArray,
         max_shift_px: float,
-    ) -> Alignment:
+    ) -> AlignedPatches:
         """Align the patches of all followed features with a frame; call :meth:`take` before.
 
         Args:
@@ -133,7 +133,7 @@ class ReferencePatches:
         near = np.linalg.norm(moved - start_uv_px[rows], axis=1) < max_shift_px
         uv, found = start_uv_px.copy(), np.zeros(len(tried), dtype=bool)
         uv[rows], found[rows] = moved, near & inside & (correlation > _MIN_CORRELATION)
-        return Alignment(uv, tried, found)
+        return AlignedPatches(uv, tried, found)
 
     def _taken(self, ids: IntArray, frame: int, view: GrayImage, uv_px: FloatArray) -> Patches:
         """Return the patches of features (n,) at pixels (n, 2) of an image."""

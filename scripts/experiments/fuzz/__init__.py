@@ -1,1 +1,1 @@
-"""Damaged files for every reader."""
+"""Damaged files for readers."""

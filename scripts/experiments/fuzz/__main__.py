@@ -1,10 +1,10 @@
 """Does any damaged file crash a reader, hang it or fill the memory?
 
-Every reader gets the same number of files, made from those in ``corpus/`` by damage to bytes, lines, numbers,
-trees, and to the inside of binary formats whose check sums are then made right. A file may be accepted, or
-refused in one line. Everything else is a finding: an exception that is not a VgpsError, a dead process, more
-than 5 s of processor time or 1 GB of memory. The number of a finding makes its file again; one that was
-repaired moves into ``corpus/``, from where the tests read it.
+Each reader of ``targets.py`` gets the same number of files, made from those in ``corpus/`` by damage to
+bytes, lines, numbers, trees, and to the inside of binary formats whose check sums are then made right. A file
+may be accepted, or refused in one line. Everything else is a finding: an exception that is not a VgpsError, a
+dead process, more than 5 s of processor time or 1 GB of memory. The number of a finding makes its file again;
+one that was repaired moves into ``corpus/``, from where the tests read it.
 """
 
 import sys

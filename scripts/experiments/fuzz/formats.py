@@ -9,6 +9,8 @@ import zipfile
 from typing import Any
 
 import numpy as np
+import pynmeagps
+import pyubx2
 
 from scripts.experiments.fuzz.mutators import damage_bytes
 from vgps.landmarks.schema import check_sum, digest
@@ -77,11 +79,8 @@ def damage_ubx(data: bytes, rng: random.Random) -> bytes:
     if rng.random() < 0.1:
         payload = payload[: rng.randrange(len(payload))]
     body = data[match.start() + 2 : match.start() + 4] + len(payload).to_bytes(2, "little") + payload
-    first = second = 0
-    for byte in body:
-        first = (first + byte) & 255
-        second = (second + first) & 255
-    return data[: match.start()] + b"\xb5\x62" + body + bytes((first, second)) + data[end + 2 :]
+    total: bytes = pyubx2.calc_checksum(body)
+    return data[: match.start()] + b"\xb5\x62" + body + total + data[end + 2 :]
 
 
 def damage_nmea(data: bytes, rng: random.Random) -> bytes:
@@ -93,10 +92,9 @@ def damage_nmea(data: bytes, rng: random.Random) -> bytes:
         fields[rng.randrange(len(fields))] = rng.choice(_FIELDS)
         if rng.random() < 0.1:
             fields = fields[: rng.randrange(1, len(fields) + 1)]
-        body, total = b",".join(fields), 0
-        for byte in body:
-            total ^= byte
-        data = data[: match.start()] + b"$" + body + f"*{total:02X}".encode() + data[match.end() :]
+        body = b",".join(fields)
+        total = pynmeagps.calc_checksum(body.decode("latin-1")).encode()
+        data = data[: match.start()] + b"$" + body + b"*" + total + data[match.end() :]
     return data
 
 
@@ -171,10 +169,7 @@ def damage_npz(data: bytes, rng: random.Random) -> bytes:
         case _:
             members[name] = _other_values(members[name], rng)
     packed = io.BytesIO()
-    compression = rng.choice(
-        (zipfile.ZIP_STORED,) * 5 + (zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
-    )
-    with zipfile.ZipFile(packed, "w", compression) as archive:
+    with zipfile.ZipFile(packed, "w", rng.choice(_COMPRESSIONS)) as archive:
         for member, content in members.items():
             archive.writestr(member, content)
     return packed.getvalue()

@@ -1,4 +1,4 @@
-"""What is fuzzed: every reader, the files it starts from, and how these are damaged."""
+"""What is fuzzed: readers, the files it starts from, and how these are damaged."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
