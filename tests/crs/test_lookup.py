@@ -1,3 +1,4 @@
+from datetime import UTC, datetime, timedelta, timezone
 from functools import cache
 
 import numpy as np
@@ -6,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from vgps.crs import ELLIPSOIDAL, coordinate_system, egm96
+from vgps.crs import ELLIPSOIDAL, coordinate_system, decimal_year, egm96
 from vgps.errors import CoordinateSystemError
 
 PLACE = (49.0, 8.4)
@@ -106,3 +107,12 @@ def test_there_and_back_within_a_tenth_of_a_millimetre(crs, north, east, height)
     np.testing.assert_allclose(back[0, :2], point[0, :2], atol=1e-9)
     assert back[0, 2] == pytest.approx(height, abs=1e-4)
     assert np.isnan(back[1]).any()
+
+
+def test_decimal_years():
+    assert decimal_year(datetime(2026, 1, 1)) == 2026.0
+    assert decimal_year(datetime(2026, 7, 2, 12, tzinfo=UTC)) == 2026.5  # day 182.5 of 365
+    assert decimal_year(datetime(2024, 7, 2, tzinfo=UTC)) == 2024.5  # day 183 of 366
+    east = timezone(timedelta(hours=9))
+    assert decimal_year(datetime(2026, 1, 1, 9, tzinfo=east)) == 2026.0
+    assert 9999.99 < decimal_year(datetime(9999, 12, 31, tzinfo=UTC)) < 10000

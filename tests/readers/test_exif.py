@@ -14,7 +14,7 @@ from vgps.crs import egm96
 from vgps.errors import VideoError
 from vgps.evaluation import evaluate
 from vgps.model import FixClass
-from vgps.readers.exif import picture_start_utc, picture_times, read_exif_fixes, read_taken
+from vgps.readers.exif import exif_fixes, picture_times, read_taken
 from vgps.readers.recording import open_recording
 from vgps.writers.export import ExportOptions, export
 from vgps.writers.run_folder import write_run
@@ -72,6 +72,18 @@ def test_one_command_smooths_a_folder_of_pictures(pictures, tmp_path):
     assert found.every_frame_posed and found.camera_position_m.mean < 1.0
 
 
+def test_the_exif_of_a_picture_is_read_once(pictures, monkeypatch):
+    opened = []
+
+    def counting(path):
+        opened.append(path)
+        return read_taken(path)
+
+    monkeypatch.setattr("vgps.readers.images.read_taken", counting)
+    found = open_recording(pictures / "walk")
+    assert len(found.gps) == len(found.video.files) == len(opened) == len(set(opened))
+
+
 def picture(path, **tags):
     exif = Image.Exif()
     details = {"taken": 0x9003, "sub": 0x9291, "zone": 0x9011}
@@ -83,23 +95,23 @@ def picture(path, **tags):
 def test_times_with_fractions_and_zones(tmp_path):
     a = picture(tmp_path / "a.jpg", taken="2026:05:01 11:30:12", sub="25", zone="+02:00")
     b = picture(tmp_path / "b.jpg", taken="2026:05:01 11:30:12", sub="75", zone="+02:00")
-    assert picture_start_utc(a) == datetime(2026, 5, 1, 9, 30, 12, 250000, tzinfo=UTC)
-    assert picture_times(tmp_path, [b, a]).t_s.tolist() == [0.0, 0.5]
-    assert picture_times(tmp_path, [b, a]).files == ("a.jpg", "b.jpg")
+    assert read_taken(a).utc == datetime(2026, 5, 1, 9, 30, 12, 250000, tzinfo=UTC)
+    times = picture_times(tmp_path, [read_taken(b), read_taken(a)])
+    assert times.t_s.tolist() == [0.0, 0.5] and times.files == ("a.jpg", "b.jpg")
 
 
 def test_pictures_of_one_second_share_it(tmp_path):
-    files = [
-        picture(tmp_path / f"{k}.jpg", taken=f"2026:05:01 11:30:{s:02}")
+    taken = [
+        read_taken(picture(tmp_path / f"{k}.jpg", taken=f"2026:05:01 11:30:{s:02}"))
         for k, s in enumerate([1, 1, 1, 2, 4, 4])
     ]
-    np.testing.assert_allclose(picture_times(tmp_path, files).t_s, [0, 1 / 3, 2 / 3, 1, 3, 3.5])
+    np.testing.assert_allclose(picture_times(tmp_path, taken).t_s, [0, 1 / 3, 2 / 3, 1, 3, 3.5])
 
 
 def test_pictures_without_times_are_refused(tmp_path):
     files = [picture(tmp_path / "a.jpg"), picture(tmp_path / "b.jpg", taken="2026:05:01 11:30:12")]
     with pytest.raises(VideoError, match=r"1 of 2 images without a time; .*; add frame_times\.csv"):
-        picture_times(tmp_path, files)
+        picture_times(tmp_path, [read_taken(file) for file in files])
 
 
 def test_dji_s_rtk_is_in_its_xmp(tmp_path, pictures):
@@ -113,12 +125,12 @@ def test_dji_s_rtk_is_in_its_xmp(tmp_path, pictures):
     taken = read_taken(file)
     assert taken.fix.fix_class is FixClass.RTK_FIX and not taken.above_sea
     assert taken.fix.sigma_m == (0.011, 0.012, 0.03)
-    raw = read_exif_fixes([file], np.zeros(1))
+    raw = exif_fixes([read_taken(file)], np.zeros(1))
     assert raw.notes == [] and raw.fixes[0].height_m == taken.fix.height_m
 
 
 def test_a_picture_without_a_position_gives_no_fix(tmp_path):
     file = picture(tmp_path / "a.jpg", taken="2026:05:01 11:30:12")
-    assert read_exif_fixes([file], np.zeros(1)).fixes == []
+    assert exif_fixes([read_taken(file)], np.zeros(1)).fixes == []
     (tmp_path / "b.jpg").write_bytes(b"rubbish")
     assert read_taken(tmp_path / "b.jpg").fix is None

@@ -18,7 +18,7 @@ def test_datum_and_epoch_are_stated():
     # 100 m above the ellipsoid, where EGM96 is 48.2 m high
     assert facts["origin"] == "easting 426857.988 m, northing 5427937.523 m, height 51.770 m"
     assert facts["EGM96 at the origin"] == "48.23 m above the ellipsoid"
-    assert facts["epoch"] == "2026-07-02 12:00:00 UTC, 2026.498"
+    assert facts["epoch"] == "2026-07-02 12:00:00 UTC, 2026.500"
 
 
 def test_a_run_without_place_and_time_says_so():

@@ -1,6 +1,8 @@
 """Coordinate systems by their EPSG codes, with pyproj; a missing grid is an error and never a zero."""
 
 import warnings
+from calendar import isleap
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -20,6 +22,13 @@ _BEYOND_DEG = 3.0  # by which data may lie outside a system's area of use
 _UNITS = {"metre": "m", "degree": "deg", "foot": "ft", "US survey foot": "us_ft"}
 _SHIFTS = ("helmert", "gridshift", "molodensky")  # steps that change the datum
 _VAGUE_M = 0.5  # from this accuracy on, how a datum was reached matters to RTK
+
+
+def decimal_year(instant: datetime) -> float:
+    """Return the epoch of an instant as frames have it: 2026.5 is the middle of the year; naive is UTC."""
+    utc = instant.astimezone(UTC) if instant.tzinfo else instant.replace(tzinfo=UTC)
+    days = 366 if isleap(utc.year) else 365
+    return utc.year + (utc - datetime(utc.year, 1, 1, tzinfo=UTC)) / timedelta(days=days)
 
 
 def coordinate_system(

@@ -45,6 +45,11 @@ class Taken:
     fix: Fix | None
     above_sea: bool
 
+    @property
+    def utc(self) -> datetime | None:
+        """The instant in UTC; None if the picture names no zone and has no GPS time."""
+        return EPOCH + timedelta(seconds=self.utc_s) if np.isfinite(self.utc_s) else None
+
 
 def read_taken(path: Path) -> Taken:
     """Read one picture; a damaged or missing part is left out."""
@@ -61,7 +66,7 @@ def read_taken(path: Path) -> Taken:
     return Taken(path=path, local=local, utc_s=utc_s, fix=_fix(gps, dji), above_sea="RtkFlag" not in dji)
 
 
-def picture_times(folder: Path, files: Sequence[Path]) -> FrameTimes:
+def picture_times(folder: Path, taken: Sequence[Taken]) -> FrameTimes:
     """Return the times [s] of pictures since the first one, in order of time.
 
     Pictures of the same instant, as cameras without fractions of seconds write them, are spread over it.
@@ -69,7 +74,6 @@ def picture_times(folder: Path, files: Sequence[Path]) -> FrameTimes:
     Raises:
         VideoError: There are no pictures, or one has no time.
     """
-    taken = [read_taken(file) for file in files]
     untimed = [one.path.name for one in taken if one.local is None]
     if not taken or untimed:
         found = f"{len(untimed)} of {len(taken)} images without a time" if taken else "no images"
@@ -85,18 +89,11 @@ def picture_times(folder: Path, files: Sequence[Path]) -> FrameTimes:
     return FrameTimes(_spread(seconds[order] - seconds.min()), names, folder)
 
 
-def picture_start_utc(file: Path) -> datetime | None:
-    """Return the UTC of a picture, by its GPS or its zone; None if it names neither."""
-    utc_s = read_taken(file).utc_s
-    return EPOCH + timedelta(seconds=utc_s) if np.isfinite(utc_s) else None
-
-
-def read_exif_fixes(files: Sequence[Path], t_s: FloatArray) -> RawLog:
+def exif_fixes(taken: Sequence[Taken], t_s: FloatArray) -> RawLog:
     """Return the positions of pictures at the given times; ``line`` counts the pictures.
 
     Heights are above the sea, plus the geoid's, unless DJI's RTK gives them, which are ellipsoidal.
     """
-    taken = [read_taken(file) for file in files]
     fixes = [
         one.fix._replace(t_s=float(t), line=row)
         for row, (one, t) in enumerate(zip(taken, t_s.tolist(), strict=True), 1)

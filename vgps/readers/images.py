@@ -11,7 +11,7 @@ import numpy as np
 from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, GrayImage, RgbImage
 from vgps.readers.container import check_size, open_container
-from vgps.readers.exif import picture_times
+from vgps.readers.exif import Taken, picture_times, read_taken
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
 from vgps.readers.luma import ahead, colours, luma, upright_size
 
@@ -39,7 +39,9 @@ class ImageFolder:
             VideoError: There are no images or no times, or their numbers differ.
         """
         self.path = Path(path)
-        times = _times(self.path, frame_times)
+        table = _table(self.path, frame_times)
+        self._taken = {} if table else {file: read_taken(file) for file in list_images(self.path)}
+        times = read_frame_times(table) if table else picture_times(self.path, list(self._taken.values()))
         self.files = _files(self.path, times)
         self._times_s: FloatArray = times.t_s - times.t_s[0]
         self.start_s = float(times.t_s[0])
@@ -58,6 +60,13 @@ class ImageFolder:
     def warnings(self) -> tuple[str, ...]:
         """What the last pass over the frames could not decode, as sentences."""
         return self._warnings
+
+    def taken(self, index: int) -> Taken:
+        """Return when and where an image was taken; each is read once."""
+        file = self.files[index]
+        if file not in self._taken:
+            self._taken[file] = read_taken(file)
+        return self._taken[file]
 
     def frames(self) -> Iterator[Frame]:
         """Yield all frames in order, decoded ahead in a separate thread.
@@ -111,16 +120,14 @@ def _parts(file: Path) -> list[str]:
     return re.findall(r"\d+|\D+", file.stem)
 
 
-def _times(folder: Path, given: str | Path | None) -> FrameTimes:
-    """Return the times of the table that is given or lies in the folder or beside it, or of the pictures."""
+def _table(folder: Path, given: str | Path | None) -> Path | None:
+    """Return the table of times that is given, or lies in the folder or beside it."""
     if given is not None:
-        return read_frame_times(Path(given))
+        return Path(given)
     if not folder.is_dir():
         raise VideoError("no such folder of images", file=folder)
-    for table in (folder / FRAME_TIMES, folder.parent / FRAME_TIMES):
-        if table.is_file():
-            return read_frame_times(table)
-    return picture_times(folder, list_images(folder))
+    tables = (folder / FRAME_TIMES, folder.parent / FRAME_TIMES)
+    return next((table for table in tables if table.is_file()), None)
 
 
 def _files(folder: Path, times: FrameTimes) -> list[Path]:

@@ -12,7 +12,7 @@ from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, V
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import PointSystem, read_control_points
-from vgps.readers.exif import picture_start_utc, read_exif_fixes
+from vgps.readers.exif import exif_fixes
 from vgps.readers.gopro import GYRO_R_CAMERA, gopro_exposures, gps_stream, read_gopro_gps, read_gopro_gyro
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
@@ -87,7 +87,7 @@ def open_recording(
 def _start_utc(video: Source) -> datetime | None:
     """Return the UTC of the first frame, where the images or the bag say it."""
     if isinstance(video, ImageFolder):
-        return picture_start_utc(video.files[0])
+        return video.taken(0).utc
     return video.start_utc if isinstance(video, BagVideo) else None
 
 
@@ -161,7 +161,8 @@ def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry:
 def _of_the_source(video: Video, rig: Rig) -> GpsLog | None:
     """Return the positions in a folder's pictures or in a bag; None without any."""
     if isinstance(video, ImageFolder):
-        raw = read_exif_fixes(video.files, video.times_s)
+        taken = [video.taken(index) for index in range(len(video.files))]
+        raw = exif_fixes(taken, video.times_s)
     elif isinstance(video, BagVideo):
         raw = video.fixes()
     else:

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 
 from vgps.config import Config
-from vgps.crs import CoordinateSystem, egm96
+from vgps.crs import CoordinateSystem, decimal_year, egm96
 from vgps.geodesy import to_geodetic
 from vgps.model import FloatArray, IntArray
 from vgps.report.summary import gps_results
 from vgps.solution import Solution
-
-_YEAR_DAYS = 365.2425
 
 
 def datum_facts(solution: Solution, system: CoordinateSystem | None) -> list[tuple[str, str]]:
@@ -49,8 +47,8 @@ def _epoch(solution: Solution) -> list[tuple[str, str]]:
     if start is None:
         return [("epoch", "unknown: the recording does not say when it began")]
     utc = start.astimezone(UTC)
-    year = utc.year + (utc.timetuple().tm_yday - 1) / _YEAR_DAYS
-    return [("epoch", f"{utc:%Y-%m-%d %H:%M:%S} UTC, {year:.3f}"), ("times", "seconds from the first frame")]
+    epoch = f"{utc:%Y-%m-%d %H:%M:%S} UTC, {decimal_year(utc):.3f}"
+    return [("epoch", epoch), ("times", "seconds from the first frame")]
 
 
 def _at_frame(solution: Solution, system: CoordinateSystem, frame: int) -> str:

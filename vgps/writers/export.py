@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.crs import CoordinateSystem, coordinate_system
+from vgps.crs import CoordinateSystem, coordinate_system, decimal_year
 from vgps.crs.frames import poses_in_system, world_to_system
 from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
@@ -28,8 +28,6 @@ from vgps.writers.pose_table import write_csv
 from vgps.writers.tum import write_tum
 
 __all__ = ["FORMATS", "ExportOptions", "Format", "export"]
-
-_YEAR_DAYS = 365.2425
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +156,5 @@ def _system(solution: Solution, options: ExportOptions) -> CoordinateSystem | No
             raise RunFolderError("--crs or --geoid for a run that is not georeferenced", remedy="omit them")
         return None
     start = solution.video_start_utc
-    year = np.inf if start is None else start.year + (start.timetuple().tm_yday - 0.5) / _YEAR_DAYS
-    return coordinate_system(
-        origin[:2], options.crs, options.geoid, source=options.gps_crs, epoch=float(year)
-    )
+    epoch = np.inf if start is None else decimal_year(start)
+    return coordinate_system(origin[:2], options.crs, options.geoid, source=options.gps_crs, epoch=epoch)
