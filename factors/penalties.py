@@ -138,25 +138,31 @@ class Ellipsoid:
 class Gaussian:
     """A Gaussian around the fix, Eq. (14) and (15): ``0.5 ||offset / sigma||^2``; the residual is the offset.
 
+    With correlations ``0.5 offset^T covariance^-1 offset``.
+
     Attributes:
         sigma_m: Standard deviations east, north, up. The same numbers for every fix give Eq. (14) with
             ``omega = 1 / (2 sigma^2)``; the receiver's tau give Eq. (15) with omega = 1/2, and
             ``tau / sqrt(2 omega)`` another omega.
         cauchy_k: Constant of a Cauchy loss on the length of offset / sigma (2.385 keeps 95 % efficiency on
             one-dimensional Gaussian errors); None for no loss.
+        correlation: Of east and north, east and up, north and up.
 
     Raises:
-        ValueError: A parameter is not positive.
+        ValueError: A parameter is not positive, or no covariance has these correlations.
     """
 
     sigma_m: tuple[float, float, float]
     cauchy_k: float | None = None
+    correlation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         east, north, up = self.sigma_m
         _require_positive(sigma_east=east, sigma_north=north, sigma_up=up)
         if self.cauchy_k is not None:
             _require_positive(cauchy_k=self.cauchy_k)
+        if not np.all(np.linalg.eigvalsh(self._correlations) > 0):
+            raise ValueError(f"correlations of {self.correlation}, expected those of a covariance")
 
     def residual(self, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See :class:`Penalty`."""
@@ -164,17 +170,26 @@ class Gaussian:
 
     def noise_model(self) -> gtsam.noiseModel.Base:
         """See :class:`Penalty`."""
-        plain = gtsam.noiseModel.Diagonal.Sigmas(np.array(self.sigma_m))
+        sigma = np.array(self.sigma_m)
+        plain: gtsam.noiseModel.Gaussian = gtsam.noiseModel.Diagonal.Sigmas(sigma)
+        if any(self.correlation):
+            plain = gtsam.noiseModel.Gaussian.Covariance(sigma[:, None] * self._correlations * sigma)
         if self.cauchy_k is None:
             return plain
         return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(self.cauchy_k), plain)
 
     def cost(self, offsets: FloatArray) -> FloatArray:
         """See :class:`Penalty`."""
-        square: FloatArray = np.sum((offsets / np.array(self.sigma_m)) ** 2, axis=1)
+        ratio = offsets / np.array(self.sigma_m)
+        square = np.asarray(np.sum(ratio * np.linalg.solve(self._correlations, ratio.T).T, axis=1))
         if self.cauchy_k is None:
             return 0.5 * square
         return 0.5 * self.cauchy_k**2 * np.log1p(square / self.cauchy_k**2)
+
+    @cached_property
+    def _correlations(self) -> FloatArray:
+        en, eu, nu = self.correlation
+        return np.array([[1.0, en, eu], [en, 1.0, nu], [eu, nu, 1.0]])
 
 
 def exponent_schedule(n: int) -> list[int]:

@@ -112,6 +112,8 @@ class GpsLog:
         line: (N,) line of the fix in the file, from 1.
         source: The file.
         skipped: Notes on what the reader skipped or assumed (damaged lines, missing geoid separations).
+        correlation: (N, 3) correlations of the errors east and north, east and up, north and up, as reported;
+            0 where there is no report. None in runs of version 0.1.
     """
 
     t_s: FloatArray
@@ -126,6 +128,7 @@ class GpsLog:
     line: IntArray
     source: Path
     skipped: tuple[str, ...] = ()
+    correlation: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -120,7 +120,13 @@ def test_gauss_newton_reaches_the_wall_in_a_few_steps_from_anywhere(start_m, n, 
 
 @given(
     st.one_of(
-        walls, st.builds(Gaussian, st.tuples(*[st.floats(0.01, 10)] * 3), st.none() | st.floats(0.5, 5))
+        walls,
+        st.builds(
+            Gaussian,
+            st.tuples(*[st.floats(0.01, 10)] * 3),
+            st.none() | st.floats(0.5, 5),
+            st.tuples(*[st.floats(-0.45, 0.45)] * 3),
+        ),
     ),
     offsets,
 )
@@ -142,6 +148,14 @@ def test_cauchy_by_hand():
     # offset / sigma = (2, 1, 2): square 9; k = 3: 4.5 log(1 + 9/9)
     cauchy = Gaussian((1.0, 2.0, 3.0), cauchy_k=3.0)
     assert cauchy.cost(np.array([[2.0, 2.0, 6.0]]))[0] == pytest.approx(4.5 * np.log(2))
+
+
+def test_correlated_errors_by_hand():
+    # sigmas 1 and 2, correlation 0.5: the inverse of [[1, 1], [1, 4]] is [[4, -1], [-1, 1]] / 3
+    correlated = Gaussian((1.0, 2.0, 1.0), correlation=(0.5, 0.0, 0.0))
+    assert correlated.cost(np.array([[1.0, 1.0, 0.0]]))[0] == pytest.approx(0.5 * (4 - 2 + 1) / 3)
+    with pytest.raises(ValueError, match="expected those of a covariance"):
+        Gaussian((1.0, 2.0, 1.0), correlation=(0.9, 0.9, -0.9))
 
 
 @pytest.mark.parametrize(

@@ -71,3 +71,15 @@ def test_the_cost_of_an_ellipsoid_follows_its_semi_axes():
     # at the wall omega, inside less; with r instead of alpha the same offset is far outside
     assert penalty(wide, 0, SURVEYED).cost(offset)[0] == pytest.approx(SURVEYED.omega)
     assert penalty(narrow, 0, SURVEYED).cost(offset)[0] == pytest.approx(SURVEYED.omega * 1.5**4)
+
+
+def test_the_receiver_s_covariance_is_that_of_the_gaussian():
+    config = GpsConfig(model="gaussian-receiver", min_sigma_m=1e-3)
+    sigma = np.array([[0.01, 0.02, 0.04], [0.01, 0.02, np.nan], [0.01, 0.02, 0.04]])
+    correlation = np.array([[-0.5, 0.5, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    found = fixes(config, sigma_m=sigma, correlation=correlation)
+    covariance = penalty(found, 0, config).noise_model().covariance()
+    np.testing.assert_allclose(covariance[0], [1e-4, -1e-4, 2e-4], atol=1e-12)
+    # without a sigma the correlations mean nothing
+    assert penalty(found, 1, config).correlation == (0.0, 0.0, 0.0)
+    assert penalty(fixes(config, sigma_m=sigma), 0, config).correlation == (0.0, 0.0, 0.0)

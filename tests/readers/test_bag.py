@@ -38,6 +38,7 @@ def test_every_stream_is_on_the_clock_of_the_first_image(bag, recording):
         np.testing.assert_allclose(getattr(found.gps, name), getattr(true.gps, name), atol=1e-12)
     np.testing.assert_allclose(found.gps.height_m, true.gps.height_m, atol=1e-9)
     np.testing.assert_allclose(found.gps.sigma_m, true.gps.sigma_m, atol=1e-9)
+    np.testing.assert_allclose(found.gps.correlation[0], [0.5, 0.0, 0.25], atol=1e-9)
     assert set(found.gps.fix_class) == {FixClass.RTK_FIX}
     np.testing.assert_allclose(found.gyro.rate_rad_s, true.gyro.rate_rad_s[::10], atol=1e-12)
     assert found.rig.video_start_utc == datetime.fromtimestamp(UNIX_S, UTC)

@@ -79,6 +79,7 @@ def test_sigmas_and_what_was_skipped(tmp_path):
 def test_sigmas_of_sbf(tmp_path):
     log = read(tmp_path, sbf())
     np.testing.assert_allclose(log.sigma_m[0], [0.02, 0.01, 0.03], atol=1e-6)  # east, north, up
+    np.testing.assert_allclose(log.correlation[0], [0.5, 0.0, 0.0], atol=1e-6)
     assert log.satellites[0] == 14 and log.correction_age_s[0] == pytest.approx(1.5)
     assert log.skipped == (
         "1 epoch without a fix skipped",

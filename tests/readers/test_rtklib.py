@@ -96,21 +96,54 @@ def test_degrees_minutes_seconds():
     assert fix[1:4] == (-0.5, -0.25, -12.5)
 
 
-def test_ecef_with_its_covariance():
+LARGE = "2  11   0.0200   0.0100   0.0400  {} {} {}   1.50    0.0"
+
+
+def ecef(covariance):
+    """A solution in ECEF at PLACE, of a covariance (3, 3) east, north, up."""
     x, y, z = pymap3d.geodetic2ecef(*PLACE)
     lat, lon = np.radians(PLACE[:2])
     east = np.array([-np.sin(lon), np.cos(lon), 0])
     up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
     R = np.stack([east, np.cross(up, east), up])
-    C = R.T @ np.diag([0.01**2, 0.02**2, 0.03**2]) @ R
+    C = R.T @ covariance @ R
     entries = [C[0, 0], C[1, 1], C[2, 2], C[0, 1], C[1, 2], C[2, 0]]
     sd = " ".join(f"{np.sign(c) * np.sqrt(abs(c)):.9f}" for c in entries)
     header = (
         "%  GPST   x-ecef(m)  y-ecef(m)  z-ecef(m)  Q  ns  sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) sdzx(m)\n"
     )
-    fix = only(header + f"2137 422922.500 {x:.4f} {y:.4f} {z:.4f} 1 11 {sd}\n")
+    return header + f"2137 422922.500 {x:.4f} {y:.4f} {z:.4f} 1 11 {sd}\n"
+
+
+def test_ecef_with_its_covariance():
+    fix = only(ecef(np.diag([0.01**2, 0.02**2, 0.03**2])))
     assert_place(fix, PLACE, 1e-4)
     np.testing.assert_allclose(fix.sigma_m, [0.01, 0.02, 0.03], atol=1e-6)
+
+    np.testing.assert_allclose(fix.correlation, np.zeros(3), atol=1e-3)
+
+
+def test_cross_covariances_are_correlations_of_east_north_up():
+    # sdn 2 cm, sde 1 cm, sdu 4 cm; covariances -1e-4 (ne), 2e-4 (eu), 0 (un) m^2
+    found = only(HEADER.format(time="GPST") + ROW.replace(REST, LARGE.format(-0.01, 0.01414214, 0.0)))
+    np.testing.assert_allclose(found.correlation, [-0.5, 0.5, 0.0], atol=1e-6)
+    header = "%  GPST  e-baseline(m)  n-baseline(m)  u-baseline(m) Q ns sde sdn sdu sden sdnu sdue\n"
+    row = "2137 422922.500 100.0 -200.0 5.0 1 11 0.01 0.02 0.04 -0.01 0.02 0.0\n"
+    fix = only("% ref pos   : 40.129954154 -105.233055352  1669.9904\n" + header + row)
+    np.testing.assert_allclose(fix.correlation, [-0.5, 0.0, 0.5], atol=1e-6)
+    # 1.1 times the product of the sigmas: of no covariance, so none is believed
+    absurd = only(HEADER.format(time="GPST") + ROW.replace(REST, LARGE.format(0.0148324, 0.0, 0.0)))
+    assert absurd.correlation == (0.0, 0.0, 0.0) and absurd.sigma_m == (0.01, 0.02, 0.04)
+
+
+@pytest.mark.parametrize("correlation", [(0.3, -0.6, 0.2), (0.0, 0.0, 0.9)])
+def test_correlations_of_an_ecef_covariance(correlation):
+    en, eu, nu = correlation
+    sigma = np.array([0.01, 0.02, 0.03])
+    C = sigma[:, None] * np.array([[1, en, eu], [en, 1, nu], [eu, nu, 1]]) * sigma
+    fix = only(ecef(C))
+    np.testing.assert_allclose(fix.sigma_m, sigma, atol=1e-6)
+    np.testing.assert_allclose(fix.correlation, correlation, atol=1e-4)
 
 
 def test_a_baseline_from_its_base_station():
@@ -216,6 +249,16 @@ def test_real_solutions(data_dir):
         classes = [fix.fix_class for fix in read_pos(data, data_dir / file).fixes]
         assert (classes.count(FixClass.RTK_FIX), classes.count(FixClass.RTK_FLOAT)) == counts
         assert len(classes) == sum(counts)
+
+
+def test_correlations_of_a_real_drive(data_dir):
+    # a row of the file by hand: sdn 0.0032, sde 0.0020, sdne 0.0009 ...
+    raw = (data_dir / "rtk_drive/reference.pos").read_bytes()
+    fixes = read_pos(raw, Path("reference.pos")).fixes
+    rows = [line.split() for line in raw.decode().splitlines() if not line.startswith("%")]
+    sdn, sde, _, sdne = (float(number) for number in rows[0][7:11])
+    assert fixes[0].correlation[0] == pytest.approx(np.sign(sdne) * sdne**2 / (sdn * sde), abs=1e-9)
+    assert (np.abs([fix.correlation for fix in fixes]) < 1.0).all()
 
 
 def test_calendar_and_week_time_of_one_drive_agree(data_dir):

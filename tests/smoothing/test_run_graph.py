@@ -214,6 +214,13 @@ def test_the_fast_engine_ends_at_gtsams_minimum_on_a_real_drive(log, data_dir):
     check_minimum(solution, graph, values, gain=1e-4, moves_m=0.02)
 
 
+def test_a_graph_from_before_correlations_has_none(run):
+    solution = read_run(run)
+    older = {name: array for name, array in solution.graph.items() if name != "fixes.correlation"}
+    _, values = vgps.factor_graph(replace(solution, graph=older))
+    assert values.size() == vgps.factor_graph(solution)[1].size()
+
+
 def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
     solution = replace(read_run(run), graph=None)
     write_run(solution, tmp_path / "run")

@@ -8,6 +8,7 @@ from PIL import Image
 
 from vgps.readers.recording import open_recording
 
+CORRELATIONS = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.25], [0.0, 0.25, 1.0]])
 UNIX_S = 1_748_779_200  # 2025-06-01 12:00:00 UTC
 
 
@@ -72,7 +73,7 @@ def fixes(recording, store, ros1):
             latitude=float(log.latitude_deg[row]),
             longitude=float(log.longitude_deg[row]),
             altitude=float(log.height_m[row]),
-            position_covariance=np.diag(log.sigma_m[row] ** 2).ravel(),
+            position_covariance=(log.sigma_m[row][:, None] * CORRELATIONS * log.sigma_m[row]).ravel(),
             position_covariance_type=2,
         )
         yield "/fix", "sensor_msgs/msg/NavSatFix", stamp, message

@@ -134,7 +134,7 @@ def sbf(rows=FIX, unix_s=UNIX_S, covariance=True, mode=4):
         )
         data += _sbf_block(4007, 2, body)
         if covariance:
-            variances = struct.pack("<10f", 1e-4, 4e-4, 9e-4, *[0.0] * 7)
+            variances = struct.pack("<10f", 1e-4, 4e-4, 9e-4, 0.0, 1e-4, *[0.0] * 5)
             data += _sbf_block(5906, 0, head + struct.pack("<BB", kind, error) + variances)
     return data
 

@@ -29,6 +29,7 @@ class Fixes:
             none.
         shape, lower_shape: (M, 2) semi-axes of the ellipsoid (22) over r and h, of either class.
         sigma_m: (M, 3) standard deviations reported by the receiver; NaN where it reports none.
+        correlation: (M, 3) correlations of east and north, east and up, north and up, which go with them.
         used: (M,) whether a fix contributes.
         correlation_s: (M,) time after which the error of a fix of this class counts as independent.
         fix_class: (M,) class, as an index of :data:`CLASSES`.
@@ -43,6 +44,7 @@ class Fixes:
     shape: FloatArray
     lower_shape: FloatArray
     sigma_m: FloatArray
+    correlation: FloatArray
     used: BoolArray
     correlation_s: FloatArray
     fix_class: IntArray
@@ -85,6 +87,7 @@ class Fixes:
             shape=shape,
             lower_shape=shape,
             sigma_m=points,
+            correlation=points,
             used=np.zeros(0, dtype=bool),
             correlation_s=n,
             fix_class=np.zeros(0, dtype=np.int64),
@@ -115,6 +118,7 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
         shape=ellipsoid_shapes(log.fix_class, config),
         lower_shape=ellipsoid_shapes(lower, config),
         sigma_m=log.sigma_m,
+        correlation=np.zeros((len(log), 3)) if log.correlation is None else log.correlation,
         used=np.isfinite(r_m),
         correlation_s=np.array(correlation_s),
         fix_class=np.array([CLASSES.index(name) for name in log.fix_class], dtype=np.int64),
@@ -184,10 +188,12 @@ def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> 
     if config.model == "gaussian":
         return Gaussian((config.gaussian_sigma_m,) * 3)
     # without the receiver's sigmas, half the region of the class
-    sigma = np.where(np.isfinite(fixes.sigma_m[row]), fixes.sigma_m[row], np.array([r_m, r_m, h_m]) / 2.0)
+    stated = np.isfinite(fixes.sigma_m[row])
+    sigma = np.where(stated, fixes.sigma_m[row], np.array([r_m, r_m, h_m]) / 2.0)
     sigma = np.maximum(sigma, config.min_sigma_m)
+    en, eu, nu = fixes.correlation[row].tolist() if stated.all() else (0.0, 0.0, 0.0)
     k = _CAUCHY_K if config.model == "cauchy" else None
-    return Gaussian((float(sigma[0]), float(sigma[1]), float(sigma[2])), k)
+    return Gaussian((float(sigma[0]), float(sigma[1]), float(sigma[2])), k, (en, eu, nu))
 
 
 def contributing_fixes(fixes: Fixes, frame_t_s: FloatArray, config: GpsConfig) -> BoolArray:

@@ -13,7 +13,7 @@ import numpy as np
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import Camera, FixClass, FloatArray, Frame, GyroLog, RgbImage
 from vgps.readers.bag_messages import IMAGES, bag_messages, grey_of, rgb_of, stamp_s
-from vgps.readers.fixes import EPOCH, Clock, Fix, RawLog, counted
+from vgps.readers.fixes import EPOCH, Clock, Fix, RawLog, counted, uncertainty
 from vgps.readers.luma import ahead
 
 _MAGIC = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
@@ -21,6 +21,7 @@ _UTC_S = 1e9  # ROS times from here on are Unix times; smaller ones are a simula
 _FIX, _RATES, _INFO = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "sensor_msgs/msg/CameraInfo"
 _GBAS, _SBAS, _NO_FIX = 2, 1, -1
 _RTK_FIX_M = 0.05  # a ground-based fix with a smaller horizontal sigma has its ambiguities fixed
+_UNKNOWN = np.full((3, 3), np.nan)
 _LENSES = {"plumb_bob": "opencv", "rational_polynomial": "opencv", "equidistant": "fisheye"}
 
 
@@ -170,14 +171,14 @@ def _fixes(found: list[tuple[float, Any]], origin_s: float, clock: Clock, path: 
 def _fix(t_s: float, message: Any, row: int) -> Fix:
     """Return a NavSatFix, whose altitude is ellipsoidal by definition."""
     known = message.position_covariance_type > 0
-    variance = np.asarray(message.position_covariance, float)[[0, 4, 8]]
-    sigma = np.sqrt(np.where(known & (variance > 0), variance, np.nan))
+    covariance = np.asarray(message.position_covariance, float).reshape(3, 3)
+    sigma, correlation = uncertainty(covariance if known else _UNKNOWN)
     status = int(message.status.status)
     kind = FixClass.SBAS if status == _SBAS else FixClass.SINGLE
     if status == _GBAS:
         kind = FixClass.RTK_FIX if np.hypot(sigma[0], sigma[1]) < _RTK_FIX_M else FixClass.RTK_FLOAT
     place = float(message.latitude), float(message.longitude), float(message.altitude)
-    return Fix(t_s, *place, kind, row, (float(sigma[0]), float(sigma[1]), float(sigma[2])))
+    return Fix(t_s, *place, kind, row, sigma, correlation=correlation)
 
 
 def _camera(info: Any, path: Path) -> Camera | None:

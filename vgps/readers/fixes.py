@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from vgps.crs import egm96
-from vgps.model import FixClass
+from vgps.model import FixClass, FloatArray
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
 _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
+_PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
+_LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -29,6 +31,9 @@ NMEA_QUALITY = {
 }
 
 
+Triple = tuple[float, float, float]
+
+
 class Clock(Enum):
     """Origin of a log's times."""
 
@@ -38,7 +43,7 @@ class Clock(Enum):
 
 
 class Fix(NamedTuple):
-    """One fix; NaN where unknown. ``sigma_m`` is east, north, up."""
+    """One fix; NaN where unknown. ``sigma_m`` is east, north, up; ``correlation`` of en, eu, nu, else 0."""
 
     t_s: float
     latitude_deg: float
@@ -46,10 +51,11 @@ class Fix(NamedTuple):
     height_m: float
     fix_class: FixClass
     line: int
-    sigma_m: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    sigma_m: Triple = (np.nan, np.nan, np.nan)
     hdop: float = np.nan
     satellites: float = np.nan
     correction_age_s: float = np.nan
+    correlation: Triple = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,29 @@ def unix_s(instant: datetime) -> float:
 def unix_day_s(day: date) -> float:
     """Return seconds from 1970-01-01 to the midnight at which a day begins."""
     return (day - EPOCH.date()).days * DAY_S
+
+
+def sigmas_and_correlations(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations and correlations (en, eu, nu), (N, 3) each, of covariances (N, 3, 3).
+
+    A negative variance gives NaN. Correlations that no covariance has give 0: those of unknown variances, and
+    of numbers that are rounded too far or damaged.
+    """
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    sigma = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+    with np.errstate(divide="ignore", invalid="ignore"):  # zero
+        ratio = covariance / (sigma[:, :, None] * sigma[:, None, :])
+    known = np.isfinite(ratio).all(axis=(1, 2))
+    share = np.linalg.eigvalsh(np.where(known[:, None, None], ratio, np.eye(3)))
+    known &= share[:, 0] > _LEAST_SHARE * share[:, 2]
+    return sigma, np.where(known[:, None], ratio[:, *_PAIRS], 0.0)
+
+
+def uncertainty(covariance: FloatArray) -> tuple[Triple, Triple]:
+    """Return standard deviations and correlations of a covariance (3, 3); a variance of 0 is unknown too."""
+    known = covariance + np.diag(np.where(np.diagonal(covariance) > 0.0, 0.0, np.nan))
+    (sigma,), (correlation,) = sigmas_and_correlations(known[None])
+    return (*sigma.tolist(),), (*correlation.tolist(),)
 
 
 def damaged_lines(lines: list[int]) -> list[str]:

@@ -224,6 +224,7 @@ def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsL
         line=np.array([fix.line for fix in fixes], np.int64),
         source=path,
         skipped=tuple(notes),
+        correlation=np.array([fix.correlation for fix in fixes], float),
     )
 
 

@@ -23,6 +23,7 @@ from vgps.readers.fixes import (
     counted,
     damaged_lines,
     from_sea_level,
+    sigmas_and_correlations,
     unix_day_s,
 )
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
@@ -91,8 +92,8 @@ def read_pos(data: bytes, path: Path) -> RawLog:
     elif header.time_system == "JST":
         t_s = t_s - _JST_S
     geodetic, rest = _positions(values, header), values[:, header.position_columns :]
-    sigma = _sigmas(rest, geodetic, header)
-    numbers = np.column_stack([t_s, geodetic, sigma, _column(rest, 1), _column(rest, 8)]).tolist()
+    uncertainty = np.hstack(_sigmas(rest, geodetic, header))
+    numbers = np.column_stack([t_s, geodetic, uncertainty, _column(rest, 1), _column(rest, 8)]).tolist()
     quality = np.clip(np.nan_to_num(rest[:, 0]), -1, 99).round().astype(int).tolist()
     fixes = [
         _fix(row, QUALITY.get(q, FixClass.UNKNOWN), number)
@@ -109,10 +110,18 @@ def read_pos(data: bytes, path: Path) -> RawLog:
 
 
 def _fix(row: list[float], kind: FixClass, line: int) -> Fix:
-    t_s, latitude, longitude, height, east, north, up, satellites, age = row
-    sigma = (east, north, up)
+    t_s, latitude, longitude, height, east, north, up, en, eu, nu, satellites, age = row
     return Fix(
-        t_s, latitude, longitude, height, kind, line, sigma, satellites=satellites, correction_age_s=age
+        t_s,
+        latitude,
+        longitude,
+        height,
+        kind,
+        line,
+        (east, north, up),
+        satellites=satellites,
+        correction_age_s=age,
+        correlation=(en, eu, nu),
     )
 
 
@@ -210,17 +219,18 @@ def _degrees(place: FloatArray) -> FloatArray:
     return np.column_stack([np.copysign(angle, place[:, [0, 3]]), place[:, 6]])
 
 
-def _sigmas(rest: FloatArray, geodetic: FloatArray, header: _Header) -> FloatArray:
-    """Return (N, 3) standard deviations east, north, up; NaN where the file has none."""
+def _sigmas(rest: FloatArray, geodetic: FloatArray, header: _Header) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations east, north, up, NaN where the file has none, and their correlations."""
     if rest.shape[1] < (8 if header.frame == "ecef" else 5):
-        return np.full((len(rest), 3), np.nan)
-    if header.frame == "geodetic":
-        return rest[:, [3, 2, 4]]  # sdn, sde, sdu
-    if header.frame == "enu":
-        return rest[:, 2:5]
-    # sdx sdy sdz sdxy sdyz sdzx: signed square roots of the covariances
+        return np.full((len(rest), 3), np.nan), np.zeros((len(rest), 3))
+    # standard deviations, then signed square roots of the covariances: of axes 0 and 1, 1 and 2, 2 and 0
     squared = rest[:, 2:8] * np.abs(rest[:, 2:8])
+    if squared.shape[1] < 6:
+        squared = np.hstack([squared[:, :3], np.zeros((len(rest), 3))])
     covariance = squared[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3)
-    R = enu_R_ecef(geodetic[:, 0], geodetic[:, 1])
-    variance: FloatArray = np.einsum("nij,njk,nik->ni", R, covariance, R)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), np.float64)
+    if header.frame == "geodetic":
+        covariance = covariance[:, [1, 0, 2]][:, :, [1, 0, 2]]  # north, east, up
+    elif header.frame == "ecef":
+        R = enu_R_ecef(geodetic[:, 0], geodetic[:, 1])
+        covariance = R @ covariance @ np.swapaxes(R, 1, 2)
+    return sigmas_and_correlations(covariance)

@@ -9,7 +9,7 @@ import numpy as np
 
 from vgps.model import FixClass
 from vgps.readers.extras import optional_module
-from vgps.readers.fixes import Clock, Fix, RawLog, counted
+from vgps.readers.fixes import Clock, Fix, RawLog, Triple, counted, uncertainty
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
 _PVT, _COVARIANCE = 4007, 5906
@@ -78,6 +78,7 @@ def _fix(message: Any, covariance: Any | None, row: int) -> Fix:
     gps_s = GPS_EPOCH_S + message.WNc * WEEK_S + message.TOW * 1e-3
     place = [message.Latitude, message.Longitude, message.Height]
     latitude, longitude, height = (value if value > _UNKNOWN else np.nan for value in place)
+    sigma, correlation = _uncertainty(message, covariance)
     return Fix(
         float(utc_from_gps(np.array([gps_s]))[0]),
         float(np.degrees(latitude)),
@@ -85,19 +86,20 @@ def _fix(message: Any, covariance: Any | None, row: int) -> Fix:
         float(height),
         _CLASSES[message.Type],
         row,
-        _sigma(message, covariance),
+        sigma,
         satellites=float(message.NrSV),
         correction_age_s=np.nan if message.MeanCorrAge >= _UNKNOWN_U16 / 100 else float(message.MeanCorrAge),
+        correlation=correlation,
     )
 
 
-def _sigma(message: Any, covariance: Any | None) -> tuple[float, float, float]:
-    """Return sigmas east, north, up: of the covariance, else of the accuracies, which are two sigmas."""
+def _uncertainty(message: Any, covariance: Any | None) -> tuple[Triple, Triple]:
+    """Return sigmas and correlations of the covariance, else of the accuracies, which are two sigmas."""
     if covariance is not None:
-        variance = np.array([covariance.Cov_lonlon, covariance.Cov_latlat, covariance.Cov_hgthgt])
-        east, north, up = np.sqrt(np.where(variance > 0.0, variance, np.nan)).tolist()
-        return east, north, up
+        ee, nn, uu = covariance.Cov_lonlon, covariance.Cov_latlat, covariance.Cov_hgthgt
+        en, eu, nu = covariance.Cov_latlon, covariance.Cov_lonhgt, covariance.Cov_lathgt
+        return uncertainty(np.array([[ee, en, eu], [en, nn, nu], [eu, nu, uu]]))
     horizontal, vertical = message.HAccuracy / 2.0, message.VAccuracy / 2.0
     if min(horizontal, vertical) <= 0.0 or max(message.HAccuracy, message.VAccuracy) >= _UNKNOWN_U16 / 100:
-        return np.nan, np.nan, np.nan
-    return horizontal / np.sqrt(2.0), horizontal / np.sqrt(2.0), vertical
+        return (np.nan, np.nan, np.nan), (0.0, 0.0, 0.0)
+    return (horizontal / np.sqrt(2.0), horizontal / np.sqrt(2.0), vertical), (0.0, 0.0, 0.0)

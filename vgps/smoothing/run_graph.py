@@ -166,7 +166,8 @@ def _fix_arrays(fixes: Fixes) -> dict[str, npt.NDArray[Any]]:
 
 
 def _fixes(graph: Arrays) -> Fixes:
-    columns = {name: graph[f"fixes.{name}"] for name in _fix_columns()}
+    plain = {"fixes.correlation": np.zeros((len(graph["fixes.t_s"]), 3))}  # absent in older runs
+    columns = {name: {**plain, **graph}[f"fixes.{name}"] for name in _fix_columns()}
     unknown = np.full((len(columns["t_s"]), 2), np.nan)
     words = [str(name) for name in CLASSES]
     numbers = [words.index(word) for word in columns["fix_class"].tolist()]
