@@ -98,6 +98,8 @@ def camera_fields(camera: Camera) -> dict[str, Any]:
         fields["distortion"] = list(camera.distortion)
     if camera.pixel_mm is not None:
         fields["pixel_mm"] = list(camera.pixel_mm)
+    if camera.readout_s is not None:
+        fields["readout_s"] = camera.readout_s
     return fields
 
 

@@ -52,6 +52,10 @@ class Camera:
     ``distortion``: ``opencv`` (k1, k2, p1, p2[, k3]); ``fisheye`` (k1..k4); ``tsai`` (kappa1 [mm^-2],
     kappa2 [mm^-4]) with ``pixel_mm`` (width, height of a pixel on the sensor, the width already divided by
     the scale factor s_x, Eq. (6), Kume 2010); ``pinhole`` none.
+
+    ``readout_s``: time from the exposure of the first row to that of the last, 0 for a global shutter,
+    negative if the last row comes first, None if unknown. A frame's time stamp and pose are those of its
+    middle row.
     """
 
     model: LensModel
@@ -63,6 +67,7 @@ class Camera:
     cy: float
     distortion: tuple[float, ...] = ()
     pixel_mm: tuple[float, float] | None = None
+    readout_s: float | None = None
 
     @property
     def K(self) -> FloatArray:

@@ -55,6 +55,9 @@ def rig(folder: Path, text: str):
         replace(FLAT, model="opencv", distortion=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)),
         replace(FLAT, model="fisheye", distortion=(0.1, 0.2, 0.3, 0.4)),
         replace(FLAT, model="tsai", distortion=(0.1, 0.2), pixel_mm=(0.01, 0.02)),
+        replace(FLAT, readout_s=0.02),
+        replace(FLAT, readout_s=-0.01),
+        replace(FLAT, readout_s=0.0),
     ],
 )
 def test_what_is_written_reads_back(tmp_path, expected):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
+from scipy.signal import welch
 from scipy.spatial.transform import Rotation
 
 from vgps.simulate import SCENES, Motion, build_motion
@@ -50,6 +51,21 @@ def test_scenes_have_their_length(name: str, least_m: float, most_m: float) -> N
 def test_walk_is_the_experiments() -> None:
     config = SCENES["walk"]
     assert (config.frames, config.fps, config.width, config.height) == (1110, 15, 720, 480)
+
+
+def test_a_hand_shakes_as_the_gyro_of_a_gopro_has_measured() -> None:
+    config = replace(SCENES["walk"], speed=((0.0, 1.0), (60.0, 1.0)))
+    t = np.arange(0.0, 60.0, 0.005)
+    steady, shaken = (
+        build_motion(replace(config, hand_shake=amount), np.random.default_rng(1)).rates(t)
+        for amount in (0.0, 1.0)
+    )
+    frequency, power = welch(np.degrees(shaken - steady), 200.0, nperseg=2048, axis=0)
+    rms = [
+        np.sqrt(power[(frequency >= low) & (frequency < high)].mean(axis=1).sum() * frequency[1])
+        for low, high in ((2, 4), (4, 8), (8, 16))
+    ]
+    np.testing.assert_allclose(rms, [2.5, 2.9, 2.3], rtol=0.25)  # deg/s, mean of gopro_walk's axes
 
 
 def test_walker_bobs_at_each_step() -> None:

@@ -1,9 +1,35 @@
 """The verb ``simulate``."""
 
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from vgps.cli.app import print_line
-from vgps.cli.options import Seed
+from vgps.cli.options import NotNegative, Seed
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Shutter:
+    """What changes the pictures of a scene.
+
+    Attributes:
+        fps: Frames per second instead of the scene's.
+        readout_s: Time from the first row to the last of a rolling shutter, seconds; the frame's time stamp
+            and true pose are those of the middle row.
+        hand_shake: Shaking of the hand that holds the camera; 1 is as measured with a GoPro's gyro.
+    """
+
+    fps: Annotated[int, Parameter(validator=Number(gte=1, lte=240))] | None = None
+    readout_s: NotNegative | None = None
+    hand_shake: NotNegative | None = None
+
+    def changes(self) -> dict[str, Any]:
+        """Return the fields of the scene that are given."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 def simulate(
@@ -13,6 +39,7 @@ def simulate(
     seed: Seed = 0,
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
+    shutter: Shutter | None = None,
 ) -> None:
     """Simulate a recording with exact truth: video, GPS, gyro and calibration.
 
@@ -23,9 +50,11 @@ def simulate(
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
+        shutter: Frame rate, readout and shaking.
     """
     from vgps.simulate import scene_with_errors
     from vgps.simulate import simulate as simulate_recording
 
-    simulate_recording(out, scene_with_errors(scene, gps_errors, gps_reference), seed)
+    config = replace(scene_with_errors(scene, gps_errors, gps_reference), **(shutter or Shutter()).changes())
+    simulate_recording(out, config, seed)
     print_line(f"wrote {out}")

@@ -4,7 +4,8 @@ camera.yaml: ``model`` (pinhole, opencv, fisheye, tsai), ``width``, ``height``, 
 in pixels, ``distortion`` (opencv: k1, k2, p1, p2[, k3[, k4, k5, k6]]; fisheye: k1..k4; tsai: kappa1 [mm^-2],
 kappa2 [mm^-4]) and, for tsai, ``pixel_mm: [width, height]``. A tsai camera may instead give the parameters of
 Table 2, Kume 2010: ``focal_mm``, ``ccd_mm: [width, height]``, ``scale`` (s_x), ``cx``, ``cy`` and
-``kappa: [kappa1, kappa2]``.
+``kappa: [kappa1, kappa2]``. ``readout_s`` (optional) is the time from the first row to the last of a rolling
+shutter, 0 for a global one, negative if the last row is read first.
 
 rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude
 [deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``,
@@ -27,6 +28,7 @@ from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_tex
 from vgps.readers.table import read_bytes
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
+Readout = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 Pixels = Annotated[int, Field(gt=0, le=1_000_000)]
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
@@ -49,6 +51,7 @@ class _CameraFields(_Fields):
     cy: FiniteFloat
     distortion: tuple[FiniteFloat, ...] = ()
     pixel_mm: tuple[Positive, Positive] | None = None
+    readout_s: Readout | None = None
 
     def camera(self) -> Camera:
         return Camera(**self.model_dump())
@@ -64,6 +67,7 @@ class _TsaiFields(_Fields):
     cx: FiniteFloat
     cy: FiniteFloat
     kappa: tuple[FiniteFloat, FiniteFloat]
+    readout_s: Readout | None = None
 
     def camera(self) -> Camera:
         """Return the camera, Eq. (4) and (6), Kume 2010: pixels are ccd_x / (scr_x s_x) by ccd_y / scr_y."""
@@ -79,6 +83,7 @@ class _TsaiFields(_Fields):
             cy=self.cy,
             distortion=self.kappa,
             pixel_mm=pixel,
+            readout_s=self.readout_s,
         )
 
 

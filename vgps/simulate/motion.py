@@ -15,6 +15,11 @@ _GRID_S = 0.005
 _KNOT_S = 0.05
 _MARGIN_S = 1.0
 
+# Hz, Hz, rms deg: the gyro of a GoPro in the hand of a walker (gopro_walk), mean of its axes, above the steps
+_HAND = ((2, 4, 0.144), (4, 6, 0.070), (6, 8, 0.046), (8, 12, 0.031), (12, 16, 0.010), (16, 30, 0.007))
+_SINES = 8  # for each of these bands
+_HAND_LEVER_M = 0.3  # from what the hand turns about to the camera
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -63,8 +68,13 @@ def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
     pitch = np.deg2rad(config.pitch_deg) + 0.6 * slow[1] + quick[1] + 0.6 * wobble * np.sin(step + 0.9)
     roll = np.deg2rad(config.roll_deg) + 0.4 * slow[2] + quick[2] + wobble * np.sin(step / 2 + 1.7)
     up = config.eye_m + config.bob_m * pace * np.sin(step) + 0.3 * quick[1]
-    east, north = east - sway * np.sin(heading), north + sway * np.cos(heading)
     every = round(_KNOT_S / _GRID_S)
+    if config.hand_shake:
+        hand = config.hand_shake * pace * np.stack([_hand(t, rng) for _ in range(3)])
+        yaw, pitch, roll = yaw + hand[0], pitch + hand[1], roll + hand[2]
+        up, sway = up + _HAND_LEVER_M * hand[1], sway + _HAND_LEVER_M * hand[0]
+        every = 1  # knots close enough for its frequencies
+    east, north = east - sway * np.sin(heading), north + sway * np.cos(heading)
     return Motion(CubicSpline(t[::every], np.stack([east, north, up, yaw, pitch, roll], axis=-1)[::every]))
 
 
@@ -110,6 +120,16 @@ def _wander(t: FloatArray, rng: np.random.Generator, shortest_s: float, longest_
     periods = np.geomspace(shortest_s, longest_s, 3) * rng.uniform(0.9, 1.1, 3)
     phases = rng.uniform(0, 2 * np.pi, 3)
     return np.asarray(np.sum(np.sin(2 * np.pi * t[:, None] / periods + phases), axis=1) / 2)
+
+
+def _hand(t: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return the angle [rad] by which a hand shakes about one axis."""
+    total = np.zeros_like(t)
+    for low, high, rms_deg in _HAND:
+        frequency, phase = rng.uniform(low, high, (_SINES, 1)), rng.uniform(0, 2 * np.pi, (_SINES, 1))
+        sines = np.sin(2 * np.pi * frequency * t + phase).sum(axis=0)
+        total += np.deg2rad(rms_deg) * np.sqrt(2 / _SINES) * sines
+    return total
 
 
 def _spin(t: FloatArray, config: SceneConfig) -> FloatArray:

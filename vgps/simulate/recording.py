@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from vgps.camera import camera_fields
-from vgps.errors import RunFolderError
+from vgps.errors import ConfigError, RunFolderError
 from vgps.model import Camera
 from vgps.simulate.motion import Motion, build_motion
 from vgps.simulate.render import Picture, Renderer
@@ -48,10 +48,14 @@ def simulate(
         on_frame: Called after each frame with the number of frames done and in total.
 
     Raises:
-        ConfigError: There is no scene of that name.
+        ConfigError: There is no scene of that name, or a readout takes longer than a frame.
         RunFolderError: ``out`` has something other than an earlier simulation, or cannot be written.
     """
     config = scene_config(scene) if isinstance(scene, str) else scene
+    if not 0.0 <= config.readout_s * config.fps <= 1.0:
+        raise ConfigError(
+            f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
+        )
     motion_rng, world_rng, gps_rng, gyro_rng = (np.random.default_rng([seed, k]) for k in range(4))
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
@@ -111,7 +115,16 @@ def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
 
 def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
     (fx, _, cx), (_, fy, cy), _ = renderer.K.tolist()
-    camera = Camera(model="pinhole", width=config.width, height=config.height, fx=fx, fy=fy, cx=cx, cy=cy)
+    camera = Camera(
+        model="pinhole",
+        width=config.width,
+        height=config.height,
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        readout_s=config.readout_s,
+    )
     path.write_text(yaml.safe_dump(camera_fields(camera), sort_keys=False), encoding="utf-8")
 
 

@@ -1,7 +1,6 @@
 """Rendering of textured parallelograms: exact homographies, filtered textures, depth, motion blur."""
 
 import math
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -9,29 +8,20 @@ import numpy.typing as npt
 from scipy.signal import detrend
 
 from vgps.model import FloatArray
+from vgps.simulate.canvas import Box, Canvas, depth_bands
+from vgps.simulate.faces import faces_in_view, texture_maps
 from vgps.simulate.motion import Motion
+from vgps.simulate.polygons import Polygon
 from vgps.simulate.ripmap import Ripmap
+from vgps.simulate.row_rays import KNOTS, draw_rows
 from vgps.simulate.scene import SceneConfig
 from vgps.simulate.textures import Image
 from vgps.simulate.world import World
 
 Picture = npt.NDArray[np.uint8]  # (H, W, 3) blue, green, red
 
-_NEAR_M = 0.15
-_BAND = 1.8  # range of depths (a ratio) drawn from one filtered size of a texture
-_COVERED = 120  # alpha; a little below one half, so that there are no gaps between neighbours
-_HAZE = np.array([228, 220, 212, 255], np.uint8).view(np.uint32)[0]
 _MOTION_DEPTH_M = 4.0
 _FEW = 6  # up to this number, instants are drawn at twice the size
-_Polygon = list[tuple[float, float, float]]
-
-
-class _Canvas(NamedTuple):
-    """What is drawn on: the image (H, W, 4), inverse depths (H, W), and the calibration matrix."""
-
-    image: Image
-    inverse_depth: npt.NDArray[np.float32]
-    K: FloatArray
 
 
 class Renderer:
@@ -63,8 +53,9 @@ class Renderer:
         zoom = 2 if count <= _FEW else 1
         size = (self._config.width, self._config.height)
         total = np.zeros((size[1], size[0], 4), np.float32)
-        for time, pose, shift in zip(times, self._motion.poses(times), _shifts(count) / zoom, strict=True):
-            view = self.view(pose, float(time), shift, zoom)
+        render = self.view if self._config.readout_s == 0.0 else self.rolling_view
+        for time, shift in zip(times.tolist(), _shifts(count) / zoom, strict=True):
+            view = render(time, shift, zoom)
             cv2.accumulateSquare(cv2.resize(view, size, interpolation=cv2.INTER_AREA), total)  # gamma 2
         rng = np.random.default_rng([self._seed, 7, index])
         grain = rng.standard_normal((size[1], size[0]), dtype=np.float32) * np.float32(
@@ -86,67 +77,56 @@ class Renderer:
         moved = np.hypot(*(projected[:2] / np.maximum(projected[2], 0.5) - pixels[:2])).max()
         return int(np.clip(math.ceil(moved), 1, config.max_samples))
 
-    def view(self, world_T_camera: FloatArray, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
+    def view(self, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
         """Render an instant at ``zoom`` times the size, with rays ``shift_px`` from the pixel centres."""
-        width, height = zoom * self._config.width, zoom * self._config.height
+        world_T_camera = self._motion.poses(np.array([t_s]))[0]
+        canvas = self._canvas(shift_px, zoom)
+        faces = faces_in_view(self._world, canvas, world_T_camera, t_s)
+        H = texture_maps(self._world, faces.row, canvas.K, world_T_camera, t_s)
+        front_to_back = np.argsort(faces.distance)
+        for k in front_to_back.tolist():
+            polygon = faces.polygon(k)
+            if polygon:
+                _draw(canvas, self._textures[self._world.texture[faces.row[k]]], polygon, H[k])
+        return canvas.image
+
+    def rolling_view(self, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
+        """Render all rows, each at its own time, the middle one at ``t_s``; otherwise as :meth:`view`."""
+        canvas = self._canvas(shift_px, zoom)
+        height = self._config.height
+        rows = (zoom * height - 1) / (zoom * (height - 1))  # from the canvas's first row to its last
+        times = t_s + self._config.readout_s * rows * np.linspace(-0.5, 0.5, KNOTS)
+        draw_rows(canvas, self._world, self._textures, self._motion.poses(times), times)
+        return canvas.image
+
+    def _canvas(self, shift_px: FloatArray, zoom: int) -> Canvas:
         K = np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]]) @ self.K
         K[:2, 2] -= zoom * shift_px
-        frustum = _frustum(K, width, height)
-        R, center = world_T_camera[:3, :3], world_T_camera[:3, 3]
-        origin, u, v = (self._world.origins(t_s) - center) @ R, self._world.edge_u @ R, self._world.edge_v @ R
-        corners = np.stack([origin, origin + u, origin + u + v, origin + v], axis=1)
-        facing = np.einsum("qi,qi->q", origin, np.cross(u, v))
-        within = corners @ frustum.T > np.array([0, 0, 0, 0, _NEAR_M])
-        inside, whole = np.all(np.any(within, axis=1), axis=1), np.all(within, axis=(1, 2))
-        drawn = np.flatnonzero(inside & ((facing > 1e-9) | (self._world.two_sided & (np.abs(facing) > 1e-9))))
-        texture_h_px = np.linalg.inv(K @ np.stack([u[drawn], v[drawn], origin[drawn]], axis=-1))
-        repeat = self._world.repeat[drawn, None]
-        texture_h_px[:, 0] *= repeat
-        texture_h_px[:, 1] *= repeat
-        image = np.full((height, width), _HAZE, np.uint32).view(np.uint8).reshape(height, width, 4)
-        canvas = _Canvas(image, np.zeros((height, width), np.float32), K)
-        planes = [(float(a), float(b), float(c)) for a, b, c in frustum]
-        front_to_back = np.argsort(np.linalg.norm(corners[drawn].mean(axis=1), axis=-1))
-        for row, H in zip(drawn[front_to_back], texture_h_px[front_to_back], strict=True):
-            polygon = [tuple(corner) for corner in corners[row].tolist()]
-            if not whole[row]:
-                polygon = _clipped(polygon, planes)
-            if polygon:
-                _draw(canvas, self._textures[self._world.texture[row]], polygon, H)
-        return image
+        return Canvas.empty(zoom * self._config.width, zoom * self._config.height, K)
 
 
-def _draw(canvas: _Canvas, texture: Ripmap, polygon: _Polygon, H: FloatArray) -> None:
+def _draw(canvas: Canvas, texture: Ripmap, polygon: Polygon, H: FloatArray) -> None:
     """Draw a convex polygon (camera frame, in view); H maps pixels (u, v, 1) to texture (a, b, 1) / depth."""
-    near, far = min(p[2] for p in polygon), max(p[2] for p in polygon)
-    bands = max(1, math.ceil(math.log(far / near) / math.log(_BAND)))
-    ratio = (far / near) ** (1 / bands)
-    for k in range(bands):
-        low, high = near * ratio**k, near * ratio ** (k + 1)
-        part = polygon
-        if k > 0:
-            part = _cut(part, (0.0, 0.0, 1.0), low)
-        if k < bands - 1:
-            part = _cut(part, (0.0, 0.0, -1.0), -high)
+    for band in depth_bands(min(p[2] for p in polygon), max(p[2] for p in polygon)):
+        part = band.part(polygon)
         if part:
-            limits = (0.0 if k == bands - 1 else 1 / high, math.inf if k == 0 else 1 / low)
-            _draw_band(canvas, texture, part, H, limits)
+            _draw_band(canvas, texture, part, H, band.limits)
 
 
 def _draw_band(
-    canvas: _Canvas, texture: Ripmap, part: _Polygon, H: FloatArray, limits: tuple[float, float]
+    canvas: Canvas, texture: Ripmap, part: Polygon, H: FloatArray, limits: tuple[float, float]
 ) -> None:
     """Draw the part of a parallelogram between two inverse depths, from one size of its texture."""
-    image, inverse_depth, K = canvas
+    image, _, K = canvas
     f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
     us, vs = [f * x / z + cx for x, _, z in part], [f * y / z + cy for _, y, z in part]
     left, top = max(0, math.floor(min(us))), max(0, math.floor(min(vs)))
     right, bottom = min(image.shape[1], math.ceil(max(us)) + 1), min(image.shape[0], math.ceil(max(vs)) + 1)
     if right <= left or bottom <= top:
         return
-    behind = inverse_depth[top:bottom, left:right]
-    if behind.min() > 1 / min(p[2] for p in part):
-        return  # hidden
+    box = Box(left, top, right, bottom)
+    if canvas.hides(box, min(p[2] for p in part)):
+        return
     H = H @ np.array([[1, 0, left], [0, 1, top], [0, 0, 1]])
     size = (right - left, bottom - top)
     patch = texture.warped(H, size, sum(us) / len(us) - left, sum(vs) / len(vs) - top)
@@ -154,15 +134,7 @@ def _draw_band(
     here = (g[0] * np.arange(size[0], dtype=np.float32))[None, :] + (
         g[1] * np.arange(size[1], dtype=np.float32) + g[2]
     )[:, None]
-    visible = here > behind
-    visible &= cv2.extractChannel(patch, 3) >= _COVERED
-    if limits[0] > 0:
-        visible &= here >= limits[0]
-    if limits[1] < math.inf:
-        visible &= here < limits[1]
-    mask = visible.view(np.uint8)
-    cv2.copyTo(here, mask, behind)
-    cv2.copyTo(patch, mask, image[top:bottom, left:right])
+    canvas.paint(box, patch, here, limits)
 
 
 def _shifts(count: int) -> FloatArray:
@@ -173,33 +145,3 @@ def _shifts(count: int) -> FloatArray:
     golden = np.array([0.7548776662466927, 0.5698402909980532])
     shifts = (np.arange(count)[:, None] * golden) % 1.0
     return np.asarray(detrend(shifts, axis=0, type="linear" if count > 2 else "constant"))
-
-
-def _frustum(K: FloatArray, width: int, height: int) -> FloatArray:
-    """Return (5, 3) inward normals of the view's sides, a pixel wider than the image, and the view axis."""
-    f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
-    return np.array([[f, 0, cx + 1], [-f, 0, width - cx], [0, f, cy + 1], [0, -f, height - cy], [0, 0, 1.0]])
-
-
-def _clipped(polygon: _Polygon, planes: list[tuple[float, float, float]]) -> _Polygon:
-    """Return the part of a polygon within the view."""
-    for k, plane in enumerate(planes):
-        polygon = _cut(polygon, plane, _NEAR_M if k == len(planes) - 1 else 0.0)
-        if not polygon:
-            break
-    return polygon
-
-
-def _cut(polygon: _Polygon, normal: tuple[float, float, float], least: float) -> _Polygon:
-    """Return the part of a convex polygon with ``normal . p >= least`` (Sutherland and Hodgman 1974)."""
-    a, b, c = normal
-    heights = [a * x + b * y + c * z - least for x, y, z in polygon]
-    kept: _Polygon = []
-    for k, (p, h) in enumerate(zip(polygon, heights, strict=True)):
-        q, g = polygon[k - 1], heights[k - 1]
-        if (h >= 0) != (g >= 0):
-            s = g / (g - h)
-            kept.append((q[0] + s * (p[0] - q[0]), q[1] + s * (p[1] - q[1]), q[2] + s * (p[2] - q[2])))
-        if h >= 0:
-            kept.append(p)
-    return kept

@@ -4,9 +4,12 @@ import math
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from vgps.model import FloatArray
 from vgps.simulate.textures import Image
+
+_Float = npt.NDArray[np.float32]
 
 _LAID_TEXELS = 1024
 _SHARPNESS = 0.7  # texels per sample, relative to pixels: samples are half a pixel apart
@@ -40,6 +43,16 @@ class Ripmap:
         return np.asarray(
             cv2.warpPerspective(level, to_level @ H, size, flags=flags, borderMode=border), np.uint8
         )
+
+    def looked_up(self, a: _Float, b: _Float, density: tuple[float, float]) -> Image:
+        """Return the texture at coordinates (H, W), filtered for texels per pixel along both axes."""
+        level, to_level, laid = self.level(*density)
+        if self.repeats:  # in the middle of the tiling
+            a, b = a - np.floor(a) + laid[0] // 2, b - np.floor(b) + laid[1] // 2
+        (w, _, x0), (_, h, y0), _ = to_level.tolist()
+        border = cv2.BORDER_WRAP if self.repeats else cv2.BORDER_CONSTANT
+        x, y = (c * np.float32(size) + np.float32(rim) for c, size, rim in ((a, w, x0), (b, h, y0)))
+        return np.asarray(cv2.remap(level, x, y, cv2.INTER_LINEAR, borderMode=border), np.uint8)
 
     def level(
         self, texels_per_px_u: float, texels_per_px_v: float

@@ -23,10 +23,13 @@ class SceneConfig:
         speed: Knots (time [s], speed [m/s]); the last one ends the recording.
         bends: Each with the distance at which it starts [m], length [m], angle [deg], left positive.
         fps, width, height, focal_px, exposure_s: The camera, a pinhole with a central principal point.
+        readout_s: Time from the exposure of the first row to that of the last; 0 for a global shutter. The
+            middle of the middle row's exposure is the frame's time stamp, and the time of its true pose.
         camera_p_antenna: Antenna in the camera frame, metres (x right, y down, z forward).
         eye_m: The camera's height above ground.
         bob_hz, bob_m, sway_deg: A walker's bobbing up and down, and swaying at half that frequency.
         shake_deg, look_deg: Amplitudes of quick shaking (of a moving vehicle) and of slow looking around.
+        hand_shake: Shaking of a hand that holds the camera, 1 as the gyro of a walker's GoPro measured it.
         pitch_deg, roll_deg: Mean tilt of the camera, up positive, and about its viewing axis, clockwise
             positive.
         spin_deg_s, spin_period_s: Peak rate and period of panning to and fro, fading in after a quarter of
@@ -50,6 +53,7 @@ class SceneConfig:
     height: int = 480
     focal_px: float = 620.0
     exposure_s: float = 0.0025
+    readout_s: float = 0.0
     camera_p_antenna: tuple[float, float, float] = (0.05, -0.42, -0.12)
     eye_m: float = 1.6
     bob_hz: float = 1.8
@@ -57,6 +61,7 @@ class SceneConfig:
     sway_deg: float = 0.5
     shake_deg: float = 0.0
     look_deg: float = 3.0
+    hand_shake: float = 0.0
     pitch_deg: float = 3.0
     roll_deg: float = 0.0
     spin_deg_s: float = 0.0
