@@ -1,5 +1,6 @@
 """GTSAM factors for cameras with GPS; they import gtsam and numpy only and do not need vgps."""
 
+from factors.continuous_path import knots_around, path_poses, path_vectors, path_weights, poses_at
 from factors.custom import (
     POINT3,
     POSE3,
@@ -25,6 +26,7 @@ from factors.reprojection import (
     projection_sigma_px,
     reliability_sigma_px,
 )
+from factors.rolling_shutter import RowTime, rolling_projection_factor
 
 __all__ = [
     "POINT3",
@@ -41,6 +43,7 @@ __all__ = [
     "Loss",
     "Penalty",
     "PreintegratedRates",
+    "RowTime",
     "Variable",
     "bias_walk_factor",
     "constant_centre_velocity_factor",
@@ -52,12 +55,18 @@ __all__ = [
     "gps_factor_calibrating",
     "gps_factor_interpolated",
     "gyro_factor",
+    "knots_around",
     "known_points_factor",
     "level_factor",
     "offset_factor",
+    "path_poses",
+    "path_vectors",
+    "path_weights",
+    "poses_at",
     "preintegrate_rates",
     "projection_factor",
     "projection_noise",
     "projection_sigma_px",
     "reliability_sigma_px",
+    "rolling_projection_factor",
 ]
