@@ -68,6 +68,10 @@ class GyroLogError(VgpsError):
     """An unreadable gyro log."""
 
 
+class ImuLogError(VgpsError):
+    """An IMU log that is unreadable, or in other units."""
+
+
 class ConfigError(VgpsError):
     """A configuration or survey file with unknown keys or impossible values."""
 

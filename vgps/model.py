@@ -76,6 +76,26 @@ class Camera:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ImuMount:
+    """Mounting of an IMU on the camera, and what a calibration found of its errors.
+
+    Attributes:
+        imu_R_camera: (3, 3) rotation from camera to IMU axes.
+        imu_p_camera: (3,) camera in the IMU's frame, metres.
+        gyro_bias_rad_s, accelerometer_bias_m_s2: (3,) expected biases in the IMU's axes, zero if unknown.
+        gyro_density: White noise of the rates, rad/s/sqrt(Hz); None if the log is to tell it.
+        accelerometer_density: White noise of the specific force, m/s^2/sqrt(Hz); None likewise.
+    """
+
+    imu_R_camera: FloatArray
+    imu_p_camera: FloatArray = field(default_factory=lambda: np.zeros(3))
+    gyro_bias_rad_s: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accelerometer_bias_m_s2: FloatArray = field(default_factory=lambda: np.zeros(3))
+    gyro_density: float | None = None
+    accelerometer_density: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Rig:
     """Mounting of the sensors on the camera, and relation of their clocks.
 
@@ -88,8 +108,10 @@ class Rig:
         gyro_R_camera: (3, 3) rotation from camera to gyro axes.
         gyro_time_offset_s: Delay of the gyro's clock, which the reader adds to its times.
         gyro_bias_rad_s: (3,) subtracted from the gyro's rates by the reader.
+        imu: Mounting of the IMU; None if it is not known.
+        imu_time_offset_s: Delay of the IMU's clock, which the reader adds to its times.
         exposure_s: Exposure time of a frame.
-        video_start_s: Time of the first frame on the clock of ``gyro.csv`` and ``truth.tum``.
+        video_start_s: Time of the first frame on the clock of ``gyro.csv``, ``imu.csv`` and ``truth.tum``.
     """
 
     camera_p_antenna: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -99,6 +121,8 @@ class Rig:
     gyro_R_camera: FloatArray | None = None
     gyro_time_offset_s: float = 0.0
     gyro_bias_rad_s: FloatArray = field(default_factory=lambda: np.zeros(3))
+    imu: ImuMount | None = None
+    imu_time_offset_s: float = 0.0
     exposure_s: float | None = None
     video_start_s: float = 0.0
 
@@ -154,6 +178,27 @@ class GyroLog:
     t_s: FloatArray
     rate_rad_s: FloatArray
     source: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuLog:
+    """Angular rates and specific force in the IMU's axes, on the video's clock.
+
+    Attributes:
+        t_s: (N,) strictly ascending.
+        rate_rad_s: (N, 3).
+        force_m_s2: (N, 3) specific force: acceleration minus gravity, upward at rest.
+        saturated: (N,) samples at the end of the sensor's range.
+        source: The file.
+        notes: What the reader found: gaps, saturation.
+    """
+
+    t_s: FloatArray
+    rate_rad_s: FloatArray
+    force_m_s2: FloatArray
+    saturated: BoolArray
+    source: Path
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +269,10 @@ class Video(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """A recording: video, calibration and sensor logs, all on the video's clock."""
+    """A recording: video, calibration and sensor logs, all on the video's clock.
+
+    ``notes`` says what was left out of it, and why.
+    """
 
     path: Path
     video: Video
@@ -232,4 +280,6 @@ class Recording:
     rig: Rig
     gps: GpsLog | None = None
     gyro: GyroLog | None = None
+    imu: ImuLog | None = None
     control_points: ControlPoints | None = None
+    notes: tuple[str, ...] = ()

@@ -8,6 +8,7 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
+from inertial import MOUNT, SplineMotion, exact_log
 from solutions import make_landmarks, make_solution
 from synthetic_bundle import ANTENNA
 from synthetic_map import CAMERA, context, map_of, scene
@@ -15,16 +16,17 @@ from textured_room import CONFIG as ROOM_CONFIG
 from textured_room import path, room_recording
 
 import vgps
-from vgps.config import BatchConfig, Config, GpsConfig, IntrinsicsConfig, SensorsConfig
+from vgps.config import BatchConfig, Config, GpsConfig, ImuConfig, IntrinsicsConfig, SensorsConfig
 from vgps.errors import RunFolderError
 from vgps.gps.sensors import ANTENNA as ANTENNA_KEY
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
+from vgps.imu.camera_imu import imu_at_camera
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
-from vgps.solution import Observations
+from vgps.solution import Observations, Trajectory
 from vgps.solver import gtsam_backend
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.graph_reading import read_graph
@@ -88,6 +90,8 @@ def moved(values, keys):
     for key, new in zip(sorted(values.keys()), sorted(keys), strict=True):
         if chr(gtsam.Symbol(key).chr()) == "x":
             out.insert(new, values.atPose3(key).retract(rng.normal(0.0, 1e-3, 6)))
+        elif chr(gtsam.Symbol(key).chr()) == "b":
+            out.insert(new, values.atConstantBias(key).retract(rng.normal(0.0, 1e-3, 6)))
         else:
             vector = values.atVector(key)
             out.insert(new, vector + rng.normal(0.0, 1e-2, len(vector)))
@@ -113,9 +117,10 @@ def check_gradient(graph, values):
         check(linear.gradient[6 * place : 6 * place + 3], [key])
 
 
-def batch_run(config, **scene_parts):
+def batch_run(config, with_imu=False, **scene_parts):
     """A Solution of stage D over the synthetic drive, with lever arm and time offset estimated."""
-    problem, true, _, fixes = scene(disturbed=0.2)
+    problem, true, t_s, fixes = scene(disturbed=0.2)
+    given = replace(context(config), imu=imu_of(Trajectory(t_s, true)) if with_imu else None)
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
     seen = made.observations
     still = seen.frame != 30  # it stands at the frame before it, and sees nothing
@@ -124,7 +129,7 @@ def batch_run(config, **scene_parts):
     wrong = ANTENNA + 0.05
     sensors = Sensors(0.0, wrong, TimeOffset(0.0, 0.1), wrong, 0.1)
     late = replace(fixes, sigma_m=np.full((len(fixes), 3), 0.02), t_s=fixes.t_s + 0.06)
-    found = optimise_batch(made, late, sensors, context(config))
+    found = optimise_batch(made, late, sensors, given)
     kept = np.flatnonzero(np.isfinite(found.sigma_px))
     return make_solution(
         made.t_s,
@@ -137,6 +142,12 @@ def batch_run(config, **scene_parts):
         config=config.model_dump(mode="json"),
         graph=found.graph,
     )
+
+
+def imu_of(path):
+    """The IMU of a path, with biases."""
+    log = exact_log(SplineMotion(path), duration_s=5.5, gyro_bias=0.02, accelerometer_bias=-0.1)
+    return imu_at_camera(log, MOUNT, None, ImuConfig())
 
 
 def controls_and_a_stop():
@@ -168,6 +179,18 @@ def test_every_part_of_stage_d_survives_the_run_folder(error_model, tmp_path):
     check_minimum(solution, graph, values)
 
 
+def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
+    solution = batch_run(Config(batch=BatchConfig(relative_tolerance=1e-9)), with_imu=True)
+    write_run(solution, tmp_path / "run")
+    graph, values = vgps.factor_graph(tmp_path / "run")
+    assert kinds(values) == {"x", "l", "o", "c", "d", "v", "b"}
+    check_minimum(solution, graph, values)
+    bias = values.atConstantBias(gtsam.symbol("b", 3))
+    np.testing.assert_allclose(bias.gyroscope(), np.full(3, 0.02) @ MOUNT.imu_R_camera, atol=3e-3)
+    types = [type(graph.at(k)).__name__ for k in range(graph.size())]
+    assert types.count("ImuFactor") == 8
+
+
 def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
     given, to_graph = [], gtsam_backend.to_graph
 
@@ -176,7 +199,8 @@ def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
         return given[-1]
 
     monkeypatch.setattr(gtsam_backend, "to_graph", recorded)
-    solution = batch_run(Config(batch=BatchConfig(solver="gtsam")), **controls_and_a_stop())
+    config = Config(batch=BatchConfig(solver="gtsam"))
+    solution = batch_run(config, with_imu=True, **controls_and_a_stop())
     graph, values = vgps.factor_graph(solution)
     last, start = given[-1]  # its landmarks have the numbers from before the selection
     assert graph.size() == last.size() and graph.error(values) <= last.error(start)
@@ -233,7 +257,7 @@ def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
-        ("offsets", lambda array: array[:-1], r"damaged \(\d offsets, expected \d\)"),
+        ("offsets", lambda array: array[:-1], r"damaged \(\d offsets.*, expected \d\)"),
         ("fixes.fix_class", lambda array: np.full_like(array, "bad"), "damaged .*'bad'"),
         ("held", lambda array: array[1:], "damaged .*fixed has shape"),
         ("prior_antenna", lambda _: None, "damaged .*prior_antenna"),

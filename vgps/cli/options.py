@@ -43,6 +43,7 @@ class RecordingFiles(CalibrationFiles):
 
     Attributes:
         gps: GPS log; a path, or a name inside the folder.
+        imu: Angular rates and specific force, as imu.csv; a path, or a name inside the folder.
         control_points: Another control_points.csv or gcp_list.txt; a path, or a name inside the folder.
         control_crs: Coordinate system of the control points, as EPSG:25832+7837.
         control_geoid: What the heights of the control points are above: egm96, a grid file, or metres.
@@ -50,6 +51,7 @@ class RecordingFiles(CalibrationFiles):
     """
 
     gps: str | None = None
+    imu: str | None = None
     control_points: str | None = None
     control_crs: str | None = None
     control_geoid: str | None = None

@@ -42,6 +42,7 @@ def smooth(
             gps=files.gps,
             camera=files.camera,
             rig=files.rig,
+            imu=files.imu,
             control_points=files.control_points,
             control_system=PointSystem(files.control_crs, files.control_geoid),
             image_topic=files.image_topic,

@@ -6,6 +6,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 from vgps.config.base import SettingsModel, present_names
 from vgps.config.gps import ErrorModel, GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig, RotationConfig
+from vgps.config.imu import ImuConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
@@ -32,6 +33,7 @@ __all__ = [
     "GpsConfig",
     "GpsModel",
     "GyroCalibrationConfig",
+    "ImuConfig",
     "IntrinsicsConfig",
     "LandmarksConfig",
     "LocalizationConfig",

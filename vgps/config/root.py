@@ -9,6 +9,7 @@ from pydantic import NonNegativeInt, ValidationError
 from vgps.config.base import SettingsModel
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig
+from vgps.config.imu import ImuConfig
 from vgps.config.landmarks import LandmarksConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
@@ -54,6 +55,7 @@ class Config(SettingsModel):
     motion: MotionConfig = MotionConfig()
     batch: BatchConfig = BatchConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    imu: ImuConfig = ImuConfig()
     online: OnlineConfig = OnlineConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     landmarks: LandmarksConfig = LandmarksConfig()

@@ -8,6 +8,7 @@ from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.gps.world_frame import world_fixes
+from vgps.imu.camera_imu import CameraImu, imu_at_camera
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
@@ -48,7 +49,14 @@ class FrontEnd:
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""
-        return SmoothingContext(self.recording.camera, config, self.controls)
+        return SmoothingContext(self.recording.camera, config, self.controls, self.imu(config))
+
+    def imu(self, config: Config) -> CameraImu | None:
+        """Return the IMU at the camera; None if there is none, or if it is not to be used."""
+        log, mount = self.recording.imu, self.recording.rig.imu
+        if log is None or mount is None or config.imu.use == "no":
+            return None
+        return imu_at_camera(log, mount, self.origin, config.imu)
 
 
 def run_front_end(
@@ -102,7 +110,7 @@ def front_end_of(
         fixes=frame_pipeline.fix_buffer.fixes,
         sensors=_sensors(frame_pipeline, recording),
         controls=controls,
-        warnings=(*getattr(recording.video, "warnings", ()), *frame_pipeline.warnings),
+        warnings=(*recording.notes, *getattr(recording.video, "warnings", ()), *frame_pipeline.warnings),
         seconds=dict(frame_pipeline.timer.by_stage),
     )
 

@@ -11,6 +11,10 @@ rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_
 [deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``,
 ``exposure_s``, ``video_start_s``. For information only, the standard deviations of a calibrated gyro:
 ``gyro_rotation_sigma_deg``, ``gyro_time_offset_sigma_s``, ``gyro_bias_sigma_rad_s``.
+
+Of an IMU: ``imu_R_camera`` (three rows), ``imu_p_camera`` (the camera in the IMU's frame) [m],
+``imu_time_offset_s``, ``imu_gyro_bias_rad_s``, ``imu_accelerometer_bias_m_s2``,
+``imu_gyro_density`` [rad/s/sqrt(Hz)], ``imu_accelerometer_density`` [m/s^2/sqrt(Hz)].
 """
 
 from datetime import UTC, datetime
@@ -23,7 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import CalibrationError
-from vgps.model import Camera, FloatArray, GeodeticPoint, Rig
+from vgps.model import Camera, FloatArray, GeodeticPoint, ImuMount, Rig
 from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_text
 from vgps.readers.table import read_bytes
 
@@ -97,6 +101,13 @@ class _RigFields(_Fields):
     gyro_rotation_sigma_deg: Vector3 | None = None
     gyro_time_offset_sigma_s: FiniteFloat | None = None
     gyro_bias_sigma_rad_s: Vector3 | None = None
+    imu_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    imu_p_camera: Vector3 = (0.0, 0.0, 0.0)
+    imu_time_offset_s: FiniteFloat = 0.0
+    imu_gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    imu_accelerometer_bias_m_s2: Vector3 = (0.0, 0.0, 0.0)
+    imu_gyro_density: Positive | None = None
+    imu_accelerometer_density: Positive | None = None
     exposure_s: Annotated[FiniteFloat, Field(ge=0)] | None = None
     video_start_s: FiniteFloat = 0.0
 
@@ -144,7 +155,7 @@ def read_rig(path: str | Path) -> Rig:
 
     Raises:
         CalibrationError: The file is missing or not YAML, a field is unknown or impossible, or
-            ``gyro_R_camera`` is not a rotation.
+            ``gyro_R_camera`` or ``imu_R_camera`` is not a rotation.
     """
     path = Path(path)
     fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
@@ -153,11 +164,26 @@ def read_rig(path: str | Path) -> Rig:
         antenna_known=fields.camera_p_antenna is not None,
         video_start_utc=_utc(fields.video_start_utc, path),
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
-        gyro_R_camera=_rotation(fields.gyro_R_camera, path) if fields.gyro_R_camera else None,
+        gyro_R_camera=_rotation(fields, "gyro_R_camera", path) if fields.gyro_R_camera else None,
         gyro_time_offset_s=fields.gyro_time_offset_s,
         gyro_bias_rad_s=np.array(fields.gyro_bias_rad_s),
+        imu=_imu_mount(fields, path),
+        imu_time_offset_s=fields.imu_time_offset_s,
         exposure_s=fields.exposure_s,
         video_start_s=fields.video_start_s,
+    )
+
+
+def _imu_mount(fields: _RigFields, path: Path) -> ImuMount | None:
+    if fields.imu_R_camera is None:
+        return None
+    return ImuMount(
+        imu_R_camera=_rotation(fields, "imu_R_camera", path),
+        imu_p_camera=np.array(fields.imu_p_camera),
+        gyro_bias_rad_s=np.array(fields.imu_gyro_bias_rad_s),
+        accelerometer_bias_m_s2=np.array(fields.imu_accelerometer_bias_m_s2),
+        gyro_density=fields.imu_gyro_density,
+        accelerometer_density=fields.imu_accelerometer_density,
     )
 
 
@@ -217,13 +243,13 @@ def _utc(instant: datetime | None, path: Path) -> datetime | None:
         ) from None
 
 
-def _rotation(rows: tuple[Vector3, Vector3, Vector3], path: Path) -> FloatArray:
+def _rotation(fields: _RigFields, key: str, path: Path) -> FloatArray:
     """Return the rotation nearest to a printed matrix."""
-    matrix = np.array(rows)
+    matrix = np.array(getattr(fields, key))
     # entries beyond 2 are far from a rotation, and their squares may overflow
     off = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.abs(matrix).max() <= 2 else np.inf
     if off > _ORTHOGONAL or np.linalg.det(matrix) < 0:
         found = "a reflection" if off <= _ORTHOGONAL else f"R R^T differs from the identity by {off:.2g}"
-        raise CalibrationError(found, file=path, place="key gyro_R_camera", expected="a rotation matrix")
+        raise CalibrationError(found, file=path, place=f"key {key}", expected="a rotation matrix")
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ vt, np.float64)

@@ -1,4 +1,4 @@
-"""GPS, gyro and exposure of a GoPro, from its video, on the video's clock.
+"""GPS, gyro, accelerometer and exposure of a GoPro, from its video, on the video's clock.
 
 GPS5 (up to HERO10), GPS9 (from HERO11) and GPRI (the Karma drone) are read. Times are STMP, microseconds from
 the first frame's exposure; without them samples are spread over their payload. They include the receiver's
@@ -8,11 +8,12 @@ own delay of some tenths of a second between being at a position and reporting i
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.errors import GpsLogError, GyroLogError, RecordingError
-from vgps.model import FixClass, FloatArray, GyroLog
+from vgps.errors import GpsLogError, GyroLogError, ImuLogError, RecordingError, VgpsError
+from vgps.model import FixClass, FloatArray, GyroLog, ImuLog
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
 from vgps.readers.gpmf import Block, Telemetry, first_number
 from vgps.readers.gpmf_times import sample_times
+from vgps.readers.imu import checked_imu
 
 # GoPro's axes: X to the left in the image, Y backward, Z up; checked on a MAX by gravity and by its
 # orientation stream (CORI), whose rates are about the camera's axes
@@ -21,6 +22,7 @@ _EACH_FRAME = ("SHUT", "ISOE", "CORI", "ISOG")  # streams with one sample per fr
 _AXES = (("Hero6", "YxZ"), ("Fusion", "yXZ"))  # order of axes without ORIN; lower case is minus
 _AXES_OF_OTHERS = "ZXY"
 _FIX_2D, _FIX_3D = 2, 3
+_MIN_SAMPLES = 2
 _UNLOCKED = 99.99  # the DOP that the camera gives without a fix
 
 
@@ -82,19 +84,38 @@ def read_gopro_gyro(telemetry: Telemetry) -> GyroLog | None:
     """
     if "GYRO" not in telemetry.sensors:
         return None
-    rates = _values(telemetry, "GYRO", 3)
-    order = _axes(telemetry)
-    if rates.shape[1] != 3 or sorted(order.upper()) != ["X", "Y", "Z"]:
-        raise GyroLogError(
-            f"{rates.shape[1]} columns in the order {order!r}",
-            file=telemetry.path,
-            place="GYRO",
-            expected="3 axes",
-        )
+    return GyroLog(*_vectors(telemetry, "GYRO", GyroLogError), telemetry.path)
+
+
+def read_gopro_imu(telemetry: Telemetry) -> ImuLog | None:
+    """Read angular rates and specific force about GoPro's axes, see `GYRO_R_CAMERA`; None without both.
+
+    The force is interpolated to the times of the rates.
+
+    Raises:
+        ImuLogError: A stream does not have three columns, or its units are wrong.
+    """
+    if not {"GYRO", "ACCL"} <= telemetry.sensors.keys():
+        return None
+    t_s, rates = _vectors(telemetry, "GYRO", ImuLogError)
+    force_t_s, force = _vectors(telemetry, "ACCL", ImuLogError)
+    at_rates = np.stack([np.interp(t_s, force_t_s, axis) for axis in force.T], axis=1)
+    inside = (t_s >= force_t_s[0]) & (t_s <= force_t_s[-1])
+    if inside.sum() < _MIN_SAMPLES:
+        return None
+    return checked_imu(t_s[inside], rates[inside], at_rates[inside], telemetry.path)
+
+
+def _vectors(telemetry: Telemetry, key: str, error: type[VgpsError]) -> tuple[FloatArray, FloatArray]:
+    """Return times (N,) and vectors (N, 3) of a sensor about GoPro's axes X, Y, Z."""
+    values, order = _values(telemetry, key, 3), _axes(telemetry, key)
+    if values.shape[1] != 3 or sorted(order.upper()) != ["X", "Y", "Z"]:
+        found = f"{values.shape[1]} columns in the order {order!r}"
+        raise error(found, file=telemetry.path, place=key, expected="3 axes")
     columns = [order.upper().index(axis) for axis in "XYZ"]
     signs = np.array([1.0 if axis in order else -1.0 for axis in "XYZ"])
-    t_s, first = np.unique(_times(telemetry, "GYRO"), return_index=True)
-    return GyroLog(t_s, (rates[:, columns] * signs)[first], telemetry.path)
+    t_s, first = np.unique(_times(telemetry, key), return_index=True)
+    return t_s, (values[:, columns] * signs)[first]
 
 
 def gopro_exposures(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | None:
@@ -151,8 +172,8 @@ def _quality(sensor: list[Block], key: str) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(fix), np.concatenate(dop)
 
 
-def _axes(telemetry: Telemetry) -> str:
-    order = telemetry.sensors["GYRO"][0].about.get("ORIN")
+def _axes(telemetry: Telemetry, key: str) -> str:
+    order = telemetry.sensors[key][0].about.get("ORIN")
     if order is not None:
         return order.data.decode("latin-1").strip("\0 ")
     return next((axes for name, axes in _AXES if name in telemetry.device), _AXES_OF_OTHERS)

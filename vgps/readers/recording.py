@@ -8,16 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from vgps.errors import CalibrationError, GpsLogError, RecordingError
-from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, Recording, Rig, Video
+from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import PointSystem, read_control_points
 from vgps.readers.exif import exif_fixes
-from vgps.readers.gopro import GYRO_R_CAMERA, gopro_exposures, gps_stream, read_gopro_gps, read_gopro_gyro
+from vgps.readers.gopro import (
+    GYRO_R_CAMERA,
+    gopro_exposures,
+    gps_stream,
+    read_gopro_gps,
+    read_gopro_gyro,
+    read_gopro_imu,
+)
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
+from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.sources import PathLike, Source, opened, place_of
 from vgps.readers.video import VideoFile
 
@@ -31,6 +39,7 @@ def open_recording(
     gps: PathLike | None = None,
     camera: PathLike | None = None,
     rig: PathLike | None = None,
+    imu: PathLike | None = None,
     control_points: PathLike | None = None,
     control_system: PointSystem | None = None,
     image_topic: str | None = None,
@@ -42,16 +51,17 @@ def open_recording(
         path: A folder with ``video.mp4`` (.mov, .avi, or a bag named ``video``, or a folder of images),
             ``camera.yaml`` (or a calibration of OpenCV's, Kalibr's or COLMAP's: ``camera.yml``, ``.xml``,
             ``.json``, ``camchain.yaml``, ``cameras.txt``) and, optional, ``rig.yaml``, ``gps.*``,
-            ``gyro.csv``, ``control_points.csv`` or ``gcp_list.txt``; or a video, bag or folder of images with
-            the other files beside it.
-        gps, camera, rig, control_points: Other files to use; a path, or a name inside the folder.
+            ``gyro.csv``, ``imu.csv``, ``control_points.csv`` or ``gcp_list.txt``; or a video, bag or folder
+            of images with the other files beside it.
+        gps, camera, rig, imu, control_points: Other files to use; a path, or a name inside the folder.
         control_system: What the coordinates of the control points are in, unless they say so.
         image_topic: Topic of the images of a bag that has several.
         with_gps: Whether to look for a GPS log.
 
     Returns:
         The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
-        gyro_R_camera and median exposure where no file gives them.
+        accelerometer, gyro_R_camera and median exposure where no file gives them. An IMU whose mounting the
+        rig does not give is left out, with a note.
 
     Raises:
         RecordingError: There is no video, or a named file is missing.
@@ -72,6 +82,9 @@ def open_recording(
     telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
     gyro = _gyro(folder, mount, telemetry, video if isinstance(video, BagVideo) else None)
     mount = _with_gopro(mount, telemetry, gyro)
+    inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
+    if inertial is not None and mount.imu is not None and gyro is None:
+        gyro, mount = gyro_of(inertial, mount), replace(mount, gyro_R_camera=mount.imu.imu_R_camera)
     points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
     return Recording(
         path=path,
@@ -80,6 +93,8 @@ def open_recording(
         rig=mount,
         gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,
         gyro=gyro,
+        imu=inertial,
+        notes=notes,
         control_points=_control_points(points, video, control_system) if points else None,
     )
 
@@ -192,6 +207,17 @@ def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: BagVideo | None) 
     return replace(gyro, t_s=t_s, rate_rad_s=rate)
 
 
+def _imu(file: Path | None, rig: Rig, telemetry: Telemetry) -> tuple[ImuLog | None, tuple[str, ...]]:
+    """Return the IMU's log and notes on it; None if there is none, or if its mounting is not known."""
+    if rig.imu is None:
+        if file is None:
+            return None, ()
+        what = f"{file.name} is left out: rig.yaml has no imu_R_camera, the rotation of the IMU on the camera"
+        return None, (f"{what}; give it",)
+    log = read_imu(file, video_start_s=rig.video_start_s) if file else read_gopro_imu(telemetry)
+    return (None, ()) if log is None else (on_video_clock(log, rig), log.notes)
+
+
 def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
     """Return the rig completed with a GoPro's metadata."""
     exposures = gopro_exposures(telemetry)
@@ -199,6 +225,8 @@ def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
         rig = replace(rig, exposure_s=float(np.median(exposures[1])))
     if rig.gyro_R_camera is None and gyro is not None and gyro.source == telemetry.path:
         rig = replace(rig, gyro_R_camera=GYRO_R_CAMERA)
+    if rig.imu is None and "ACCL" in telemetry.sensors:
+        rig = replace(rig, imu=ImuMount(imu_R_camera=GYRO_R_CAMERA))
     return rig
 
 

@@ -12,6 +12,8 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
+from vgps.imu.start import start_states
+from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
@@ -50,7 +52,8 @@ def optimise_batch(
         GeometryError: No step lowers the cost of a start that is no minimum.
     """
     config = context.config
-    state = _State(scene, sensors, assessment or FixAssessment.unassessed(len(fixes)), context)
+    assessment = assessment or FixAssessment.unassessed(len(fixes))
+    state = _State(scene, sensors, assessment, context, _imu_states(scene, context))
     rounds, iterations = config.batch.rounds, 0
     time_offset_warnings: tuple[str, ...] = ()
     for round_ in range(rounds):
@@ -84,16 +87,26 @@ class _State:
     sensors: Sensors
     assessment: FixAssessment
     context: SmoothingContext
+    imu: ImuStates | None = None
 
     def after(self, result: BundleResult) -> "_State":
         """Return the state with the poses, points and sensors of a solution."""
         problem = result.problem
         scene = replace(self.scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
-        return replace(self, scene=scene, sensors=self.sensors.moved(problem.shared))
+        vectors = {key: state.vector for key, state in problem.states.items()}
+        imu = None if self.imu is None else self.imu.moved(vectors)
+        return replace(self, scene=scene, sensors=self.sensors.moved(problem.shared), imu=imu)
 
     def usable(self, fixes: Fixes) -> Fixes:
         """Return the fixes with their verdicts applied and their time offset removed."""
         return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
+
+
+def _imu_states(scene: Scene, context: SmoothingContext) -> ImuStates | None:
+    """Return velocities and biases that fit the start; None without an IMU."""
+    if context.imu is None:
+        return None
+    return start_states(scene.trajectory, scene.unseen, context.imu, context.config.imu)
 
 
 def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
@@ -120,6 +133,7 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
         sensors=sensors,
         fixed=fixed,
         context=context,
+        imu=state.imu,
     )
     built = batch_problem(given, round_.n)
     result = solve(built.problem, _settings(batch, round_.last), batch.solver)
@@ -145,7 +159,7 @@ def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: Smoothin
     )
     batch = given.config.batch.model_copy(update={"video_sigma_scale": scale})
     weighted = replace(given, config=given.config.model_copy(update={"batch": batch}))
-    return _State(scene, state.sensors, assessment, weighted)
+    return _State(scene, state.sensors, assessment, weighted, state.imu)
 
 
 def _assess(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> FixAssessment:

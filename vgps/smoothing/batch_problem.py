@@ -8,6 +8,8 @@ import numpy as np
 from vgps.gps.fixes import Fixes
 from vgps.gps.offsets import GpsTerm, gps_term, offset_key
 from vgps.gps.sensors import Sensors
+from vgps.imu.factors import imu_graph
+from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors
@@ -26,7 +28,8 @@ class BatchInput:
         fixes: Fixes with their verdicts applied and their time offset removed.
         sensors: Time offset that was removed, lever arm, and their priors.
         fixed: (F,) frames to hold; None means none.
-        context: Camera and settings, with the current weight of the video.
+        context: Camera, IMU and settings, with the current weight of the video.
+        imu: Velocities and biases; None without an IMU.
     """
 
     scene: Scene
@@ -36,6 +39,7 @@ class BatchInput:
     sensors: Sensors
     fixed: BoolArray | None
     context: SmoothingContext
+    imu: ImuStates | None = None
 
 
 @dataclass(frozen=True)
@@ -62,11 +66,15 @@ def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
     """
     scene, sensors, context = given.scene, given.sensors, given.context
     term = gps_term(given.fixes, scene.trajectory, sensors, context.config.gps, n)
-    others = other_pose_factors(scene, sensors, context.config)
+    others = other_pose_factors(scene, sensors, context.config, given.imu)
     others.push_back(control_factors(scene.controls, given.control_sigma_px, context.K))
+    states = _offset_states(term)
+    if given.imu is not None and context.imu is not None:
+        others.push_back(imu_graph(context.imu, given.imu, scene.t_s, context.config.imu))
+        states |= _imu_states(given.imu)
     graph = joined(term.bounds, term.noise, others)
     problem = build_problem(scene, np.nan_to_num(given.sigma_px, nan=1.0), graph, context, given.fixed)
-    problem = replace(problem, shared=sensors.shared(), states=_offset_states(term))
+    problem = replace(problem, shared=sensors.shared(), states=states)
     return BatchProblem(problem, term, others)
 
 
@@ -74,3 +82,12 @@ def _offset_states(term: GpsTerm) -> dict[int, StateVector]:
     """Return the offsets of a GPS term as states of a problem, by their keys."""
     places = zip(term.offsets, term.offset_frames.tolist(), strict=True)
     return {offset_key(k): StateVector(offset, frame) for k, (offset, frame) in enumerate(places)}
+
+
+def _imu_states(imu: ImuStates) -> dict[int, StateVector]:
+    """Return velocities and biases as states of a problem, by their keys."""
+    states = {}
+    for k, frame in enumerate(imu.frame.tolist()):
+        states[velocity_key(k)] = StateVector(imu.velocity[k], frame)
+        states[bias_key(k)] = StateVector(imu.bias[k], frame, is_bias=True)
+    return states

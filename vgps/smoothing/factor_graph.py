@@ -1,6 +1,5 @@
 """The energy (11) of Kume 2010 over a range of frames, as a bundle problem."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import gtsam
@@ -8,7 +7,6 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from factors import (
-    constant_velocity_factor,
     level_factor,
     projection_sigma_px,
     reliability_sigma_px,
@@ -16,12 +14,14 @@ from factors import (
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
+from vgps.imu.states import ImuStates
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
+from vgps.smoothing.motion_factors import motion_factors
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
@@ -54,6 +54,13 @@ class Scene:
     def trajectory(self) -> Trajectory:
         """Poses of the frames over time."""
         return Trajectory(self.t_s, self.poses)
+
+    @property
+    def unseen(self) -> BoolArray:
+        """(F,) frames without observations that no zero motion holds."""
+        unseen = np.bincount(self.observations.frame, minlength=len(self.t_s)) == 0
+        unseen[[constraint.frame for constraint in self.zero_motions]] = False
+        return np.asarray(unseen)
 
 
 def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
@@ -172,45 +179,6 @@ def build_problem(
     )
 
 
-def motion_graph(scene: Scene, config: Config, speed_scale: float = 1.0) -> gtsam.NonlinearFactorGraph:
-    """Return factors for frames without observations: zero motion for standing ones, else constant velocity.
-
-    Args:
-        scene: The scene with selected observations.
-        config: Densities of the motion noise.
-        speed_scale: Map units per metre, for a map that has no scale yet.
-    """
-    graph = gtsam.NonlinearFactorGraph()
-    frames = len(scene.t_s)
-    held = np.bincount(scene.observations.frame, minlength=frames) > 0
-    for constraint in scene.zero_motions:
-        noise = gtsam.noiseModel.Diagonal.Sigmas(constraint.sigma)
-        relative, reference, frame = (
-            gtsam.Pose3(constraint.reference_T_frame),
-            constraint.reference,
-            constraint.frame,
-        )
-        graph.push_back(gtsam.BetweenFactorPose3(X(reference), X(frame), relative, noise))
-        held[frame] = True
-    for middle in _middles_around(np.flatnonzero(~held), frames):
-        a, b, c = middle - 1, middle, middle + 1
-        graph.push_back(
-            constant_velocity_factor(
-                (X(a), X(b), X(c)),
-                (float(scene.t_s[b] - scene.t_s[a]), float(scene.t_s[c] - scene.t_s[b])),
-                config.motion.rotation_density,
-                config.motion.translation_density * speed_scale,
-            )
-        )
-    return graph
-
-
-def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
-    """Return the middle frames of all triples that contain one of ``frames``."""
-    middles = np.unique((frames[:, None] + np.array([-1, 0, 1])).ravel())
-    return [int(middle) for middle in middles if 1 <= middle <= count - 2]
-
-
 def gps_and_motion(
     scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
 ) -> gtsam.NonlinearFactorGraph:
@@ -232,9 +200,19 @@ def joined(*graphs: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:
     return graph
 
 
-def other_pose_factors(scene: Scene, sensors: Sensors, config: Config) -> gtsam.NonlinearFactorGraph:
-    """Return the factors of sensors, motion and a level camera: all but those of fixes and control points."""
-    return joined(sensors.priors(), motion_graph(scene, config), _upright_priors(len(scene.t_s), config))
+def other_pose_factors(
+    scene: Scene, sensors: Sensors, config: Config, imu: ImuStates | None = None
+) -> gtsam.NonlinearFactorGraph:
+    """Return the factors of sensors, motion and a level camera: all but those of fixes and control points.
+
+    With an IMU, gravity says what is level, and its knots bridge frames without features.
+    """
+    unseen = scene.unseen
+    if imu is not None:
+        unseen[imu.frame] = False
+    motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
+    level = gtsam.NonlinearFactorGraph() if imu is not None else _upright_priors(len(scene.t_s), config)
+    return joined(sensors.priors(), motion, level)
 
 
 def _upright_priors(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:

@@ -17,6 +17,8 @@ from vgps.errors import RunFolderError
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offsets import offset_key
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
+from vgps.imu.camera_imu import CameraImu
+from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.readers.run_folder import read_run
@@ -43,12 +45,16 @@ def factor_graph(run: Path | str | Solution) -> tuple[gtsam.NonlinearFactorGraph
     - ``l<row>``: landmarks, rows of ``Solution.landmarks`` (Point3), metres;
     - ``o<number>``: offsets of the receiver in order of time, east, north, up, metres (vectors of 3), if its
       error model has memory: a fix is antenna + offset + noise;
+    - ``v<knot>``: velocities world_v_camera, m/s (vectors of 3), and ``b<knot>``: biases of accelerometer
+      [m/s^2] and gyro [rad/s] in the camera's axes (``imuBias.ConstantBias``), at knots of the IMU if there
+      is one;
     - ``c0``: change of the time offset since the fixes were placed between frames, seconds (vector of 1), and
       ``d0``: lever arm ``camera_p_antenna``, metres (vector of 3), both if one of them is estimated.
 
     Its factors are, in this order, those of the fixes (for a model with memory bounds, noise and walk of the
     offsets), priors of ``c0`` and ``d0``, zero motion and constant velocity of frames without observations,
-    priors of a level camera, control points, projections, and priors that hold frames where nothing else ties
+    priors of a level camera, control points, those of the IMU (which take the place of the level camera),
+    projections, and priors that hold frames where nothing else ties
     the run to the world.
 
     Args:
@@ -92,7 +98,8 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         end: That problem at its minimum.
     """
     sensors, prior = given.sensors, given.sensors.prior_time_offset
-    offsets = [end.states[offset_key(k)].vector for k in range(len(end.states))]
+    imu_states = 0 if given.imu is None else 2 * len(given.imu)
+    offsets = [end.states[offset_key(k)].vector for k in range(len(end.states) - imu_states)]
     return {
         "offsets": np.array(offsets).reshape(-1, 3),
         **({"c0": end.shared[TIME_OFFSET], "d0": end.shared[ANTENNA]} if end.shared else {}),
@@ -106,6 +113,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         **_zero_motion_arrays(given.scene.zero_motions),
         **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
         "controls.sigma_px": given.control_sigma_px,
+        **_imu_arrays(given, end),
     }
 
 
@@ -113,11 +121,10 @@ def _problem(solution: Solution, graph: Arrays) -> BundleProblem:
     """Return the last problem of stage D at its minimum."""
     problem = batch_problem(_input(solution, graph)).problem
     shared = {TIME_OFFSET: graph["c0"], ANTENNA: graph["d0"]} if problem.shared else {}
-    if len(graph["offsets"]) != len(problem.states):
-        raise ValueError(f"{len(graph['offsets'])} offsets, expected {len(problem.states)}")
-    states = {
-        key: state.moved(graph["offsets"][k]) for k, (key, state) in enumerate(sorted(problem.states.items()))
-    }
+    vectors = _vectors(graph)
+    if vectors.keys() != problem.states.keys():
+        raise ValueError(f"{len(vectors)} offsets, velocities and biases, expected {len(problem.states)}")
+    states = {key: state.moved(vectors[key]) for key, state in problem.states.items()}
     return problem.moved(problem.world_T_camera, problem.world_p_landmark, shared, states)
 
 
@@ -140,8 +147,44 @@ def _input(solution: Solution, graph: Arrays) -> BatchInput:
         fixes=_fixes(graph),
         sensors=_sensors(solution, graph),
         fixed=graph["held"],
-        context=SmoothingContext(solution.camera, config),
+        context=SmoothingContext(solution.camera, config, imu=_imu(graph)),
+        imu=ImuStates(**_of(graph, "knots", ImuStates)) if "knots.frame" in graph else None,
     )
+
+
+def _imu_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray[Any]]:
+    """Return samples, knots with the biases of the preintegration, and velocities and biases at the end."""
+    imu, knots = given.context.imu, given.imu
+    if imu is None or knots is None:
+        return {}
+    at_end = knots.moved({key: state.vector for key, state in end.states.items()})
+    return {
+        **{f"imu.{name}": np.asarray(value) for name, value in vars(imu).items()},
+        **{f"knots.{name}": value for name, value in vars(knots).items()},
+        "velocities": at_end.velocity,
+        "biases": at_end.bias,
+    }
+
+
+def _imu(graph: Arrays) -> CameraImu | None:
+    if "imu.t_s" not in graph:
+        return None
+    columns = _of(graph, "imu", CameraImu)
+    numbers: dict[str, Any] = {name: float(value) for name, value in columns.items() if not value.ndim}
+    return CameraImu(**{**columns, **numbers})
+
+
+def _of(graph: Arrays, part: str, kind: type[Any]) -> dict[str, npt.NDArray[Any]]:
+    """Return the fields of a dataclass."""
+    return {column.name: graph[f"{part}.{column.name}"] for column in fields(kind)}
+
+
+def _vectors(graph: Arrays) -> dict[int, npt.NDArray[Any]]:
+    """Return the values of offsets, velocities and biases by their keys."""
+    keys = {"offsets": offset_key, "velocities": velocity_key, "biases": bias_key}
+    return {
+        key(k): vector for name, key in keys.items() for k, vector in enumerate(graph.get(name, np.zeros(0)))
+    }
 
 
 def _sensors(solution: Solution, graph: Arrays) -> Sensors:

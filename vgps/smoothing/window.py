@@ -16,10 +16,10 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import (
     build_problem,
     gps_and_motion,
-    motion_graph,
     scene_of_map,
     select_observations,
 )
+from vgps.smoothing.motion_factors import motion_factors
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
@@ -71,7 +71,8 @@ def optimise_window(
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:
-        graph = motion_graph(scene, config, _typical_speed(scene.trajectory))
+        speed = _typical_speed(scene.trajectory)
+        graph = motion_factors(scene.t_s, scene.unseen, scene.zero_motions, config.motion, speed)
         if not fixed.any():
             fixed[[0, _farthest_of_first_views(scene.poses)]] = True
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)

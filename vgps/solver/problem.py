@@ -28,14 +28,26 @@ class StateVector:
         vector: (d,) its value, d <= 6.
         frame: Frame after which it stands in the order of elimination; close to the frames with which it
             shares factors, it keeps the reduced matrix narrow.
+        is_bias: Whether the graph knows it as ``imuBias.ConstantBias`` [accelerometer; gyro], d = 6.
     """
 
     vector: FloatArray
     frame: int
+    is_bias: bool = False
 
     def moved(self, vector: FloatArray) -> "StateVector":
         """Return the state with another value (d,)."""
         return replace(self, vector=vector)
+
+    def insert_into(self, values: gtsam.Values, key: int) -> None:
+        """Add the state to GTSAM's values."""
+        values.insert(
+            key, gtsam.imuBias.ConstantBias(self.vector[:3], self.vector[3:]) if self.is_bias else self.vector
+        )
+
+    def read_from(self, values: gtsam.Values, key: int) -> "StateVector":
+        """Return the state with its value among GTSAM's."""
+        return self.moved(values.atConstantBias(key).vector() if self.is_bias else values.atVector(key))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +222,7 @@ def _values(problem: BundleProblem, frames: IntArray) -> gtsam.Values:
     for key, vector in problem.shared.items():
         values.insert(key, vector)
     for key, state in problem.states.items():
-        values.insert(key, state.vector)
+        state.insert_into(values, key)
     for key, world_T_camera in zip(
         problem.keys[frames].tolist(), problem.world_T_camera[frames], strict=True
     ):
@@ -223,4 +235,4 @@ def vectors_at(
 ) -> tuple[dict[int, FloatArray], dict[int, StateVector]]:
     """Return the shared vectors and the states of a problem, with their values in ``values``."""
     shared = {key: values.atVector(key) for key in problem.shared}
-    return shared, {key: state.moved(values.atVector(key)) for key, state in problem.states.items()}
+    return shared, {key: state.read_from(values, key) for key, state in problem.states.items()}

@@ -1,0 +1,65 @@
+import gtsam
+import numpy as np
+import pytest
+from gtsam.symbol_shorthand import X
+from inertial import GRAVITY_M_S2, MOUNT, exact_log, path_of, swinging_motion
+
+from vgps.config import ImuConfig
+from vgps.imu.camera_imu import imu_at_camera
+from vgps.imu.factors import imu_graph, preintegrate
+from vgps.imu.states import as_bias, bias_key, first_states, velocity_key
+
+MOTION, CONFIG = swinging_motion(), ImuConfig()
+PATH = path_of(MOTION)
+IMU = imu_at_camera(exact_log(MOTION), MOUNT, None, CONFIG)
+STATES = first_states(PATH, np.zeros(len(PATH.t_s), dtype=bool), IMU, CONFIG)
+
+
+def exact_values():
+    values = gtsam.Values()
+    for k, frame in enumerate(STATES.frame.tolist()):
+        values.insert(X(frame), gtsam.Pose3(PATH.world_T_camera[frame]))
+        values.insert(velocity_key(k), MOTION.spline(PATH.t_s[frame], 1)[:3])
+        values.insert(bias_key(k), as_bias(np.zeros(6)))
+    return values
+
+
+def test_the_exact_motion_costs_nothing():
+    graph = imu_graph(IMU, STATES, PATH.t_s, CONFIG)
+    links = len(STATES) - 1
+    assert graph.size() == 2 * links + 1
+    assert graph.error(exact_values()) < 0.02 * links  # 4.5 a link would be noise of the expected size
+
+
+def test_a_second_of_rest_is_predicted_from_gravity_alone():
+    """Falling freely from rest for a second, the path would end g / 2 lower; the force holds it."""
+    at_rest = preintegrate(IMU, 2.0, 3.0, np.zeros(6), CONFIG)
+    start = gtsam.NavState(gtsam.Pose3(PATH.world_T_camera[20]), MOTION.spline(2.0, 1)[:3])
+    end = at_rest.predict(start, as_bias(np.zeros(6)))
+    np.testing.assert_allclose(end.position(), PATH.world_T_camera[30, :3, 3], atol=2e-3)
+    np.testing.assert_allclose(end.pose().rotation().matrix(), PATH.world_T_camera[30, :3, :3], atol=1e-4)
+    without = at_rest.deltaPij()
+    world = PATH.world_T_camera[20, :3, :3] @ without + MOTION.spline(2.0, 1)[:3]
+    moved = PATH.world_T_camera[30, :3, 3] - PATH.world_T_camera[20, :3, 3]
+    np.testing.assert_allclose(world - moved, [0.0, 0.0, GRAVITY_M_S2 / 2.0], atol=2e-3)
+
+
+def test_errors_grow_with_noise_and_with_rotation():
+    quiet, moving = (
+        preintegrate(IMU, 2.0, 3.0, np.zeros(6), ImuConfig(scale_error=share)).preintMeasCov()
+        for share in (1e-9, 0.02)
+    )
+    assert np.sqrt(quiet[0, 0]) == pytest.approx(IMU.gyro_density, rel=0.01)
+    rotation = gtsam.Rot3.Logmap(preintegrate(IMU, 2.0, 3.0, np.zeros(6), CONFIG).deltaRij())
+    expected = np.hypot(IMU.gyro_density, 0.02 * np.linalg.norm(rotation))
+    assert np.sqrt(moving[0, 0]) == pytest.approx(expected, rel=0.03)
+
+
+def test_a_blow_to_the_sensor_pulls_less_than_its_square():
+    graph, values = imu_graph(IMU, STATES, PATH.t_s, CONFIG), exact_values()
+    errors = []
+    for blow in (20.0, 40.0):
+        struck = gtsam.Values(values)
+        struck.update(velocity_key(3), values.atVector(velocity_key(3)) + blow)
+        errors.append(graph.error(struck))
+    assert 1.8 < errors[1] / errors[0] < 2.2  # Huber: linear, not four times

@@ -1,0 +1,35 @@
+"""Settings of the IMU in stages A to D."""
+
+from typing import ClassVar, Literal
+
+from pydantic import PositiveFloat
+
+from vgps.config.base import SettingsModel
+from vgps.config.quantities import Share
+
+
+class ImuConfig(SettingsModel):
+    """Angular rates and specific force of an IMU beside the camera; densities are of white noise."""
+
+    basic: ClassVar[tuple[str, ...]] = ("use",)
+
+    use: Literal["auto", "no"] = "auto"
+    """Use the IMU of a recording if its rotations agree with the video's (auto), or never."""
+    knot_s: PositiveFloat = 1.0
+    """Time from one velocity and bias to the next; frames without features have their own."""
+    gyro_density: PositiveFloat = 1e-3
+    """Lower bound of the gyro's noise, rad/s/sqrt(Hz): also what time stamps and vibration add to it."""
+    accelerometer_density: PositiveFloat = 1e-2
+    """Lower bound of the accelerometer's noise, m/s^2/sqrt(Hz): likewise."""
+    scale_error: Share = 0.01
+    """Errors in proportion to what is measured: scale factors and axes of consumer sensors."""
+    gyro_bias_sigma: PositiveFloat = 0.05
+    """Standard deviation of the gyro's bias at the start, rad/s."""
+    accelerometer_bias_sigma: PositiveFloat = 0.3
+    """Standard deviation of the accelerometer's bias at the start, m/s^2."""
+    gyro_bias_walk: PositiveFloat = 1e-4
+    """Random walk of the gyro's bias, rad/s/sqrt(s)."""
+    accelerometer_bias_walk: PositiveFloat = 1e-3
+    """Random walk of the accelerometer's bias, m/s^2/sqrt(s)."""
+    robust_sigmas: PositiveFloat = 6.0
+    """Huber's constant for the norm of the nine errors of an interval, whose mean is about 3."""
