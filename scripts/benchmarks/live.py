@@ -1,0 +1,178 @@
+"""Is a live pose better than the fixes, and how much worse than offline?
+
+Recorded logs run through `vgps online` as fast as it goes. The error is that of each pose as it came, against
+the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or below that of
+the fixes' class. NEES is the squared error over the stated variances, 3 on average if these are honest.
+"""
+
+import argparse
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import vgps
+from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.markdown import LiveTable
+from scripts.common.recordings import read_truth
+from vgps.evaluation import evaluate
+from vgps.geodesy import to_enu
+from vgps.geometry import interpolate_poses
+from vgps.gps.fixes import fixes_in_world
+from vgps.model import FixClass, FloatArray, Recording
+from vgps.online import OnlineEstimate, OnlineSmoother
+from vgps.online.replay import replay
+from vgps.online.run import run_online
+from vgps.smoothing.covariance import region_sigmas
+
+CERTAIN_M = 1.0
+SETTLED_S = 1.0  # after RTK-fixes return
+SIGMAS = 3.0
+COLUMNS = {
+    "log": "log",
+    "seed": "seed",
+    "since_s": "counts from [s]",
+    "fixes_mean_m": "fixes [m]",
+    "mean_m": "as it came [m]",
+    "max_m": "max",
+    "offline_mean_m": "offline [m]",
+    "nees": "NEES",
+    "beyond_three_sigmas": "beyond 3 sigmas",
+    "returned": "after return of RTK-fix / before",
+    "pose_p50_ms": "pose p50 [ms]",
+    "pose_p99_ms": "p99",
+}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True camera and antenna at the frames and fixes of a recording, and its fixes in the same world.
+
+    Attributes:
+        camera: (F, 3) at the frames.
+        fix_error_m: (M, 3) fix minus antenna at its time stamp.
+        fix_sigma_m: (M,) standard deviation in space by the class.
+    """
+
+    camera: FloatArray
+    fix_error_m: FloatArray
+    fix_sigma_m: FloatArray
+
+
+def truth_of(recording: Recording) -> Truth:
+    """Return the truth of a recording with fixes, in the world of its rig.
+
+    Raises:
+        VgpsError: There is none.
+    """
+    found, log, origin = read_truth(recording.path), recording.gps, recording.rig.world_origin
+    assert log is not None and origin is not None
+    position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
+    poses = interpolate_poses(found.t_s, found.world_T_camera, log.t_s)
+    antenna = poses[:, :3, :3] @ recording.rig.camera_p_antenna + poses[:, :3, 3]
+    sigma_m = region_sigmas(fixes_in_world(log, position, vgps.Config().gps))
+    frames = interpolate_poses(found.t_s, found.world_T_camera, recording.video.times_s)
+    return Truth(frames[:, :3, 3], position - antenna, np.linalg.norm(sigma_m, axis=1))
+
+
+def run_live(recording: Recording, seed: int) -> list[OnlineEstimate]:
+    """Return the estimates of all frames as they come."""
+    smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed))
+    estimates, stop = list[OnlineEstimate](), threading.Event()
+    run_online(replay(recording, stop), smoother, lambda estimate, _: estimates.append(estimate), stop)
+    return estimates
+
+
+def score(recording: Recording, truth: Truth, estimates: list[OnlineEstimate]) -> dict[str, float]:
+    """Return the measures of one run by the names in ``COLUMNS``; NaN if no pose was ever certain."""
+    assert recording.gps is not None
+    t_s, fix_t_s = recording.video.times_s[: len(estimates)], recording.gps.t_s
+    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - truth.camera[: len(estimates)]
+    sigma_m = np.array([one.sigma_position_m for one in estimates])
+    size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
+    newest = np.clip(np.searchsorted(fix_t_s, t_s, side="right") - 1, 0, None)
+    certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, truth.fix_sigma_m[newest]))
+    first = int(certain[0]) if len(certain) else len(t_s)
+    counts = np.isfinite(size) & (np.arange(len(t_s)) >= first)
+    seconds = np.array([one.seconds for one in estimates])
+    latency = dict(zip(("pose_p50_ms", "pose_p99_ms"), 1e3 * np.percentile(seconds, [50, 99]), strict=True))
+    if not counts.any():
+        return dict.fromkeys(list(COLUMNS)[2:-2], np.nan) | latency
+    size, stated = size[counts], stated[counts]
+    since_s = float(t_s[first])
+    return {
+        "since_s": since_s,
+        "fixes_mean_m": float(np.linalg.norm(truth.fix_error_m[fix_t_s >= since_s], axis=1).mean()),
+        "mean_m": float(size.mean()),
+        "max_m": float(size.max()),
+        "offline_mean_m": np.nan,
+        "nees": float(np.mean(np.sum((error_m[counts] / sigma_m[counts]) ** 2, axis=1))),
+        "beyond_three_sigmas": float(np.mean(size > SIGMAS * stated)),
+        "returned": after_return(recording, t_s[counts], size),
+        **latency,
+    }
+
+
+def after_return(recording: Recording, t_s: FloatArray, error_m: FloatArray) -> float:
+    """Return the mean error from a second after the last return of RTK-fixes on, over that before them.
+
+    Args:
+        recording: Its fixes tell when; NaN if none returned after others.
+        t_s: (n,) times.
+        error_m: (n,) errors.
+    """
+    assert recording.gps is not None
+    fixed = np.array([one is FixClass.RTK_FIX for one in recording.gps.fix_class])
+    begins, ends = (np.flatnonzero(np.diff(fixed.astype(int)) == step) + 1 for step in (1, -1))
+    if not len(begins):
+        return float("nan")
+    back_s = recording.gps.t_s[begins[-1]]
+    lost = ends[ends < begins[-1]]
+    lost_s = recording.gps.t_s[lost[-1]] if len(lost) else -np.inf
+    before, after = error_m[(t_s >= lost_s) & (t_s < back_s)], error_m[t_s >= back_s + SETTLED_S]
+    return float(after.mean() / before.mean()) if len(before) and len(after) else float("nan")
+
+
+def offline_mean_m(recording: Recording, seed: int) -> float:
+    """Return the mean error of ``vgps smooth``."""
+    return evaluate(
+        vgps.smooth(recording, vgps.Config(seed=seed)), recording.path / "truth.tum"
+    ).camera_position_m.mean
+
+
+def one_run(folder: Path, gps: str, given: argparse.Namespace, seed: int) -> dict[str, str | int | float]:
+    """Return the row of one log and seed.
+
+    Raises:
+        VgpsError: The recording or its truth cannot be read.
+    """
+    recording = vgps.open_recording(folder, gps=gps)
+    found = score(recording, truth_of(recording), run_live(recording, seed))
+    if given.offline:
+        found["offline_mean_m"] = offline_mean_m(recording, seed)
+    return {"log": f"{folder.name} {Path(gps).stem}", "seed": seed, **found}
+
+
+def main() -> None:
+    """Print a row per log and seed as it comes."""
+    parser = ScriptParser("benchmarks.live", __doc__)
+    parser.add_argument("recordings", type=Path, nargs="+", help="with truth")
+    parser.add_argument(
+        "--logs", nargs="+", help="paths, or names inside the recordings; all of their gps*.nmea if not given"
+    )
+    parser.add_argument("--offline", action="store_true", help="run `vgps smooth` too")
+    add_seeds(parser, 1)
+    given = parser.parse_args()
+    with parser.refusals():
+        results, table = parser.results(given), LiveTable(*COLUMNS.values())
+        for folder in given.recordings:
+            for gps in given.logs or sorted(file.name for file in folder.glob("gps*.nmea")):
+                for seed in range(given.seeds):
+                    found = one_run(folder, gps, given, seed)
+                    results.add(**found)
+                    table.add(*(f"{x:.3g}" if isinstance(x, float) else str(x) for x in found.values()))
+
+
+if __name__ == "__main__":
+    main()

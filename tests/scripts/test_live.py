@@ -1,0 +1,59 @@
+"""The benchmark of live poses: a row for each log, and its measures by hand."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scripts.benchmarks import live
+from vgps.model import FixClass
+
+
+def test_each_log_has_a_row(recording, tmp_path, monkeypatch, capsys):
+    found = tmp_path / "live.json"
+    words = [str(recording), "--logs", "gps.nmea", "--json", str(found)]
+    monkeypatch.setattr(sys, "argv", ["live", *words])
+    live.main()
+    (row,) = json.loads(found.read_text(encoding="utf-8"))["rows"]
+    assert row["log"] == f"{recording.name} gps" and row["seed"] == 0
+    assert 0.0 < row["mean_m"] < row["max_m"] < 0.5 and row["fixes_mean_m"] < 0.1
+    assert row["pose_p50_ms"] <= row["pose_p99_ms"] and row["offline_mean_m"] is None
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"| {recording.name} gps | 0 | ")
+
+
+def recorded(classes):
+    gps = SimpleNamespace(t_s=np.arange(len(classes)) + 0.5, fix_class=classes)
+    return SimpleNamespace(gps=gps, video=SimpleNamespace(times_s=np.arange(8.0)))
+
+
+def test_errors_count_from_the_first_certain_pose():
+    fix, sigma = FixClass.RTK_FIX, [3.0, 2.0, 0.5, 2.0, 0.1, 0.1, 0.1, 0.1]
+    estimates = [
+        SimpleNamespace(
+            global_T_camera=np.diag([1.0, 1.0, 1.0, 1.0]) + 0.3 * np.eye(4, k=3),
+            sigma_position_m=np.full(3, s / np.sqrt(3.0)),
+            seconds=0.01,
+        )
+        for s in sigma
+    ]
+    truth = live.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
+    found = live.score(recorded([fix] * 4), truth, estimates)
+    assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
+    assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
+    # 0.3 m are less than three sigmas until these are 0.1 m
+    assert found["beyond_three_sigmas"] == 0.0
+    ratios = 0.3**2 / np.array([0.5, 2.0, 0.1, 0.1, 0.1, 0.1]) ** 2
+    assert found["nees"] == pytest.approx(3.0 * ratios.mean())
+
+
+def test_the_return_of_rtk_fixes_is_compared_with_the_stretch_before():
+    fix, other = FixClass.RTK_FIX, FixClass.RTK_FLOAT
+    log = recorded([fix, other, other, fix, fix, fix])
+    t_s, error_m = np.arange(0.0, 7.0, 0.5), np.arange(14.0)
+    # before: 1.5 to 3.0 s, after: from 4.5 s on
+    assert live.after_return(log, t_s, error_m) == pytest.approx(
+        np.mean(range(9, 14)) / np.mean([3, 4, 5, 6])
+    )
+    assert np.isnan(live.after_return(recorded([fix] * 4), t_s, error_m))
