@@ -1,4 +1,4 @@
-"""IGC, FIT, ULog and MAVLink: bytes made after the specifications, positions within a centimetre of them."""
+"""Logs of flights and receivers: bytes made after the specifications, positions as they were written."""
 
 import sys
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_bytes import FIX, UNIX_S, dataflash, fit, igc, sbf, tlog, ulog
+from log_bytes import FIX, UNIX_S, dataflash, fit, igc, novatel, sbf, tlog, ulog
 
 from vgps.crs import egm96
 from vgps.errors import GpsLogError
@@ -22,6 +22,7 @@ LOGS = {
     "ulog": (ulog, FixClass.RTK_FIX, 0.0),
     "mavlink": (tlog, FixClass.RTK_FIX, 0.0),
     "sbf": (sbf, FixClass.RTK_FIX, 0.0),
+    "novatel": (novatel, FixClass.RTK_FIX, 0.0),
 }
 
 
@@ -49,6 +50,7 @@ def test_positions_times_and_classes(tmp_path, name):
 def test_times_are_utc(tmp_path):
     from vgps.readers.fit import read_fit
     from vgps.readers.mavlink import read_mavlink
+    from vgps.readers.novatel import read_novatel
     from vgps.readers.ulog import read_ulog
 
     readers = (
@@ -57,6 +59,7 @@ def test_times_are_utc(tmp_path):
         (ulog, read_ulog),
         (tlog, read_mavlink),
         (dataflash, read_mavlink),
+        (novatel, read_novatel),
     )
     for number, (made, reader) in enumerate(readers):
         file = tmp_path / str(number)
@@ -91,6 +94,25 @@ def test_sigmas_of_sbf(tmp_path):
     assert set(bare.fix_class) == {FixClass.RTK_FLOAT}
 
 
+def test_novatel_in_ascii_and_binary(tmp_path):
+    from novatel_edie import oem
+
+    text = novatel()
+    parser = oem.Parser()
+    parser.write(text)
+    binary = b"".join(bytes(one.to_binary().message) for one in parser if hasattr(one, "to_binary"))
+    for data in (text, binary):
+        log = read(tmp_path, data)
+        assert gps_format(tmp_path / "gps.log") == "novatel"
+        np.testing.assert_allclose(log.sigma_m[0], [0.01, 0.02, 0.03], atol=1e-6)
+        np.testing.assert_allclose(log.height_m, [row[2] for row in FIX], atol=1e-4)
+        assert log.satellites[0] == 14 and log.correction_age_s[0] == 1.5
+        assert log.skipped == ("1 epoch without a fix skipped",)
+    assert set(read(tmp_path, novatel(kind="WIDE_INT")).fix_class) == {FixClass.RTK_FLOAT}
+    damaged = read(tmp_path, text.replace(b"49.0001", b"49.7001"))
+    assert len(damaged) == 2 and damaged.skipped[0] == "1 damaged message skipped"
+
+
 def test_fields_of_px4_before_1_14(tmp_path):
     log = read(tmp_path, ulog(old=True))
     np.testing.assert_allclose(log.height_m, [row[2] for row in FIX], atol=1e-3)
@@ -122,7 +144,8 @@ def test_igc_south_and_west(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("made", "extra"), [(fit, "fitdecode"), (ulog, "pyulog"), (tlog, "pymavlink"), (sbf, "pysbf2")]
+    ("made", "extra"),
+    [(fit, "fitdecode"), (ulog, "pyulog"), (tlog, "pymavlink"), (sbf, "pysbf2"), (novatel, "novatel_edie")],
 )
 def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
     data = made()
@@ -136,7 +159,7 @@ def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
 @pytest.mark.filterwarnings("error")
 @settings(max_examples=25)
 @given(st.data())
-@pytest.mark.parametrize("made", [igc, fit, ulog, tlog, dataflash, sbf])
+@pytest.mark.parametrize("made", [igc, fit, ulog, tlog, dataflash, sbf, novatel])
 def test_damage_is_read_around_or_refused_in_a_line(tmp_path_factory, made, data):
     whole = bytearray(made())
     for _ in range(data.draw(st.integers(1, 4))):

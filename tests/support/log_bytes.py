@@ -143,3 +143,18 @@ def _sbf_block(number, revision, body):
     body += bytes(-(len(body) + 8) % 4)
     checked = struct.pack("<HH", number | revision << 13, len(body) + 8) + body
     return b"$@" + struct.pack("<H", binascii.crc_hqx(checked, 0)) + checked
+
+
+def novatel(rows=FIX, unix_s=UNIX_S, kind="NARROW_INT"):
+    """A NovAtel log of BESTPOSA, the last epoch without a fix; heights are above a geoid 48.2 m high."""
+    week, second = divmod(unix_s + 18 - 315964800, 604800)
+    data = b"<OK\r\n[COM1]"
+    for k, (latitude, longitude, height) in enumerate((*rows, rows[-1])):
+        status = f"SOL_COMPUTED,{kind}" if k < len(rows) else "INSUFFICIENT_OBS,NONE"
+        head = f"BESTPOSA,COM1,0,83.5,FINESTEERING,{week},{second + k}.000,02400000,cdba,16809"
+        place = f"{latitude:.11f},{longitude:.11f},{height - 48.2:.4f},48.2000,WGS84"
+        body = f'{head};{status},{place},0.0200,0.0100,0.0300,"7",1.500,0.000,18,14,14,13,00,21,7f,37'
+        # CRC-32 that begins with 0 and is not inverted
+        checked = binascii.crc32(body.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
+        data += f"#{body}*{checked:08x}\r\n".encode()
+    return data

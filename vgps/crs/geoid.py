@@ -6,6 +6,7 @@ within 1 cm of the values that NGA publishes for tests, and EGM96 itself is with
 
 import os
 import re
+import struct
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +35,9 @@ _PROJ_GRIDS = {
     "osgm15": ("uk_os_OSGM15_GB.tif",),
     "raf20": ("fr_ign_RAF20.tif",),
 }
-_PGM = re.compile(rb"P5\s(.*?)(\d+)\s+(\d+)\s+65535\s", re.DOTALL)
+_GTX = struct.Struct(">4d2i")  # south, west, steps; rows, columns
+_PGM = re.compile(rb"P5\s(.*?)(\d{1,6})\s+(\d{1,6})\s+65535\s", re.DOTALL)
+_PGM_NUMBERS = re.compile(rb"#\s*(Offset|Scale)\s+([-+]?\d+(?:\.\d+)?)\s")
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,8 @@ def _file(path: Path) -> Geoid:
 
 def _of_proj(path: Path, name: str) -> Geoid:
     """Return a grid that PROJ reads; its heights are interpolated linearly, as PROJ does."""
+    if path.suffix.lower() == ".gtx":
+        _check_gtx(path)
     # PROJ's strings cannot quote a path with blanks or commas: a link of a plain name points to it
     with tempfile.TemporaryDirectory(prefix="vgps-") as folder:
         link = Path(folder) / f"grid{path.suffix.lower()}"
@@ -145,17 +150,32 @@ def _of_proj(path: Path, name: str) -> Geoid:
     return Geoid(name, heights)
 
 
+def _check_gtx(path: Path) -> None:
+    """Refuse a grid whose header promises more than the file has; PROJ would reserve memory for it."""
+    with path.open("rb") as stream:
+        head = stream.read(_GTX.size)
+    rows, columns = _GTX.unpack(head)[4:] if len(head) == _GTX.size else (0, 0)
+    if min(rows, columns) < 2 or path.stat().st_size < _GTX.size + 4 * rows * columns:
+        raise CoordinateSystemError(
+            "not a grid of heights",
+            file=path,
+            expected=f"GTX, of which {rows} x {columns} heights have {4 * rows * columns} bytes",
+            remedy="download it again",
+        )
+
+
 def _of_pgm(path: Path) -> Geoid:
     """Return a grid in GeographicLib's format: 16-bit PGM from the north, offset and scale in comments."""
     data = path.read_bytes()
     header = _PGM.match(data)
-    numbers = dict(re.findall(rb"#\s*(Offset|Scale)\s+([-+.\deE]+)", header[1])) if header else {}
-    if header is None or len(numbers) < 2 or len(data) < header.end() + 2 * int(header[2]) * int(header[3]):
+    numbers = dict(_PGM_NUMBERS.findall(header[1])) if header else {}
+    columns, rows = (int(header[2]), int(header[3])) if header else (0, 0)
+    begin = header.end() if header else 0
+    if len(numbers) < 2 or rows < 2 or not 0 < 2 * columns * rows <= len(data) - begin:
         raise CoordinateSystemError(
             "not a geoid grid in PGM", file=path, expected="P5 with 16 bits and comments Offset and Scale"
         )
-    columns, rows = int(header[2]), int(header[3])
-    raw = np.frombuffer(data, ">u2", columns * rows, header.end()).reshape(rows, columns)[::-1]
+    raw = np.frombuffer(data, ">u2", columns * rows, begin).reshape(rows, columns)[::-1]
     grid = float(numbers[b"Offset"]) + float(numbers[b"Scale"]) * raw.astype(np.float64)
     return Geoid(path.stem, _of_grid(grid, (-90.0, 0.0), (180.0 / (rows - 1), 360.0 / columns)))
 

@@ -1,7 +1,7 @@
 """Messages of ROS 1 and 2 bags and MCAP files, and the pixels of their images."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from PIL import Image
 
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import GrayImage, RgbImage
+from vgps.readers.container import check_size
 from vgps.readers.extras import optional_module
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -59,7 +60,7 @@ def grey_of(message: Any, path: Path) -> GrayImage:
     if hasattr(message, "format"):
         return np.asarray(_compressed(message, path).convert("L"))
     channels, order = _encoding(message, path)
-    values = _values(message, channels)
+    values = _values(message, channels, path)
     if len(set(order)) == 1:
         return np.ascontiguousarray(values[..., order[0]])
     return np.asarray(np.rint(values[..., list(order)] @ _LUMA), np.uint8)
@@ -70,7 +71,7 @@ def rgb_of(message: Any, path: Path) -> RgbImage:
     if hasattr(message, "format"):
         return np.asarray(_compressed(message, path).convert("RGB"))
     channels, order = _encoding(message, path)
-    return np.ascontiguousarray(_values(message, channels)[..., list(order)])
+    return np.ascontiguousarray(_values(message, channels, path)[..., list(order)])
 
 
 def _encoding(message: Any, path: Path) -> tuple[int, tuple[int, int, int]]:
@@ -83,47 +84,58 @@ def _encoding(message: Any, path: Path) -> tuple[int, tuple[int, int, int]]:
     return (2, (0, 0, 0)) if found[0] == 2 and message.is_bigendian else found
 
 
-def _values(message: Any, channels: int) -> RgbImage:
-    rows = np.asarray(message.data, np.uint8).reshape(int(message.height), int(message.step))
-    return rows[:, : int(message.width) * channels].reshape(int(message.height), int(message.width), channels)
+def _values(message: Any, channels: int, path: Path) -> RgbImage:
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    check_size(width, height, path, image=True)
+    if min(width, height) < 1 or step < width * channels or len(message.data) != height * step:
+        raise VideoError(
+            f"an image of {len(message.data)} bytes", file=path, expected=f"{height} rows of {step} bytes"
+        )
+    rows = np.asarray(message.data, np.uint8).reshape(height, step)
+    return rows[:, : width * channels].reshape(height, width, channels)
 
 
 def _compressed(message: Any, path: Path) -> Image.Image:
     try:
         picture = Image.open(io.BytesIO(bytes(message.data)))
+        check_size(*picture.size, path, image=True)
         picture.load()
-    except OSError as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise VideoError(f"a compressed image that cannot be decoded ({error})", file=path) from error
     return picture
 
 
 def _bag(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
-    highlevel, typesys = (
-        optional_module(f"rosbags.{name}", "ros", path) for name in ("highlevel", "typesys")
-    )
-    # bags of ROS 2 before Iron have no definitions: those of Humble serve
+    read, highlevel = _deserialisers(path), optional_module("rosbags.highlevel", "ros", path)
+    typesys = optional_module("rosbags.typesys", "ros", path)
+    # bags of ROS 2 before Iron have no definitions
     default = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with highlevel.AnyReader([path], default_typestore=default) as reader:
         connections = [one for one in reader.connections if one.msgtype in kinds]
+        encoding = "cdr" if reader.is2 else "ros1"
         for connection, _, raw in reader.messages(connections=connections) if connections else ():
-            yield connection.msgtype, connection.topic, reader.deserialize(raw, connection.msgtype)
+            yield connection.msgtype, connection.topic, read[encoding](raw, connection.msgtype)
 
 
 def _mcap(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
-    typesys = optional_module("rosbags.typesys", "ros", path)
-    reading = optional_module("mcap.reader", "ros", path)
-    stores: dict[int, Any] = {}
+    read, reading = _deserialisers(path), optional_module("mcap.reader", "ros", path)
     with path.open("rb") as stream:
         for schema, channel, message in reading.make_reader(stream).iter_messages():
             kind = _full_name(schema.name) if schema is not None else ""
-            if kind not in kinds:
-                continue
-            if schema.id not in stores:
-                stores[schema.id] = typesys.get_typestore(typesys.Stores.EMPTY)
-                stores[schema.id].register(typesys.get_types_from_msg(schema.data.decode(), kind))
-            store = stores[schema.id]
-            read = store.deserialize_cdr if channel.message_encoding == "cdr" else store.deserialize_ros1
-            yield kind, channel.topic, read(message.data, kind)
+            if kind in kinds:
+                yield kind, channel.topic, read[channel.message_encoding](message.data, kind)
+
+
+def _deserialisers(path: Path) -> dict[str, Callable[[bytes, str], Any]]:
+    """Return the functions that read a message, by its encoding.
+
+    The definitions are those of ROS, which have not changed for these kinds, not those that a file has.
+    """
+    typesys = optional_module("rosbags.typesys", "ros", path)
+    ros1, ros2 = (
+        typesys.get_typestore(one) for one in (typesys.Stores.ROS1_NOETIC, typesys.Stores.ROS2_HUMBLE)
+    )
+    return {"ros1": ros1.deserialize_ros1, "cdr": ros2.deserialize_cdr}
 
 
 def _full_name(name: str) -> str:

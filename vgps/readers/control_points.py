@@ -169,13 +169,13 @@ def _read_gcp_list(path: Path, system: PointSystem, images: list[str] | None) ->
     """Read ODM's list: the coordinate system, then ``x y z u v image [name]`` per observation."""
     text = read_bytes(path, RecordingError).decode("utf-8-sig", errors="replace")
     lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    header, rows = " ".join(lines[0][1]), [(n, row) for n, row in lines[1:] if not row[0].startswith("#")]
+    rows = [(n, row) for n, row in lines[1:] if not row[0].startswith("#")]
     if not rows:
         raise RecordingError("no control points", file=path, expected="a row for each observation")
     parsed = [_gcp_row(row, line, path, images) for line, row in rows]
     names = [row[6] if len(row) > _GCP_FIELDS else " ".join(row[:3]) for _, row in rows]
     values, line = np.array(parsed), np.array([n for n, _ in rows])
-    crs = _odm_crs(header, path)
+    crs = _odm_crs(" ".join(lines[0][1]), path)
     _check(values, line, path, PROJECTED)
     check, sigma_m = np.zeros(len(rows), bool), np.zeros((len(rows), 3))
     return _points(path, values, names, check, sigma_m, replace(system, crs=system.crs or crs))
@@ -211,7 +211,7 @@ def _gcp_row(row: list[str], line: int, path: Path, images: list[str] | None) ->
                 f"no image {image}", file=path, place=f"line {line}", expected="images of the recording"
             )
         return [images.index(image), u, v, x, y, z]
-    number = re.search(r"(\d+)\D*$", Path(image).stem)
+    number = re.search(r"(\d{1,9})\D*$", Path(image).stem)
     if number is None:
         raise RecordingError(
             f"no frame number in {image}", file=path, place=f"line {line}", expected="frame_000123.jpg"

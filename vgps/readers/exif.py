@@ -22,7 +22,7 @@ _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
 _TAKEN, _SUBSECOND, _OFFSET = (0x9003, 0x9004), (0x9291, 0x9292), (0x9011, 0x9012)
 _ZONE = re.compile(r"([+-])(\d\d):?(\d\d)")
 _XMP_BYTES = 1 << 17  # at most two segments from the start
-_XMP = re.compile(rb"drone-dji:(\w+)\s*(?:=\s*\"|>)\s*([-+.\d]+)")
+_XMP = re.compile(rb"drone-dji:(\w+)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 # RtkFlag of DJI's drones
 _RTK = {50: FixClass.RTK_FIX, 34: FixClass.RTK_FLOAT, 16: FixClass.SINGLE}
 

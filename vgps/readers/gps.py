@@ -20,6 +20,7 @@ from vgps.readers.gpx import looks_like_gpx, read_gpx
 from vgps.readers.igc import looks_like_igc, read_igc
 from vgps.readers.mavlink import looks_like_mavlink, read_mavlink
 from vgps.readers.nmea import looks_like_nmea, read_nmea
+from vgps.readers.novatel import looks_like_novatel, read_novatel
 from vgps.readers.rtklib import looks_like_pos, read_pos
 from vgps.readers.sbf import looks_like_sbf, read_sbf
 from vgps.readers.table import read_bytes
@@ -42,6 +43,7 @@ _FORMATS = (
     _Format("fit", looks_like_fit, read_fit),
     _Format("bag", looks_like_bag, lambda _, path: read_bag_fixes(path)),
     _Format("sbf", looks_like_sbf, read_sbf),
+    _Format("novatel", looks_like_novatel, read_novatel),
     _Format("ubx", looks_like_ubx, lambda data, _: read_ubx(data)),
     _Format("gpx", looks_like_gpx, read_gpx),
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
@@ -111,8 +113,9 @@ def _read(path: Path) -> RawLog:
         raise GpsLogError(
             "not a GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, SBF, NMEA with GGA, GPX, an RTKLIB .pos, IGC, FIT, MAVLink, ULog, a "
-            "ROS bag, DJI subtitles, a GoPro video, or a CSV with latitude_deg and longitude_deg",
+            expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA with GGA, GPX, an RTKLIB .pos, IGC, "
+            "FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a GoPro video, or a CSV with latitude_deg and "
+            "longitude_deg",
             remedy=_remedy(data),
         )
     return form.read(data, path)

@@ -16,17 +16,21 @@ from scripts.experiments.fuzz.formats import (
     damage_npz,
     damage_ubx,
 )
+from scripts.experiments.fuzz.loggers import damage_fit, damage_novatel, damage_sbf, damage_telemetry
 from scripts.experiments.fuzz.mutators import LOG, TEXT, TREE, Mutator, damage_bytes, grow, nest_deeply
 from vgps.config import read_config, read_survey
+from vgps.crs import named_geoid
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.model import Camera, Rig
 from vgps.online.gps_messages import Epochs, messages
+from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.control_points import read_control_points
+from vgps.readers.exif import exif_fixes
 from vgps.readers.frame_times import read_frame_times
 from vgps.readers.gopro import gopro_exposures, picture_rotations, read_gopro_gps, read_gopro_gyro
 from vgps.readers.gpmf import Packet, Telemetry, collect, read_gpmf
-from vgps.readers.gps import read_gps_log
+from vgps.readers.gps import gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.run_folder import read_run
@@ -95,6 +99,29 @@ def _read_images(path: Path) -> None:
         pass
 
 
+def _read_pictures(path: Path) -> None:
+    pictures = ImageFolder(path.parent)
+    exif_fixes([pictures.taken(index) for index in range(len(pictures.files))], pictures.times_s)
+
+
+def _read_bag(path: Path) -> None:
+    for topic in ("/image", "/packed"):
+        video = BagVideo(path, topic)
+        video.camera()
+        video.gyro()
+        gps_log(video.fixes(), None, path)
+        for _ in video.frames():
+            pass
+
+
+def _read_bag_folder(path: Path) -> None:
+    _read_bag(path.parent)
+
+
+def _read_geoid(path: Path) -> None:
+    named_geoid(str(path)).height_m([49.0, -33.0], [8.4, 151.0])
+
+
 def _read_stream(path: Path) -> None:
     epochs = Epochs()
     for raw in messages(BytesIO(path.read_bytes())):
@@ -134,6 +161,27 @@ TARGETS = (
     Target(name="srt", read=_gps, mutators=LOG),
     Target(name="gpx", read=_gps, mutators=(*LOG, nest_deeply)),
     Target(name="gps_csv", read=_gps, mutators=LOG),
+    Target(name="sbf", read=_gps, mutators=(*[damage_sbf] * 20, *[damage_bytes] * 10, grow)),
+    Target(name="novatel", read=_gps, mutators=(*[damage_novatel] * 20, *LOG)),
+    Target(name="fit", read=_gps, mutators=(*[damage_fit] * 10, *[damage_bytes] * 20, grow)),
+    Target(name="igc", read=_gps, mutators=LOG),
+    Target(name="ulog", read=_gps, mutators=(*[damage_bytes] * 30, grow)),
+    Target(
+        name="telemetry", read=_gps, mutators=(*[damage_telemetry] * 20, *[damage_bytes] * 10, grow),
+        corpus="mavlink", only="*.tlog",
+    ),
+    Target(
+        name="dataflash", read=_gps, mutators=(*[damage_bytes] * 30, grow), corpus="mavlink", only="*.bin"
+    ),
+    Target(name="bag", read=_read_bag, mutators=(*[damage_bytes] * 30, grow)),
+    Target(
+        name="ros2", read=_read_bag_folder, mutators=(*[damage_bytes] * 30, grow), only="*.db3"
+    ),
+    Target(
+        name="ros2_metadata", read=_read_bag_folder, mutators=TREE,
+        corpus="ros2", only="metadata.yaml", file="metadata.yaml",
+    ),
+    Target(name="exif", read=_read_pictures, mutators=(damage_bytes,), only="0.*"),
     Target(name="camera", read=read_camera, mutators=TREE),
     Target(name="rig", read=read_rig, mutators=TREE),
     Target(name="settings", read=read_config, mutators=TREE),
@@ -141,6 +189,8 @@ TARGETS = (
     Target(name="frame_times", read=read_frame_times, mutators=LOG),
     Target(name="gyro", read=read_gyro, mutators=LOG),
     Target(name="control_points", read=read_control_points, mutators=LOG),
+    Target(name="gcp_list", read=read_control_points, mutators=LOG),
+    Target(name="geoid", read=_read_geoid, mutators=(*TEXT * 5, grow)),
     Target(name="trajectory", read=read_trajectory, mutators=LOG),
     Target(
         name="run_arrays", read=_read_run, mutators=(*[damage_npz] * 8, damage_bytes),
