@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, heading_deg, to_enu, to_geodetic
+from vgps.geodesy import ecef_to_geodetic, enu_R_ecef, heading_deg, normal_gravity, to_enu, to_geodetic
 from vgps.model import GeodeticPoint
 
 A, F = 6378137.0, 1 / 298.257223563  # WGS84
@@ -84,3 +84,9 @@ def test_heading_is_clockwise_from_north(forward, expected):
     pose[:3, 2] = forward
     np.testing.assert_allclose(heading_deg(pose[None]), [expected], atol=1e-9)
     np.testing.assert_allclose(heading_deg(pose[:3, :3]), expected, atol=1e-9)
+
+
+def test_gravity_is_that_of_the_place() -> None:
+    assert normal_gravity(GeodeticPoint(0.0, 0.0, 0.0)) == pytest.approx(9.7803253359, abs=1e-9)
+    assert normal_gravity(GeodeticPoint(90.0, 0.0, 0.0)) == pytest.approx(9.8321849378, abs=1e-8)
+    assert normal_gravity(GeodeticPoint(45.0, 7.0, 1000.0)) == pytest.approx(9.806199 - 0.003086, abs=1e-5)

@@ -10,6 +10,10 @@ import pymap3d
 
 from vgps.model import FloatArray, GeodeticPoint
 
+# Somigliana's formula on WGS84
+_EQUATOR_M_S2, _POLE_SHARE, _ECCENTRICITY2 = 9.7803253359, 0.00193185265241, 0.00669437999013
+_FREE_AIR_1_S2 = 3.086e-6
+
 
 def to_enu(
     origin: GeodeticPoint, latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike, height_m: npt.ArrayLike
@@ -78,3 +82,10 @@ def heading_deg(world_R_camera: npt.ArrayLike) -> FloatArray:
 
 def _stack(parts: tuple[npt.ArrayLike, ...]) -> FloatArray:
     return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
+
+
+def normal_gravity(place: GeodeticPoint) -> float:
+    """Return gravity [m/s^2] at a place: Somigliana's formula (WGS84) with the free-air gradient."""
+    sine2 = np.sin(np.radians(place.latitude_deg)) ** 2
+    ground = _EQUATOR_M_S2 * (1.0 + _POLE_SHARE * sine2) / np.sqrt(1.0 - _ECCENTRICITY2 * sine2)
+    return float(ground - _FREE_AIR_1_S2 * place.height_m)

@@ -11,7 +11,7 @@ from vgps.errors import ConfigError, RunFolderError
 from vgps.model import FixClass
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import SCENES, SceneConfig, simulate
+from vgps.simulate import SCENES, AccelerometerConfig, SceneConfig, simulate
 from vgps.simulate.recording import FILES
 
 TINY = replace(
@@ -48,6 +48,18 @@ def test_the_folder_holds_a_recording(folder: Path) -> None:
     np.testing.assert_allclose(recording.gps.t_s, [0.03, 1.03], atol=1e-6)
     assert recording.gyro is not None
     assert recording.gyro.t_s[0] <= -0.19 and recording.gyro.t_s[-1] >= 1.93 + 0.19
+
+
+def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "imu"
+    for _ in range(2):  # the second replaces the first
+        simulate(out, replace(TINY, accelerometer=AccelerometerConfig()), seed=3)
+    recording, without = open_recording(out), open_recording(folder)
+    assert recording.imu is not None and recording.rig.imu is not None and without.gyro is not None
+    np.testing.assert_array_equal(recording.imu.rate_rad_s, without.gyro.rate_rad_s)
+    up = recording.imu.force_m_s2 @ recording.rig.imu.imu_R_camera
+    assert up[:, 1].mean() == pytest.approx(-9.8, abs=0.4)  # the camera's y axis points down
+    assert (out / "video.mp4").read_bytes() == (folder / "video.mp4").read_bytes()
 
 
 def test_frames_come_at_exactly_the_times_of_the_truth(folder: Path) -> None:

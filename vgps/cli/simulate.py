@@ -39,6 +39,7 @@ def simulate(
     seed: Seed = 0,
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
+    imu: bool = False,
     shutter: Shutter | None = None,
 ) -> None:
     """Simulate a recording with exact truth: video, GPS, gyro and calibration.
@@ -50,11 +51,14 @@ def simulate(
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
+        imu: Also write imu.csv, the gyro and an accelerometer, and their mounting.
         shutter: Frame rate, readout and shaking.
     """
-    from vgps.simulate import scene_with_errors
+    from vgps.simulate import AccelerometerConfig, scene_with_errors
     from vgps.simulate import simulate as simulate_recording
 
     config = replace(scene_with_errors(scene, gps_errors, gps_reference), **(shutter or Shutter()).changes())
+    if imu:
+        config = replace(config, accelerometer=AccelerometerConfig())
     simulate_recording(out, config, seed)
     print_line(f"wrote {out}")

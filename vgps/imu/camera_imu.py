@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import ImuConfig
+from vgps.geodesy import normal_gravity
 from vgps.model import BoolArray, FloatArray, GeodeticPoint, ImuLog, ImuMount
 
 _GAP_INTERVALS = 5.0  # sample intervals; a longer time without samples is a gap
-_EQUATOR_M_S2, _POLE_SHARE, _ECCENTRICITY2 = 9.7803253359, 0.00193185265241, 0.00669437999013
-_FREE_AIR_1_S2 = 3.086e-6
 STANDARD_GRAVITY_M_S2 = 9.80665
 _SQUARED_SECOND_DIFFERENCE = 6.0  # variance of a second difference of white noise of variance 1
 _MAD_SHARE = 0.6745  # median of the absolute value of a standard normal variable
@@ -79,13 +78,6 @@ def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, co
         accelerometer_density=max(accelerometer, config.accelerometer_density),
         bias=np.concatenate([mount.accelerometer_bias_m_s2 @ R, mount.gyro_bias_rad_s @ R]),
     )
-
-
-def normal_gravity(place: GeodeticPoint) -> float:
-    """Return gravity [m/s^2] at a place: Somigliana's formula (WGS84) with the free-air gradient."""
-    sine2 = np.sin(np.radians(place.latitude_deg)) ** 2
-    ground = _EQUATOR_M_S2 * (1.0 + _POLE_SHARE * sine2) / np.sqrt(1.0 - _ECCENTRICITY2 * sine2)
-    return float(ground - _FREE_AIR_1_S2 * place.height_m)
 
 
 def _density(samples: FloatArray, interval_s: float) -> float:

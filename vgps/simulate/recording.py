@@ -15,8 +15,9 @@ import yaml
 
 from vgps.camera import camera_fields
 from vgps.errors import ConfigError, RunFolderError
-from vgps.model import Camera
-from vgps.simulate.motion import Motion, build_motion
+from vgps.model import Camera, FloatArray
+from vgps.simulate.accelerometer import simulate_accelerometer
+from vgps.simulate.motion import build_motion
 from vgps.simulate.render import Picture, Renderer
 from vgps.simulate.scene import SceneConfig, scene_config
 from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
@@ -28,6 +29,7 @@ FILES = (
     *("video.mp4", "camera.yaml", "rig.yaml", "gps.nmea", "gyro.csv", "truth.tum"),
     *("fix_errors.csv", "simulation.yaml"),
 )
+IMU_FILE = "imu.csv"  # of scenes with an accelerometer
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
 _THREADS = 2
 _AHEAD = 6
@@ -39,7 +41,7 @@ def simulate(
     seed: int = 0,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a recording with exact truth: a rendered video, camera, rig, fixes, gyro and poses.
+    """Write a recording with exact truth: a rendered video, camera, rig, fixes, gyro, IMU and poses.
 
     Args:
         out: The recording folder; an earlier simulation of that name is replaced.
@@ -56,7 +58,7 @@ def simulate(
         raise ConfigError(
             f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
         )
-    motion_rng, world_rng, gps_rng, gyro_rng = (np.random.default_rng([seed, k]) for k in range(4))
+    motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
         renderer = Renderer(build_world(config, world_rng), motion, config, seed)
@@ -65,7 +67,11 @@ def simulate(
         fixes = simulate_fixes(motion, config, gps_rng)
         (folder / "gps.nmea").write_bytes(nmea(fixes, config))
         _write_fix_errors(folder / "fix_errors.csv", fixes)
-        _write_gyro(folder / "gyro.csv", motion, config, gyro_rng)
+        t_s, rates = simulate_gyro(motion, config, gyro_rng)
+        _write_samples(folder / "gyro.csv", t_s, rates)
+        if config.accelerometer is not None:
+            force = simulate_accelerometer(motion, config, config.accelerometer, t_s, imu_rng)
+            _write_samples(folder / IMU_FILE, t_s, np.hstack([rates, force]))
         t = np.arange(config.frames) / config.fps
         write_tum(Trajectory(t, motion.poses(t)), folder / "truth.tum")
         made_of = {
@@ -136,13 +142,17 @@ def _write_rig(path: Path, config: SceneConfig) -> None:
         "gyro_R_camera": np.round(gyro_R_camera(config.gyro), 12).tolist(),
         "exposure_s": config.exposure_s,
     }
+    if config.accelerometer is not None:
+        fields["imu_R_camera"] = fields["gyro_R_camera"]
+        fields["imu_p_camera"] = list(config.accelerometer.imu_p_camera)
     path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
 
 
-def _write_gyro(path: Path, motion: Motion, config: SceneConfig, rng: np.random.Generator) -> None:
-    t, rate = simulate_gyro(motion, config, rng)
-    head = "t_s,wx_rad_s,wy_rad_s,wz_rad_s"
-    np.savetxt(path, np.column_stack([t, rate]), "%.6f", ",", header=head, comments="", encoding="utf-8")
+def _write_samples(path: Path, t_s: FloatArray, values: FloatArray) -> None:
+    """Write rates, and specific force if there are six columns."""
+    columns = ("wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
+    head = ",".join(("t_s", *columns[: values.shape[1]]))
+    np.savetxt(path, np.column_stack([t_s, values]), "%.6f", ",", header=head, comments="", encoding="utf-8")
 
 
 def _write_fix_errors(path: Path, fixes: SimulatedFixes) -> None:
@@ -194,7 +204,7 @@ def _check(out: Path) -> None:
     if not out.is_dir():
         raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
     found = {entry.name for entry in out.iterdir()}
-    if found and (_MARK not in found or found - set(FILES)):
+    if found and (_MARK not in found or found - {*FILES, IMU_FILE}):
         raise RunFolderError(
             "has files that are not of a simulation",
             file=out,

@@ -9,7 +9,7 @@ from typing import Literal
 
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
-from vgps.simulate.sensor_config import GpsConfig, GyroConfig
+from vgps.simulate.sensor_config import AccelerometerConfig, GpsConfig, GyroConfig
 from vgps.survey import read_errors
 
 _ORIGIN = GeodeticPoint(34.7325, 135.7345, 120.0)
@@ -42,6 +42,7 @@ class SceneConfig:
         max_samples: Largest number of instants rendered and averaged for a frame.
         crf: Quality of the H.264 video (lower is better).
         gps, gyro: Receiver and gyro.
+        accelerometer: Makes the gyro an IMU; None without one.
         start_utc: UTC of the first frame.
         world_origin: Origin of the ENU world.
     """
@@ -75,6 +76,7 @@ class SceneConfig:
     crf: int = 16
     gps: GpsConfig = field(default_factory=GpsConfig)
     gyro: GyroConfig = field(default_factory=GyroConfig)
+    accelerometer: AccelerometerConfig | None = None
     start_utc: datetime = datetime(2025, 6, 1, 12, 0, 0, tzinfo=UTC)
     world_origin: GeodeticPoint = _ORIGIN
 

@@ -1,4 +1,4 @@
-"""Settings of the simulated GPS receiver and gyro, and the errors of real receivers behind them."""
+"""Settings of the simulated receiver, gyro and accelerometer, and the errors of real receivers behind them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -114,3 +114,22 @@ class GyroConfig:
     bias_walk_rad_s_sqrt_s: float = 0.0002
     mount_deg: tuple[float, float, float] = (3.0, -2.0, 90.0)
     margin_s: float = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccelerometerConfig:
+    """A consumer MEMS accelerometer in one housing with the gyro: white noise, and a bias that walks.
+
+    Noise per sample is that of 150 ug/sqrt(Hz) at the default rate; the bias is 10 mg (one sigma).
+
+    Attributes:
+        noise_m_s2: White noise of a sample.
+        bias_m_s2: Standard deviation of the initial bias, per axis.
+        bias_walk_m_s2_sqrt_s: Random walk of the bias.
+        imu_p_camera: The camera in the housing's frame, metres.
+    """
+
+    noise_m_s2: float = 0.02
+    bias_m_s2: float = 0.1
+    bias_walk_m_s2_sqrt_s: float = 0.0005
+    imu_p_camera: tuple[float, float, float] = (0.05, -0.08, 0.02)

@@ -1,0 +1,30 @@
+import numpy as np
+import pytest
+from inertial import GRAVITY_M_S2, MOUNT, exact_log, swinging_motion
+
+from vgps.simulate import SCENES, AccelerometerConfig, build_motion
+from vgps.simulate.accelerometer import simulate_accelerometer, specific_force
+
+
+def test_the_force_is_that_of_the_sensors_own_path():
+    motion = swinging_motion()
+    camera_p_imu = -MOUNT.imu_R_camera.T @ MOUNT.imu_p_camera
+    log = exact_log(motion)
+    force = specific_force(motion, log.t_s, camera_p_imu, GRAVITY_M_S2)
+    np.testing.assert_allclose(force @ MOUNT.imu_R_camera.T, log.force_m_s2, atol=1e-4)
+
+
+def test_noise_bias_and_gravity():
+    scene, config = SCENES["walk"], AccelerometerConfig(noise_m_s2=0.05, bias_m_s2=0.2)
+    motion = build_motion(scene, np.random.default_rng(0))
+    t = np.arange(0.0, 60.0, 0.005)
+
+    def force(settings, seed=1):
+        return simulate_accelerometer(motion, scene, settings, t, np.random.default_rng(seed))
+
+    quiet = AccelerometerConfig(noise_m_s2=0.0, bias_m_s2=0.0, bias_walk_m_s2_sqrt_s=0.0)
+    exact = force(quiet)
+    assert np.linalg.norm(exact, axis=1).mean() == pytest.approx(9.8, abs=0.2)
+    errors = np.stack([force(config, seed) - exact for seed in range(20)])
+    assert np.diff(errors, axis=1).std() == pytest.approx(0.05 * np.sqrt(2.0), rel=0.02)
+    assert errors.mean(axis=1).std() == pytest.approx(0.2, rel=0.25)
