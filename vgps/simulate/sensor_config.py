@@ -1,4 +1,4 @@
-"""Settings of the simulated receiver, gyro and accelerometer, and the errors of real receivers behind them."""
+"""Settings of the simulated receiver, gyro and accelerometer, and the errors of real ones behind them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
