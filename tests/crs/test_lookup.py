@@ -66,8 +66,16 @@ def test_the_frame_of_the_fixes_moves_against_europe():
 def test_frames_taken_as_one_are_said():
     (note,) = coordinate_system(PLACE, "EPSG:25832").notes
     assert "up to 1 m" in note and "--gps-crs" in note
+
     notes = coordinate_system(PLACE, "EPSG:31467").notes
     assert "less accurate without the grid" in notes[0] and "accurate to 3 m" in notes[1]
+
+
+def test_a_frame_that_was_named_is_not_asked_for():
+    (note,) = coordinate_system(PLACE, "EPSG:32632", source="EPSG:9989").notes
+    assert note.startswith("ITRF2020 and the datum of WGS 84 / UTM zone 32N are taken as one")
+    with pytest.raises(CoordinateSystemError, match=r"no conversion from ITRF2020 to EPSG:6690.*--gps-crs"):
+        coordinate_system((34.7, 135.7), "EPSG:6690", source="EPSG:9989")
 
 
 def test_units_are_in_the_names_of_the_axes():

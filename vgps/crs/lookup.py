@@ -150,25 +150,37 @@ def _transformer(
     missing = sorted({g.short_name for o in group.unavailable_operations for g in o.grids if not g.available})
     if not group.transformers:
         raise CoordinateSystemError(
-            f"{text} needs the grid {missing[0]}, which is not installed" if missing else f"no way to {text}",
+            f"{text} needs the grid {missing[0]}, which is not installed"
+            if missing
+            else f"PROJ has no conversion from {origin.name} to {text}",
             remedy="put it into PROJ's data folder (cdn.proj.org, or projsync --file), or give the geoid of "
             "the heights with --geoid FILE"
             if missing
-            else "name another system",
+            else "name another system, or another --gps-crs",
         )
     best = group.transformers[0]
     notes = []
     if not group.best_available and missing:
         notes.append(f"the conversion to {target.name} is less accurate without the grid {missing[0]}")
     if best.accuracy >= _VAGUE_M and not any(step in best.definition for step in _SHIFTS):
-        notes.append(
-            f"positions are taken to be in the datum of {target.name}, which differs from {origin.name} by "
-            f"up to {best.accuracy:g} m: true of fixes corrected in that datum, as by national RTK services; "
-            "name any other frame of the fixes with --gps-crs, as EPSG:9989 for ITRF2020"
-        )
+        notes.append(_taken_as_one(origin, target, best.accuracy))
     elif best.accuracy >= _VAGUE_M:
         notes.append(f"the conversion to {target.name} is accurate to {best.accuracy:g} m, says EPSG")
     return best, tuple(notes)
+
+
+def _taken_as_one(origin: CRS, target: CRS, accuracy_m: float) -> str:
+    """Return the note on two datums between which PROJ applies no shift."""
+    if origin != _parsed(WGS84):
+        return (
+            f"{origin.name} and the datum of {target.name} are taken as one: PROJ has no shift between them, "
+            f"and says that they agree to {accuracy_m:g} m"
+        )
+    return (
+        f"positions are taken to be in the datum of {target.name}, which differs from {origin.name} by "
+        f"up to {accuracy_m:g} m: true of fixes corrected in that datum, as by national RTK services; "
+        "name any other frame of the fixes with --gps-crs, as EPSG:9989 for ITRF2020"
+    )
 
 
 def _height_datum(vertical: CRS | None, horizontal: CRS, model: Geoid | None, converts: bool) -> str:

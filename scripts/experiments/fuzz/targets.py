@@ -1,5 +1,6 @@
 """What is fuzzed: readers, the files it starts from, and how these are damaged."""
 
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -38,6 +39,7 @@ from vgps.readers.trajectory import read_trajectory
 from vgps.readers.video import VideoFile
 from vgps.writers.export import export
 
+_HAS_NOVATEL = importlib.util.find_spec("novatel_edie") is not None  # it has no wheels for macOS
 CORPUS = Path(__file__).parent / "corpus"
 _RIG = Rig(video_start_utc=datetime(2026, 5, 1, 9, 30, tzinfo=UTC))
 _CAMERA = Camera(model="pinhole", width=64, height=48, fx=60.0, fy=60.0, cx=32.0, cy=24.0)
@@ -162,7 +164,7 @@ TARGETS = (
     Target(name="gpx", read=_gps, mutators=(*LOG, nest_deeply)),
     Target(name="gps_csv", read=_gps, mutators=LOG),
     Target(name="sbf", read=_gps, mutators=(*[damage_sbf] * 20, *[damage_bytes] * 10, grow)),
-    Target(name="novatel", read=_gps, mutators=(*[damage_novatel] * 20, *LOG)),
+    *[Target(name="novatel", read=_gps, mutators=(*[damage_novatel] * 20, *LOG))] * _HAS_NOVATEL,
     Target(name="fit", read=_gps, mutators=(*[damage_fit] * 10, *[damage_bytes] * 20, grow)),
     Target(name="igc", read=_gps, mutators=LOG),
     Target(name="ulog", read=_gps, mutators=(*[damage_bytes] * 30, grow)),
