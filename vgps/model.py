@@ -96,6 +96,30 @@ class ImuMount:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraGuess:
+    """What is assumed of a camera that comes without a calibration.
+
+    Attributes:
+        camera: Mean of the assumption, of model ``opencv`` or ``fisheye``.
+        focal_sigma: Standard deviation of the focal length, as a share of it.
+        centre_sigma_px: Of the principal point, on each axis.
+        distortion_sigma: Of the first two radial coefficients.
+        source: Where it comes from, as a sentence without a full stop.
+    """
+
+    camera: Camera
+    focal_sigma: float
+    centre_sigma_px: float
+    distortion_sigma: tuple[float, float]
+    source: str
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(5,) standard deviations of log focal length, principal point [px] and radial coefficients."""
+        return np.array([self.focal_sigma, *[self.centre_sigma_px] * 2, *self.distortion_sigma])
+
+
+@dataclass(frozen=True, kw_only=True)
 class Rig:
     """Mounting of the sensors on the camera, and relation of their clocks.
 
@@ -272,6 +296,7 @@ class Recording:
     """A recording: video, calibration and sensor logs, all on the video's clock.
 
     ``notes`` says what was left out of it, and why.
+    Without a calibration ``guesses`` says what the camera may be, and ``camera`` is the first of them.
     """
 
     path: Path
@@ -283,3 +308,4 @@ class Recording:
     imu: ImuLog | None = None
     control_points: ControlPoints | None = None
     notes: tuple[str, ...] = ()
+    guesses: tuple[CameraGuess, ...] = ()

@@ -155,6 +155,7 @@ class Solution:
         control_points: Control and check points, as read; None without any.
         graph: What :func:`vgps.factor_graph` needs beside the rest, as :mod:`vgps.writers.measurements` lists
             it; None if stage D did not give this result, and in older runs.
+        camera_source: What was assumed of a camera without a calibration, as a sentence; None with one.
     """
 
     recording: Path | None
@@ -180,6 +181,7 @@ class Solution:
     world_p_before: FloatArray | None = None
     control_points: ControlPoints | None = None
     graph: Mapping[str, npt.NDArray[Any]] | None = None
+    camera_source: str | None = None
 
     @property
     def trajectory(self) -> Trajectory:

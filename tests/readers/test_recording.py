@@ -140,8 +140,9 @@ def test_missing_files_are_named(folder, tmp_path):
     with pytest.raises(RecordingError, match=r"several videos: video\.mp4, video\.mov; name one"):
         open_recording(folder)
     (folder / "camera.yaml").unlink()
-    with pytest.raises(RecordingError, match=r"no camera\.yaml; add the calibration"):
-        open_recording(folder / "video.mov")
+    with pytest.raises(RecordingError, match=r"no camera\.yaml; give a calibration with --camera"):
+        open_recording(folder / "video.mov", guess_camera=False)
+    assert open_recording(folder / "video.mov").guesses
     with pytest.raises(RecordingError, match=r"no video; expected video\.mp4"):
         open_recording(tmp_path)
 

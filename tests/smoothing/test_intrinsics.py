@@ -16,7 +16,7 @@ from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.camera_equations import changed
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import scene_of_map
-from vgps.smoothing.intrinsics import _undistorted_by, refine_camera
+from vgps.smoothing.intrinsics import _undistorted_by, prior_about, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
@@ -32,11 +32,12 @@ def refined(camera, wrong, **believed):
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     start = changed(camera, np.array(wrong))
 
-    def optimise(scene, camera, every=1):
+    def optimise(scene, camera, every=1, sigma=None):
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
-    result, found = refine_camera(_undistorted_by(start, camera, made), start, optimise, settings)
+    seen, prior = _undistorted_by(start, camera, made), prior_about(start, settings)
+    result, found = refine_camera(seen, start, prior, optimise, settings)
     return away(result.trajectory.world_T_camera, poses), start, found
 
 
@@ -81,12 +82,13 @@ def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():
     seen = replace(made.observations, uv_px=distort(bent, made.observations.uv_px))
     frames = []
 
-    def optimise(scene, camera, every=1):
+    def optimise(scene, camera, every=1, sigma=None):
         frames.append((len(scene.t_s), every))
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(distortion_sigma=0.1)
-    result, found = refine_camera(replace(made, observations=seen), TRUE, optimise, settings, every=3)
+    prior = prior_about(TRUE, settings)
+    result, found = refine_camera(replace(made, observations=seen), TRUE, prior, optimise, settings, every=3)
     assert set(frames[:-1]) == {(20, 3)} and frames[-1] == (60, 1)
     assert len(result.trajectory.t_s) == 60
     assert found.camera.distortion[0] == pytest.approx(0.03, abs=max(4 * found.sigma["k1"], 0.005))

@@ -1,19 +1,21 @@
-"""The verb ``calibrate-gyro``."""
+"""The verbs ``calibrate-gyro`` and ``calibrate-camera``."""
 
 from pathlib import Path
 
 from rich.console import Console
 
 from vgps.cli.app import print_line, print_note
-from vgps.cli.options import CalibrationFiles, SettingsOptions
+from vgps.cli.options import CalibrationFiles, GpsSettings, RecordingFiles, SettingsOptions
 from vgps.cli.tables import calibration_table
 from vgps.cli.terminal import TerminalProgress
 from vgps.gyro_calibration import calibrate_gyro as calibrate
 from vgps.readers.recording import find_rig, open_recording
 from vgps.writers.atomic import check_file
+from vgps.writers.camera import write_camera
 from vgps.writers.rig import write_rig
 
 _FILES, _SETTINGS = CalibrationFiles(), SettingsOptions()
+_RECORDING_FILES, _GPS_SETTINGS = RecordingFiles(), GpsSettings()
 
 
 def calibrate_gyro(
@@ -32,11 +34,38 @@ def calibrate_gyro(
         settings: Settings.
     """
     config = settings.read()
-    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False)
+    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
     check_file(out)
     calibration = calibrate(opened, config, TerminalProgress())
     write_rig(calibration.rig_fields(), out, base=find_rig(recording, files.rig))
     Console().print(calibration_table(calibration))
     for text in calibration.notes:
+        print_note(text)
+    print_line(f"wrote {out}")
+
+
+def calibrate_camera(
+    recording: Path,
+    *,
+    out: Path,
+    files: RecordingFiles = _RECORDING_FILES,
+    settings: GpsSettings = _GPS_SETTINGS,
+) -> None:
+    """Estimate the camera's calibration from its own video, beside the poses of its frames.
+
+    Args:
+        recording: A video, or a folder with one; its GPS log helps. A camera.yaml in it is refined.
+        out: camera.yaml to write.
+        files: Other files.
+        settings: Settings.
+    """
+    from vgps.pipeline.offline import smooth
+
+    config = settings.read().with_refined_camera()
+    opened = open_recording(recording, gps=files.gps, camera=files.camera, rig=files.rig)
+    check_file(out)
+    solution = smooth(opened, config, TerminalProgress())
+    write_camera(solution, out)
+    for text in solution.warnings:
         print_note(text)
     print_line(f"wrote {out}")

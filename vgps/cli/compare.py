@@ -35,7 +35,9 @@ def compare(
 
     config = settings.read()
     check_outputs(out)
-    comparison = compare_models(open_recording(recording, gps=gps), truth, config, TerminalProgress())
+    comparison = compare_models(
+        open_recording(recording, gps=gps, guess_camera=False), truth, config, TerminalProgress()
+    )
     page, data = write_comparison(comparison, out)
     Console().print(comparison_table(list(comparison.evaluations.items()), str(recording)))
     print_line(f"wrote {page} and {data}")

@@ -38,7 +38,7 @@ def track(
     """
     check_writable(out)
     settings = read_config(config).with_estimator(estimator)
-    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False)
+    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
     solution = localize(opened, landmarks, settings, TerminalProgress())
     write_run(solution, out)
     for warning in solution.warnings:

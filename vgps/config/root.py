@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import NonNegativeInt, ValidationError
 
 from vgps.config.base import SettingsModel
+from vgps.config.camera_calibration import CameraCalibrationConfig
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.imu import ImuConfig
@@ -56,6 +57,7 @@ class Config(SettingsModel):
     batch: BatchConfig = BatchConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     imu: ImuConfig = ImuConfig()
+    camera_calibration: CameraCalibrationConfig = CameraCalibrationConfig()
     online: OnlineConfig = OnlineConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()
     landmarks: LandmarksConfig = LandmarksConfig()
@@ -82,6 +84,10 @@ class Config(SettingsModel):
     def with_landmarks(self, settings: LandmarksConfig | None) -> Self:
         """Return the configuration with those settings of a landmark database that were set explicitly."""
         return self._with("landmarks", **(settings.model_dump(exclude_unset=True) if settings else {}))
+
+    def with_refined_camera(self) -> Self:
+        """Return the configuration under which the camera's calibration is refined."""
+        return self._with("intrinsics", refine="yes")
 
     def with_seed(self, seed: int | None) -> Self:
         """Return the configuration with another seed, if one is given."""

@@ -74,7 +74,7 @@ def pose_recording(
     if path is None:
         raise RecordingError("no recording", expected="a folder, or --video SOURCE --camera CAMERA.YAML")
     options.check()
-    opened = open_recording(path, gps=options.gps, camera=options.camera, rig=options.rig)
+    opened = open_recording(path, gps=options.gps, camera=options.camera, rig=options.rig, guess_camera=False)
     smoother = OnlineSmoother(
         opened.camera, opened.rig, options.config, keep_all=options.finish, source=opened.path
     )

@@ -9,20 +9,16 @@ from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
-from vgps.model import BoolArray, Camera, Recording
+from vgps.model import Recording
+from vgps.pipeline.camera_refinement import moved_far, optimise_camera, with_camera, with_found_camera
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
-from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.intrinsics import RefinedCamera, refine_camera
 from vgps.smoothing.merge_maps import MergedMaps, merge_maps
 from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
-
-_MIN_VIEWS = 20  # that are left to estimate a calibration from
 
 
 def smooth(
@@ -43,6 +39,16 @@ def smooth(
         VgpsError: The recording does not determine the poses.
     """
     config, progress = config or Config(), progress or NoProgress()
+    recording = with_found_camera(recording, config, progress)
+    solution = _smoothed(recording, config, progress, checkpoint)
+    if recording.guesses and moved_far(solution.camera, recording.camera, config):
+        return _smoothed(replace(recording, camera=solution.camera), config, progress, None)
+    return solution
+
+
+def _smoothed(
+    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None
+) -> Solution:
     front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config)
@@ -58,10 +64,10 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     with one_blas_thread(), timer.measure("batch"):
         merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
         fixes = _under_sky(front_end, merged, config)
-        batch, refined = _optimise(front_end, merged, fixes, config)
+        batch, refined = optimise_camera(front_end, merged, fixes, config)
     finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
     solution = _solution(finished, merged, batch, config)
-    return solution if refined is None else _with_camera(solution, refined)
+    return solution if refined is None else with_camera(solution, refined, front_end.recording)
 
 
 def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes:
@@ -74,63 +80,6 @@ def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes
         return replace(front_end.fixes, used=np.zeros_like(front_end.fixes.used))
     return under_sky(
         front_end.fixes, scene.trajectory, scene.points, front_end.sensors, log.satellites, config.gps
-    )
-
-
-def _optimise(
-    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config
-) -> tuple[BatchResult, RefinedCamera | None]:
-    """Optimise everything, including the calibration if the settings ask for it."""
-    tied = _tied(front_end, merged, config)
-
-    def optimise(scene: Scene, camera: Camera, every: int = 1) -> BatchResult:
-        held = None if tied else _held_frames(scene, config)
-        few = config if every == 1 else _for_few_frames(config, every)
-        context = replace(front_end.context(few), camera=camera)
-        return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
-
-    camera, refine = front_end.recording.camera, config.intrinsics.refine
-    if refine == "no" or (refine == "auto" and tied):
-        return optimise(merged.scene, camera), None
-    views = len(np.unique(merged.scene.observations.frame))
-    every = 1 if tied else min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
-    return refine_camera(merged.scene, camera, optimise, config.intrinsics, every)
-
-
-def _for_few_frames(config: Config, every: int) -> Config:
-    """Return settings for a rough solution in one round, in which each frame counts for several."""
-    batch = config.batch
-    changes = {
-        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
-        "rounds": 1,
-        "relative_tolerance": batch.early_tolerance,
-        "draws": 1,
-    }
-    gps = config.gps.model_copy(update={"n": 1})
-    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
-
-
-def _tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
-    """Return whether fixes or control points determine place and scale."""
-    tied_by_fixes = merged.georeferenced and config.gps.model != "none"
-    return tied_by_fixes or len(front_end.controls.frame) > 0
-
-
-def _held_frames(scene: Scene, config: Config) -> BoolArray:
-    """Return the frames (F,) to hold, which fix place and scale."""
-    poses = scene.poses
-    distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
-    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
-    return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
-
-
-def _with_camera(solution: Solution, refined: RefinedCamera) -> Solution:
-    """Return the solution with the refined calibration and a warning."""
-    return replace(
-        solution,
-        camera=refined.camera,
-        sensors=replace(solution.sensors, camera_sigma=refined.sigma),
-        warnings=(*solution.warnings, refined.note(solution.camera)),
     )
 
 

@@ -11,6 +11,7 @@ from vgps.errors import CalibrationError, GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.camera_guess import guess_cameras
 from vgps.readers.control_points import PointSystem, read_control_points
 from vgps.readers.exif import exif_fixes
 from vgps.readers.gopro import (
@@ -30,6 +31,10 @@ from vgps.readers.sources import PathLike, Source, opened, place_of
 from vgps.readers.video import VideoFile
 
 log = logging.getLogger(__name__)
+_CALIBRATE = (
+    "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "
+    "of another program"
+)
 _CAMERAS = ("camera.yaml", "camera.yml", "camera.xml", "camera.json", "camchain.yaml", "cameras.txt")
 
 
@@ -44,6 +49,7 @@ def open_recording(
     control_system: PointSystem | None = None,
     image_topic: str | None = None,
     with_gps: bool = True,
+    guess_camera: bool = True,
 ) -> Recording:
     """Open a recording; the video is indexed, its frames are not decoded yet.
 
@@ -57,6 +63,7 @@ def open_recording(
         control_system: What the coordinates of the control points are in, unless they say so.
         image_topic: Topic of the images of a bag that has several.
         with_gps: Whether to look for a GPS log.
+        guess_camera: Whether a missing calibration is guessed; else it is an error.
 
     Returns:
         The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
@@ -71,7 +78,11 @@ def open_recording(
     path = Path(path)
     folder, source = place_of(path)
     video = opened(source, image_topic)
-    lens = _camera(_given(folder, camera, *_CAMERAS), folder, video)
+    telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
+    lens = _camera(_given(folder, camera, *_CAMERAS), video)
+    if lens is None and not guess_camera:
+        raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
+    guesses = guess_cameras(video, telemetry) if lens is None else ()
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
@@ -79,7 +90,6 @@ def open_recording(
         mount = replace(mount, video_start_s=video.start_s)
     if mount.video_start_utc is None:
         mount = replace(mount, video_start_utc=_start_utc(video))
-    telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
     gyro = _gyro(folder, mount, telemetry, video if isinstance(video, BagVideo) else None)
     mount = _with_gopro(mount, telemetry, gyro)
     inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
@@ -89,7 +99,8 @@ def open_recording(
     return Recording(
         path=path,
         video=video,
-        camera=lens,
+        camera=lens or guesses[0].camera,
+        guesses=guesses,
         rig=mount,
         gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,
         gyro=gyro,
@@ -132,16 +143,10 @@ def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
     raise RecordingError("no such file", file=Path(name), remedy=f"give a path, or a name inside {folder}")
 
 
-def _camera(file: Path | None, folder: Path, video: Video) -> Camera:
-    if file is None and isinstance(video, BagVideo) and (found := video.camera()) is not None:
-        return found
+def _camera(file: Path | None, video: Video) -> Camera | None:
+    """Return the camera of a calibration or of a bag; None without one."""
     if file is None:
-        raise RecordingError(
-            "no camera.yaml",
-            file=folder,
-            remedy="add the calibration (model, width, height, fx, fy, cx, cy, distortion), or name that of "
-            "another program with --camera",
-        )
+        return video.camera() if isinstance(video, BagVideo) else None
     camera = read_camera(file)
     if (camera.width, camera.height) != (video.width, video.height):
         raise CalibrationError(

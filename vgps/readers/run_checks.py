@@ -129,6 +129,7 @@ class _Summary(BaseModel):
     world_origin: _Origin | None
     georeferenced: bool
     camera: _Camera
+    camera_source: str | None = None
     sensors: _Sensors
     energy: _Energy
     iterations: int

@@ -168,6 +168,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         world_p_before=arrays.get("world_p_before"),
         control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
         graph=_part(arrays, "graph") or None,
+        camera_source=summary.get("camera_source"),  # absent in older runs
     )
 
 

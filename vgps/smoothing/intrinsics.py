@@ -67,46 +67,78 @@ class RefinedCamera:
         )
 
 
+@dataclass(frozen=True)
+class CameraPrior:
+    """What is believed of a calibration before it is refined.
+
+    Attributes:
+        mean: A camera of the lens model that is refined.
+        sigma: (5,) standard deviations of log focal length, principal point [px], and the first two
+            coefficients.
+    """
+
+    mean: Camera
+    sigma: FloatArray
+
+
+def prior_about(camera: Camera, config: IntrinsicsConfig) -> CameraPrior:
+    """Return the prior of a given calibration.
+
+    A pinhole camera gets radial distortion: images undistorted by an imperfect lens model keep some of it.
+    """
+    if camera.model == "pinhole":
+        camera = replace(camera, model="opencv", distortion=_NO_DISTORTION)
+    rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
+    return CameraPrior(camera, np.array([config.focal_sigma, *rest]))
+
+
 class Optimiser(Protocol):
     """Stage D as a function of a scene and the camera that its observations were undistorted by."""
 
-    def __call__(self, scene: Scene, camera: Camera, every: int = 1) -> BatchResult:
-        """Return the result of stage D; each frame stands for ``every`` frames of the video."""
+    def __call__(
+        self, scene: Scene, camera: Camera, every: int = 1, sigma: FloatArray | None = None
+    ) -> BatchResult:
+        """Return the result of stage D; each frame stands for ``every`` frames of the video.
+
+        ``sigma`` are the standard deviations of the calibration, once it is found.
+        """
         ...
 
 
 def refine_camera(
-    scene: Scene, camera: Camera, optimise: Optimiser, config: IntrinsicsConfig, every: int = 1
+    scene: Scene,
+    camera: Camera,
+    prior: CameraPrior,
+    optimise: Optimiser,
+    config: IntrinsicsConfig,
+    every: int = 1,
 ) -> tuple[BatchResult, RefinedCamera]:
     """Run stage D with the calibration as an unknown.
 
-    A pinhole camera gets radial distortion: images undistorted by an imperfect lens model keep some of it.
-
     Args:
         scene: Input of stage D, observations undistorted by ``camera``.
-        camera: Initial calibration, and mean of its prior.
+        camera: Initial calibration.
+        prior: Of the calibration.
         optimise: Stage D.
-        config: Standard deviations of the prior, and stopping criteria.
+        config: Stopping criteria.
         every: Step between the frames from which the calibration is estimated.
 
     Raises:
         GeometryError: The video does not determine the calibration.
     """
-    given = (
-        replace(camera, model="opencv", distortion=_NO_DISTORTION) if camera.model == "pinhole" else camera
-    )
+    given = replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
     few = scene if every == 1 else _thinned(scene, every)
     camera, result, step, converged = given, optimise(few, given, every), 0, False
     while step < config.iterations and not converged:
         step += 1
-        delta, sigma, following = _step(result.problem, camera, given, config)
+        delta, sigma, following = _step(result.problem, camera, prior)
         moved = changed(camera, delta)
         few = _undistorted_by(moved, camera, replace(few, poses=following[0], points=following[1]))
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
     if every > 1:
-        result = optimise(_undistorted_by(camera, given, scene), camera)
+        result = optimise(_undistorted_by(camera, given, scene), camera, sigma=sigma)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
@@ -119,12 +151,6 @@ def _thinned(scene: Scene, every: int) -> Scene:
     kept = row_of[old.frame] >= 0
     observations = Observations(row_of[old.frame[kept]], old.landmark[kept], old.uv_px[kept])
     return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations)
-
-
-def _sigmas(config: IntrinsicsConfig) -> FloatArray:
-    """Return the prior standard deviations (5,) of the parameters."""
-    rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
-    return np.array([config.focal_sigma, *rest])
 
 
 def _difference(camera: Camera, given: Camera) -> FloatArray:
@@ -150,7 +176,7 @@ def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
 
 
 def _step(
-    problem: BundleProblem, camera: Camera, given: Camera, config: IntrinsicsConfig
+    problem: BundleProblem, camera: Camera, prior: CameraPrior
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
     """Return step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow.
 
@@ -169,9 +195,9 @@ def _step(
             remedy="set intrinsics: {refine: no}",
         ) from None
     follow = factor.solve(np.column_stack([V, pose_gradient]))
-    prior = 1.0 / _sigmas(config)[:size] ** 2
-    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(prior)
-    gradient = equations.gradient - V.T @ follow[:, -1] + prior * _difference(camera, given)
+    precision = 1.0 / prior.sigma[:size] ** 2
+    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(precision)
+    gradient = equations.gradient - V.T @ follow[:, -1] + precision * _difference(camera, prior.mean)
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
     poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))

@@ -17,6 +17,7 @@ from vgps.model import ControlPoints
 from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import FrameState, SensorReport, Solution
 from vgps.writers.atomic import check_writable, new_folder
+from vgps.writers.camera import write_camera
 from vgps.writers.measurements import write_measurements
 from vgps.writers.ply import write_ply
 from vgps.writers.tables import write_gps, write_poses
@@ -33,6 +34,7 @@ FILES = (
     "config.yaml",
     "solution.json",
 )
+CAMERA_FILE = "camera.yaml"  # only where the calibration was found or refined
 _NAMED_VERSIONS = ("vgps", "gtsam", "numpy", "scipy", "opencv-python-headless", "av")
 
 
@@ -45,7 +47,7 @@ def write_run(solution: Solution, out: Path) -> None:
     Raises:
         RunFolderError: ``out`` has something other than an earlier run, or cannot be written.
     """
-    with new_folder(out, FILES) as folder:
+    with new_folder(out, (*FILES, CAMERA_FILE)) as folder:
         write_tum(solution.trajectory, folder / "poses.tum")
         write_poses(solution, folder / "poses.csv")
         write_gps(solution.gps, solution.fixes, folder / "gps.csv")
@@ -57,6 +59,8 @@ def write_run(solution: Solution, out: Path) -> None:
             _finite(_plain(summarise(solution))), indent=2, ensure_ascii=False, allow_nan=False
         )
         (folder / "solution.json").write_text(summary + "\n", encoding="utf-8")
+        if solution.sensors.camera_sigma:
+            write_camera(solution, folder / CAMERA_FILE)
 
 
 def summarise(solution: Solution) -> dict[str, Any]:
@@ -66,7 +70,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
     """
     return {
         "schema_version": SCHEMA_VERSION,
-        "schema_versions": dict.fromkeys(FILES, SCHEMA_VERSION),
+        "schema_versions": dict.fromkeys(_files(solution), SCHEMA_VERSION),
         "recording": None if solution.recording is None else str(solution.recording),
         "world_origin": solution.world_origin._asdict() if solution.world_origin is not None else None,
         "georeferenced": solution.georeferenced,
@@ -81,6 +85,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "seconds": dict(solution.seconds),
         "warnings": list(solution.warnings),
         "camera": asdict(solution.camera),
+        "camera_source": solution.camera_source,
         "camera_p_antenna": solution.camera_p_antenna,
         "sensors": _sensors(solution.sensors),
         "gps": None
@@ -90,6 +95,10 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "datum": {"positions": "WGS 84, as the GPS log has it", "heights": ELLIPSOIDAL},
         "versions": _versions(),
     }
+
+
+def _files(solution: Solution) -> tuple[str, ...]:
+    return (*FILES, CAMERA_FILE) if solution.sensors.camera_sigma else FILES
 
 
 def _control_points(points: ControlPoints | None) -> dict[str, Any] | None:

@@ -1,0 +1,84 @@
+"""Runs without a calibration: simulated lenses, and real recordings of cameras that nothing is known of."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gpmf_bytes import doppler_speeds
+
+import vgps
+from vgps.camera_calibration.lens import angles, parameters_of
+from vgps.evaluation import evaluate
+from vgps.pipeline.camera_refinement import moved_far
+from vgps.readers.calibration import read_camera
+from vgps.readers.gpmf import read_gpmf
+from vgps.readers.trajectory import read_trajectory
+from vgps.writers.run_folder import write_run
+
+
+def without_camera(folder: Path, out: Path) -> Path:
+    """Copy a recording without its calibration."""
+    out.mkdir()
+    for file in folder.iterdir():
+        if file.is_file() and file.name != "camera.yaml":
+            shutil.copy(file, out)
+    return out
+
+
+def corner_angles(camera):
+    """Return the angles from the axis half way to the corners and in them."""
+    radii = np.array([0.5, 1.0]) * np.hypot(camera.width, camera.height) / 2
+    return angles(camera.model, parameters_of(camera), radii)
+
+
+def test_a_camera_moves_far_if_its_rays_do(recording):
+    camera = replace(read_camera(recording / "camera.yaml"), model="opencv", distortion=(0.0, 0.0, 0.0, 0.0))
+    longer = replace(camera, fx=1.02 * camera.fx, fy=1.02 * camera.fy)
+    assert moved_far(longer, camera, vgps.Config())
+    assert not moved_far(replace(camera, fx=1.001 * camera.fx), camera, vgps.Config())
+
+
+@pytest.mark.slow
+def test_a_simulated_walk_without_a_calibration_finds_its_camera(recording, tmp_path):
+    opened = vgps.open_recording(without_camera(recording, tmp_path / "walk"))
+    assert len(opened.guesses) == 2
+    solution = vgps.smooth(opened)
+    write_run(solution, tmp_path / "run")
+    found, true = read_camera(tmp_path / "run/camera.yaml"), read_camera(recording / "camera.yaml")
+    assert found == solution.camera and found.model == "opencv"
+    assert found.fx == pytest.approx(true.fx, rel=0.02)
+    assert evaluate(solution, read_trajectory(recording / "truth.tum")).camera_position_m.mean < 0.10
+    assert any(
+        text.startswith("no camera.yaml: nothing is known of the camera") for text in solution.warnings
+    )
+    assert any("camera.yaml in the run folder has the result" in text for text in solution.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gopro_walk", "gopro_hero7"])
+def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path, name):
+    (tmp_path / name).mkdir()
+    shutil.copy(data_dir / name / "video.mp4", tmp_path / name)
+    solution = vgps.smooth(vgps.open_recording(tmp_path / name))
+    assert solution.camera.model == "fisheye" and solution.camera_source.startswith("a ")
+    t_s = np.arange(0.0, solution.t_s[-1], 1.0)
+    path = np.column_stack(
+        [np.interp(t_s, solution.t_s, solution.world_T_camera[:, axis, 3]) for axis in (0, 1)]
+    )
+    at_s, speeds = doppler_speeds(read_gpmf(data_dir / name / "video.mp4"))
+    inside = np.linspace(0.0, t_s[-1], 500)
+    driven_m = np.trapezoid(np.interp(inside, at_s, speeds[:, 0]), inside)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(driven_m, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_drive_without_a_calibration_is_as_accurate_as_with_it(data_dir, tmp_path):
+    truth = read_trajectory(data_dir / "kitti07/truth.tum")
+    opened = vgps.open_recording(without_camera(data_dir / "kitti07", tmp_path / "drive"), gps="gps_fix.nmea")
+    solution = vgps.smooth(opened)
+    given = read_camera(data_dir / "kitti07/camera.yaml")
+    # KITTI's own focal length is known to be too long by a per cent; rays half way to the corners include k1
+    assert corner_angles(solution.camera)[0] == pytest.approx(corner_angles(given)[0], rel=0.01)
+    assert evaluate(solution, truth).camera_position_m.mean < 0.06

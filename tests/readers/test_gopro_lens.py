@@ -1,0 +1,83 @@
+"""What GoPros state of their lenses: made settings, and two real recordings."""
+
+import numpy as np
+import pytest
+from gpmf_bytes import device, encode, text
+
+from vgps.camera import project
+from vgps.readers import gopro_lens
+from vgps.readers.gopro_lens import gopro_guess, gopro_settings
+from vgps.readers.gpmf import Telemetry, read_gpmf
+
+SIZE = (1920, 1080)
+CORNER_PX = float(np.hypot(*SIZE)) / 2
+# the numbers of gpmf-parser's issue 196, a HERO12
+POLY = [0.0, 1.8229533, 0.1068096, -0.6631866, 0.3563110, 0.0, 0.0]
+ZMPL = 0.6549
+
+
+@pytest.fixture
+def guess(monkeypatch, tmp_path):
+    """Guess from the given entries of a header."""
+
+    def guess(*entries, size=SIZE):
+        payload = device("Global Settings", text("MINF", "HERO12 Black"), *entries)
+        monkeypatch.setattr(gopro_lens, "read_box", lambda *names: payload)
+        return gopro_guess(Telemetry(tmp_path / "GX010042.MP4"), size)
+
+    return guess
+
+
+def corner_deg(camera):
+    """Return the angle from the axis whose ray meets the corner of the picture."""
+    angle = np.radians(np.linspace(1, 80, 2000))
+    ray = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    return float(np.degrees(np.interp(CORNER_PX, project(camera, ray)[:, 0] - camera.cx, angle)))
+
+
+def test_the_stated_lens_is_followed_to_the_corner(guess):
+    found = guess(text("VFOV", "W"), encode("ZMPL", "f", [[ZMPL]]), encode("POLY", "f", [POLY]))
+    assert found.camera.model == "fisheye"
+    assert corner_deg(found.camera) == pytest.approx(np.degrees(np.polyval(POLY[::-1], ZMPL)), rel=0.01)
+    assert found.source == "a HERO12 Black, set to wide, with the lens that it states"
+
+
+def test_the_stated_angle_fills_the_diagonal(guess):
+    found = guess(text("VFOV", "W"), encode("ZFOV", "f", [[120.0]]))
+    assert corner_deg(found.camera) == pytest.approx(60.0, rel=0.002)
+    linear = guess(text("VFOV", "L"), encode("ZFOV", "f", [[90.0]]))
+    assert linear.camera.model == "opencv"
+    assert linear.camera.fx == pytest.approx(CORNER_PX)
+
+
+def test_older_models_have_the_angles_of_the_tables(guess):
+    wide, narrow = guess(text("VFOV", "W")), guess(text("VFOV", "N"))
+    assert "118.2 degrees wide by GoPro's tables" in wide.source
+    assert narrow.camera.fx > 1.7 * wide.camera.fx
+    steady = guess(text("VFOV", "W"), text("EISE", "Y"))
+    assert steady.camera.fx == pytest.approx(wide.camera.fx / 0.9, rel=0.02)
+    assert "stabilisation" in steady.source
+    high = guess(text("VFOV", "W"), size=(1440, 1080))
+    assert high.camera.fx / 1440 < wide.camera.fx / 1920
+    assert guess().focal_sigma > wide.focal_sigma
+
+
+def test_a_stretched_picture_is_told(guess):
+    found = guess(text("VFOV", "S"), encode("ZMPL", "f", [[ZMPL]]), encode("POLY", "f", [POLY]))
+    assert "stretches the picture unevenly" in found.source
+
+
+def test_other_videos_and_damaged_headers_are_no_gopros(guess, monkeypatch, tmp_path):
+    for data in (None, b"DEVC\0\x01\xff\xff"):
+        monkeypatch.setattr(gopro_lens, "read_box", lambda *names, data=data: data)
+        assert gopro_guess(Telemetry(tmp_path / "a.mp4"), SIZE) is None
+
+
+def test_real_headers(data_dir):
+    gopro_walk, gopro_hero7 = (data_dir / name / "video.mp4" for name in ("gopro_walk", "gopro_hero7"))
+    settings = gopro_settings(gopro_walk)
+    assert settings["ZFOV"].kind == "f" and settings["VFOV"].data == b"W"
+    walk = gopro_guess(read_gpmf(gopro_walk), (848, 480))
+    assert walk.source.startswith("a GoPro Max, set to wide, with the angle of 137 degrees")
+    hero7 = gopro_guess(read_gpmf(gopro_hero7), (848, 480))
+    assert hero7.source.startswith("a Hero7 Black, set to wide, 118.2 degrees wide by GoPro's tables less")

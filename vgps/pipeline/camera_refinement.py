@@ -1,0 +1,136 @@
+"""Stage D with the camera's calibration as given, refined from it, or refined from a guess."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.camera_calibration.calibrate import calibrate_from_pairs
+from vgps.camera_calibration.lens import angles, parameters_of
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.model import BoolArray, Camera, CameraGuess, FloatArray, Recording
+from vgps.pipeline.front_end import FrontEnd
+from vgps.runtime.progress import Progress
+from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.batch_result import BatchResult
+from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.intrinsics import CameraPrior, RefinedCamera, prior_about, refine_camera
+from vgps.smoothing.merge_maps import MergedMaps
+from vgps.solution import Solution
+
+_MIN_VIEWS = 20  # that are left to estimate a calibration from
+_SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
+_PARAMETERS = {"focal": "focal length", "cx": "centre x", "cy": "centre y", "k1": "k1", "k2": "k2"}
+
+
+def with_found_camera(recording: Recording, config: Config, progress: Progress) -> Recording:
+    """Return the recording with the camera that fits pairs of views best, unless it is calibrated.
+
+    Stage D refines the camera; the one guess that is left is its prior.
+    """
+    if not recording.guesses:
+        return recording
+    progress.stage("calibrating the camera")
+    found = calibrate_from_pairs(recording, config, progress)
+    return replace(recording, camera=found.camera, guesses=(found.guess,))
+
+
+def moved_far(camera: Camera, before: Camera, config: Config) -> bool:
+    """Whether a refined camera differs so much that stages A to C deserve another run.
+
+    Compared are the angles of rays half way to the corners and in them.
+    """
+    radii = np.array([0.5, 1.0]) * np.hypot(camera.width, camera.height) / 2
+    one, other = (angles(each.model, parameters_of(each), radii) for each in (camera, before))
+    return bool(np.any(np.abs(one / other - 1.0) > config.camera_calibration.restart_share))
+
+
+def optimise_camera(
+    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config
+) -> tuple[BatchResult, RefinedCamera | None]:
+    """Optimise everything, including the calibration if it was guessed or the settings ask for it."""
+    tied, guesses = _tied(front_end, merged, config), front_end.recording.guesses
+
+    def optimise(
+        scene: Scene, camera: Camera, every: int = 1, sigma: FloatArray | None = None
+    ) -> BatchResult:
+        held = None if tied else _held_frames(scene, config)
+        used = config if every == 1 else _for_few_frames(config, every)
+        if guesses and sigma is not None:
+            used = _with_camera_sigmas(used, sigma)
+        context = replace(front_end.context(used), camera=camera)
+        return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
+
+    camera, refine = front_end.recording.camera, config.intrinsics.refine
+    if refine == "no" or (refine == "auto" and tied and not guesses):
+        return optimise(merged.scene, camera), None
+    views = len(np.unique(merged.scene.observations.frame))
+    every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
+    if tied:
+        every = max(every, 2) if guesses else 1
+    prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
+    return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
+
+
+def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording) -> Solution:
+    """Return the solution with the refined calibration and a warning."""
+    notes = _notes(refined, recording.guesses[0]) if recording.guesses else (refined.note(solution.camera),)
+    return replace(
+        solution,
+        camera=refined.camera,
+        camera_source=recording.guesses[0].source if recording.guesses else None,
+        sensors=replace(solution.sensors, camera_sigma=refined.sigma),
+        warnings=(*solution.warnings, *notes),
+    )
+
+
+def _prior(guess: CameraGuess) -> CameraPrior:
+    return CameraPrior(guess.camera, guess.sigmas)
+
+
+def _notes(refined: RefinedCamera, guess: CameraGuess) -> tuple[str, str]:
+    """Return what was assumed of a camera; and what the video shows of it, and what it does not."""
+    prior = dict(zip(_PARAMETERS, guess.sigmas.tolist(), strict=True))
+    held = [name for key, name in _PARAMETERS.items() if refined.sigma[key] > _SHOWN_SHARE * prior[key]]
+    shown = "the motion shows all of it"
+    if held:
+        shown = f"the motion does not show {', '.join(held)}, held near what was assumed"
+    assumed = f"no camera.yaml: {guess.source}, its focal length uncertain by {guess.focal_sigma:.0%}"
+    return assumed, f"{refined.note(guess.camera)}; {shown}; camera.yaml in the run folder has the result"
+
+
+def _with_camera_sigmas(config: Config, sigma: FloatArray) -> Config:
+    """Return settings by which the poses' sigmas include those of a found calibration."""
+    changes = {
+        "held_focal_sigma": float(sigma[0]),
+        "held_centre_sigma_px": float(sigma[1:3].max()),
+        "held_radial_sigma": float(sigma[3]),
+    }
+    return config.model_copy(update={"intrinsics": config.intrinsics.model_copy(update=changes)})
+
+
+def _for_few_frames(config: Config, every: int) -> Config:
+    """Return settings for a rough solution in one round, in which each frame counts for several."""
+    batch = config.batch
+    changes = {
+        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
+        "rounds": 1,
+        "relative_tolerance": batch.early_tolerance,
+        "draws": 1,
+    }
+    gps = config.gps.model_copy(update={"n": 1})
+    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
+
+
+def _tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
+    """Return whether fixes or control points determine place and scale."""
+    tied_by_fixes = merged.georeferenced and config.gps.model != "none"
+    return tied_by_fixes or len(front_end.controls.frame) > 0
+
+
+def _held_frames(scene: Scene, config: Config) -> BoolArray:
+    """Return the frames (F,) to hold, which fix place and scale."""
+    poses = scene.poses
+    distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
+    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
+    return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
