@@ -20,6 +20,7 @@ from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
+from vgps.smoothing.row_times import row_times
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
@@ -198,9 +199,10 @@ def _retriangulate(scene: Scene, sigma_px: FloatArray, context: SmoothingContext
     start = np.searchsorted(scene.observations.landmark[rows], landmark)
     if len(landmark) == 0:
         return scene
-    triangulated, _ = triangulate(
-        context.K, scene.poses[scene.observations.frame[rows]], scene.observations.uv_px[rows], start
-    )
+    frames, uv_px = scene.observations.frame[rows], scene.observations.uv_px[rows]
+    times = row_times(scene.t_s, frames, uv_px, context)
+    poses = scene.poses[frames] if times is None else times.poses(scene.poses)
+    triangulated, _ = triangulate(context.K, poses, uv_px, start)
     points = scene.points.copy()
     points[landmark] = triangulated
     return replace(scene, points=points)

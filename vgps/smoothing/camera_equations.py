@@ -8,7 +8,8 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.model import Camera, FloatArray
 from vgps.solver.cost import camera_points, pixel_errors
-from vgps.solver.normal_equations import Linearisation, LinearisedChunk, whitening
+from vgps.solver.linearised_chunk import LinearisedChunk
+from vgps.solver.normal_equations import Linearisation, whitening
 from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import factorise_landmarks
 from vgps.solver.unknowns import Unknowns
@@ -81,7 +82,7 @@ def _equations(
 
 def _by_pinhole(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
     """Return whitened Jacobians (4, 2, n) of a chunk's residuals by the parameters of a pinhole camera."""
-    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    here = part.chunk.problem.at(problem)
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
@@ -114,7 +115,7 @@ def parameter_count(camera: Camera) -> int:
 
 def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
     """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
-    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    here = part.chunk.problem.at(problem)
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))

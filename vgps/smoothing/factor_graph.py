@@ -22,6 +22,7 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
 from vgps.smoothing.motion_factors import motion_factors
+from vgps.smoothing.row_times import row_times
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
@@ -107,7 +108,7 @@ def select_observations(
         NaN for features without an observation left.
     """
     config = context.config
-    problem = _bare_problem(scene, context.K)
+    problem = _bare_problem(scene, context)
     error, behind = reprojection_errors(problem)
     good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
@@ -126,8 +127,8 @@ def _with_observations(scene: Scene, mask: BoolArray) -> Scene:
     return replace(scene, observations=observations)
 
 
-def _bare_problem(scene: Scene, K: FloatArray) -> BundleProblem:
-    observations = scene.observations
+def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
+    observations, K = scene.observations, context.K
     return BundleProblem(
         K=(K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
         world_T_camera=scene.poses,
@@ -136,6 +137,7 @@ def _bare_problem(scene: Scene, K: FloatArray) -> BundleProblem:
         landmark=observations.landmark,
         uv_px=observations.uv_px,
         sigma_px=np.ones(len(observations.frame)),
+        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context),
     )
 
 
@@ -176,6 +178,7 @@ def build_problem(
         robust_k=robust_k,
         pose_graph=pose_graph,
         fixed=fixed,
+        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context),
     )
 
 

@@ -23,7 +23,8 @@ from vgps.smoothing.factor_graph import Scene
 from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
-from vgps.solver.normal_equations import LinearisedChunk, linearise
+from vgps.solver.linearised_chunk import LinearisedChunk
+from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 

@@ -65,6 +65,7 @@ def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
 
 def camera_points(problem: BundleProblem) -> FloatArray:
     """Return the landmark of each observation in the camera frame of its view, (3, N) metres."""
+    problem = problem.by_row()
     T, frame = problem.world_T_camera, problem.frame
     x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[:, i, 3][frame] for i in range(3))
     return np.stack([T[:, 0, j][frame] * x + T[:, 1, j][frame] * y + T[:, 2, j][frame] * z for j in range(3)])

@@ -14,7 +14,7 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, BandMatrix
 from vgps.solver.block_layout import BlockLayout, layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
-from vgps.solver.landmark_groups import Chunk, group_by_blocks, group_by_track, split_into_chunks
+from vgps.solver.landmark_groups import Chunk, couple, group_by_blocks, group_by_track, split_into_chunks
 from vgps.solver.problem import BundleProblem
 from vgps.solver.unknowns import Unknowns, number_unknowns
 
@@ -103,7 +103,8 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
 
 def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]) -> SparsityStructure:
     free = unknowns.free
-    span, group = group_by_track(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
+    coupled = couple(problem, problem.landmark)
+    span, group = group_by_track(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
     spans = [int(np.ptp(places)) + 1 for places in cliques]
     return SparsityStructure(
         **vars(unknowns),
@@ -116,7 +117,8 @@ def _block_structure(
     problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]
 ) -> SparsityStructure:
     free, n_free = unknowns.free, unknowns.n_free
-    group = group_by_blocks(free[problem.frame], problem.landmark, len(problem.world_p_landmark))
+    coupled = couple(problem, problem.landmark)
+    group = group_by_blocks(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
     chunks = split_into_chunks(problem, free, group)
     tracks = [g.frames for chunk in chunks for g in chunk.groups]
     return SparsityStructure(

@@ -5,7 +5,9 @@ import numpy as np
 from gtsam.noiseModel import mEstimator
 from gtsam.symbol_shorthand import L
 
+from factors import RowTime, rolling_projection_factor
 from vgps.solver.problem import BundleProblem, pose_values
+from vgps.solver.row_times import READOUT, RowTimes
 
 
 def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -16,11 +18,16 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
     K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
     keys, landmarks = problem.keys, problem.landmark.tolist()
-    rows = zip(problem.uv_px, _noise_models(problem), keys[problem.frame].tolist(), landmarks, strict=True)
-    for uv, model, key, landmark in rows:
-        graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(landmark), K, False, False))
+    if problem.row_times is None:
+        frames, owners = problem.frame, keys[problem.frame].tolist()
+        rows = zip(problem.uv_px, _noise_models(problem), owners, landmarks, strict=True)
+        for uv, model, key, point in rows:
+            graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(point), K, False, False))
+    else:
+        frames = problem.row_times.knots
+        graph.push_back(_rolling_projections(problem, problem.row_times, K))
     values = pose_values(problem)
-    for frame in np.setdiff1d(problem.frame, problem.pose_graph_frames).tolist():
+    for frame in np.setdiff1d(frames, problem.pose_graph_frames).tolist():
         values.insert(int(keys[frame]), gtsam.Pose3(problem.world_T_camera[frame]))
     for row in np.unique(problem.landmark).tolist():
         values.insert(L(row), problem.world_p_landmark[row])
@@ -29,6 +36,20 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
         if values.exists(key):
             graph.addPriorPose3(key, values.atPose3(key), held)
     return graph, values
+
+
+def _rolling_projections(
+    problem: BundleProblem, times: RowTimes, K: gtsam.Cal3_S2
+) -> gtsam.NonlinearFactorGraph:
+    """Return the projections of a rolling shutter, each from its row's pose."""
+    graph = gtsam.NonlinearFactorGraph()
+    readout = READOUT if READOUT in problem.shared else times.readout_s
+    keys, share, frame_s = problem.keys[times.knots].tolist(), times.share.tolist(), times.frame_s.tolist()
+    for n, (point, noise) in enumerate(zip(problem.landmark.tolist(), _noise_models(problem), strict=True)):
+        row = RowTime(times.knot_s[n], frame_s[n], share[n])
+        uv = problem.uv_px[n]
+        graph.push_back(rolling_projection_factor(keys[n], L(point), uv, row, K, noise, readout))
+    return graph
 
 
 def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:

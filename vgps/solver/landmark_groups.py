@@ -5,7 +5,7 @@ in nearly the same frames are eliminated together; the empty entries of their co
 separate bookkeeping. Groups are processed in chunks whose arrays stay in the processor's cache.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,6 +56,21 @@ class LandmarkGroup:
         matrix.add_square(self.frames, blas.dsyrk(-1.0, Z.T, lower=1))
 
 
+@dataclass(frozen=True)
+class Coupling:
+    """Pairs of a landmark and a frame that observations couple, each pair once.
+
+    Attributes:
+        frame: (c,) frame of each pair.
+        landmark: (c,) landmark of each pair.
+        pair: (n, k) the pairs that each observation couples.
+    """
+
+    frame: IntArray
+    landmark: IntArray
+    pair: IntArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
     """Some landmarks with all their observations.
@@ -64,11 +79,13 @@ class Chunk:
         problem: The problem reduced to these observations.
         landmarks: (m,) rows of the landmarks in the problem.
         landmark: (n,) index into ``landmarks`` of each observation.
-        first_frame: Earliest frame that observes any of them.
+        first_frame: Earliest frame that is coupled with any of them.
         frame: (n,) frame of each observation, counted from ``first_frame``.
-        free_rows: (k,) observations in free frames.
-        entry: (k, 3) indices in the chunk's buffer at which the three runs of six entries of such an
-            observation begin.
+        coupled: Landmarks, as in ``landmark``, and the frames that move their observations, counted from
+            ``first_frame``: the observations or, for a rolling shutter, also those in neighbouring frames.
+        free_rows: (k,) coupled pairs with free frames.
+        entry: (k, 3) indices in the chunk's buffer at which the three runs of six entries of such a pair
+            begin.
         groups: Groups of the landmarks.
     """
 
@@ -77,6 +94,7 @@ class Chunk:
     landmark: IntArray
     first_frame: int
     frame: IntArray
+    coupled: Coupling
     free_rows: IntArray
     entry: IntArray
     groups: tuple[LandmarkGroup, ...]
@@ -84,12 +102,22 @@ class Chunk:
     @cached_property
     def frames(self) -> int:
         """Number of frames from the first to the last."""
-        return int(self.frame.max()) + 1
+        return int(self.coupled.frame.max()) + 1
 
     @cached_property
     def size(self) -> int:
         """Number of entries of the buffer that holds the matrices of all groups."""
         return sum(group.size for group in self.groups)
+
+
+def couple(problem: BundleProblem, landmark: IntArray) -> Coupling:
+    """Return the pairs of landmark and frame that observations of landmarks (N,) couple."""
+    if problem.row_times is None:
+        return Coupling(problem.frame, landmark, np.arange(len(landmark))[:, None])
+    knots = problem.row_times.knots
+    base = int(knots.max(initial=0)) + 1
+    pairs, pair = np.unique(landmark[:, None] * base + knots, return_inverse=True)
+    return Coupling(pairs % base, pairs // base, pair.reshape(knots.shape))
 
 
 def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
@@ -168,16 +196,18 @@ def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:
     part = problem.select_observations(rows)
     landmarks, landmark = np.unique(part.landmark, return_inverse=True)
-    free_rows = np.flatnonzero(free[part.frame] >= 0)
-    at = free[part.frame[free_rows]]
-    groups, entry = _lay_out_groups(at, landmark[free_rows], group[landmarks], free[free >= 0])
-    first = int(part.frame.min())
+    coupled = couple(part, landmark)
+    free_rows = np.flatnonzero(free[coupled.frame] >= 0)
+    at = free[coupled.frame[free_rows]]
+    groups, entry = _lay_out_groups(at, coupled.landmark[free_rows], group[landmarks], free[free >= 0])
+    first = int(coupled.frame.min())
     return Chunk(
         problem=part,
         landmarks=landmarks,
         landmark=landmark,
         first_frame=first,
         frame=part.frame - first,
+        coupled=replace(coupled, frame=coupled.frame - first),
         free_rows=free_rows,
         entry=entry,
         groups=groups,

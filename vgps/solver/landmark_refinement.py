@@ -11,7 +11,7 @@ import numpy as np
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solver.cost import observation_costs
 from vgps.solver.elimination import SparsityStructure
-from vgps.solver.landmark_groups import Chunk
+from vgps.solver.landmark_groups import Chunk, couple
 from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import factorise_landmarks
@@ -119,7 +119,7 @@ def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArr
 
 def _chunk_costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:
     """Return the cost of each of the chunk's landmarks, (m,)."""
-    costs = observation_costs(chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark))
+    costs = observation_costs(chunk.problem.at(problem))
     return np.bincount(chunk.landmark, costs, len(chunk.landmarks)).astype(np.float64)
 
 
@@ -133,6 +133,7 @@ def _chunk_of(problem: BundleProblem, rows: IntArray) -> Chunk:
         landmark=landmark,
         first_frame=0,
         frame=part.frame,
+        coupled=couple(part, landmark),
         free_rows=np.zeros(0, dtype=np.int64),
         entry=np.zeros((0, 3), dtype=np.int64),
         groups=(),

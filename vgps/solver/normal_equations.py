@@ -5,7 +5,7 @@ which GTSAM linearises, add up with the observations. Arrays over observations h
 last axis, so that arithmetic runs along contiguous memory.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -15,54 +15,14 @@ from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.elimination import Chunk, SparsityStructure
+from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
-
-# image coordinates (u, v) that each pose coordinate moves
-_ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))
-_LOWER = tuple((a, b) for a in range(POSE_DIM) for b in range(a + 1))
+from vgps.solver.readout_equations import add_to_border, readout_column
+from vgps.solver.row_equations import RollingChunk, rolling_blocks
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinearisedChunk:
-    """Whitened, reweighted Jacobians of a chunk's observations, and its landmarks' normal equations.
-
-    Attributes:
-        chunk: The observations.
-        jp, jl: (2, 6, n) and (2, 3, n) Jacobians to the pose and to the landmark.
-        r: (2, n) residuals.
-        hessian: (6, m) lower triangles of the landmarks' blocks, row by row.
-        gradient: (3, m).
-    """
-
-    chunk: Chunk
-    jp: FloatArray
-    jl: FloatArray
-    r: FloatArray
-    hessian: FloatArray
-    gradient: FloatArray
-
-    @property
-    def diagonal(self) -> FloatArray:
-        """(3, m) diagonals by which damping is scaled."""
-        return np.maximum(self.hessian[[0, 2, 5]], MIN_DIAGONAL)
-
-    def pose_products(self, r: FloatArray, a: int) -> FloatArray:
-        """Return J_p^T r of each observation (n,) for pose coordinate ``a`` and any (2, n) r."""
-        return _dot(self.jp[:, a], r, _ROWS[a])
-
-    def pose_gradient(self, r: FloatArray) -> FloatArray:
-        """Return the sums of J_p^T r by pose, (6, frames of the chunk), for any (2, n) r."""
-        at, frames = self.chunk.frame, self.chunk.frames
-        return np.array([np.bincount(at, self.pose_products(r, a), frames) for a in range(POSE_DIM)])
-
-    def landmark_gradient(self, r: FloatArray) -> FloatArray:
-        """Return the sums of J_l^T r by landmark, (3, m), for any (2, n) r."""
-        at, size = self.chunk.landmark, len(self.chunk.landmarks)
-        return np.array([np.bincount(at, _dot(self.jl[:, k], r), size) for k in range(3)])
-
-
-@dataclass(frozen=True)
 class Linearisation:
     """Linearised chunks, and the normal equations of poses and states before landmarks are eliminated.
 
@@ -72,6 +32,7 @@ class Linearisation:
         gradient: (6 n_free,).
         landmarks: L, number of landmarks of the problem.
         border: Normal equations of the shared vectors.
+        readout: Column of the readout in the border; None if it is not estimated.
     """
 
     chunks: tuple[LinearisedChunk, ...]
@@ -79,6 +40,12 @@ class Linearisation:
     gradient: FloatArray
     landmarks: int
     border: Border
+    readout: int | None = None
+
+    @property
+    def rolling_chunks(self) -> tuple[RollingChunk, ...]:
+        """The chunks of a rolling shutter's observations."""
+        return tuple(part for part in self.chunks if isinstance(part, RollingChunk))
 
     @property
     def diagonal(self) -> FloatArray:
@@ -95,24 +62,40 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
         values: Its poses, states and shared vectors, for the pose factors.
         structure: Structure of the problem.
     """
-    chunks = []
-    blocks = np.zeros((len(_LOWER), len(structure.free)))
+    chunks: list[LinearisedChunk] = []
+    rolling = problem.row_times is not None
+    blocks = np.zeros((len(LOWER), len(structure.free)))
     gradient = np.zeros((POSE_DIM, len(structure.free)))
     for chunk in structure.chunks:
-        linear = linearise_chunk(problem, chunk)
+        part = linearise_chunk(problem, chunk)
         frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
-        blocks[:, frames] += _pose_blocks(linear)
-        gradient[:, frames] += linear.pose_gradient(linear.r)
-        chunks.append(linear)
+        if not rolling:
+            blocks[:, frames] += pose_blocks(part)
+        gradient[:, frames] += part.pose_gradient(part.r)
+        chunks.append(part)
     hessian, factor_gradient, border = linearise_pose_graph(problem, values, structure)
+    if rolling:
+        blocks, between = rolling_blocks(chunks, structure)
+        hessian = hessian + between
     total = (hessian + _block_diagonal(blocks, problem, structure)).tocoo()
-    total_gradient = structure.to_columns(gradient.T) + factor_gradient
-    return Linearisation(tuple(chunks), total, total_gradient, len(problem.world_p_landmark), border)
+    linear = Linearisation(
+        chunks=tuple(chunks),
+        hessian=total,
+        gradient=structure.to_columns(gradient.T) + factor_gradient,
+        landmarks=len(problem.world_p_landmark),
+        border=border,
+        readout=readout_column(problem),
+    )
+    if linear.readout is None:
+        return linear
+    terms = ((part, part.by_readout) for part in linear.rolling_chunks)
+    return replace(linear, border=add_to_border(border, linear.readout, terms, structure))
 
 
 def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     """Linearise a chunk's observations at the poses and landmarks of ``problem``."""
-    here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
+    here = chunk.problem.at(problem)
+    here, times = here.by_row(), here.row_times
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = whitening(here, error)
@@ -120,11 +103,14 @@ def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     r = error * scale
     size = len(chunk.landmarks)
     at = chunk.landmark
-    hessian = [np.bincount(at, _dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
-    gradient = [np.bincount(at, _dot(jl[:, a], r), size) for a in range(3)]
-    return LinearisedChunk(
+    hessian = [np.bincount(at, dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
+    gradient = [np.bincount(at, dot(jl[:, a], r), size) for a in range(3)]
+    linear = LinearisedChunk(
         chunk=chunk, jp=jp, jl=jl, r=r, hessian=np.array(hessian), gradient=np.array(gradient)
     )
+    if times is None:
+        return linear
+    return RollingChunk(**vars(linear), row_times=times, vectors=times.vectors(problem.world_T_camera))
 
 
 def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
@@ -158,32 +144,13 @@ def _jacobians(
     return jp, jl
 
 
-def _pose_blocks(linear: LinearisedChunk) -> FloatArray:
-    """Return the lower triangles of the poses' blocks, row by row: (21, frames of the chunk)."""
-    jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
-    blocks = np.zeros((len(_LOWER), frames))
-    for row, (a, b) in enumerate(_LOWER):
-        rows = tuple(i for i in _ROWS[a] if i in _ROWS[b])
-        if rows:
-            blocks[row] = np.bincount(frame, _dot(jp[:, a], jp[:, b], rows), frames)
-    return blocks
-
-
-def _dot(p: FloatArray, q: FloatArray, rows: tuple[int, ...] = (0, 1)) -> FloatArray:
-    """Return the products (n,) of two arrays' rows, summed over the rows that are not zero."""
-    total: FloatArray = p[rows[0]] * q[rows[0]]
-    for row in rows[1:]:
-        total += p[row] * q[row]
-    return total
-
-
 def _block_diagonal(
     blocks: FloatArray, problem: BundleProblem, structure: SparsityStructure
 ) -> sparse.csr_array:
     """Return the frames' blocks (21, F) at their places, and ones where a state leaves a column empty."""
     moves, padding = structure.free >= 0, structure.padding(problem)
     at = POSE_DIM * structure.free[moves]
-    rows, columns = ((at + index[:, None]).ravel() for index in np.array(_LOWER).T)
+    rows, columns = ((at + index[:, None]).ravel() for index in np.array(LOWER).T)
     index = np.append(rows, padding), np.append(columns, padding)
     values = np.append(blocks[:, moves].ravel(), np.ones(len(padding)))
     size = POSE_DIM * structure.n_free

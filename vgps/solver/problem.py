@@ -15,6 +15,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solver.row_times import RowTimes
 
 MAX_STATE_SIZE = 6  # coordinates of a state, which takes the place of a pose in the reduced matrix
 RobustLoss = Literal["none", "huber", "cauchy"]
@@ -75,6 +76,8 @@ class BundleProblem:
         states: Vectors that belong to a place in the video, by their key; each occurs in ``pose_graph``. The
             cost grows linearly with their number.
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
+        row_times: Times (N,) of the observations, for a rolling shutter. Its readout is an unknown if
+            ``shared`` has ``READOUT``.
 
     Raises:
         ValueError: Shapes or indices are inconsistent, a sigma is not positive, or a key is used twice.
@@ -94,6 +97,7 @@ class BundleProblem:
     shared: Mapping[int, FloatArray] = field(default_factory=dict)
     states: Mapping[int, StateVector] = field(default_factory=dict)
     pose_keys: IntArray | None = None
+    row_times: RowTimes | None = None
 
     def __post_init__(self) -> None:
         n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)
@@ -109,6 +113,8 @@ class BundleProblem:
         }
         if self.robust_k is not None or self.robust != "none":
             shapes["robust_k"] = (() if self.robust_k is None else self.robust_k.shape, (n,))
+        if self.row_times is not None:
+            shapes["row_times"] = (self.row_times.share.shape, (n,))
         for name, (found, expected) in shapes.items():
             if found != expected:
                 raise ValueError(f"{name} has shape {found}, expected {expected}")
@@ -180,6 +186,7 @@ class BundleProblem:
             pose_graph=gtsam.NonlinearFactorGraph(),
             shared={},
             states={},
+            row_times=None if self.row_times is None else self.row_times.rows(rows),
         )
 
     def moved(
@@ -199,7 +206,30 @@ class BundleProblem:
         for name, vectors in {"shared": shared, "states": states}.items():
             if vectors is not None:
                 object.__setattr__(moved, name, vectors)
+        if moved.row_times is not None:
+            object.__setattr__(moved, "row_times", moved.row_times.estimated(moved.shared))
         return moved
+
+    def at(self, other: "BundleProblem") -> "BundleProblem":
+        """Return the problem at the poses, landmarks and readout of another one."""
+        moved = self.moved(other.world_T_camera, other.world_p_landmark)
+        if moved.row_times is not None and other.row_times is not None:
+            object.__setattr__(moved, "row_times", moved.row_times.read_in(other.row_times.readout_s))
+        return moved
+
+    def by_row(self) -> "BundleProblem":
+        """Return the observations with a frame for each row's pose, as of a global shutter; else itself."""
+        if self.row_times is None:
+            return self
+        changes = {
+            "world_T_camera": self.row_times.poses(self.world_T_camera),
+            "frame": np.arange(len(self.frame)),
+            "row_times": None,
+        }
+        rows = copy(self)
+        for name, value in changes.items():
+            object.__setattr__(rows, name, value)
+        return rows
 
 
 def _check_range(name: str, index: IntArray, size: int) -> None:

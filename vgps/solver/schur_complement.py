@@ -12,7 +12,11 @@ import numpy as np
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseMatrix, SparsityStructure
-from vgps.solver.normal_equations import Linearisation, LinearisedChunk
+from vgps.solver.linearised_chunk import LinearisedChunk
+from vgps.solver.normal_equations import Linearisation
+from vgps.solver.pose_equations import Border
+from vgps.solver.readout_equations import add_to_border
+from vgps.solver.row_equations import RollingChunk
 
 _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in the depth along a single ray
 
@@ -101,35 +105,49 @@ def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatA
     return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
 
 
+def reduced_border(linear: Linearisation, structure: SparsityStructure, damping: float) -> Border:
+    """Return the border with the landmarks eliminated, which matters to an estimated readout only."""
+    if linear.readout is None:
+        return linear.border
+    terms = [(part, _absorbed(part, part.by_readout, damping)) for part in linear.rolling_chunks]
+    return add_to_border(linear.border, linear.readout, terms, structure, -1.0)
+
+
+def _absorbed(part: LinearisedChunk, r: FloatArray, damping: float) -> FloatArray:
+    """Return the part of residuals (2, n) that the landmarks absorb."""
+    factors = factorise_landmarks(part, damping)
+    step = factors.transposed_times(factors.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
+    return np.asarray(np.einsum("ian,an->in", part.jl, step))
+
+
 def pose_scores(linear: LinearisedChunk) -> FloatArray:
-    """Return the contribution of each observation to the reduced gradient, (6, n)."""
+    """Return the contribution of each coupled pair to the reduced gradient, (6, c)."""
     _, explained = _coupling(linear, factorise_landmarks(linear, 0.0))
     r = linear.r - explained
-    return np.array([linear.pose_products(r, a) for a in range(POSE_DIM)])
+    return np.array(linear.pose_products(r))
 
 
 def _fill_groups(linear: LinearisedChunk, coupling: FloatArray, buffer: FloatArray) -> None:
-    """Write Z = B^T J_p of every observation in a free frame into the matrices of the groups."""
+    """Write Z = B^T J_p of every coupled pair with a free frame into the matrices of the groups."""
     buffer[:] = 0.0
     chunk = linear.chunk
-    all_free = len(chunk.free_rows) == len(chunk.frame)
+    all_free = len(chunk.free_rows) == len(chunk.coupled.frame)
     for c in range(3):
         entry = chunk.entry[:, c]
-        for a in range(POSE_DIM):
-            value = linear.pose_products(coupling[:, c], a)
+        for a, value in enumerate(linear.pose_products(coupling[:, c])):
             buffer[a:][entry] = value if all_free else value[chunk.free_rows]
 
 
-def landmark_steps(linear: Linearisation, pose_step: FloatArray, damping: float) -> FloatArray:
-    """Return the landmarks' steps (3, L) that follow from the poses' steps (F, 6)."""
+def landmark_steps(
+    linear: Linearisation, pose_step: FloatArray, damping: float, readout_step: float = 0.0
+) -> FloatArray:
+    """Return the landmarks' steps (3, L) that follow from those of poses (F, 6) and of the readout."""
     steps = np.zeros((3, linear.landmarks))
     for part in linear.chunks:
-        chunk, jp = part.chunk, part.jp
-        step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
-        r = np.stack(
-            [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
-        )
         factors = factorise_landmarks(part, damping)
-        gradient = part.gradient + part.landmark_gradient(r)
-        steps[:, chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
+        moved = part.moved_by_poses(pose_step)
+        if isinstance(part, RollingChunk) and readout_step:
+            moved += readout_step * part.by_readout
+        gradient = part.gradient + part.landmark_gradient(moved)
+        steps[:, part.chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
     return steps

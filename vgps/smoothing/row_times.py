@@ -1,0 +1,32 @@
+"""Times of the rows in which observations lie, for a camera with a rolling shutter."""
+
+import numpy as np
+
+from vgps.camera import distort
+from vgps.model import Camera, FloatArray, IntArray
+from vgps.smoothing.context import SmoothingContext
+from vgps.solver.row_times import RowTimes
+
+
+def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:
+    """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row."""
+    v = distort(camera, uv_px)[:, 1]
+    share = np.where(np.isfinite(v), v, uv_px[:, 1]) / max(camera.height - 1.0, 1.0) - 0.5
+    return np.asarray(np.clip(share, -0.5, 0.5))
+
+
+def row_times(
+    t_s: FloatArray, frame: IntArray, uv_px: FloatArray, context: SmoothingContext
+) -> RowTimes | None:
+    """Return the times of observations (N, 2) in some frames (N,); None for a global shutter.
+
+    Args:
+        t_s: (F,) times of all frames.
+        frame: (N,) frame of each observation.
+        uv_px: (N, 2) undistorted pixels.
+        context: The camera.
+    """
+    camera = context.camera
+    if not camera.readout_s or len(t_s) < 2:
+        return None
+    return RowTimes.of_frames(t_s, frame, row_shares(camera, uv_px), camera.readout_s)

@@ -1,0 +1,88 @@
+"""Jacobians of a chunk's observations, and what the poses and the landmarks get from them.
+
+Arrays over observations have the observation as their last axis, so that arithmetic runs along contiguous
+memory.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.model import FloatArray
+from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.landmark_groups import Chunk
+from vgps.solver.pose_equations import MIN_DIAGONAL
+
+# image coordinates (u, v) that each pose coordinate moves
+_ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))
+LOWER = tuple((a, b) for a in range(POSE_DIM) for b in range(a + 1))
+"""Rows and columns of the lower triangle of a pose's block, row by row."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearisedChunk:
+    """Whitened, reweighted Jacobians of a chunk's observations, and its landmarks' normal equations.
+
+    Attributes:
+        chunk: The observations.
+        jp, jl: (2, 6, n) and (2, 3, n) Jacobians to the pose and to the landmark.
+        r: (2, n) residuals.
+        hessian: (6, m) lower triangles of the landmarks' blocks, row by row.
+        gradient: (3, m).
+    """
+
+    chunk: Chunk
+    jp: FloatArray
+    jl: FloatArray
+    r: FloatArray
+    hessian: FloatArray
+    gradient: FloatArray
+
+    @property
+    def diagonal(self) -> FloatArray:
+        """(3, m) diagonals by which damping is scaled."""
+        return np.maximum(self.hessian[[0, 2, 5]], MIN_DIAGONAL)
+
+    def pose_products(self, r: FloatArray) -> list[FloatArray]:
+        """Return J_p^T r for any (2, n) r: for each pose coordinate, (c,) by landmark and frame.
+
+        The landmarks and frames are those of ``chunk.coupled``.
+        """
+        return [dot(self.jp[:, a], r, rows) for a, rows in enumerate(_ROWS)]
+
+    def pose_gradient(self, r: FloatArray) -> FloatArray:
+        """Return the sums of J_p^T r by pose, (6, frames of the chunk), for any (2, n) r."""
+        at, frames = self.chunk.coupled.frame, self.chunk.frames
+        return np.array([np.bincount(at, product, frames) for product in self.pose_products(r)])
+
+    def moved_by_poses(self, pose_step: FloatArray) -> FloatArray:
+        """Return J_p times the steps (F, 6) of all frames, (2, n)."""
+        chunk, jp = self.chunk, self.jp
+        step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
+        return np.stack(
+            [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
+        )
+
+    def landmark_gradient(self, r: FloatArray) -> FloatArray:
+        """Return the sums of J_l^T r by landmark, (3, m), for any (2, n) r."""
+        at, size = self.chunk.landmark, len(self.chunk.landmarks)
+        return np.array([np.bincount(at, dot(self.jl[:, k], r), size) for k in range(3)])
+
+
+def pose_blocks(linear: LinearisedChunk) -> FloatArray:
+    """Return the lower triangles of the poses' blocks, row by row: (21, frames of the chunk)."""
+    jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
+    blocks = np.zeros((len(LOWER), frames))
+    for row, (a, b) in enumerate(LOWER):
+        rows = tuple(i for i in _ROWS[a] if i in _ROWS[b])
+        if rows:
+            blocks[row] = np.bincount(frame, dot(jp[:, a], jp[:, b], rows), frames)
+    return blocks
+
+
+def dot(p: FloatArray, q: FloatArray, rows: tuple[int, ...] = (0, 1)) -> FloatArray:
+    """Return the products (n,) of two arrays' rows, summed over the rows that are not zero."""
+    total: FloatArray = p[rows[0]] * q[rows[0]]
+    for row in rows[1:]:
+        total += p[row] * q[row]
+    return total
