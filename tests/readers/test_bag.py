@@ -1,8 +1,6 @@
 """Bags written by rosbags and mcap from the simulated recording, as a robot records."""
 
-import shutil
-import subprocess
-import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -10,11 +8,9 @@ import pytest
 from bags import UNIX_S, write_mcap, write_ros1, write_ros2
 
 from vgps.errors import GpsLogError, VgpsError, VideoError
-from vgps.evaluation import evaluate
 from vgps.model import FixClass
 from vgps.readers.gps import gps_format, read_gps_log
 from vgps.readers.recording import open_recording
-from vgps.readers.run_folder import read_run
 
 pytest.importorskip("rosbags")
 WRITERS = {"walk.bag": write_ros1, "walk": write_ros2, "walk.mcap": write_mcap}
@@ -32,7 +28,7 @@ def test_every_stream_is_on_the_clock_of_the_first_image(bag, recording):
     every = true.video.times_s[::10]
     np.testing.assert_allclose(found.video.times_s, every, atol=1e-6)
     assert (found.video.width, found.video.height) == (true.video.width, true.video.height)
-    assert found.camera == true.camera
+    assert found.camera == replace(true.camera, readout_s=None)  # a CameraInfo does not say it
     np.testing.assert_allclose(found.gps.t_s, true.gps.t_s, atol=1e-6)
     for name in ("latitude_deg", "longitude_deg"):
         np.testing.assert_allclose(getattr(found.gps, name), getattr(true.gps, name), atol=1e-12)
@@ -105,15 +101,3 @@ def test_a_bag_without_what_is_asked_for_says_so(tmp_path):
         open_recording(tmp_path / "empty.mcap")
     with pytest.raises(GpsLogError, match="no fixes; expected messages sensor_msgs/NavSatFix"):
         read_gps_log(tmp_path / "empty.mcap")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", WRITERS)
-def test_one_command_smooths_a_bag(recording, tmp_path, name):
-    WRITERS[name](recording, tmp_path / name)
-    shutil.copy(recording / "rig.yaml", tmp_path / "rig.yaml")
-    words = [sys.executable, "-m", "vgps", "smooth", str(tmp_path / name), "--out", str(tmp_path / "run")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert read_run(tmp_path / "run").georeferenced
-    assert evaluate(tmp_path / "run", recording / "truth.tum").camera_position_m.mean < 0.2

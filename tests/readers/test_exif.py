@@ -1,23 +1,18 @@
 """Folders of pictures: a drone's with EXIF, and those that vgps wrote itself."""
 
 import shutil
-import subprocess
-import sys
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from PIL import Image
-from solutions import exact_run
+from user_files import write_pictures
 
 from vgps.crs import egm96
 from vgps.errors import VideoError
-from vgps.evaluation import evaluate
 from vgps.model import FixClass
 from vgps.readers.exif import exif_fixes, picture_times, read_taken
 from vgps.readers.recording import open_recording
-from vgps.writers.export import ExportOptions, export
-from vgps.writers.run_folder import write_run
 
 CAMERA = "model: pinhole\nwidth: {}\nheight: {}\nfx: 1900\nfy: 1900\ncx: {}\ncy: {}\n"
 
@@ -39,14 +34,9 @@ def test_a_drone_s_pictures_are_a_recording(data_dir, tmp_path):
 
 @pytest.fixture(scope="module")
 def pictures(recording, tmp_path_factory):
-    """Every second frame of the simulated recording, with its true pose written into it."""
-    run = exact_run(recording)
+    """Every frame of the simulated recording, with its true pose written into it."""
     folder = tmp_path_factory.mktemp("pictures")
-    write_run(run, folder / "run")
-    export(folder / "run", "exif", folder / "walk", ExportOptions(geoid="egm96"))
-    for name in ("camera.yaml", "truth.tum"):
-        shutil.copy(recording / name, folder / name)
-    (folder / "rig.yaml").write_text(f"world_origin: {list(run.world_origin)}\n")
+    write_pictures(recording, folder / "walk")
     return folder
 
 
@@ -55,21 +45,6 @@ def test_what_is_written_comes_back(pictures, recording):
     np.testing.assert_allclose(found.video.times_s, true.video.times_s, atol=2e-6)
     assert abs((found.rig.video_start_utc - true.rig.video_start_utc).total_seconds()) < 1e-5
     assert found.gps.t_s[0] == 0.0 and found.gps.sigma_m[0, 0] == pytest.approx(0.01, abs=1e-4)
-
-
-@pytest.mark.slow
-def test_one_command_smooths_a_folder_of_pictures(pictures, tmp_path):
-    """The fixes are the cameras' own exact positions, of the class single as EXIF cannot say better.
-
-    The walk is shorter than the region of that class needs, so a survey gives a smaller one.
-    """
-    (tmp_path / "survey.yaml").write_text("single: {r_m: 0.5, h_m: 0.5}\n")
-    words = [sys.executable, "-m", "vgps", "smooth", str(pictures / "walk"), "--out", str(tmp_path / "run")]
-    words += ["--survey", str(tmp_path / "survey.yaml")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    found = evaluate(tmp_path / "run", pictures / "truth.tum")
-    assert found.every_frame_posed and found.camera_position_m.mean < 1.0
 
 
 def test_the_exif_of_a_picture_is_read_once(pictures, monkeypatch):

@@ -51,7 +51,7 @@ def _crc(data):
     return crc
 
 
-def ulog(rows=FIX, unix_s=UNIX_S, old=False):
+def ulog(rows=FIX, unix_s=UNIX_S, old=False, step_s=1.0):
     """A ULog file of sensor_gps messages, the last one without a fix; ``old`` names of fields before 1.14."""
     if old:
         name = "vehicle_gps_position"
@@ -69,7 +69,7 @@ def ulog(rows=FIX, unix_s=UNIX_S, old=False):
         place = (latitude, longitude, height)
         packed = struct.pack("<3i", *(round(x * s) for x, s in zip(place, (1e7, 1e7, 1e3), strict=True)))
         packed = packed if old else struct.pack("<3d", *place)
-        values = struct.pack("<QQ", 1000 + k, (unix_s + k) * 1_000_000) + packed
+        values = struct.pack("<QQ", 1000 + k, round((unix_s + k * step_s) * 1e6)) + packed
         values += struct.pack("<3fBB", 0.5, 0.8, 0.9, fix_type, 14)
         data += _ulog_message(b"D", struct.pack("<H", 0) + values)
     return data

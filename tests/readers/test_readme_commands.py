@@ -1,0 +1,64 @@
+"""The commands of this room's README, as it has them: each smooths what a user has."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from user_files import write_bag, write_drone_video, write_flight, write_pictures
+
+from vgps.evaluation import evaluate
+from vgps.readers.run_folder import read_run
+
+README = Path(__file__).resolve().parents[2] / "vgps/readers/README.md"
+COMMANDS = re.findall(r"^\| .* \| `(vgps smooth [^`]+)`", README.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def gopro(folder, recording, data_dir):
+    shutil.copy(data_dir / "gopro_walk/video.mp4", folder / "GX010042.MP4")
+    shutil.copy(data_dir / "gopro_walk/camera.yaml", folder)
+
+
+# what makes the files of a command, and the largest mean error of the run [m]: fixes of the class single are
+# at the truth too, but count as metres; None without a truth
+MAKERS = {
+    "GX010042.MP4": (gopro, None),
+    "DJI_0001.MP4": (lambda folder, recording, _: write_drone_video(recording, folder, "MAVIC3"), 3.0),
+    "pictures": (lambda folder, recording, _: write_pictures(recording, folder / "pictures"), 3.0),
+    "drive.bag": (lambda folder, recording, _: write_bag(recording, folder / "drive.bag"), 0.2),
+    "rosbag2_2026_05_01": (
+        lambda folder, recording, _: write_bag(recording, folder / "rosbag2_2026_05_01"),
+        0.2,
+    ),
+    "drive.mcap": (lambda folder, recording, _: write_bag(recording, folder / "drive.mcap"), 0.2),
+    "walk.mp4": (
+        lambda folder, recording, _: write_flight(recording, folder / "walk.mp4", folder / "flight.ulg"),
+        0.2,
+    ),
+}
+
+
+def test_every_command_has_its_files():
+    assert {command.split()[2] for command in COMMANDS} == set(MAKERS) and len(COMMANDS) == len(MAKERS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_one_command_smooths(command, recording, tmp_path, request):
+    name = command.split()[2]
+    made, largest_m = MAKERS[name]
+    made(tmp_path, recording, request.getfixturevalue("data_dir") if largest_m is None else None)
+    words = [sys.executable, "-m", *shlex.split(command)]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert read_run(tmp_path / "run").georeferenced
+    if largest_m is not None:
+        if "world_origin" not in (tmp_path / "rig.yaml").read_text():
+            # the origin of a drone's run is its first fix, that of the truth the simulation's
+            shutil.copy(recording / "rig.yaml", tmp_path)
+        shutil.copy(recording / "truth.tum", tmp_path)
+        found = evaluate(tmp_path / "run", tmp_path / "truth.tum")
+        assert found.every_frame_posed and found.camera_position_m.mean < largest_m
