@@ -39,7 +39,7 @@ def test_the_stated_lens_is_followed_to_the_corner(guess):
     found = guess(text("VFOV", "W"), encode("ZMPL", "f", [[ZMPL]]), encode("POLY", "f", [POLY]))
     assert found.camera.model == "fisheye"
     assert corner_deg(found.camera) == pytest.approx(np.degrees(np.polyval(POLY[::-1], ZMPL)), rel=0.01)
-    assert found.source == "a HERO12 Black, set to wide, with the lens that it states"
+    assert found.source == "a GoPro (HERO12 Black), set to wide, with the lens that it states"
 
 
 def test_the_stated_angle_fills_the_diagonal(guess):
@@ -78,6 +78,8 @@ def test_real_headers(data_dir):
     settings = gopro_settings(gopro_walk)
     assert settings["ZFOV"].kind == "f" and settings["VFOV"].data == b"W"
     walk = gopro_guess(read_gpmf(gopro_walk), (848, 480))
-    assert walk.source.startswith("a GoPro Max, set to wide, with the angle of 137 degrees")
+    assert walk.source.startswith("a GoPro (Max), set to wide, with the angle of 137 degrees")
     hero7 = gopro_guess(read_gpmf(gopro_hero7), (848, 480))
-    assert hero7.source.startswith("a Hero7 Black, set to wide, 118.2 degrees wide by GoPro's tables less")
+    assert hero7.source.startswith(
+        "a GoPro (Hero7 Black), set to wide, 118.2 degrees wide by GoPro's tables less"
+    )

@@ -143,6 +143,15 @@ def picture_rotations(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | N
     return _times(telemetry, "CORI")[:n], rotation.inv().as_matrix()
 
 
+def picture_turn_rad(telemetry: Telemetry) -> float | None:
+    """Return the largest rotation of the picture on the body (IORI) [rad]; None without IORI or CORI."""
+    if not {"CORI", "IORI"} <= telemetry.sensors.keys():
+        return None
+    image = _values(telemetry, "IORI", 4)[:, [1, 2, 3, 0]]
+    image = image[np.any(image, axis=1)]
+    return float(Rotation.from_quat(image).magnitude().max()) if len(image) else None
+
+
 def _values(telemetry: Telemetry, key: str, columns: int) -> FloatArray:
     """Return (N, k) values of a sensor; k is at least ``columns`` and the same in every payload."""
     widths = {block.samples.shape[1] for block in telemetry.sensors[key]}

@@ -46,7 +46,11 @@ def gopro_guess(telemetry: Telemetry, size: tuple[int, int]) -> CameraGuess | No
         return None
     view = _text(settings, "VFOV")
     lens = _stated_lens(settings, size) or _stated_angle(settings, size) or _tabled(settings, size)
-    words = [f"a {telemetry.device or _text(settings, 'MINF') or 'GoPro'}", lens.source]
+    name = telemetry.device or _text(settings, "MINF")
+    words = [
+        f"a GoPro ({name.removeprefix('GoPro ')})" if name not in {"", "Camera"} else "a GoPro",
+        lens.source,
+    ]
     if view in _NAMES:
         words.insert(1, f"set to {_NAMES[view]}")
     if view in _STRETCHED:

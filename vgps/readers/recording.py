@@ -28,6 +28,7 @@ from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.sources import PathLike, Source, opened, place_of
+from vgps.readers.stabilisation import with_picture_motion
 from vgps.readers.video import VideoFile
 
 log = logging.getLogger(__name__)
@@ -96,7 +97,7 @@ def open_recording(
     if inertial is not None and mount.imu is not None and gyro is None:
         gyro, mount = gyro_of(inertial, mount), replace(mount, gyro_R_camera=mount.imu.imu_R_camera)
     points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
-    return Recording(
+    found = Recording(
         path=path,
         video=video,
         camera=lens or guesses[0].camera,
@@ -108,6 +109,7 @@ def open_recording(
         notes=notes,
         control_points=_control_points(points, video, control_system) if points else None,
     )
+    return with_picture_motion(found, telemetry)
 
 
 def _start_utc(video: Source) -> datetime | None:
