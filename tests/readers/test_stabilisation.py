@@ -37,14 +37,8 @@ def made(image_deg: float | None):
 
 def recording(found, source: Path | None = None) -> Recording:
     source = source or found.path
-    three = np.zeros((10, 3))
-    imu = ImuLog(
-        t_s=np.arange(10) / 10,
-        rate_rad_s=three,
-        force_m_s2=three,
-        saturated=np.zeros(10, bool),
-        source=source,
-    )
+    t_s, three, never = np.arange(10) / 10, np.zeros((10, 3)), np.zeros(10, bool)
+    imu = ImuLog(t_s=t_s, rate_rad_s=three, force_m_s2=three, saturated=never, source=source)
     return Recording(
         path=found.path,
         video=None,
