@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from textured_room import (
     CAMERA,
     CONFIG,
@@ -19,6 +20,7 @@ from textured_room import (
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.tracking.frame_tracker import FrameTracker
 from vgps.tracking.matching import Match
+from vgps.tracking.pose import Prediction
 
 LAST = 4  # newest frame of the maps
 TRUE = path(LAST + 2)
@@ -38,7 +40,7 @@ def scene():
 def track(scene, gray=None, predicted=TRUE[LAST], **tracking):
     """The next frame, tracked by default from the pose of the one before."""
     before, after = images(LAST + 2)[LAST:]
-    return tracker(**tracking).track(scene[0], before, after if gray is None else gray, predicted)
+    return tracker(**tracking).track(scene[0], before, after if gray is None else gray, Prediction(predicted))
 
 
 def errors_px(result, points):
@@ -79,7 +81,7 @@ def test_a_poor_prediction_does_no_harm(scene):
 def test_a_lens_is_taken_out_of_the_observations():
     local_map, points = followed_map(TRUE[:-1], LENS)
     before, after = (image(pose, LENS) for pose in TRUE[LAST:])
-    result = tracker(LENS).track(local_map, before, after, TRUE[LAST])
+    result = tracker(LENS).track(local_map, before, after, Prediction(TRUE[LAST]))
     assert result.world_T_camera is not None and distance_m(result.world_T_camera, TRUE[-1]) < 0.01
     assert np.quantile(errors_px(result, points), 0.95) < 0.5
     assert np.linalg.norm(result.raw_uv_px - result.uv_px, axis=1).max() > 2.0
@@ -139,7 +141,7 @@ def test_features_are_searched_where_the_predicted_pose_puts_them(scene):
     predicted = moved(TRUE[LAST], 0.5, (0.0, 12.0, 0.0))
     stage_a = tracker()
     stage_a._matcher = matcher = SearchRecorder()
-    stage_a.track(local_map, *images(LAST + 2)[LAST:], predicted)
+    stage_a.track(local_map, *images(LAST + 2)[LAST:], Prediction(predicted))
     assumed = points.copy()
     lines = (points[unpositioned] - TRUE[LAST][:3, 3]) / depth[unpositioned, None]
     median = np.median(np.delete(depth, unpositioned))
@@ -169,7 +171,7 @@ def test_lost_and_mismatched_features_are_matched_again_near_the_tentative_pose(
     local_map, points = scene
     stage_a = tracker()
     stage_a._matcher = PoorMatcher(stage_a._matcher)
-    result = stage_a.track(local_map, *images(LAST + 2)[LAST:], TRUE[LAST])
+    result = stage_a.track(local_map, *images(LAST + 2)[LAST:], Prediction(TRUE[LAST]))
     assert distance_m(result.world_T_camera, TRUE[-1]) < 0.01
     assert result.found[::3].mean() > 0.9
     assert np.quantile(errors_px(result, points), 0.95) < 0.5
@@ -198,3 +200,14 @@ def test_reliabilities_weigh_the_features(scene):
         local_map.apply(MapUpdate(positions=Positions(local_map.ids, positions, sigma_px)))
         heights.append(track(scene).world_T_camera[2, 3] - TRUE[-1][2, 3])
     assert heights[0] == pytest.approx(0.05, abs=0.01) and heights[1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_features_are_searched_where_a_gyro_turned_them(scene):
+    local_map, _ = scene
+    turn = Rotation.from_rotvec([0.0, 0.25, 0.0]).as_matrix()
+    turned = TRUE[LAST].copy()
+    turned[:3, :3] = turned[:3, :3] @ turn
+    before, after = images(LAST + 1)[LAST], image(turned)
+    blind = tracker().follow(local_map, before, after)
+    led = tracker().follow(local_map, before, after, turn)
+    assert led.found.sum() > 2 * blind.found.sum()

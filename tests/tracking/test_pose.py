@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.geometry import project
-from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
+from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
 
 K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
 TRUTH = np.eye(4)
@@ -77,3 +77,19 @@ def test_points_behind_the_camera_are_no_inliers(matches):
     turned = TRUTH @ np.diag([-1.0, 1.0, -1.0, 1.0])
     uv = project(K, TRUTH, matches.points)[0]
     assert not Correspondences(matches.points, uv).inliers(K, turned, 1e9).any()
+
+
+def test_a_rotation_by_a_gyro_counts_as_an_observation():
+    """Beside features of one direction, which show no rotation about it, the gyro decides."""
+    rng = np.random.default_rng(3)
+    points = np.array([[0.0, 0.0, 8.0]]) + rng.normal(0.0, 1e-3, (20, 3))
+    uv, _ = project(K, np.eye(4), points)
+    matches = Correspondences(points, uv + rng.normal(0.0, 0.3, uv.shape))
+    roll = np.eye(4)
+    roll[:3, :3] = Rotation.from_euler("z", 5.0, degrees=True).as_matrix()
+    free, _ = refine_pose(K, roll, matches, np.ones(20))
+    prior = Prediction(np.eye(4), np.radians(0.1))
+    held, information = refine_pose(K, roll, matches, np.ones(20), prior=prior)
+    assert np.degrees(Rotation.from_matrix(free[:3, :3]).magnitude()) > 1.0
+    assert np.degrees(Rotation.from_matrix(held[:3, :3]).magnitude()) < 0.01
+    assert information[2, 2] == pytest.approx(np.radians(0.1) ** -2, rel=0.1)

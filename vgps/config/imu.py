@@ -17,11 +17,11 @@ class ImuConfig(SettingsModel):
     """Use the IMU of a recording if its rotations agree with the video's (auto), or never."""
     knot_s: PositiveFloat = 1.0
     """Time from one velocity and bias to the next; frames without features have their own."""
-    gyro_density: PositiveFloat = 1e-3
-    """Lower bound of the gyro's noise, rad/s/sqrt(Hz): also what time stamps and vibration add to it."""
-    accelerometer_density: PositiveFloat = 1e-2
+    gyro_density: PositiveFloat = 3e-4
+    """Lower bound of the gyro's noise, rad/s/sqrt(Hz): a consumer sensor's is not below."""
+    accelerometer_density: PositiveFloat = 3e-3
     """Lower bound of the accelerometer's noise, m/s^2/sqrt(Hz): likewise."""
-    scale_error: Share = 0.01
+    scale_error: Share = 0.005
     """Errors in proportion to what is measured: scale factors and axes of consumer sensors."""
     gyro_bias_sigma: PositiveFloat = 0.05
     """Standard deviation of the gyro's bias at the start, rad/s."""

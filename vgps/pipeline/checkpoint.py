@@ -21,7 +21,7 @@ from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import ControlPoints, GpsLog, Recording
+from vgps.model import ControlPoints, GpsLog, ImuLog, Recording
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
@@ -115,12 +115,13 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "times": _digest(recording.video.times_s),
         "video": _stamp(recording.video.path),
         "gps": None if gps is None else _digest_fields(gps),
+        "imu": None if recording.imu is None else _digest_fields(recording.imu),
         "points": None if points is None else _digest_fields(points),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _digest_fields(table: GpsLog | ControlPoints) -> list[str]:
+def _digest_fields(table: GpsLog | ImuLog | ControlPoints) -> list[str]:
     return [_digest(value) for value in vars(table).values() if isinstance(value, np.ndarray | tuple)]
 
 

@@ -9,6 +9,7 @@ from vgps.errors import GeometryError
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
+from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate
@@ -23,6 +24,7 @@ from vgps.smoothing.map_alignment import align_to_control, align_to_fixes
 from vgps.tracking.control_points import control_poses
 from vgps.tracking.frame_tracker import FrameTracker, TrackingResult
 from vgps.tracking.mapper import Mapper
+from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
 
 _MAX_REASON = 200  # characters of an error in a warning
@@ -58,6 +60,7 @@ class FramePipeline:
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
         self._starter = MapStarter((self._tracker, self._mapper), camera.K, config, rng, retention)
+        self._gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._current: MapBuilder | None = None
         self._next: MapBuilder | None = None
         self._times = GrowingArray()
@@ -177,18 +180,19 @@ class FramePipeline:
     def _start_map(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
         """Add a frame to a map that has not started; stage C follows if it starts."""
         with self.timer.measure("start"):
-            builder = self._starter.add_frame(builder, frame)
+            builder = self._starter.add_frame(builder, frame, self._gyro)
         if builder is not None and builder.started:
             self._run_window(builder)
         return builder
 
     def _track(self, builder: MapBuilder, frame: Frame) -> None:
         local_map = builder.local_map
-        predicted = builder.predict(frame.t_s)
+        # errors of features are common to many of them, which their number hides
+        predicted = builder.predict(frame.t_s, self._gyro).beside(self.config.batch.video_sigma_scale)
         with self.timer.measure("track"):
             result = self._tracker.track(local_map, builder.view_image, frame.gray, predicted)
             if result.world_T_camera is None:
-                result = self._relocalise(builder, frame, predicted) or result
+                result = self._relocalise(builder, frame, predicted.world_T_camera) or result
         if result.world_T_camera is None:
             self._grow_next_map(frame)
             return
@@ -217,7 +221,8 @@ class FramePipeline:
             if result is None:
                 return
             local_map.apply(result.update)
-        self.warnings.extend(result.warnings)
+        if self._context.imu is None:  # else gravity shows the roll
+            self.warnings.extend(result.warnings)
         self._run_window(builder)
 
     def _run_window(self, builder: MapBuilder) -> None:
@@ -258,7 +263,9 @@ class FramePipeline:
                 self._context.camera, self.config.tracking, self._rng, builder.view_image, local_map
             )
         pose = builder.relocaliser.locate(frame.gray, predicted)
-        return pose if pose is None else self._tracker.track(local_map, builder.view_image, frame.gray, pose)
+        if pose is None:
+            return None
+        return self._tracker.track(local_map, builder.view_image, frame.gray, Prediction(pose))
 
     def _grow_next_map(self, frame: Frame) -> None:
         """Add a frame to a new map while tracking is lost; once it starts, it replaces the current map."""

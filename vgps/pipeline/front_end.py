@@ -49,14 +49,8 @@ class FrontEnd:
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""
-        return SmoothingContext(self.recording.camera, config, self.controls, self.imu(config))
-
-    def imu(self, config: Config) -> CameraImu | None:
-        """Return the IMU at the camera; None if there is none, or if it is not to be used."""
-        log, mount = self.recording.imu, self.recording.rig.imu
-        if log is None or mount is None or config.imu.use == "no":
-            return None
-        return imu_at_camera(log, mount, self.origin, config.imu)
+        imu = camera_imu(self.recording, self.origin, config)
+        return SmoothingContext(self.recording.camera, config, self.controls, imu)
 
 
 def run_front_end(
@@ -71,7 +65,7 @@ def run_front_end(
     """
     origin, fixes = world_fixes(recording, config)
     controls = world_controls(recording.control_points, recording.camera, origin) or NO_CONTROL_OBSERVATIONS
-    context = SmoothingContext(recording.camera, config, controls)
+    context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
     done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
     frames = _decoded(recording.video.frames(), frame_pipeline.timer)
@@ -93,6 +87,14 @@ def run_front_end(
             f"{config.start.min_flow_px:g} px",
         )
     return front_end_of(frame_pipeline, recording, origin, controls)
+
+
+def camera_imu(recording: Recording, origin: GeodeticPoint | None, config: Config) -> CameraImu | None:
+    """Return the IMU at the camera; None if there is none, or if it is not to be used."""
+    log, mount = recording.imu, recording.rig.imu
+    if log is None or mount is None or config.imu.use == "no":
+        return None
+    return imu_at_camera(log, mount, origin, config.imu)
 
 
 def front_end_of(

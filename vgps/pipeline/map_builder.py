@@ -6,12 +6,15 @@ import numpy as np
 
 from vgps.config import TrackingConfig
 from vgps.geometry import interpolate_poses
+from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
+from vgps.mapping.trajectory import map_trajectory
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray, Frame, GrayImage
 from vgps.tracking.frame_tracker import TrackingResult
+from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
@@ -42,6 +45,11 @@ class MapBuilder:
     failures: int = 0
     moved: bool = False
     relocaliser: Relocaliser | None = None
+
+    @property
+    def view_s(self) -> float:
+        """Time of the newest view."""
+        return float(self.local_map.t_s[int(self.local_map.view_frames[-1]) - self.local_map.first_frame])
 
     def add_pose(self, t_s: float, world_T_camera: FloatArray) -> None:
         """Append the next frame's pose, NaN if it is unknown."""
@@ -78,13 +86,22 @@ class MapBuilder:
             sigma = np.maximum(result.pose_sigma, _MIN_SIGMA)
         self.local_map.apply(MapUpdate(zero_motions=(ZeroMotion(frame, reference, relative, sigma),)))
 
-    def predict(self, t_s: float) -> FloatArray:
-        """Return the pose (4, 4) at a time by the velocity between the last two frames.
+    def predict(self, t_s: float, gyro: RotationPredictor | None = None) -> Prediction:
+        """Return the pose (4, 4) at a time by the velocity between the last two frames, and by the gyro.
 
-        After a gap, or without two poses, the last pose is returned.
+        After a gap, or without two poses, the velocity counts as unknown. The gyro gives the rotation where
+        it has samples.
         """
+        predicted = self._at_constant_velocity(t_s)
+        turn = None if gyro is None else gyro.predict(map_trajectory(self.local_map), t_s)
+        if turn is None:
+            return Prediction(predicted)
+        predicted[:3, :3] = self.local_map.poses[-1, :3, :3] @ turn.rotation
+        return Prediction(predicted, turn.sigma_rad)
+
+    def _at_constant_velocity(self, t_s: float) -> FloatArray:
         poses, times = self.local_map.poses, self.local_map.t_s
-        last, previous = poses[-1], poses[-2]
+        last, previous = poses[-1].copy(), poses[-2]
         if not np.isfinite(previous[0, 0]):
             return np.asarray(last)
         intervals = (t_s - times[-1]) / (times[-1] - times[-2])

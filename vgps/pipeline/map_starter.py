@@ -3,6 +3,7 @@
 import numpy as np
 
 from vgps.config import Config
+from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
@@ -39,8 +40,12 @@ class MapStarter:
         self._config, self._retention = config, retention
         self._initialiser = TwoViewInitialiser(K, config.start, config.tracking, rng)
 
-    def add_frame(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
+    def add_frame(
+        self, builder: MapBuilder | None, frame: Frame, gyro: RotationPredictor | None = None
+    ) -> MapBuilder | None:
         """Add a frame to a map that has not started, or begin one with it.
+
+        A gyro says where to search its features.
 
         Returns:
             The map, ``started`` if this frame started it; a new one if too few features were found again;
@@ -49,7 +54,8 @@ class MapStarter:
         if builder is None:
             return self._first_view(frame)
         local_map, config = builder.local_map, self._config
-        result = self._tracker.follow(local_map, builder.view_image, frame.gray)
+        rotation = None if gyro is None else gyro.between(builder.view_s, frame.t_s)
+        result = self._tracker.follow(local_map, builder.view_image, frame.gray, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
         builder.add_pose(frame.t_s, _UNKNOWN)

@@ -8,7 +8,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.mapping.zero_motion import scaled_pose
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.tracking.pose import Correspondences, refine_pose
+from vgps.tracking.pose import Correspondences, Prediction, refine_pose
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,22 @@ class Reconciliation:
 
     update: MapUpdate
     unrefined: IntArray
+
+
+@dataclass(frozen=True)
+class PosingLimits:
+    """What frames after the window are posed by.
+
+    Attributes:
+        inlier_px: Limit of the reprojection error of observations that pose a frame.
+        min_features: A frame with fewer refined features keeps its tracked motion.
+        rotation_sigma_rad: Standard deviation of the tracked rotation from frame to frame, which counts as an
+            observation where it is a gyro's; else inf.
+    """
+
+    inlier_px: float
+    min_features: int
+    rotation_sigma_rad: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -34,8 +50,7 @@ class _FramePoser:
 
     features: _Features
     K: FloatArray
-    inlier_px: float
-    min_features: int
+    limits: PosingLimits
 
     def pose(self, ids: IntArray, uv_px: FloatArray, start: FloatArray) -> FloatArray:
         """Return a frame's pose by its observations (n, 2) of features (n,), or ``start`` if they are too
@@ -43,17 +58,16 @@ class _FramePoser:
         refined = self.features.refined[ids]
         ids, uv_px = ids[refined], uv_px[refined]
         matches = Correspondences(self.features.points[ids], uv_px)
-        inliers = matches.inliers(self.K, start, self.inlier_px)
-        if inliers.sum() < self.min_features:
+        inliers = matches.inliers(self.K, start, self.limits.inlier_px)
+        if inliers.sum() < self.limits.min_features:
             return start
         mu = 0.5 / self.features.sigma_px[ids[inliers]] ** 2
-        pose, _ = refine_pose(self.K, start, matches.where(inliers), mu)
+        tracked = Prediction(start, self.limits.rotation_sigma_rad)
+        pose, _ = refine_pose(self.K, start, matches.where(inliers), mu, prior=tracked)
         return pose
 
 
-def reconcile(
-    refined: LocalMap, local_map: LocalMap, K: FloatArray, inlier_px: float, min_features: int
-) -> Reconciliation:
+def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, limits: PosingLimits) -> Reconciliation:
     """Return how a map changes so that it agrees with a refined snapshot of itself.
 
     Frames added since the snapshot keep their motion, at the scale that the features have now, and are then
@@ -64,8 +78,7 @@ def reconcile(
         refined: A :meth:`LocalMap.snapshot`, optimised.
         local_map: The map; it may have grown and may have discarded its oldest frames and features.
         K: (3, 3).
-        inlier_px: Limit of the reprojection error of observations that pose a frame.
-        min_features: A frame with fewer refined features keeps its tracked motion.
+        limits: What frames added since are posed by.
     """
     newest = refined.next_frame - 1
     discarded = local_map.discarded_features - refined.discarded_features
@@ -77,9 +90,7 @@ def reconcile(
     poses = local_map.poses.copy()
     count = newest + 1 - local_map.first_frame
     poses[:count] = refined.poses[local_map.first_frame - refined.first_frame :]
-    poses = _pose_later_frames(
-        local_map, poses, count, scale, _FramePoser(features, K, inlier_px, min_features)
-    )
+    poses = _pose_later_frames(local_map, poses, count, scale, _FramePoser(features, K, limits))
     positioned = np.isfinite(local_map.points[:, 0])
     ids = np.flatnonzero(positioned)
     update = MapUpdate(

@@ -1,11 +1,14 @@
 """Stage C, synchronously or in a thread while the next frames are tracked."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vgps.gps.fix_buffer import FixBuffer
+from vgps.imu.rotation import rotation_sigma_rad
 from vgps.mapping.local_map import LocalMap
-from vgps.pipeline.reconciliation import Reconciliation, reconcile
+from vgps.pipeline.reconciliation import PosingLimits, Reconciliation, reconcile
 from vgps.pipeline.stage_c import StageC
 from vgps.runtime.timing import CONCURRENT, StageTimer
 from vgps.smoothing.context import SmoothingContext
@@ -93,7 +96,13 @@ class WindowWorker:
         self, local_map: LocalMap, refined: LocalMap, fix_buffer: FixBuffer, warnings: tuple[str, ...]
     ) -> WindowOutcome:
         self._fix_buffer.update_from(fix_buffer)
-        config = self._context.config
-        limits = config.tracking.inlier_px, config.window.min_features
-        reconciliation = reconcile(refined, local_map, self._context.K, *limits)
+        reconciliation = reconcile(refined, local_map, self._context.K, self._limits(local_map))
         return WindowOutcome(local_map, reconciliation, warnings)
+
+    def _limits(self, local_map: LocalMap) -> PosingLimits:
+        config, imu = self._context.config, self._context.imu
+        limits = PosingLimits(config.tracking.inlier_px, config.window.min_features)
+        if imu is None or len(local_map.t_s) < 2:
+            return limits
+        sigma_rad = rotation_sigma_rad(imu, float(np.median(np.diff(local_map.t_s))))
+        return replace(limits, rotation_sigma_rad=sigma_rad / config.batch.video_sigma_scale)

@@ -12,7 +12,6 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
-from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
@@ -20,6 +19,7 @@ from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
+from vgps.smoothing.imu_states import start_imu
 from vgps.smoothing.row_times import row_times
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
@@ -54,7 +54,7 @@ def optimise_batch(
     """
     config = context.config
     assessment = assessment or FixAssessment.unassessed(len(fixes))
-    state = _State(scene, sensors, assessment, context, _imu_states(scene, context))
+    state = _State(scene, sensors, assessment, context, start_imu(scene, context))
     rounds, iterations = config.batch.rounds, 0
     time_offset_warnings: tuple[str, ...] = ()
     for round_ in range(rounds):
@@ -101,13 +101,6 @@ class _State:
     def usable(self, fixes: Fixes) -> Fixes:
         """Return the fixes with their verdicts applied and their time offset removed."""
         return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
-
-
-def _imu_states(scene: Scene, context: SmoothingContext) -> ImuStates | None:
-    """Return velocities and biases that fit the start; None without an IMU."""
-    if context.imu is None:
-        return None
-    return start_states(scene.trajectory, scene.unseen, context.imu, context.config.imu)
 
 
 def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:

@@ -9,11 +9,12 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.offsets import GpsTerm, gps_term, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.imu.factors import imu_graph
-from vgps.imu.states import ImuStates, bias_key, velocity_key
+from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors
 from vgps.smoothing.factor_graph import Scene, build_problem, joined, other_pose_factors
+from vgps.smoothing.imu_states import imu_state_vectors
 from vgps.solver.problem import BundleProblem, StateVector
 
 
@@ -71,7 +72,7 @@ def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
     states = _offset_states(term)
     if given.imu is not None and context.imu is not None:
         others.push_back(imu_graph(context.imu, given.imu, scene.t_s, context.config.imu))
-        states |= _imu_states(given.imu)
+        states |= imu_state_vectors(given.imu)
     graph = joined(term.bounds, term.noise, others)
     problem = build_problem(scene, np.nan_to_num(given.sigma_px, nan=1.0), graph, context, given.fixed)
     problem = replace(problem, shared=sensors.shared(), states=states)
@@ -82,12 +83,3 @@ def _offset_states(term: GpsTerm) -> dict[int, StateVector]:
     """Return the offsets of a GPS term as states of a problem, by their keys."""
     places = zip(term.offsets, term.offset_frames.tolist(), strict=True)
     return {offset_key(k): StateVector(offset, frame) for k, (offset, frame) in enumerate(places)}
-
-
-def _imu_states(imu: ImuStates) -> dict[int, StateVector]:
-    """Return velocities and biases as states of a problem, by their keys."""
-    states = {}
-    for k, frame in enumerate(imu.frame.tolist()):
-        states[velocity_key(k)] = StateVector(imu.velocity[k], frame)
-        states[bias_key(k)] = StateVector(imu.bias[k], frame, is_bias=True)
-    return states

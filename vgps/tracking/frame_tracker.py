@@ -11,7 +11,7 @@ from vgps.geometry import project, rays, reprojection_inliers
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
-from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
+from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
 from vgps.tracking.reference_patches import Patches, ReferencePatches
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
@@ -58,13 +58,29 @@ class FrameTracker:
             self._patches[local_map] = ReferencePatches(self._camera)
             self._patches[local_map].patches = given
 
-    def follow(self, local_map: LocalMap, previous: GrayImage, gray: GrayImage) -> TrackingResult:
-        """Match the features of a map that has no positions yet; the frame gets no pose."""
-        raw_uv = local_map.raw_uv_px
-        return self._undistorted(self._matcher.match(previous, gray, raw_uv, raw_uv))
+    def follow(
+        self,
+        local_map: LocalMap,
+        previous: GrayImage,
+        gray: GrayImage,
+        view_R_frame: FloatArray | None = None,
+    ) -> TrackingResult:
+        """Match the features of a map that has no positions yet; the frame gets no pose.
+
+        Args:
+            local_map, previous, gray: As in :meth:`track`.
+            view_R_frame: (3, 3) rotation since the newest view, if known, by which the features are searched.
+        """
+        raw_uv = search_uv = local_map.raw_uv_px
+        if view_R_frame is not None:
+            turned = np.eye(4)
+            turned[:3, :3] = view_R_frame
+            raw, inside = self._project(turned, rays(self._K, local_map.last_uv_px))
+            search_uv = np.where(inside[:, None], raw, raw_uv)
+        return self._undistorted(self._matcher.match(previous, gray, raw_uv, search_uv))
 
     def track(
-        self, local_map: LocalMap, previous: GrayImage, gray: GrayImage, predicted: FloatArray
+        self, local_map: LocalMap, previous: GrayImage, gray: GrayImage, prediction: Prediction
     ) -> TrackingResult:
         """Match the features of a map and pose the frame, (A-2) to (A-5).
 
@@ -72,11 +88,12 @@ class FrameTracker:
             local_map: Features observed in ``previous``, some of them with positions.
             previous: The frame of the map's newest view.
             gray: The new frame.
-            predicted: (4, 4) pose by the motion model.
+            prediction: Pose by the motion model, with the gyro's rotation if there is one.
 
         Returns:
             Observations, and the pose unless the frame is lost.
         """
+        predicted = prediction.world_T_camera
         search_uv = self._predict_pixels(local_map, predicted)
         result = self._undistorted(self._matcher.match(previous, gray, local_map.raw_uv_px, search_uv))
         usable = local_map.positioned & result.found
@@ -87,10 +104,11 @@ class FrameTracker:
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
         tentative = lmeds_pose(self._K, matches, guesses, samples, self._rng, good_px)
-        tentative, _ = self._refine(local_map, result, usable, tentative)
+        tentative, _ = self._refine(local_map, result, usable, tentative, prediction)
         aligned = self._aligned(local_map, (previous, gray), result, tentative)
         matched = local_map.positioned & (result.found | aligned.found)
-        return self._final_pose(local_map, aligned, tentative, self._config.min_inlier_share * matched.sum())
+        min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
+        return self._final_pose(local_map, aligned, tentative, prediction, min_inliers)
 
     def _undistorted(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)
@@ -122,13 +140,19 @@ class FrameTracker:
         return raw, np.asarray((depth > _MIN_DEPTH) & in_image)
 
     def _refine(
-        self, local_map: LocalMap, result: TrackingResult, usable: BoolArray, start: FloatArray
+        self,
+        local_map: LocalMap,
+        result: TrackingResult,
+        usable: BoolArray,
+        start: FloatArray,
+        prediction: Prediction,
     ) -> tuple[FloatArray, FloatArray]:
         points, limit_px = local_map.points[local_map.ids], 3.0 * self._config.inlier_px
         usable = usable & reprojection_inliers(self._K, start, points, result.uv_px, limit_px)
         sigma = np.nan_to_num(local_map.sigma_px[local_map.ids[usable]], nan=self._mapping.sigma_floor_px)
         mu = 0.5 / np.maximum(sigma, self._mapping.sigma_floor_px) ** 2
-        return refine_pose(self._K, start, Correspondences(points[usable], result.uv_px[usable]), mu)
+        matches = Correspondences(points[usable], result.uv_px[usable])
+        return refine_pose(self._K, start, matches, mu, prior=prediction)
 
     def _aligned(
         self,
@@ -159,16 +183,21 @@ class FrameTracker:
         return self._undistorted(Match(aligned.uv_px, found))
 
     def _final_pose(
-        self, local_map: LocalMap, result: TrackingResult, tentative: FloatArray, min_inliers: float
+        self,
+        local_map: LocalMap,
+        result: TrackingResult,
+        tentative: FloatArray,
+        prediction: Prediction,
+        min_inliers: float,
     ) -> TrackingResult:
         """Refine the pose over all inliers (A-5) by Eq. (18) and drop the matches that still disagree."""
         positioned = local_map.positioned
         usable = positioned & result.found
         points = local_map.points[local_map.ids]
-        pose, information = self._refine(local_map, result, usable, tentative)
+        pose, information = self._refine(local_map, result, usable, tentative, prediction)
         agree = reprojection_inliers(self._K, pose, points, result.uv_px, self._config.inlier_px)
         inliers = int((usable & agree).sum())
-        if inliers < max(self._config.min_inliers, min_inliers):
+        if inliers < min_inliers:
             return result
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
         found = result.found & (agree | ~positioned)

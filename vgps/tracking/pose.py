@@ -33,8 +33,25 @@ class Correspondences:
         return reprojection_inliers(K, world_T_camera, self.points, self.uv_px, limit_px)
 
 
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted pose (4, 4) of a frame; ``rotation_sigma_rad`` about each axis, inf without a gyro."""
+
+    world_T_camera: FloatArray
+    rotation_sigma_rad: float = np.inf
+
+    def beside(self, sigma_scale: float) -> "Prediction":
+        """Return the prediction as it weighs beside features whose sigmas are too small by this factor."""
+        return Prediction(self.world_T_camera, self.rotation_sigma_rad / sigma_scale)
+
+
 def refine_pose(
-    K: FloatArray, world_T_camera: FloatArray, matches: Correspondences, mu: FloatArray, iterations: int = 8
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    matches: Correspondences,
+    mu: FloatArray,
+    iterations: int = 8,
+    prior: Prediction | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Minimise Eq. (18), Kume 2010, ``sum_j mu_j rho(||q - q^||)``, over one pose by Gauss-Newton.
 
@@ -44,6 +61,7 @@ def refine_pose(
         matches: N correspondences.
         mu: (N,) reliabilities (13).
         iterations: Upper limit; a step that is small against the pose's uncertainty ends the iteration.
+        prior: Prediction whose rotation counts as an observation.
 
     Returns:
         The pose (4, 4) and its information (6, 6) in the camera's tangent [rotation; translation].
@@ -56,6 +74,11 @@ def refine_pose(
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
         information = weighted.T @ jacobian.reshape(-1, 6)
         gradient = weighted.T @ residual.ravel()
+        if prior is not None and np.isfinite(prior.rotation_sigma_rad):
+            certainty = 0.5 / prior.rotation_sigma_rad**2
+            off = gtsam.Rot3(prior.world_T_camera[:3, :3].T @ pose[:3, :3])
+            gradient[:3] += certainty * gtsam.Rot3.Logmap(off)
+            information[:3, :3] += certainty * np.eye(3)
         damped = information + np.diag(1e-9 * np.diag(information) + 1e-12)
         step = -np.linalg.solve(damped, gradient)
         pose = pose @ gtsam.Pose3.Expmap(np.clip(step, -1e3, 1e3)).matrix()
