@@ -1,9 +1,17 @@
 import sys
 
+from packaging.requirements import Requirement
 from solutions import short_drive
 
 from vgps.runtime import doctor
 from vgps.writers.run_folder import write_run
+
+REQUIRED = [
+    "no-such-package>=2",
+    "also-absent; extra == 'las'",
+    "numpy>=99",
+    "gone; sys_platform == 'nowhere'",
+]
 
 
 def test_a_whole_installation_lacks_nothing(vgps_verb):
@@ -14,13 +22,20 @@ def test_a_whole_installation_lacks_nothing(vgps_verb):
 
 def test_what_is_missing_is_named_with_its_remedy(vgps_verb, monkeypatch):
     monkeypatch.setattr(doctor, "CODECS", ("h264", "no_such_codec"))
-    monkeypatch.setattr(doctor, "requires", lambda _: ["no-such-package>=2", "also-absent; extra == 'las'"])
+    monkeypatch.setattr(doctor, "requires", lambda _: REQUIRED)
     code, out, err = vgps_verb("doctor")
-    assert code == 2 and "not installed" in out
+    assert code == 2 and "not installed" in out and "gone" not in out
     assert err.splitlines() == [
         'no-such-package: pip install "no-such-package"',
+        'numpy: pip install "numpy>=99"',
         "FFmpeg: install a PyAV with no_such_codec, or convert such videos",
     ]
+
+
+def test_the_extra_of_a_package_is_that_of_its_marker():
+    assert doctor._extra(Requirement("a>=1")) == ""
+    assert doctor._extra(Requirement("a; python_version >= '3' and extra == 'las'")) == "las"
+    assert doctor._extra(Requirement("a; sys_platform == 'nowhere' and extra == 'las'")) is None
 
 
 def test_without_the_viewer_the_remedy_is_one_line(vgps_verb, tmp_path, monkeypatch):

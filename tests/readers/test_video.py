@@ -75,6 +75,24 @@ def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
     assert name.endswith("mkv") or "truncated" in video.warnings[0]
 
 
+@pytest.mark.parametrize("gone", [lambda path: path.write_bytes(b""), lambda path: path.unlink()])
+def test_a_video_that_vanishes_while_it_is_read_is_said(tmp_path, gone):
+    path = write_clip(tmp_path / "v.mp4", frames=40, draw=noise)
+    video = VideoFile(path)
+    frames = video.frames()
+    next(frames)
+    # what is lost by then depends on how far ahead the reader is
+    gone(path)
+    rest = list(frames)
+    assert len(rest) == 39
+    lost = [frame.index for frame in rest if not frame.gray.any()]
+    assert bool(lost) == bool(video.warnings)
+    assert all("the file changed while it was read" in text for text in video.warnings)
+    path.unlink(missing_ok=True)
+    with pytest.raises(VideoError, match=r"v\.mp4: cannot be read as a video"):
+        list(video.frames())
+
+
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\x00" * 1000, None])
 def test_a_file_that_is_not_a_video_is_refused(tmp_path, content):
     path = tmp_path / "v.mp4"

@@ -1,3 +1,5 @@
+import errno
+
 import numpy as np
 import pytest
 from run_files import assert_same
@@ -41,3 +43,22 @@ def test_a_damaged_state_is_one_line(tmp_path):
     (tmp_path / "s.npz").write_bytes(whole[:200])
     with pytest.raises(RunFolderError, match="is damaged"):
         read_state(tmp_path / "s.npz", [])
+
+
+def test_attributes_of_others_are_left_out(tmp_path):
+    write_state({"a": TimeOffset(0.1, 0.2)}, tmp_path / "s.npz", [TimeOffset], without=("sigma_s",))
+    assert vars(read_state(tmp_path / "s.npz", [TimeOffset])["a"]) == {"time_offset_s": 0.1}
+
+
+def test_a_full_disk_leaves_the_last_state(tmp_path, monkeypatch):
+    write_state({"a": 1}, tmp_path / "s.npz", [])
+
+    def full(stream, **arrays):
+        stream.write(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_state({"a": 2}, tmp_path / "s.npz", [])
+    assert [file.name for file in tmp_path.iterdir()] == ["s.npz"]
+    assert read_state(tmp_path / "s.npz", []) == {"a": 1}

@@ -1,5 +1,6 @@
 """Checkpoints of stages A to C, from which an interrupted run goes on as if nothing had happened."""
 
+import contextlib
 import hashlib
 import json
 import shutil
@@ -85,8 +86,10 @@ class Checkpoint:
         whole = {"run": self._run, "frames": len(frame_pipeline.t_s), "pipeline": state}
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            write_state(whole, self._file, _CLASSES)
+            write_state(whole, self._file, _CLASSES, without=("_config",))
         except OSError as error:
+            with contextlib.suppress(OSError):  # of an earlier checkpoint in it
+                self._folder.rmdir()
             raise RunFolderError(
                 f"cannot be written ({error.strerror})", file=self._file, remedy="check the free space"
             ) from error

@@ -51,6 +51,7 @@ class VideoFile:
         """
         self.path = Path(path)
         self._warnings: tuple[str, ...] = ()
+        self._stamp = _stamp(self.path)
         times = read_frame_times(Path(frame_times)) if frame_times is not None else None
         if not self.path.is_file():
             raise VideoError("no such video", file=self.path)
@@ -134,8 +135,9 @@ class VideoFile:
         if self._slots.cut:
             notes.append(f"the file is truncated after {len(self.times_s)} frames")
         if lost:
+            why = "" if _stamp(self.path) == self._stamp else ": the file changed while it was read"
             notes.append(
-                f"{len(lost)} of {len(self.times_s)} frames cannot be decoded, first frame {lost[0]}"
+                f"{len(lost)} of {len(self.times_s)} frames cannot be decoded, first frame {lost[0]}{why}"
             )
         if doubtful:
             notes.append(f"{len(doubtful)} frames are damaged, first frame {doubtful[0]}")
@@ -144,6 +146,15 @@ class VideoFile:
         self._warnings = tuple(notes)
         for note in notes:
             log.warning("%s: %s", self.path, note)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change; None if the file is gone."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_size, about.st_mtime_ns
 
 
 @contextlib.contextmanager

@@ -6,7 +6,9 @@ import platform
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
+
+from packaging.requirements import Requirement
 
 CODECS = ("h264", "hevc", "av1", "vp9", "mpeg4", "mjpeg", "prores")
 _FOR_DEVELOPERS = {"test", "bench"}  # extras
@@ -48,32 +50,38 @@ def _machine() -> Iterator[Finding]:
 
 def _packages() -> Iterator[Finding]:
     yield Finding("vgps", version("vgps"))
-    for requirement in requires("vgps") or ():
-        name, extra = _split(requirement)
-        if extra in _FOR_DEVELOPERS:
-            continue
-        try:
-            found = version(name)
-        except PackageNotFoundError:
-            remedy = f'pip install "vgps[{extra}]"' if extra else f'pip install "{name}"'
-            yield Finding(
-                name, f"not installed ({remedy})" if extra else "not installed", "" if extra else remedy
-            )
-            continue
-        broken = "" if extra else _broken(name)
-        yield Finding(
-            name, f"{found}, cannot be imported: {broken}" if broken else found, _reinstall(name, broken)
+    for text in requires("vgps") or ():
+        requirement = Requirement(text)
+        extra = _extra(requirement)
+        if extra not in _FOR_DEVELOPERS and extra is not None:
+            yield _package(requirement, extra)
+
+
+def _extra(requirement: Requirement) -> str | None:
+    """Return the extra that asks for a package, "" if vgps itself does, None if none does on this system."""
+    marker = requirement.marker
+    if marker is None or marker.evaluate({"extra": ""}):
+        return ""
+    extras = metadata("vgps").get_all("Provides-Extra") or ()
+    return next((extra for extra in extras if marker.evaluate({"extra": extra})), None)
+
+
+def _package(requirement: Requirement, extra: str) -> Finding:
+    name = requirement.name
+    try:
+        found = version(name)
+    except PackageNotFoundError:
+        remedy = f'pip install "vgps[{extra}]"' if extra else f'pip install "{name}"'
+        return Finding(
+            name, f"not installed ({remedy})" if extra else "not installed", "" if extra else remedy
         )
-
-
-def _split(requirement: str) -> tuple[str, str]:
-    """Return the name of the package, and the extra that asks for it, if it is one."""
-    head, _, marker = requirement.partition(";")
-    name = head.split("[")[0]
-    for sign in "<>=!~ ":
-        name = name.split(sign)[0]
-    extra = marker.partition("extra ==")[2].strip().strip("'\"")
-    return name.strip(), extra
+    if not requirement.specifier.contains(found, prereleases=True):
+        wanted = f"{name}{requirement.specifier}"
+        return Finding(name, f"{found}, expected {requirement.specifier}", f'pip install "{wanted}"')
+    broken = "" if extra else _broken(name)
+    return Finding(
+        name, f"{found}, cannot be imported: {broken}" if broken else found, _reinstall(name, broken)
+    )
 
 
 def _broken(name: str) -> str:

@@ -7,7 +7,7 @@ reader names. An object that is referred to twice is one object again.
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,27 +26,32 @@ _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-_LEFT_OUT = "_config"  # settings are given to the object that takes the state
 
 
-def write_state(state: Mapping[str, Any], file: Path, classes: Sequence[type]) -> None:
+def write_state(
+    state: Mapping[str, Any], file: Path, classes: Sequence[type], without: Collection[str] = ()
+) -> None:
     """Write a state; the file is replaced only when the new one is complete.
 
     Args:
         state: Numbers, words, lists, tuples, sets, mappings, arrays, and objects of ``classes``.
         file: The file.
         classes: Classes of the objects.
+        without: Attributes that are left out: who takes the state has them.
 
     Raises:
         TypeError: The state has something else in it.
         OSError: The file cannot be written.
     """
-    writer = _Writer(classes)
+    writer = _Writer(classes, without)
     tree = json.dumps(writer.encoded(dict(state)))
     scratch = file.with_name(f"{file.name}.new")
-    with scratch.open("wb") as stream:
-        np.savez(stream, tree=np.array(tree), data=np.frombuffer(b"".join(writer.blobs), np.uint8))
-    scratch.replace(file)
+    try:
+        with scratch.open("wb") as stream:
+            np.savez(stream, tree=np.array(tree), data=np.frombuffer(b"".join(writer.blobs), np.uint8))
+        scratch.replace(file)
+    finally:
+        scratch.unlink(missing_ok=True)
 
 
 def read_state(file: Path, classes: Sequence[type]) -> dict[str, Any]:
@@ -67,8 +72,8 @@ def read_state(file: Path, classes: Sequence[type]) -> dict[str, Any]:
 
 
 class _Writer:
-    def __init__(self, classes: Sequence[type]) -> None:
-        self._classes = set(classes)
+    def __init__(self, classes: Sequence[type], without: Collection[str]) -> None:
+        self._classes, self._without = set(classes), without
         self._numbers: dict[int, int] = {}
         self._kept: list[Any] = []  # so that no id is used twice
         self._size = 0
@@ -102,7 +107,8 @@ class _Writer:
             return {"is": "same", "number": self._numbers[id(value)]}
         self._numbers[id(value)] = len(self._kept)
         self._kept.append(value)
-        state = {name: self.encoded(item) for name, item in vars(value).items() if name != _LEFT_OUT}
+        kept = {name: item for name, item in vars(value).items() if name not in self._without}
+        state = {name: self.encoded(item) for name, item in kept.items()}
         return {"is": "object", "class": type(value).__name__, "state": state}
 
 

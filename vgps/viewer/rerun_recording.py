@@ -1,5 +1,6 @@
 """A run as a rerun recording: in a window, a file or a picture."""
 
+import errno
 import os
 import shutil
 import sys
@@ -66,7 +67,10 @@ def write(
     stream = rr.RecordingStream(_APPLICATION)
     stream.save(file)
     notes = log_run(stream, solution, recording, picture_s)
-    stream.flush()
+    try:
+        stream.flush()
+    except RuntimeError as error:  # rerun writes in a thread of its own, and does not say what it met
+        raise OSError(errno.EIO, f"the viewer's writer stopped: {error}") from error
     stream.disconnect()
     return notes
 

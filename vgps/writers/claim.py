@@ -70,7 +70,8 @@ def _locked(file: Path, out: Path) -> int:
             ) from None
         if file.exists() and os.path.samestat(os.fstat(lock), file.stat()):
             os.ftruncate(lock, 0)
-            os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
+            with contextlib.suppress(OSError):  # of a full disk: the number only serves another's message
+                os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
             return lock
         os.close(lock)
 
