@@ -4,6 +4,7 @@ import av
 import numpy as np
 import pytest
 from clips import picture, shade
+from PIL import Image
 
 from vgps.errors import VideoError
 from vgps.readers.images import ImageFolder, list_images
@@ -77,3 +78,12 @@ def test_an_image_of_another_size_is_refused(folder):
     (folder / "frame_times.csv").write_text("frame,t_s\n0,0\n1,1\n2,2\n")
     with pytest.raises(VideoError, match=r"f2\.png: an image of 32 x 48; expected 64 x 48"):
         list(ImageFolder(folder).frames())
+
+
+def test_mirrored_pictures_are_refused(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 2
+    Image.fromarray(np.zeros((40, 60, 3), np.uint8)).save(tmp_path / "0.jpg", exif=exif)
+    (tmp_path / "frame_times.csv").write_text("frame,t_s\n0,0\n")
+    with pytest.raises(VideoError, match=r"mirrors the picture \(2\); expected none, or one"):
+        ImageFolder(tmp_path)

@@ -1,5 +1,6 @@
 """Luminance of decoded images, upright and eight bits deep, and decoding ahead."""
 
+import struct
 import threading
 import time
 
@@ -93,3 +94,32 @@ def test_decoding_runs_ahead(tmp_path):
         assert time.monotonic() < deadline, "the decoder waits for its reader"
         time.sleep(0.01)
     assert len(list(frames)) == 5
+
+
+def with_display_matrix(path, out, rows):
+    """Write a copy of an MP4 with another display matrix, rows of 3 numbers."""
+    data = bytearray(path.read_bytes())
+    header = data.find(b"tkhd")
+    place = header + 4 + (52 if data[header + 4] == 1 else 40)
+    scales = (1 << 16, 1 << 16, 1 << 30)
+    numbers = [round(x * scale) for row in rows for x, scale in zip(row, scales, strict=True)]
+    data[place : place + 36] = struct.pack(">9i", *numbers)
+    out.write_bytes(data)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"),
+    [
+        ([(-1, 0, 0), (0, 1, 0), (64, 0, 1)], "mirrors the picture"),
+        ([(1, 0, 0), (0, -1, 0), (0, 48, 1)], "mirrors the picture"),
+        ([(0.866, 0.5, 0), (-0.5, 0.866, 0), (0, 0, 1)], "turns the picture by -30 degrees"),
+    ],
+)
+def test_what_is_not_upright_after_quarter_turns_is_refused(tmp_path, rows, found):
+    clip = write_clip(tmp_path / "clip.mp4", rotation=90)
+    assert VideoFile(clip).width == 48
+    with pytest.raises(VideoError, match=f"{found}; expected none, or one of quarter turns; encode it again"):
+        VideoFile(with_display_matrix(clip, tmp_path / "other.mp4", rows))
+    half_turn = [(-1, 0, 0), (0, -1, 0), (64, 48, 1)]
+    assert VideoFile(with_display_matrix(clip, tmp_path / "half.mp4", half_turn)).width == 64

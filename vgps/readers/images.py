@@ -7,6 +7,7 @@ from pathlib import Path
 
 import av
 import numpy as np
+from PIL import Image
 
 from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, GrayImage, RgbImage
@@ -15,6 +16,7 @@ from vgps.readers.exif import Taken, picture_times, read_taken
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
 from vgps.readers.luma import ahead, colours, luma, upright_size
 
+_ORIENTATION, _MIRRORED = 0x0112, {2, 4, 5, 7}
 log = logging.getLogger(__name__)
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
 
@@ -49,6 +51,7 @@ class ImageFolder:
         first = _picture(self.files[0])
         if first is None:
             raise VideoError("the first image cannot be decoded", file=self.files[0])
+        _check_orientation(self.files[0])
         self.width, self.height = upright_size(first)
 
     @property
@@ -106,6 +109,22 @@ class ImageFolder:
                 expected=f"{self.width} x {self.height} as the first image",
             )
         return luma(picture)
+
+
+def _check_orientation(file: Path) -> None:
+    """Refuse a picture that its EXIF mirrors: nothing says which of the two the scene is."""
+    try:
+        with Image.open(file) as picture:
+            orientation = picture.getexif().get(_ORIENTATION)
+    except (OSError, ValueError, SyntaxError):
+        return
+    if orientation in _MIRRORED:
+        raise VideoError(
+            f"an orientation in EXIF that mirrors the picture ({orientation})",
+            file=file,
+            expected="none, or one of quarter turns (1, 3, 6, 8)",
+            remedy="save the pictures again as they should be seen",
+        )
 
 
 def list_images(folder: Path) -> list[Path]:

@@ -4,15 +4,19 @@ import contextlib
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterator
-from typing import TypeVar, cast
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import av
 import numpy as np
 import numpy.typing as npt
+from av.sidedata.sidedata import Type as SideDataType
 
+from vgps.errors import VideoError
 from vgps.model import GrayImage, RgbImage
 
 T = TypeVar("T")
+_QUARTER_TURN = 0.01  # by which a rotation may miss a quarter turn
 _AHEAD = 8  # frames decoded ahead: 8 MB each at 4K
 
 
@@ -36,6 +40,35 @@ def colours(picture: av.VideoFrame) -> RgbImage:
 def quarter_turns(picture: av.VideoFrame) -> int:
     """Return the rotation flag in counterclockwise quarter turns, 0..3."""
     return round(picture.rotation / 90) % 4
+
+
+def check_upright(picture: av.VideoFrame, file: Path) -> None:
+    """Check that the display matrix turns a decoded image by quarter turns only.
+
+    Raises:
+        VideoError: It mirrors the image, where nothing says whether the scene or its mirror image would be
+            seen, or turns it by another angle.
+    """
+    try:
+        side_data: Any = picture.side_data
+        matrices = [data for data in side_data if data.type == SideDataType.DISPLAYMATRIX]
+    except ValueError:  # side data of a kind that PyAV does not know
+        return
+    if not matrices:
+        return
+    rows = np.frombuffer(bytes(matrices[0]), np.int32).reshape(3, 3)[:2, :2] / 65536.0
+    if np.linalg.det(rows) < 0.0:
+        found = "a display matrix that mirrors the picture"
+    elif np.abs(picture.rotation / 90.0 - round(picture.rotation / 90.0)) > _QUARTER_TURN:
+        found = f"a display matrix that turns the picture by {picture.rotation:.0f} degrees"
+    else:
+        return
+    raise VideoError(
+        found,
+        file=file,
+        expected="none, or one of quarter turns",
+        remedy="encode it again as it should be seen (ffmpeg -i FILE OUT.mp4 applies the matrix)",
+    )
 
 
 def upright_size(picture: av.VideoFrame) -> tuple[int, int]:

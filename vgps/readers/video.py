@@ -13,7 +13,7 @@ from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, RgbImage
 from vgps.readers.container import check_size, open_container
 from vgps.readers.frame_times import FrameTimes, read_frame_times
-from vgps.readers.luma import ahead, colours, luma, upright_size
+from vgps.readers.luma import ahead, check_upright, colours, luma, upright_size
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +47,8 @@ class VideoFile:
         """Index the file, decoding only its first frame.
 
         Raises:
-            VideoError: The file is missing, not a video, has no frames, or not as many as ``frame_times``.
+            VideoError: The file is missing, not a video, has no frames, or not as many as ``frame_times``, or
+                its display matrix mirrors the picture.
         """
         self.path = Path(path)
         self._warnings: tuple[str, ...] = ()
@@ -61,6 +62,7 @@ class VideoFile:
             first = next(pictures, None)
         if first is None:
             raise VideoError("no frame can be decoded", file=self.path, expected="a video with frames")
+        check_upright(first, self.path)
         self.width, self.height = upright_size(first)
         self.start_s = float(times.t_s[0]) if times is not None else 0.0
 
