@@ -13,7 +13,7 @@ from gpmf_bytes import ROW, device, doppler_speeds, encode, gps5, shutter, strea
 from vgps.errors import GpsLogError, RecordingError, VideoError
 from vgps.geodesy import to_enu
 from vgps.model import FixClass, GeodeticPoint
-from vgps.readers import recording as opening
+from vgps.readers import sources
 from vgps.readers.gopro import (
     GYRO_R_CAMERA,
     gopro_exposures,
@@ -39,7 +39,7 @@ def with_telemetry(monkeypatch):
     """Let videos have the given telemetry."""
 
     def tell(found):
-        monkeypatch.setattr(opening, "read_gpmf", lambda path: replace(found, path=Path(path)))
+        monkeypatch.setattr(sources, "read_gpmf", lambda path: replace(found, path=Path(path)))
         monkeypatch.setattr("vgps.readers.gps.read_gpmf", lambda path: replace(found, path=Path(path)))
 
     return tell
@@ -61,8 +61,8 @@ def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, with_te
 
 def test_a_videos_metadata_are_read_once(folder, with_telemetry, monkeypatch):
     with_telemetry(walk())
-    told, calls = opening.read_gpmf, []
-    for place in ("vgps.readers.recording.read_gpmf", "vgps.readers.gps.read_gpmf"):
+    told, calls = sources.read_gpmf, []
+    for place in ("vgps.readers.sources.read_gpmf", "vgps.readers.gps.read_gpmf"):
         monkeypatch.setattr(place, lambda path: calls.append(path) or told(path))
     assert len(open_recording(folder / "GX010042.MP4").gps) == 8
     assert calls == [folder / "GX010042.MP4"]

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from vgps.model import Camera, CameraGuess, Video
+from vgps.readers.chapters import ChapteredVideo
 from vgps.readers.container import open_container
 from vgps.readers.gopro_lens import gopro_guess
 from vgps.readers.gpmf import Telemetry
@@ -41,7 +42,7 @@ def guess_cameras(video: Video, telemetry: Telemetry) -> tuple[CameraGuess, ...]
     found = gopro_guess(telemetry, size)
     if found is None and isinstance(video, ImageFolder):
         found = _of_pictures(video.files[0], size)
-    if found is None and isinstance(video, VideoFile):
+    if found is None and isinstance(video, VideoFile | ChapteredVideo):
         found = _of_tags(video.path, size) or _of_subtitles(video.path, size)
     return (found,) if found is not None else _unknown(size)
 

@@ -22,14 +22,13 @@ from vgps.readers.gopro import (
     read_gopro_gyro,
     read_gopro_imu,
 )
-from vgps.readers.gpmf import Telemetry, read_gpmf
+from vgps.readers.gpmf import Telemetry
 from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
-from vgps.readers.sources import PathLike, Source, opened, place_of
+from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
-from vgps.readers.video import VideoFile
 
 log = logging.getLogger(__name__)
 _CALIBRATE = (
@@ -79,7 +78,7 @@ def open_recording(
     path = Path(path)
     folder, source = place_of(path)
     video = opened(source, image_topic)
-    telemetry = read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
+    telemetry = telemetry_of(video)
     lens = _camera(_given(folder, camera, *_CAMERAS), video)
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)

@@ -4,13 +4,15 @@ from pathlib import Path
 
 from vgps.errors import RecordingError
 from vgps.readers.bag import BagVideo, is_bag
+from vgps.readers.chapters import ChapteredVideo, chapters_of
 from vgps.readers.frame_times import FRAME_TIMES
+from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.images import ImageFolder, list_images
 from vgps.readers.video import VideoFile
 
 _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
 PathLike = str | Path
-Source = VideoFile | ImageFolder | BagVideo
+Source = VideoFile | ChapteredVideo | ImageFolder | BagVideo
 
 
 def open_video(path: PathLike) -> Source:
@@ -55,6 +57,9 @@ def place_of(path: Path) -> tuple[Path, Path]:
         return (path if inside else path.parent), path
     if len(inner) == 1:
         return path, inner[0]
+    alone = _only_video(path)
+    if alone is not None and not inner:
+        return path, alone
     found = f"several folders of images: {', '.join(sub.name for sub in inner)}" if inner else "no video"
     raise RecordingError(
         found,
@@ -63,11 +68,29 @@ def place_of(path: Path) -> tuple[Path, Path]:
     )
 
 
+def _only_video(folder: Path) -> Path | None:
+    """Return the only video of a folder, whatever its name; later chapters do not count."""
+    videos = [file for file in sorted(folder.iterdir()) if file.suffix.lower() in _SUFFIXES]
+    later = {chapter for file in videos for chapter in chapters_of(file)[1:]}
+    first = [file for file in videos if file not in later]
+    return first[0] if len(first) == 1 else None
+
+
 def opened(path: Path, topic: str | None = None) -> Source:
-    """Open a video, a bag or a folder of images; ``topic`` is that of a bag's images."""
+    """Open a video with the chapters beside it, a bag or a folder of images; ``topic`` is that of a bag."""
     if is_bag(path):
         return BagVideo(path, topic)
     if path.is_dir():
         return ImageFolder(path)
     table = path.parent / FRAME_TIMES
-    return VideoFile(path, table if table.is_file() else None)
+    if table.is_file():
+        return VideoFile(path, table)
+    files = chapters_of(path)
+    return VideoFile(path) if len(files) == 1 else ChapteredVideo(files)
+
+
+def telemetry_of(video: Source) -> Telemetry:
+    """Return a GoPro's metadata in a video, of all its chapters; empty for others."""
+    if isinstance(video, ChapteredVideo):
+        return video.telemetry()
+    return read_gpmf(video.path) if isinstance(video, VideoFile) else Telemetry(video.path)
