@@ -54,7 +54,6 @@ BAD = {
         lambda f: broken(f, "camera.yaml", lambda b: b.replace(b"width: 320", b"width: 640")), "640 x 240"
     ),
     "unknown camera key": (lambda f: broken(f, "camera.yaml", lambda b: b + b"zoom: 2\n"), "zoom"),
-    "no camera": (lambda f: (f / "camera.yaml").unlink(), "camera.yaml"),
 }  # fmt: skip
 
 

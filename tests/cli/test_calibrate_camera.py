@@ -1,0 +1,34 @@
+"""``vgps calibrate-camera`` as a user runs it, and verbs that need the calibration which it writes."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from vgps.readers.calibration import read_camera
+
+
+@pytest.fixture
+def uncalibrated(recording: Path, tmp_path: Path) -> Path:
+    folder = tmp_path / "walk"
+    shutil.copytree(recording, folder)
+    (folder / "camera.yaml").unlink()
+    return folder
+
+
+@pytest.mark.slow
+def test_the_camera_of_a_video_is_written(recording, uncalibrated, tmp_path, vgps_verb):
+    code, out, _ = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
+    assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n")
+    found, true = read_camera(tmp_path / "camera.yaml"), read_camera(recording / "camera.yaml")
+    assert found.fx == pytest.approx(true.fx, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "words", [("track", "--landmarks", "none.vgps"), ("compare", "--truth", "truth.tum"), ("online",)]
+)
+def test_other_verbs_ask_for_a_calibration(uncalibrated, tmp_path, vgps_verb, words):
+    verb, *options = words
+    code, _, err = vgps_verb(verb, uncalibrated, *options, "--out", tmp_path / "out")
+    assert code == 2 and len(err.strip().splitlines()) == 1
+    assert "no camera.yaml; give a calibration with --camera, such as the camera.yaml of a run" in err
