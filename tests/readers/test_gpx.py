@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -110,3 +112,16 @@ def test_a_truncated_file_is_refused(cut):
         return
     with pytest.raises(GpsLogError, match="damaged GPX"):
         read_gpx(data, "a")
+
+
+BOMB = "".join(f'<!ENTITY {b} "{9 * f"&{a};"}">' for a, b in pairwise("abcdefghi"))
+
+
+@pytest.mark.parametrize("inside", ["", f'<!ENTITY a "aa">{BOMB}', '<!ENTITY a SYSTEM "file:///etc/passwd">'])
+def test_a_document_type_is_refused(tmp_path, inside):
+    file = tmp_path / "gps.gpx"
+    file.write_text(
+        GPX.replace("<gpx", f"<!DOCTYPE gpx [{inside}]><gpx").replace("<sat>", "<name>&a;</name><sat>")
+    )
+    with pytest.raises(GpsLogError, match=r"damaged GPX \(it has a document type\); export the track again"):
+        read_gps_log(file)

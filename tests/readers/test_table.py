@@ -68,3 +68,12 @@ def test_files_without_a_table(read, text, message):
 )
 def test_the_first_row_out_of_order(times, row):
     assert first_unordered(np.array(times, float)) == row
+
+
+def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
+    with (tmp_path / "t.csv").open("wb") as stream:
+        stream.truncate(1_000_000_001)  # a sparse file
+    with pytest.raises(
+        GyroLogError, match=r"1\.0 GB; expected at most 1 GB; cut it to the time of the video"
+    ):
+        read_table(tmp_path / "t.csv", GyroLogError)

@@ -42,6 +42,8 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
     """
     try:
         text = data.decode("utf-8-sig")
+        if "<!DOCTYPE" in text:  # GPX has none; with it come entities, which can fill the memory
+            raise ValueError("it has a document type")
         classes, text = _classes(text)
         document = gpxpy.parse(text)
     except (GPXException, UnicodeDecodeError, ValueError) as error:
@@ -66,12 +68,15 @@ def _classes(text: str) -> tuple[dict[int, str], str]:
     """
     points = list(_POINT.finditer(text))
     in_track = np.array([point[1] == "trkpt" for point in points], bool)
-    starts, numbers = [point.start() for point in points], np.cumsum(in_track)
-    found = {}
-    for match in _FIX.finditer(text):
-        last = int(np.searchsorted(starts, match.start())) - 1  # the point that contains it
-        if last >= 0 and in_track[last]:
-            found[int(numbers[last])] = re.sub(r"[\s-]+", "_", match[2].lower())
+    starts, numbers = np.array([point.start() for point in points]), np.cumsum(in_track)
+    named = list(_FIX.finditer(text))
+    # the point that contains each
+    last = np.searchsorted(starts, np.array([match.start() for match in named])) - 1
+    found = {
+        int(numbers[row]): re.sub(r"[\s-]+", "_", match[2].lower())
+        for row, match in zip(last.tolist(), named, strict=True)
+        if row >= 0 and in_track[row]
+    }
     return found, _FIX.sub("", text)
 
 

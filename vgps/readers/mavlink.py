@@ -51,18 +51,17 @@ def read_mavlink(data: bytes, path: Path) -> RawLog:
     Raises:
         GpsLogError: There is no GPS, or none had a fix.
     """
-    name, read = "GPS_RAW_INT", _telemetry
+    name, read, messages = "GPS_RAW_INT", _telemetry, _telemetry_messages(path)
     if data.startswith(SYNC):
         name, read = "GPS", _dataflash
-        messages = [one for one in dataflash_messages(data, "GPS") if getattr(one, "I", 0) == 0]
-    else:
-        messages = list(_telemetry_messages(path))
-    found = [fix for row, one in enumerate(messages, 1) if (fix := _whole(read, one, row)) is not None]
+        messages = (one for one in dataflash_messages(data, "GPS") if getattr(one, "I", 0) == 0)
+    all_read = [_whole(read, one, row) for row, one in enumerate(messages, 1)]
+    found = [fix for fix in all_read if fix is not None]
     if not found:
-        raise GpsLogError(f"{counted(len(messages), 'message')} {name}, none with a fix", file=path)
+        raise GpsLogError(f"{counted(len(all_read), 'message')} {name}, none with a fix", file=path)
     notes = []
-    if len(found) < len(messages):
-        notes.append(f"{counted(len(messages) - len(found), 'message')} without a fix skipped")
+    if len(found) < len(all_read):
+        notes.append(f"{counted(len(all_read) - len(found), 'message')} without a fix skipped")
     fixes = [fix for fix, _ in found]
     if any(above_sea for _, above_sea in found):
         fixes, about_heights = from_sea_level(fixes)

@@ -11,10 +11,21 @@ import numpy as np
 from vgps.errors import VgpsError
 from vgps.model import FloatArray, IntArray
 
+LARGEST_BYTES = 1_000_000_000
+"""Size of a file from which on it is not read at once: a log of a day is far smaller."""
+
 
 def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
-    """Return the file's content; raise ``error`` if it is missing, unreadable or empty."""
+    """Return the file's content; raise ``error`` if it is missing, unreadable, empty or huge."""
     try:
+        size = path.stat().st_size
+        if size > LARGEST_BYTES:
+            raise error(
+                f"{size / 1e9:.1f} GB",
+                file=path,
+                expected=f"at most {LARGEST_BYTES / 1e9:g} GB",
+                remedy="cut it to the time of the video",
+            )
         data = path.read_bytes()
     except OSError as problem:
         raise error(f"cannot be read ({problem.strerror})", file=path) from problem
