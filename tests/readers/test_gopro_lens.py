@@ -1,13 +1,15 @@
 """What GoPros state of their lenses: made settings, and two real recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gpmf_bytes import device, encode, text
 
 from vgps.camera import project
 from vgps.readers import gopro_lens
-from vgps.readers.gopro_lens import gopro_guess, gopro_settings
-from vgps.readers.gpmf import Telemetry, read_gpmf
+from vgps.readers.gopro_lens import gopro_guess, gopro_readout_s, gopro_settings
+from vgps.readers.gpmf import Block, Telemetry, read_gpmf
 
 SIZE = (1920, 1080)
 CORNER_PX = float(np.hypot(*SIZE)) / 2
@@ -83,3 +85,19 @@ def test_real_headers(data_dir):
     assert hero7.source.startswith(
         "a GoPro (Hero7 Black), set to wide, 118.2 degrees wide by GoPro's tables less"
     )
+
+
+@pytest.mark.parametrize(("stabilised", "expected"), [("N", 0.008), ("Y", None), (None, None)])
+def test_the_readout_counts_where_the_pictures_are_not_stabilised(
+    monkeypatch, tmp_path, stabilised, expected
+):
+    payload = device("Global Settings", *([text("EISE", stabilised)] if stabilised else []))
+    monkeypatch.setattr(gopro_lens, "read_box", lambda *names: payload)
+    blocks = [Block(stamp_s=0.0, samples=np.full((30, 1), value)) for value in (8.0, 8.0, 8.1)]
+    telemetry = Telemetry(tmp_path / "GH010042.MP4", sensors={"SROT": blocks})
+    assert gopro_readout_s(telemetry) == pytest.approx(expected)
+    assert gopro_readout_s(replace(telemetry, sensors={})) is None
+
+
+def test_the_readout_of_a_stabilised_hero7_is_not_used(data_dir):
+    assert gopro_readout_s(read_gpmf(data_dir / "gopro_hero7/video.mp4")) is None

@@ -7,77 +7,68 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L
 from synthetic_bundle import TIGHT, held_frames, total_cost, with_loss
-from synthetic_rows import path_error, rolling_drive, with_unknown_readout
+from synthetic_rows import path_error, rolling_drive
 
 from vgps.solver import landmark_groups
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
-from vgps.solver.marginals import marginal_covariances
 from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.row_times import READOUT, RowTimes
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses, reduced_border
+from vgps.solver.row_times import RowTimes
+from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 
-def small(held: bool = False, unknown: bool = False) -> BundleProblem:
+def small(held: bool = False) -> BundleProblem:
     problem, _ = rolling_drive(frames=9, landmarks=70, outliers=0.1)
     problem = with_loss(problem, "huber")
     if held:
         problem = replace(problem, fixed=np.isin(np.arange(9), [0, 1, 5]))
-    return with_unknown_readout(problem, 0.045) if unknown else problem
+    return problem
 
 
 def gtsam_system(problem: BundleProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Return GTSAM's Hessian and gradient of free poses, then of shared vectors, landmarks eliminated."""
+    """Return GTSAM's Hessian and gradient of free poses, landmarks eliminated."""
     graph, values = to_graph(replace(problem, fixed=None))
     landmarks = np.unique(problem.landmark)
     free = problem.keys[~problem.fixed_frames].tolist()
     ordering = gtsam.Ordering()
-    for key in [*map(L, landmarks.tolist()), *free, *problem.shared, *problem.keys[problem.fixed_frames]]:
+    for key in [*map(L, landmarks.tolist()), *free, *problem.keys[problem.fixed_frames]]:
         ordering.push_back(key)
     H, g = graph.linearize(values).hessian(ordering)
-    n, size = 3 * len(landmarks), 3 * len(landmarks) + 6 * len(free) + len(problem.shared)
+    n, size = 3 * len(landmarks), 3 * len(landmarks) + 6 * len(free)
     coupling = np.linalg.solve(H[:n, :n], H[:n, n:size])
     return H[n:size, n:size] - H[n:size, :n] @ coupling, -(g[n:size] - coupling.T @ g[:n])
 
 
 @pytest.mark.parametrize("held", [False, True])
-@pytest.mark.parametrize("unknown", [False, True])
-def test_the_reduced_system_equals_that_of_gtsam(
-    held: bool, unknown: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_reduced_system_equals_that_of_gtsam(held: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(landmark_groups, "CHUNK_OBSERVATIONS", 60)
-    problem = small(held, unknown)
+    problem = small(held)
     H, g = gtsam_system(problem)
     structure = analyse_sparsity(problem)
     assert max(chunk.first_frame for chunk in structure.chunks) > 0
     linear = linearise(problem, all_pose_values(problem), structure)
     matrix, gradient = reduce_to_poses(linear, structure, 0.0)
-    border = reduced_border(linear, structure, 0.0)
     found = np.zeros_like(H)
-    n = len(gradient)
-    rows, columns = np.tril_indices(n)
+    rows, columns = np.tril_indices(len(gradient))
     inside = rows - columns <= structure.half_bandwidth
     rows, columns = rows[inside], columns[inside]
     found[rows, columns] = found[columns, rows] = matrix.ab[rows - columns, columns]
-    found[:n, n:], found[n:, :n], found[n:, n:] = border.coupling, border.coupling.T, border.hessian
     scale = np.sqrt(np.diag(H))
     np.testing.assert_allclose(found / scale / scale[:, None], H / scale / scale[:, None], atol=1e-8)
-    np.testing.assert_allclose(np.append(gradient, border.gradient) / scale, g / scale, atol=1e-6)
+    np.testing.assert_allclose(gradient / scale, g / scale, atol=1e-6)
 
 
-def test_landmarks_follow_the_poses_and_the_readout() -> None:
-    problem = small(unknown=True)
+def test_landmarks_follow_the_poses() -> None:
+    problem = small()
     graph, values = to_graph(problem)
     expected = graph.linearize(values).optimize()
     structure = analyse_sparsity(problem)
     linear = linearise(problem, all_pose_values(problem), structure)
     matrix, gradient = reduce_to_poses(linear, structure, 0.0)
-    border = reduced_border(linear, structure, 0.0)
-    poses, shared, _, _ = border.eliminate(structure.cholesky(matrix), gradient, 0.0)
-    steps = landmark_steps(linear, structure.to_frames(poses), 0.0, float(shared[0]))
-    np.testing.assert_allclose(shared, expected.at(READOUT), rtol=1e-5)
+    poses = -structure.cholesky(matrix).solve(gradient)
+    steps = landmark_steps(linear, structure.to_frames(poses), 0.0)
     for frame, key in enumerate(problem.keys.tolist()):
         np.testing.assert_allclose(poses[6 * frame : 6 * frame + 6], expected.at(key), atol=1e-6)
     for row in np.unique(problem.landmark).tolist():
@@ -85,7 +76,7 @@ def test_landmarks_follow_the_poses_and_the_readout() -> None:
 
 
 def test_the_cost_is_that_of_the_graph() -> None:
-    problem = small(unknown=True)
+    problem = small()
     graph, values = to_graph(problem)
     assert total_cost(problem) == pytest.approx(graph.error(values), rel=1e-10)
 
@@ -93,14 +84,14 @@ def test_the_cost_is_that_of_the_graph() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["none", "huber"])
 def test_the_engine_and_gtsam_end_at_one_minimum(loss) -> None:
-    problem = with_unknown_readout(with_loss(rolling_drive(frames=12, landmarks=70)[0], loss), 0.02)
+    problem = with_loss(rolling_drive(frames=12, landmarks=70)[0], loss)
     ours, gtsams = (solve(problem, TIGHT, solver) for solver in ("schur", "gtsam"))
     assert ours.solver == "schur" and ours.converged
     assert total_cost(ours.problem) == pytest.approx(total_cost(gtsams.problem), rel=1e-7)
     np.testing.assert_allclose(ours.problem.world_T_camera, gtsams.problem.world_T_camera, atol=2e-4)
 
 
-def test_poses_and_readout_are_recovered_where_a_global_shutter_fails() -> None:
+def test_poses_are_recovered_where_a_global_shutter_fails() -> None:
     problem, truth = rolling_drive(noise_px=0.0)
     tied = replace(problem, fixed=np.isin(np.arange(40), [0, 1, 20, 39]))
     start = problem.world_T_camera.copy()
@@ -108,10 +99,6 @@ def test_poses_and_readout_are_recovered_where_a_global_shutter_fails() -> None:
     tied = replace(tied, world_T_camera=start, pose_graph=gtsam.NonlinearFactorGraph())
     known = solve(tied, TIGHT).problem
     assert path_error(known.world_T_camera, truth) < 1e-6
-    unknown = solve(with_unknown_readout(tied, sigma_s=1e3), TIGHT).problem
-    assert unknown.shared[READOUT][0] == pytest.approx(0.06, abs=1e-6)
-    assert unknown.row_times is not None and unknown.row_times.readout_s == unknown.shared[READOUT][0]
-    assert path_error(unknown.world_T_camera, truth) < 1e-6
     rigid = solve(replace(tied, row_times=None), TIGHT).problem
     assert path_error(rigid.world_T_camera, truth) > 0.005
 
@@ -119,24 +106,11 @@ def test_poses_and_readout_are_recovered_where_a_global_shutter_fails() -> None:
 def test_no_readout_is_a_global_shutter() -> None:
     problem, _ = rolling_drive()
     assert problem.row_times is not None
-    still = replace(problem, row_times=problem.row_times.read_in(0.0))
+    still = replace(problem, row_times=replace(problem.row_times, readout_s=0.0))
     rigid = replace(problem, row_times=None)
     assert total_cost(still) == pytest.approx(total_cost(rigid), rel=1e-12)
     ends = [solve(p, TIGHT).problem for p in (still, rigid)]
     np.testing.assert_allclose(ends[0].world_T_camera, ends[1].world_T_camera, atol=1e-6)
-
-
-def test_the_sigma_of_the_readout_is_honest() -> None:
-    errors = []
-    for seed in range(12):
-        problem, truth = rolling_drive(frames=14, landmarks=90, seed=seed)
-        problem = with_unknown_readout(
-            replace(problem, world_T_camera=truth, sigma_px=np.full_like(problem.sigma_px, 0.5)), 0.06
-        )
-        end = solve(problem, TIGHT).problem
-        sigma = np.sqrt(marginal_covariances(end).shared[READOUT][0, 0])
-        errors.append((end.shared[READOUT][0] - 0.06) / sigma)
-    assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.7
 
 
 def test_the_knots_lie_around_the_rows_time() -> None:
@@ -147,7 +121,7 @@ def test_the_knots_lie_around_the_rows_time() -> None:
     np.testing.assert_array_equal(RowTimes.of_frames(t_s, frame, share, -0.05).knots[:2, 0], [2, 1])
     np.testing.assert_allclose(times.weights.sum(axis=1), 1.0)
     np.testing.assert_allclose(times.weights @ np.ones(4), times.matrix.sum(axis=1))
-    ahead, behind = (times.read_in(0.05 + d).weights for d in (1e-6, -1e-6))
+    ahead, behind = (replace(times, readout_s=0.05 + d).weights for d in (1e-6, -1e-6))
     by_readout = times.by_readout.toarray()[np.arange(5)[:, None], times.knots - times.first]
     np.testing.assert_allclose(by_readout, (ahead - behind) / 2e-6, atol=1e-6)
 

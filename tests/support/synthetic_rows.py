@@ -2,15 +2,12 @@
 
 from dataclasses import replace
 
-import gtsam
 import numpy as np
-from gtsam.noiseModel import Isotropic
 from synthetic_bundle import K, drive
 
-from factors import poses_at
 from vgps.model import FloatArray
 from vgps.solver.problem import BundleProblem
-from vgps.solver.row_times import READOUT, RowTimes
+from vgps.solver.row_times import RowTimes
 
 ROWS = 480
 
@@ -34,18 +31,6 @@ def rolling_drive(
     return replace(problem, uv_px=uv + noise, row_times=times), poses
 
 
-def with_unknown_readout(problem: BundleProblem, start_s: float = 0.0, sigma_s: float = 1.0) -> BundleProblem:
-    """Return the problem with the readout as an unknown of a weak prior."""
-    assert problem.row_times is not None
-    graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
-    graph.add(gtsam.PriorFactorVector(READOUT, np.zeros(1), Isotropic.Sigma(1, sigma_s)))
-    times = problem.row_times.read_in(start_s)
-    return replace(problem, pose_graph=graph, shared={READOUT: np.array([start_s])}, row_times=times)
-
-
 def path_error(poses: FloatArray, truth: FloatArray) -> float:
     """Return the RMS distance of the positions."""
     return float(np.sqrt(np.mean(np.sum((poses[:, :3, 3] - truth[:, :3, 3]) ** 2, axis=1))))
-
-
-__all__ = ["path_error", "poses_at", "rolling_drive", "with_unknown_readout"]

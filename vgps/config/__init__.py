@@ -12,6 +12,7 @@ from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
 from vgps.config.reading import read_survey, setting_names
+from vgps.config.rolling_shutter import RollingShutterConfig
 from vgps.config.root import Config, read_config
 from vgps.config.smoothing import (
     BatchConfig,
@@ -45,6 +46,7 @@ __all__ = [
     "OutlierConfig",
     "QualityConfig",
     "Region",
+    "RollingShutterConfig",
     "RotationConfig",
     "SelectionConfig",
     "SensorsConfig",

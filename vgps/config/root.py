@@ -15,6 +15,7 @@ from vgps.config.landmarks import LandmarksConfig
 from vgps.config.localization import LocalizationConfig
 from vgps.config.online import OnlineConfig
 from vgps.config.reading import as_config_error, read_settings, read_survey, read_survey_memory
+from vgps.config.rolling_shutter import RollingShutterConfig
 from vgps.config.smoothing import (
     BatchConfig,
     DriftConfig,
@@ -56,6 +57,7 @@ class Config(SettingsModel):
     motion: MotionConfig = MotionConfig()
     batch: BatchConfig = BatchConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    rolling_shutter: RollingShutterConfig = RollingShutterConfig()
     imu: ImuConfig = ImuConfig()
     camera_calibration: CameraCalibrationConfig = CameraCalibrationConfig()
     online: OnlineConfig = OnlineConfig()

@@ -32,7 +32,8 @@ def with_found_camera(recording: Recording, config: Config, progress: Progress) 
         return recording
     progress.stage("calibrating the camera")
     found = calibrate_from_pairs(recording, config, progress)
-    return replace(recording, camera=found.camera, guesses=(found.guess,))
+    camera = replace(found.camera, readout_s=recording.camera.readout_s)
+    return replace(recording, camera=camera, guesses=(found.guess,))
 
 
 def moved_far(camera: Camera, before: Camera, config: Config) -> bool:
@@ -46,9 +47,16 @@ def moved_far(camera: Camera, before: Camera, config: Config) -> bool:
 
 
 def optimise_camera(
-    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config
+    front_end: FrontEnd,
+    merged: MergedMaps,
+    fixes: Fixes,
+    config: Config,
+    estimates_readout: bool = False,
 ) -> tuple[BatchResult, RefinedCamera | None]:
-    """Optimise everything, including the calibration if it was guessed or the settings ask for it."""
+    """Optimise everything, including the calibration if it was guessed or the settings ask for it.
+
+    A readout that is estimated starts at that of the camera.
+    """
     tied, guesses = _tied(front_end, merged, config), front_end.recording.guesses
 
     def optimise(
@@ -58,7 +66,8 @@ def optimise_camera(
         used = config if every == 1 else _for_few_frames(config, every)
         if guesses and sigma is not None:
             used = _with_camera_sigmas(used, sigma)
-        context = replace(front_end.context(used), camera=camera)
+        context = front_end.context(used)
+        context = replace(context, camera=camera, estimates_readout=estimates_readout)
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
@@ -66,7 +75,9 @@ def optimise_camera(
         return optimise(merged.scene, camera), None
     views = len(np.unique(merged.scene.observations.frame))
     every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
-    if tied:
+    if camera.readout_s:  # the path is drawn through all frames
+        every = 1
+    elif tied:
         every = max(every, 2) if guesses else 1
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
     return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)

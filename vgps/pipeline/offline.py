@@ -10,9 +10,10 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
 from vgps.model import Recording
-from vgps.pipeline.camera_refinement import moved_far, optimise_camera, with_camera, with_found_camera
+from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.readout_estimation import optimise_readout, with_readout
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -64,10 +65,14 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     with one_blas_thread(), timer.measure("batch"):
         merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
         fixes = _under_sky(front_end, merged, config)
-        batch, refined = optimise_camera(front_end, merged, fixes, config)
+        batch, refined, readout = optimise_readout(front_end, merged, fixes, config)
     finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
     solution = _solution(finished, merged, batch, config)
-    return solution if refined is None else with_camera(solution, refined, front_end.recording)
+    if refined is not None:
+        solution = with_camera(solution, refined, front_end.recording)
+    if readout is not None:
+        solution = with_readout(solution, readout, batch.readout_s, config)
+    return solution
 
 
 def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes:

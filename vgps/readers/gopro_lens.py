@@ -73,6 +73,17 @@ def gopro_guess(telemetry: Telemetry, size: tuple[int, int]) -> CameraGuess | No
     )
 
 
+def gopro_readout_s(telemetry: Telemetry) -> float | None:
+    """Return the time from the first row to the last, SROT; None if it is unknown or the picture stabilised.
+
+    Stabilisation moves the rows of a picture as if they had been exposed together.
+    """
+    blocks = telemetry.sensors.get("SROT", [])
+    if not blocks or _text(gopro_settings(telemetry.path), "EISE") != "N":
+        return None
+    return 1e-3 * float(np.median(np.concatenate([block.samples.ravel() for block in blocks])))
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Lens:
     """Focal length [px] and its sigma (a share of it), radial coefficients, and where they come from."""

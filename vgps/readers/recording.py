@@ -22,6 +22,7 @@ from vgps.readers.gopro import (
     read_gopro_gyro,
     read_gopro_imu,
 )
+from vgps.readers.gopro_lens import gopro_readout_s
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
@@ -67,8 +68,8 @@ def open_recording(
 
     Returns:
         The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
-        accelerometer, gyro_R_camera and median exposure where no file gives them. An IMU whose mounting the
-        rig does not give is left out, with a note.
+        accelerometer, gyro_R_camera, median exposure and readout where no file gives them. An IMU whose
+        mounting the rig does not give is left out, with a note.
 
     Raises:
         RecordingError: There is no video, or a named file is missing.
@@ -83,6 +84,9 @@ def open_recording(
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
+    lens = lens or guesses[0].camera
+    if lens.readout_s is None:
+        lens = replace(lens, readout_s=gopro_readout_s(telemetry))
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
@@ -99,7 +103,7 @@ def open_recording(
     found = Recording(
         path=path,
         video=video,
-        camera=lens or guesses[0].camera,
+        camera=lens,
         guesses=guesses,
         rig=mount,
         gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,

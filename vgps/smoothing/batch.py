@@ -20,6 +20,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.imu_states import start_imu
+from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.row_times import row_times
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
@@ -65,6 +66,7 @@ def optimise_batch(
             state = state.after(solved.result)
             iterations += solved.result.report.iterations
         if round_ < rounds - 1:
+            context = with_better_readout(context, solved.result.problem, scene.t_s)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)

@@ -60,6 +60,11 @@ class BatchResult:
     problem: BundleProblem
     graph: Mapping[str, npt.NDArray[Any]]
 
+    @property
+    def readout_s(self) -> float | None:
+        """The readout of a rolling shutter, as given or estimated."""
+        return None if self.problem.row_times is None else self.problem.row_times.readout_s
+
 
 @dataclass(frozen=True)
 class BatchSolution:

@@ -11,7 +11,7 @@ from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation, whitening
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import factorise_landmarks
+from vgps.solver.schur_complement import absorbed_residuals
 from vgps.solver.unknowns import Unknowns
 
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
@@ -61,7 +61,7 @@ def linearise_pinhole(problem: BundleProblem, linear: Linearisation, unknowns: U
         linear: The problem, linearised.
         unknowns: Places of its poses.
     """
-    by_camera = [_by_pinhole(problem, part) for part in linear.chunks]
+    by_camera = [pinhole_jacobian(problem, part) for part in linear.chunks]
     return _equations(linear, unknowns, by_camera, 4)
 
 
@@ -72,7 +72,7 @@ def _equations(
     coupling = np.zeros((6, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
     for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([_projected_residuals(part, J[k]) for k in range(size)])
+        reduced = np.stack([J[k] - absorbed_residuals(part, J[k], 0.0) for k in range(size)])
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
         coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
         hessian += np.einsum("kin,min->km", J, reduced)
@@ -80,9 +80,9 @@ def _equations(
     return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
 
 
-def _by_pinhole(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
+def pinhole_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
     """Return whitened Jacobians (4, 2, n) of a chunk's residuals by the parameters of a pinhole camera."""
-    here = part.chunk.problem.at(problem)
+    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
@@ -115,7 +115,7 @@ def parameter_count(camera: Camera) -> int:
 
 def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
     """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
-    here = part.chunk.problem.at(problem)
+    here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
@@ -130,10 +130,3 @@ def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, si
     steps = np.diag(_STEPS[:size])
     slopes = [(residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
-
-
-def _projected_residuals(part: LinearisedChunk, r: FloatArray) -> FloatArray:
-    """Return residuals r (2, n) minus the part that the points absorb."""
-    points = factorise_landmarks(part, 0.0)
-    step = points.transposed_times(points.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
-    return np.asarray(r - np.einsum("ian,an->in", part.jl, step))

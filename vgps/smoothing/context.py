@@ -16,6 +16,8 @@ class SmoothingContext:
     config: Config
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
     imu: CameraImu | None = None
+    estimates_readout: bool = False
+    """Whether stage D improves the readout of a rolling shutter between its rounds."""
 
     @property
     def K(self) -> FloatArray:

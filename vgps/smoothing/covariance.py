@@ -39,7 +39,7 @@ from vgps.solver.marginals import Covariances, factorise_pose_system, split_cova
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import pose_scores, reduced_border
+from vgps.solver.schur_complement import pose_scores
 
 # Rotation drifts less than verdicts on fixes allow for: over 801 frames of kitti03 by 0.7 degrees, where the
 # settings expect a range of 3.5. Scale does not: by 37 % there and by 28 % over 160 frames of kitti07.
@@ -98,9 +98,8 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         shared: FloatArray = np.zeros((0, draws))
         steps = factor.solve(right[:size])
         if problem.shared:
-            border = reduced_border(linear, structure, 0.0)
-            _, _, by_shared, complement = border.eliminate(factor, gradient, 0.0)
-            rest = right[size:] - border.coupling.T @ steps
+            _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
+            rest = right[size:] - linear.border.coupling.T @ steps
             shared = np.linalg.solve(complement, rest).astype(np.float64)
             steps = steps - by_shared @ shared
     moved = (steps + drift).reshape(structure.n_free, POSE_DIM, draws)

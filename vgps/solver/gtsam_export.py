@@ -7,7 +7,7 @@ from gtsam.symbol_shorthand import L
 
 from factors import RowTime, rolling_projection_factor
 from vgps.solver.problem import BundleProblem, pose_values
-from vgps.solver.row_times import READOUT, RowTimes
+from vgps.solver.row_times import RowTimes
 
 
 def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -43,12 +43,11 @@ def _rolling_projections(
 ) -> gtsam.NonlinearFactorGraph:
     """Return the projections of a rolling shutter, each from its row's pose."""
     graph = gtsam.NonlinearFactorGraph()
-    readout = READOUT if READOUT in problem.shared else times.readout_s
     keys, share, frame_s = problem.keys[times.knots].tolist(), times.share.tolist(), times.frame_s.tolist()
     for n, (point, noise) in enumerate(zip(problem.landmark.tolist(), _noise_models(problem), strict=True)):
         row = RowTime(times.knot_s[n], frame_s[n], share[n])
         uv = problem.uv_px[n]
-        graph.push_back(rolling_projection_factor(keys[n], L(point), uv, row, K, noise, readout))
+        graph.push_back(rolling_projection_factor(keys[n], L(point), uv, row, K, noise, times.readout_s))
     return graph
 
 

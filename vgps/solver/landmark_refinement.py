@@ -119,7 +119,7 @@ def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArr
 
 def _chunk_costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:
     """Return the cost of each of the chunk's landmarks, (m,)."""
-    costs = observation_costs(chunk.problem.at(problem))
+    costs = observation_costs(chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark))
     return np.bincount(chunk.landmark, costs, len(chunk.landmarks)).astype(np.float64)
 
 

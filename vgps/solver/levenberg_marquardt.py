@@ -12,7 +12,7 @@ from vgps.solver.elimination import SparsityStructure
 from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values, vectors_at
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses, reduced_border
+from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 LIGHT_DAMPING = 1e-2
 """Damping up to which a step is nearly Gauss-Newton's, so that no decrease means a minimum."""
@@ -163,10 +163,8 @@ def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: fl
         factor = structure.cholesky(matrix)
     except NotPositiveDefiniteError:
         return None
-    eliminated = reduced_border(linear, structure, damping)
-    reduced, shared, _, _ = eliminated.eliminate(factor, gradient, damping)
-    readout = 0.0 if linear.readout is None else float(shared[linear.readout])
-    landmarks = landmark_steps(linear, structure.to_frames(reduced), damping, readout)
+    reduced, shared, _, _ = linear.border.eliminate(factor, gradient, damping)
+    landmarks = landmark_steps(linear, structure.to_frames(reduced), damping)
     slope = float(linear.gradient @ reduced + linear.border.gradient @ shared)
     damped = float(linear.diagonal @ reduced**2 + linear.border.diagonal @ shared**2)
     for part in linear.chunks:

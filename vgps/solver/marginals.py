@@ -13,7 +13,7 @@ from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import PoseMatrix, SparsityStructure, analyse_sparsity
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import reduce_to_poses, reduced_border
+from vgps.solver.schur_complement import reduce_to_poses
 
 _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in an undetermined direction
 
@@ -53,7 +53,7 @@ def marginal_covariances(problem: BundleProblem) -> Covariances:
         factor, gradient = factorise_pose_system(linear, structure)
         blocks = factor.inverse_diagonal_blocks()
         if problem.shared:
-            solution = reduced_border(linear, structure, 0.0).eliminate(factor, gradient, 0.0)
+            solution = linear.border.eliminate(factor, gradient, 0.0)
             shared = np.linalg.inv(solution.complement).astype(np.float64)
             rows = solution.pose_by_shared.reshape(structure.n_free, POSE_DIM, -1)
             blocks = blocks + rows @ shared @ rows.transpose(0, 2, 1)

@@ -5,7 +5,7 @@ which GTSAM linearises, add up with the observations. Arrays over observations h
 last axis, so that arithmetic runs along contiguous memory.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -18,7 +18,6 @@ from vgps.solver.elimination import Chunk, SparsityStructure
 from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
-from vgps.solver.readout_equations import add_to_border, readout_column
 from vgps.solver.row_equations import RollingChunk, rolling_blocks
 
 
@@ -32,7 +31,6 @@ class Linearisation:
         gradient: (6 n_free,).
         landmarks: L, number of landmarks of the problem.
         border: Normal equations of the shared vectors.
-        readout: Column of the readout in the border; None if it is not estimated.
     """
 
     chunks: tuple[LinearisedChunk, ...]
@@ -40,7 +38,6 @@ class Linearisation:
     gradient: FloatArray
     landmarks: int
     border: Border
-    readout: int | None = None
 
     @property
     def rolling_chunks(self) -> tuple[RollingChunk, ...]:
@@ -78,23 +75,18 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
         blocks, between = rolling_blocks(chunks, structure)
         hessian = hessian + between
     total = (hessian + _block_diagonal(blocks, problem, structure)).tocoo()
-    linear = Linearisation(
+    return Linearisation(
         chunks=tuple(chunks),
         hessian=total,
         gradient=structure.to_columns(gradient.T) + factor_gradient,
         landmarks=len(problem.world_p_landmark),
         border=border,
-        readout=readout_column(problem),
     )
-    if linear.readout is None:
-        return linear
-    terms = ((part, part.by_readout) for part in linear.rolling_chunks)
-    return replace(linear, border=add_to_border(border, linear.readout, terms, structure))
 
 
 def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     """Linearise a chunk's observations at the poses and landmarks of ``problem``."""
-    here = chunk.problem.at(problem)
+    here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     here, times = here.by_row(), here.row_times
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)

@@ -76,8 +76,7 @@ class BundleProblem:
         states: Vectors that belong to a place in the video, by their key; each occurs in ``pose_graph``. The
             cost grows linearly with their number.
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
-        row_times: Times (N,) of the observations, for a rolling shutter. Its readout is an unknown if
-            ``shared`` has ``READOUT``.
+        row_times: Times (N,) of the observations, for a rolling shutter.
 
     Raises:
         ValueError: Shapes or indices are inconsistent, a sigma is not positive, or a key is used twice.
@@ -206,15 +205,6 @@ class BundleProblem:
         for name, vectors in {"shared": shared, "states": states}.items():
             if vectors is not None:
                 object.__setattr__(moved, name, vectors)
-        if moved.row_times is not None:
-            object.__setattr__(moved, "row_times", moved.row_times.estimated(moved.shared))
-        return moved
-
-    def at(self, other: "BundleProblem") -> "BundleProblem":
-        """Return the problem at the poses, landmarks and readout of another one."""
-        moved = self.moved(other.world_T_camera, other.world_p_landmark)
-        if moved.row_times is not None and other.row_times is not None:
-            object.__setattr__(moved, "row_times", moved.row_times.read_in(other.row_times.readout_s))
         return moved
 
     def by_row(self) -> "BundleProblem":

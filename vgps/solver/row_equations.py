@@ -48,8 +48,7 @@ class RollingChunk(LinearisedChunk):
     @cached_property
     def by_readout(self) -> FloatArray:
         """(2, n) Jacobian by the readout."""
-        moved = (self.row_times.by_readout @ self.vectors).T
-        return np.asarray(np.einsum("jin,jn->in", self.by_vector, moved))
+        return self.moved_by_vectors((self.row_times.by_readout @ self.vectors).T)
 
     @cached_property
     def _by_landmark_and_frame(self) -> sparse.csc_array:
@@ -124,7 +123,11 @@ class RollingChunk(LinearisedChunk):
         chunk = self.chunk
         step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames]
         moved = self.row_times.matrix @ np.einsum("jaf,fa->fj", self._by_pose, step)
-        return np.asarray(np.einsum("jin,nj->in", self.by_vector, moved))
+        return self.moved_by_vectors(moved.T)
+
+    def moved_by_vectors(self, change: FloatArray) -> FloatArray:
+        """Return the change (2, n) of the residuals by changes (7, n) of the knots' weighted sums."""
+        return np.asarray(np.einsum("jin,jn->in", self.by_vector, change))
 
 
 def rolling_blocks(

@@ -1,18 +1,13 @@
 """Observations of a rolling shutter: each belongs to the time of its row on the path through the frames."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import gtsam
 import numpy as np
 from scipy import sparse
 
 from factors import knots_around, path_poses, path_vectors, path_weights
 from vgps.model import FloatArray, IntArray
-
-READOUT = gtsam.symbol("t", 1)
-"""Key of the vector (1,) of the readout, where it is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,14 +47,6 @@ class RowTimes:
             knots=self.knots[rows],
             knot_s=self.knot_s[rows],
         )
-
-    def read_in(self, readout_s: float) -> "RowTimes":
-        """Return the times for another readout."""
-        return self if readout_s == self.readout_s else replace(self, readout_s=readout_s)
-
-    def estimated(self, shared: Mapping[int, FloatArray]) -> "RowTimes":
-        """Return the times for the readout among shared vectors, if it is one."""
-        return self.read_in(float(shared[READOUT][0])) if READOUT in shared else self
 
     @cached_property
     def _weights(self) -> tuple[FloatArray, FloatArray]:

@@ -14,9 +14,6 @@ from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation
-from vgps.solver.pose_equations import Border
-from vgps.solver.readout_equations import add_to_border
-from vgps.solver.row_equations import RollingChunk
 
 _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in the depth along a single ray
 
@@ -105,15 +102,7 @@ def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatA
     return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
 
 
-def reduced_border(linear: Linearisation, structure: SparsityStructure, damping: float) -> Border:
-    """Return the border with the landmarks eliminated, which matters to an estimated readout only."""
-    if linear.readout is None:
-        return linear.border
-    terms = [(part, _absorbed(part, part.by_readout, damping)) for part in linear.rolling_chunks]
-    return add_to_border(linear.border, linear.readout, terms, structure, -1.0)
-
-
-def _absorbed(part: LinearisedChunk, r: FloatArray, damping: float) -> FloatArray:
+def absorbed_residuals(part: LinearisedChunk, r: FloatArray, damping: float) -> FloatArray:
     """Return the part of residuals (2, n) that the landmarks absorb."""
     factors = factorise_landmarks(part, damping)
     step = factors.transposed_times(factors.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
@@ -138,16 +127,11 @@ def _fill_groups(linear: LinearisedChunk, coupling: FloatArray, buffer: FloatArr
             buffer[a:][entry] = value if all_free else value[chunk.free_rows]
 
 
-def landmark_steps(
-    linear: Linearisation, pose_step: FloatArray, damping: float, readout_step: float = 0.0
-) -> FloatArray:
-    """Return the landmarks' steps (3, L) that follow from those of poses (F, 6) and of the readout."""
+def landmark_steps(linear: Linearisation, pose_step: FloatArray, damping: float) -> FloatArray:
+    """Return the landmarks' steps (3, L) that follow from the poses' steps (F, 6)."""
     steps = np.zeros((3, linear.landmarks))
     for part in linear.chunks:
         factors = factorise_landmarks(part, damping)
-        moved = part.moved_by_poses(pose_step)
-        if isinstance(part, RollingChunk) and readout_step:
-            moved += readout_step * part.by_readout
-        gradient = part.gradient + part.landmark_gradient(moved)
+        gradient = part.gradient + part.landmark_gradient(part.moved_by_poses(pose_step))
         steps[:, part.chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
     return steps

@@ -1,0 +1,85 @@
+"""Rolling shutters that are not known: simulated, of a phone, and none at all."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from recordings import SMALL
+from solutions import short_drive
+
+import vgps
+from vgps.config import RollingShutterConfig
+from vgps.pipeline.readout_estimation import with_readout
+from vgps.simulate import simulate
+from vgps.smoothing.readout import Readout
+from vgps.writers.run_folder import write_run
+
+SHAKEN = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5), (4.0, 1.5)))
+
+
+def smoothed(path: Path, **settings: str) -> vgps.Solution:
+    config = vgps.Config(rolling_shutter=RollingShutterConfig.model_validate(settings))
+    return vgps.smooth(vgps.open_recording(path), config)
+
+
+def position_error(solution: vgps.Solution, folder: Path) -> float:
+    report = vgps.evaluate(solution, folder / "truth.tum")
+    return float(report.camera_position_m.mean)
+
+
+@pytest.fixture(scope="module")
+def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("shaken") / "recording"
+    simulate(out, SHAKEN, seed=3)
+    return out
+
+
+def forget_readout(folder: Path) -> None:
+    fields = yaml.safe_load((folder / "camera.yaml").read_text())
+    fields.pop("readout_s", None)
+    (folder / "camera.yaml").write_text(yaml.safe_dump(fields))
+
+
+@pytest.mark.slow
+def test_a_known_and_an_unknown_readout_help_alike(shaken: Path, tmp_path: Path) -> None:
+    known = smoothed(shaken)
+    assert known.camera.readout_s == 0.03 and not known.sensors.camera_sigma
+    forget_readout(shaken)
+    ignored, found = (smoothed(shaken, estimate=estimate) for estimate in ("no", "auto"))
+    assert ignored.camera.readout_s is None
+    assert found.camera.readout_s == pytest.approx(0.03, abs=2e-3)
+    assert abs(found.camera.readout_s - 0.03) < 4 * found.sensors.camera_sigma["readout_s"]
+    assert any("the shutter rolls: 3" in warning or "rolls: 2" in warning for warning in found.warnings)
+    write_run(found, tmp_path / "run")
+    assert (
+        yaml.safe_load((tmp_path / "run" / "camera.yaml").read_text())["readout_s"] == found.camera.readout_s
+    )
+    graph, values = vgps.factor_graph(tmp_path / "run")
+    assert graph.error(values) == pytest.approx(sum(found.report.cost_after.values()), rel=1e-6)
+    errors = [position_error(solution, shaken) for solution in (known, found, ignored)]
+    assert errors[1] < 1.2 * errors[0] and errors[2] > 1.5 * errors[0]
+
+
+@pytest.mark.slow
+def test_a_phone_has_a_rolling_shutter_and_kitti_none(data_dir: Path) -> None:
+    phone = smoothed(data_dir / "phone_gyro")
+    assert 0.028 < (phone.camera.readout_s or 0.0) < 0.034  # 33 ms from frame to frame
+    kitti = vgps.smooth(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"))
+    assert kitti.camera.readout_s is None and "readout_s" not in kitti.sensors.camera_sigma
+
+
+def test_what_is_said_of_a_readout() -> None:
+    drive = short_drive()
+    config = vgps.Config()
+    silent = with_readout(drive, Readout(1e-3, 2e-3, 1 / 30), None, config)
+    assert silent is drive
+    blind = with_readout(drive, Readout(2e-3, 8e-3, 1 / 30), None, config).warnings[-1]
+    assert "does not show whether the shutter rolls (estimate 2.0 ms, standard deviation 8.0 ms)" in blind
+    rolling = with_readout(drive, Readout(0.03, 1e-3, 1 / 30), 0.03, config)
+    assert rolling.camera.readout_s == 0.03 and rolling.sensors.camera_sigma["readout_s"] == 1e-3
+    assert (
+        "the shutter rolls: 30.0 ms from first to last row (sigma 1.0); camera.yaml" in rolling.warnings[-1]
+    )
+    chance = with_readout(drive, Readout(3e-3, 1e-3, 1 / 30), 3e-3, config).warnings[-1]
+    assert "which may be chance" in chance

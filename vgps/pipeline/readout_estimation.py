@@ -1,0 +1,84 @@
+"""Stage D with the readout of a rolling shutter as given, or estimated where the video shows it."""
+
+from dataclasses import replace
+
+from vgps.config import Config
+from vgps.errors import GeometryError
+from vgps.gps.fixes import Fixes
+from vgps.model import Camera
+from vgps.pipeline.camera_refinement import optimise_camera
+from vgps.pipeline.front_end import FrontEnd
+from vgps.smoothing.batch_result import BatchResult
+from vgps.smoothing.intrinsics import RefinedCamera
+from vgps.smoothing.merge_maps import MergedMaps
+from vgps.smoothing.readout import Readout, estimate_readout
+from vgps.solution import Solution
+
+Optimised = tuple[BatchResult, RefinedCamera | None, Readout | None]
+"""Result of stage D, the refined camera, and the estimate of the readout, if there is one."""
+
+
+def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config) -> Optimised:
+    """Optimise everything; once more with a readout if it is not known and the video shows one.
+
+    Raises:
+        GeometryError: No step lowers the cost.
+    """
+    batch, refined = optimise_camera(front_end, merged, fixes, config)
+    given, setting = front_end.recording.camera, config.rolling_shutter
+    wanted = setting.estimate == "yes" or (setting.estimate == "auto" and given.readout_s is None)
+    if not wanted or len(batch.trajectory) < 2:
+        return batch, refined, None
+    always = setting.estimate == "yes"
+    found = _estimate(batch, refined.camera if refined else given, config)
+    if found is None or not (always or found.is_shown(setting.min_sigmas)):
+        return batch, refined, found
+    rolling = replace(given, readout_s=found.readout_s)
+    started = replace(front_end, recording=replace(front_end.recording, camera=rolling))
+    scene = replace(merged.scene, poses=batch.trajectory.world_T_camera, points=batch.points)
+    again, camera = optimise_camera(
+        started, replace(merged, scene=scene), fixes, config, estimates_readout=True
+    )
+    final = _estimate(again, camera.camera if camera else rolling, config)
+    if final is None or not (always or final.is_shown(setting.min_sigmas)):
+        return batch, refined, found
+    return again, camera, final
+
+
+def with_readout(solution: Solution, found: Readout, readout_s: float | None, config: Config) -> Solution:
+    """Return the solution with an estimated readout, or with a warning that the motion does not show it.
+
+    Args:
+        solution: The solution.
+        found: The estimate.
+        readout_s: The readout of the result; None if it was taken for a global shutter.
+        config: Settings.
+    """
+    sigmas = config.rolling_shutter.min_sigmas
+    sigma_ms = 1e3 * found.sigma_s
+    if readout_s is None:
+        if found.would_show(sigmas):
+            return solution
+        note = (
+            f"the motion does not show whether the shutter rolls (estimate {1e3 * found.readout_s:.1f} ms, "
+            f"standard deviation {sigma_ms:.1f} ms), and it counts as global: give readout_s in camera.yaml"
+        )
+        return replace(solution, warnings=(*solution.warnings, note))
+    note = f"the shutter rolls: {1e3 * readout_s:.1f} ms from first to last row (sigma {sigma_ms:.1f})"
+    if not found.is_shown(sigmas):
+        note += ", which may be chance"
+    return replace(
+        solution,
+        camera=replace(solution.camera, readout_s=readout_s),
+        sensors=replace(
+            solution.sensors, camera_sigma={**solution.sensors.camera_sigma, "readout_s": found.sigma_s}
+        ),
+        warnings=(*solution.warnings, f"{note}; camera.yaml in the run folder has it"),
+    )
+
+
+def _estimate(batch: BatchResult, camera: Camera, config: Config) -> Readout | None:
+    try:
+        return estimate_readout(batch.problem, batch.trajectory.t_s, camera, config.intrinsics.held_sigmas)
+    except GeometryError:  # undetermined poses, of which the run warns anyway
+        return None
