@@ -5,7 +5,7 @@ from rich.console import Console
 
 from vgps.cli.tables import calibration_table
 from vgps.gyro_calibration import GyroCalibration
-from vgps.gyro_calibration.fit import Mount
+from vgps.imu.mount_fit import Mount
 
 
 def test_the_table_of_a_calibration_has_numbers_with_their_units():

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vgps.geometry.angular_rates import RelativeRotations
 from vgps.gyro_calibration import Mount
 from vgps.model import FloatArray, GyroLog
-from vgps.tracking.relative_rotation import RelativeRotations
 
 # far from the identity, from its inverse and from any permutation of the axes
 MOUNT = Mount(

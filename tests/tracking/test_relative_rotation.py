@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from vgps.camera import distort, undistort
 from vgps.config import RotationConfig, TrackingConfig
+from vgps.geometry.angular_rates import RelativeRotations
 from vgps.model import Camera, Frame
-from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations, relative_rotation
+from vgps.tracking.relative_rotation import frame_rotations, relative_rotation
 
 CAMERA = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
 SIDEWAYS, AHEAD, NONE = (0.4, 0.05, 0.0), (0.02, -0.03, 0.6), (0.0, 0.0, 0.0)

@@ -1,4 +1,6 @@
-"""Integrals of a gyro's rates over many time intervals at once."""
+"""Rotations over many time intervals at once: of a camera, and integrals of a gyro's rates."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -8,6 +10,37 @@ from vgps.model import BoolArray, FloatArray, GyroLog
 
 _GAP = 5.0  # sample intervals; a longer time without samples is a gap
 _MIN_STEPS = 4  # integration steps over even the shortest interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelativeRotations:
+    """Rotations of the camera over P time intervals.
+
+    Attributes:
+        start_s, end_s: (P,) times of the two frames.
+        start_R_end: (P, 3, 3) from the camera's axes at the end to those at the start.
+        covariance: (P, 3, 3) of ``Log`` of the rotation, in the camera's axes at the end, rad^2.
+        missed: Number of intervals without a rotation: too few features, or no rigid scene.
+    """
+
+    start_s: FloatArray
+    end_s: FloatArray
+    start_R_end: FloatArray
+    covariance: FloatArray
+    missed: int
+
+    def __len__(self) -> int:
+        return len(self.start_s)
+
+    def where(self, kept: BoolArray) -> "RelativeRotations":
+        """Return the intervals that a mask (P,) keeps; the others count as missed."""
+        return RelativeRotations(
+            start_s=self.start_s[kept],
+            end_s=self.end_s[kept],
+            start_R_end=self.start_R_end[kept],
+            covariance=self.covariance[kept],
+            missed=self.missed + int((~kept).sum()),
+        )
 
 
 class GyroIntegral:

@@ -8,14 +8,14 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError, RecordingError
-from vgps.geometry.angular_rates import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral, RelativeRotations
 from vgps.gyro_calibration.checks import check_axes, check_motion
 from vgps.gyro_calibration.coarse import Alignment, Guess, align_rates, guess_offset
-from vgps.gyro_calibration.fit import Fit, Mount, fit_mount
+from vgps.imu.mount_fit import Fit, Mount, fit_mount
 from vgps.model import FloatArray, GyroLog, Recording
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
-from vgps.tracking.relative_rotation import RelativeRotations, frame_rotations
+from vgps.tracking.relative_rotation import frame_rotations
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,10 +4,10 @@ import numpy as np
 
 from vgps.config import GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError
+from vgps.geometry.angular_rates import RelativeRotations
 from vgps.gyro_calibration.coarse import Alignment, Guess
-from vgps.gyro_calibration.fit import Fit
+from vgps.imu.mount_fit import Fit
 from vgps.model import FloatArray, GyroLog
-from vgps.tracking.relative_rotation import RelativeRotations
 
 _REMEDY = "pan, tilt and roll the camera for a few seconds each, slowly and unevenly"
 

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vgps.config import GyroCalibrationConfig
-from vgps.geometry.angular_rates import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral, RelativeRotations
 from vgps.model import FloatArray
-from vgps.tracking.relative_rotation import RelativeRotations
 
 _STEPS_PER_INTERVAL = 8  # of the search grid, which only needs to come close to the maximum
 

@@ -1,6 +1,7 @@
 """An IMU's samples as a sensor at the camera's centre, with the camera's axes, would have measured them."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -26,6 +27,7 @@ class CameraImu:
         gravity_m_s2: Size of gravity.
         gyro_density, accelerometer_density: White noise, per sqrt(Hz).
         bias: (6,) expected bias of force and rates.
+        source: The file.
     """
 
     t_s: FloatArray
@@ -36,6 +38,7 @@ class CameraImu:
     gyro_density: float
     accelerometer_density: float
     bias: FloatArray
+    source: Path = Path()
 
     def covers(self, start_s: FloatArray, end_s: FloatArray) -> BoolArray:
         """Return whether samples cover each interval (P,) from (P,) to (P,) without a break."""
@@ -76,6 +79,7 @@ def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, co
         gravity_m_s2=STANDARD_GRAVITY_M_S2 if origin is None else normal_gravity(origin),
         gyro_density=max(gyro, config.gyro_density),
         accelerometer_density=max(accelerometer, config.accelerometer_density),
+        source=log.source,
         bias=np.concatenate([mount.accelerometer_bias_m_s2 @ R, mount.gyro_bias_rad_s @ R]),
     )
 

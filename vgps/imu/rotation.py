@@ -1,7 +1,6 @@
 """Rotation of the camera between frames by the gyro, whose bias the path itself gives."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,7 +35,7 @@ class RotationPredictor:
 
     def __init__(self, imu: CameraImu, config: ImuConfig) -> None:
         self._imu, self._config = imu, config
-        self._integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, Path()))
+        self._integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
 
     def predict(self, path: Trajectory, t_s: float) -> PredictedRotation | None:
         """Return the camera's rotation from its axes at a later time to those of the last frame.

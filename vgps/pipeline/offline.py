@@ -12,7 +12,7 @@ from vgps.gps.verdicts import fix_table
 from vgps.model import Recording
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera
 from vgps.pipeline.checkpoint import Checkpoint
-from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
 from vgps.pipeline.readout_estimation import optimise_readout, with_readout
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -51,6 +51,10 @@ def _smoothed(
     recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None
 ) -> Solution:
     front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
+    if (wrong := wrong_imu(front_end, config)) is not None:
+        progress.stage("again without the IMU, which contradicts the video")
+        recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
+        front_end = run_front_end(recording, config, progress)
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config)
 

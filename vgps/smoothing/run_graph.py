@@ -159,7 +159,7 @@ def _imu_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray[
         return {}
     at_end = knots.moved({key: state.vector for key, state in end.states.items()})
     return {
-        **{f"imu.{name}": np.asarray(value) for name, value in vars(imu).items()},
+        **{f"imu.{name}": np.asarray(value) for name, value in vars(imu).items() if name != "source"},
         **{f"knots.{name}": value for name, value in vars(knots).items()},
         "velocities": at_end.velocity,
         "biases": at_end.bias,
@@ -175,8 +175,9 @@ def _imu(graph: Arrays) -> CameraImu | None:
 
 
 def _of(graph: Arrays, part: str, kind: type[Any]) -> dict[str, npt.NDArray[Any]]:
-    """Return the fields of a dataclass."""
-    return {column.name: graph[f"{part}.{column.name}"] for column in fields(kind)}
+    """Return the fields of a dataclass; where data came from is not kept."""
+    names = [column.name for column in fields(kind) if column.name != "source"]
+    return {name: graph[f"{part}.{name}"] for name in names}
 
 
 def _vectors(graph: Arrays) -> dict[int, npt.NDArray[Any]]:

@@ -5,7 +5,6 @@ also moves, and for a distant scene.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,44 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from vgps.camera import undistort
 from vgps.config import RotationConfig, TrackingConfig
-from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
+from vgps.geometry.angular_rates import RelativeRotations
+from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.corners import new_corners
 from vgps.tracking.epipolar_fit import TwoViews, fit_epipolar_geometry
 from vgps.tracking.matching import make_matcher
 
 _SHIFT_WIDTH_PX = 200  # approximate width to which images are reduced to find their shift
 _ITERATIONS = 10  # a guard: from a fair start a few steps suffice
-
-
-@dataclass(frozen=True, kw_only=True)
-class RelativeRotations:
-    """Rotations of the camera over P time intervals.
-
-    Attributes:
-        start_s, end_s: (P,) times of the two frames.
-        start_R_end: (P, 3, 3) from the camera's axes at the end to those at the start.
-        covariance: (P, 3, 3) of ``Log`` of the rotation, in the camera's axes at the end, rad^2.
-        missed: Number of intervals without a rotation: too few features, or no rigid scene.
-    """
-
-    start_s: FloatArray
-    end_s: FloatArray
-    start_R_end: FloatArray
-    covariance: FloatArray
-    missed: int
-
-    def __len__(self) -> int:
-        return len(self.start_s)
-
-    def where(self, kept: BoolArray) -> "RelativeRotations":
-        """Return the intervals that a mask (P,) keeps; the others count as missed."""
-        return RelativeRotations(
-            start_s=self.start_s[kept],
-            end_s=self.end_s[kept],
-            start_R_end=self.start_R_end[kept],
-            covariance=self.covariance[kept],
-            missed=self.missed + int((~kept).sum()),
-        )
 
 
 def frame_rotations(

@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.geometry.angular_rates import GyroIntegral
+from vgps.geometry.angular_rates import GyroIntegral, RelativeRotations
 from vgps.model import FloatArray
-from vgps.tracking.relative_rotation import RelativeRotations
 
 _ITERATIONS = 30  # a limit: a few steps suffice from a good start
 _STEPS = np.array([1e-5] * 3 + [2e-4] + [1e-5] * 3)  # of the difference quotients: rad, s, rad/s

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, rich
 
 from vgps.geometry.angular_rates import GyroIntegral
-from vgps.gyro_calibration.fit import Mount, fit_mount, residuals
+from vgps.imu.mount_fit import Mount, fit_mount, residuals
 
 ROBUST = 2.5
 START = MOUNT.moved(np.array([0.1, -0.15, 0.1, 0.03, 0.0, 0.0, 0.0]))

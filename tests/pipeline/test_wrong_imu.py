@@ -1,0 +1,22 @@
+"""An IMU that is mounted otherwise than its rig says does not bend the path."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import vgps
+
+
+@pytest.mark.slow
+def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
+    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+    turn = Rotation.from_euler("y", 6.0, degrees=True).as_matrix()
+    mount = replace(opened.rig.imu, imu_R_camera=opened.rig.imu.imu_R_camera @ turn)
+    wrong = vgps.smooth(replace(opened, rig=replace(opened.rig, imu=mount)))
+    without, right = vgps.smooth(replace(opened, imu=None)), vgps.smooth(opened)
+    assert any("mounted otherwise than imu_R_camera says" in text for text in wrong.warnings)
+    np.testing.assert_array_equal(wrong.world_T_camera, without.world_T_camera)
+    assert np.abs(right.world_T_camera - without.world_T_camera).max() > 0.01
+    assert not any("imu" in text for text in right.warnings)

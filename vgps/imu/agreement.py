@@ -1,0 +1,91 @@
+"""Whether an IMU turned as a path did: a wrong mounting or clock is named before it bends the path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.geometry.angular_rates import GyroIntegral, RelativeRotations
+from vgps.imu.camera_imu import CameraImu
+from vgps.imu.mount_fit import Fit, Mount, fit_mount
+from vgps.model import FloatArray, GyroLog
+from vgps.solution import Trajectory
+
+_INTERVAL_S = 0.1  # a rotation must exceed its own error
+_MIN_INTERVALS = 30
+_PATH_SIGMA_RAD = np.radians(0.05)  # of a rotation of the path over an interval
+_MIN_VARIATION_RAD_S = 0.02  # rates that vary less show neither mounting nor clock
+_MIN_CORRELATION = 0.5
+_MAX_RATIO = 2.0
+_ROBUST_SIGMAS = 2.5
+_MAX_ROTATION_DEG, _MAX_OFFSET_S, _SIGMAS = 2.0, 0.02, 3.0  # beyond which an IMU harms more than it helps
+
+
+def contradiction(paths: Sequence[Trajectory], imu: CameraImu) -> str | None:
+    """Return what contradicts the video in an IMU's rotations: mounting, clock or unit; None if nothing does.
+
+    Args:
+        paths: Pieces of the path as tracked, each in a frame of its own; NaN where a pose is unknown.
+        imu: Samples in the camera's axes, as the rig mounts it.
+    """
+    integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
+    rotations = _rotations(paths, imu)
+    if len(rotations) < _MIN_INTERVALS:
+        return None
+    by_path = Rotation.from_matrix(rotations.start_R_end).as_rotvec()
+    by_path /= (rotations.end_s - rotations.start_s)[:, None]
+    by_gyro = integral.mean_rates(rotations.start_s, rotations.end_s)
+    if np.linalg.norm(by_path.std(axis=0)) < _MIN_VARIATION_RAD_S:
+        return None
+    correlation = _correlation(by_path, by_gyro)
+    if correlation < _MIN_CORRELATION:
+        return f"its rates and those of the video correlate to {correlation:.2f} only"
+    ratio = float(np.linalg.norm(by_gyro.std(axis=0)) / np.linalg.norm(by_path.std(axis=0)))
+    if not 1.0 / _MAX_RATIO < ratio < _MAX_RATIO:
+        return f"it turns {ratio:.3g} times as far as the video (rates in rad/s are expected)"
+    fit = fit_mount(rotations, integral, Mount(np.eye(3), 0.0, imu.bias[3:]), _ROBUST_SIGMAS)
+    return _difference(fit)
+
+
+def _rotations(paths: Sequence[Trajectory], imu: CameraImu) -> RelativeRotations:
+    """Return rotations over intervals that the IMU covers, also if its clock is a little off."""
+    start_s, end_s, relative = [np.zeros(0)], [np.zeros(0)], [np.zeros((0, 3, 3))]
+    for path in paths:
+        known = np.isfinite(path.world_T_camera[:, 0, 0])
+        t_s, rotation = path.t_s[known], path.world_T_camera[known, :3, :3]
+        at = np.unique(np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], _INTERVAL_S) - 1e-6))
+        near = np.diff(t_s[at]) < 2.0 * _INTERVAL_S
+        start_s.append(t_s[at][:-1][near])
+        end_s.append(t_s[at][1:][near])
+        relative.append((rotation[at[:-1]].transpose(0, 2, 1) @ rotation[at[1:]])[near])
+    start, end = np.concatenate(start_s), np.concatenate(end_s)
+    kept = imu.covers(start - _INTERVAL_S, end + _INTERVAL_S)
+    return RelativeRotations(
+        start_s=start[kept],
+        end_s=end[kept],
+        start_R_end=np.concatenate(relative)[kept],
+        covariance=np.tile(_PATH_SIGMA_RAD**2 * np.eye(3), (int(kept.sum()), 1, 1)),
+        missed=int((~kept).sum()),
+    )
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
+    return float(np.sum(a * b) / np.sqrt(np.sum(a**2) * np.sum(b**2)))
+
+
+def _difference(fit: Fit) -> str | None:
+    """Return the rotation and the time offset that the fit finds, if either is significant and large."""
+    sigma = np.sqrt(np.diag(fit.covariance))
+    turn = np.degrees(Rotation.from_matrix(fit.mount.gyro_R_camera).as_rotvec())
+    sigma_deg, offset_s = np.degrees(sigma[:3]), fit.mount.time_offset_s
+    parts = []
+    shown = np.abs(turn) > _SIGMAS * sigma_deg
+    if np.linalg.norm(turn[shown]) > _MAX_ROTATION_DEG:
+        about = ", ".join(f"{angle:.1f}" for angle in turn)
+        parts.append(
+            f"it is mounted otherwise than imu_R_camera says, by {about} degrees about the camera's axes"
+        )
+    if abs(offset_s) > max(_SIGMAS * sigma[3], _MAX_OFFSET_S):
+        parts.append(f"imu_time_offset_s should be larger by {offset_s:.3f} s")
+    return " and ".join(parts) or None
