@@ -203,3 +203,9 @@ def test_the_real_files(data_dir):
     assert read_camera(data_dir / "gopro_walk/camera.yaml").distortion == (-0.1435, 0, 0, 0)
     assert read_rig(data_dir / "kitti03/rig.yaml").video_start_utc == datetime(2011, 9, 26, 12, tzinfo=UTC)
     assert read_rig(data_dir / "kitti03_shake/rig.yaml").video_start_s == 10.0
+
+
+def test_an_antenna_in_millimetres_is_doubted(tmp_path, caplog):
+    (tmp_path / "rig.yaml").write_text("camera_p_antenna: [0, -300, 0]\n")
+    assert read_rig(tmp_path / "rig.yaml").camera_p_antenna[1] == -300.0  # it may be a large ship
+    assert "the antenna is 300 m from the camera: camera_p_antenna is in metres" in caplog.text

@@ -100,7 +100,7 @@ def test_a_log_without_a_date_over_midnight(log):
 
 
 def test_utc_needs_the_videos_start(log):
-    with pytest.raises(GpsLogError, match=r"set video_start_utc in rig\.yaml"):
+    with pytest.raises(GpsLogError, match=r"set it in rig\.yaml, as video_start_utc: 2026"):
         log(gga("120000") + zda("120000", 26, 9, 2011), Rig())
     with pytest.raises(GpsLogError, match="video_start_utc"):
         log(gga("120000"), Rig())

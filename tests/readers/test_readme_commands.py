@@ -14,7 +14,8 @@ from vgps.evaluation import evaluate
 from vgps.readers.run_folder import read_run
 
 README = Path(__file__).resolve().parents[2] / "vgps/readers/README.md"
-COMMANDS = re.findall(r"^\| .* \| `(vgps smooth [^`]+)`", README.read_text(encoding="utf-8"), re.MULTILINE)
+RECORDINGS = README.read_text(encoding="utf-8").split("## Control")[0]
+COMMANDS = re.findall(r"^\| .* \| `(vgps smooth [^`]+)`", RECORDINGS, re.MULTILINE)
 
 
 def gopro(folder, recording, data_dir):

@@ -38,6 +38,13 @@ def main() -> None:
 
 def _message(error: Exception) -> str:
     cause = error.__cause__
+    if isinstance(error, cyclopts.CycloptsError) and error.command_chain and not cause:
+        verb = " ".join(error.command_chain)
+        text = str(error).removesuffix(".")
+        if isinstance(error, cyclopts.MissingArgumentError) and error.argument is not None:
+            text = text.replace(f'Command "{verb}" parameter {error.argument.name} requires an argument', "")
+            text = f"{error.argument.name} is missing{text}"
+        return f"{text}; see vgps {verb} --help"
     if not (isinstance(error, cyclopts.CycloptsError) and isinstance(cause, ValidationError)):
         return str(error)  # pydantic's own text is long and names no option
     first = cause.errors()[0]

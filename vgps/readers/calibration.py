@@ -17,6 +17,7 @@ Of an IMU: ``imu_R_camera`` (three rows), ``imu_p_camera`` (the camera in the IM
 ``imu_gyro_density`` [rad/s/sqrt(Hz)], ``imu_accelerometer_density`` [m/s^2/sqrt(Hz)].
 """
 
+import logging
 from datetime import UTC, datetime
 from difflib import get_close_matches
 from pathlib import Path
@@ -31,6 +32,7 @@ from vgps.model import Camera, FloatArray, GeodeticPoint, ImuMount, Rig
 from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_text
 from vgps.readers.table import read_bytes
 
+log = logging.getLogger(__name__)
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 Readout = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 Pixels = Annotated[int, Field(gt=0, le=1_000_000)]
@@ -38,6 +40,7 @@ Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
 Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
 _COEFFICIENTS = {"pinhole": {0}, "opencv": {4, 5, 8}, "fisheye": {4}, "tsai": {2}}
+_FAR_M = 5.0  # of an antenna that may be given in millimetres or centimetres
 _ORTHOGONAL = 1e-3  # tolerance for the rounding of a printed rotation
 
 
@@ -159,8 +162,13 @@ def read_rig(path: str | Path) -> Rig:
     """
     path = Path(path)
     fields = _validated(_RigFields, _mapping(path, may_be_empty=True), path)
+    antenna = np.array(fields.camera_p_antenna or (0.0, 0.0, 0.0))
+    if (distance_m := float(np.linalg.norm(antenna))) > _FAR_M:
+        log.warning(
+            "%s: the antenna is %g m from the camera: camera_p_antenna is in metres", path, distance_m
+        )
     return Rig(
-        camera_p_antenna=np.array(fields.camera_p_antenna or (0.0, 0.0, 0.0)),
+        camera_p_antenna=antenna,
         antenna_known=fields.camera_p_antenna is not None,
         video_start_utc=_utc(fields.video_start_utc, path),
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,

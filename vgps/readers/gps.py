@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,8 @@ from vgps.readers.ubx import looks_like_ubx, read_ubx
 from vgps.readers.ulog import looks_like_ulog, read_ulog
 
 _SAME_TIME_S = 1e-6
+_AT_ENDS_S = 2.0  # by which a log may begin after the video and end before it
+_FARTHEST_ZONE = 14 * 60  # minutes from UTC
 
 
 @dataclass(frozen=True)
@@ -149,8 +151,20 @@ def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
         f"no fix during the video: the log runs {spans[0]}",
         file=log.source,
         expected=f"fixes during the video, which runs {spans[1]}",
-        remedy="check video_start_utc in rig.yaml, or give the log of the same day",
+        remedy=_zone(log, times_s, start)
+        or "check video_start_utc in rig.yaml, or give the log of the same day",
     )
+
+
+def _zone(log: GpsLog, times_s: FloatArray, start: datetime | None) -> str:
+    """Return what to do if the log and the video agree but for a time zone; "" if they do not."""
+    for minutes in sorted(range(-_FARTHEST_ZONE, _FARTHEST_ZONE + 1, 30), key=abs):
+        moved = log.t_s + 60.0 * minutes
+        begins, ends = moved[0] <= times_s[0] + _AT_ENDS_S, moved[-1] >= times_s[-1] - _AT_ENDS_S
+        if start is not None and begins and ends:
+            local = start.replace(tzinfo=timezone(timedelta(minutes=minutes)))
+            return f"if video_start_utc is local time, write it with its zone: {local.isoformat()}"
+    return ""
 
 
 def _remedy(data: bytes) -> str | None:
@@ -176,9 +190,11 @@ def _with_position(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     )
     if not good.all():
         line = fixes[int(np.flatnonzero(~good)[0])].line
-        notes.append(
+        swapped = (np.abs(latitude) > 90) & (np.abs(latitude) <= 180) & (np.abs(longitude) <= 90)
+        dropped = (
             f"{counted(int((~good).sum()), 'fix')} without a possible position dropped, first line {line}"
         )
+        notes.append(dropped + "; latitude and longitude seem to be swapped" * bool(swapped.all()))
     return [fix for fix, keep in zip(fixes, good, strict=True) if keep]
 
 
@@ -203,7 +219,7 @@ def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float
         raise GpsLogError(
             "times are in UTC, but the video's start in UTC is unknown",
             file=path,
-            remedy="set video_start_utc in rig.yaml (the UTC instant of the first frame)",
+            remedy="set it in rig.yaml, as video_start_utc: 2026-05-01T09:30:12.5+00:00",
         )
     start = unix_s(rig.video_start_utc)
     if clock is Clock.TIME_OF_DAY:

@@ -60,6 +60,7 @@ _NAMES = {
     "gps": FixClass.SINGLE,
     "3d": FixClass.SINGLE,
 }
+_VALUES = "rtk_fix, rtk_float, dgps or single, or the quality number of NMEA"
 _NO_FIX = {"", "0", "none", "no_fix"}
 
 
@@ -82,7 +83,7 @@ def read_gps_csv(path: Path) -> RawLog:
     latitude = table.numbers(table.require(*LATITUDE), lenient=True)
     longitude = table.numbers(table.require(*LONGITUDE), lenient=True)
     height, above_sea = _heights(table)
-    classes = [_fix_class(cell) for cell in table.text(table.require(*FIX_CLASS))]
+    classes = [_fix_class(cell) for cell in table.text(table.require(*FIX_CLASS, values=_VALUES))]
     sigma = np.column_stack(
         [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
     )

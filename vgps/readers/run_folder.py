@@ -108,7 +108,10 @@ def _bytes(file: Path) -> bytes:
         return file.read_bytes()
     except FileNotFoundError as error:
         raise RunFolderError(
-            "is missing", file=file, expected="a run folder, as vgps smooth writes it", remedy=REMEDY
+            "is missing",
+            file=file,
+            expected="a run folder",
+            remedy="name what vgps smooth wrote with --out, or run it again",
         ) from error
     except OSError as error:
         raise RunFolderError(f"cannot be read ({error.strerror})", file=file) from error

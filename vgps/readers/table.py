@@ -1,6 +1,7 @@
 """Delimited text with named columns, read by all CSV readers."""
 
 import csv
+import re
 from collections import Counter
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,6 +12,7 @@ import numpy as np
 from vgps.errors import VgpsError
 from vgps.model import FloatArray, IntArray
 
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 LARGEST_BYTES = 1_000_000_000
 """Size of a file from which on it is not read at once: a log of a day is far smaller."""
 
@@ -65,19 +67,24 @@ class Table:
         """Return the first of the names that is a column, if any."""
         return next((name for name in names if name in self.columns), None)
 
-    def require(self, *names: str) -> str:
-        """Return the first of the names that is a column, or raise ``error`` with a likely misspelling."""
+    def require(self, *names: str, values: str = "") -> str:
+        """Return the first of the names that is a column, or raise ``error`` with a likely misspelling.
+
+        Args:
+            names: Names of the column.
+            values: What it holds, for the message.
+        """
         found = self.find(*names)
         if found is not None:
             return found
-        close = [match for name in names for match in get_close_matches(name, self.columns, 1, 0.6)]
+        close = [match for name in names for match in get_close_matches(name, self.columns, 1, 0.7)]
         raise self.error(
             f"no column {names[0]} among {', '.join(self.columns)}",
             file=self.path,
             place=f"line {self.header_line}",
             remedy=f"did you mean {close[0]}? Rename it to {names[0]}"
             if close
-            else f"add a column {names[0]}",
+            else f"add a column {names[0]}{values and f' ({values})'}",
         )
 
     @property
@@ -115,7 +122,8 @@ class Table:
 def read_table(path: Path, error: type[VgpsError]) -> Table:
     """Read delimited text whose first line names the columns.
 
-    Cells are separated by commas, semicolons or tabs; ``#`` starts a comment line.
+    Cells are separated by commas, or by semicolons or tabs, between which numbers may have decimal commas;
+    ``#`` starts a comment line.
 
     Raises:
         VgpsError: Of the given class; the file is missing, empty or has no line of column names.
@@ -144,12 +152,19 @@ def read_table(path: Path, error: type[VgpsError]) -> Table:
         (number, [cell.strip() for cell in row])
         for (number, _), row in zip(numbered[1:], rows[1:], strict=False)
     ]
+    if delimiter != ",":
+        paired = [(number, [_with_point(cell) for cell in row]) for number, row in paired]
     whole = [(number, row) for number, row in paired if len(row) >= len(columns)]
     short = tuple(number for number, row in paired if len(row) < len(columns))
     line = np.array([number for number, _ in whole], np.int64)
     return Table(
         path=path, error=error, columns=columns, cells=[row for _, row in whole], line=line, short_lines=short
     )
+
+
+def _with_point(cell: str) -> str:
+    """Return a number with a decimal comma, as spreadsheets of many countries write it, with a point."""
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
 def _delimiter(header: str) -> str:
