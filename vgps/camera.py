@@ -90,6 +90,13 @@ def turning_radius(camera: Camera) -> float:
     return float(np.tan(theta)) if theta < np.pi / 2 else np.inf
 
 
+def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:
+    """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row."""
+    v = distort(camera, uv_px)[:, 1]
+    share = np.where(np.isfinite(v), v, uv_px[:, 1]) / max(camera.height - 1.0, 1.0) - 0.5
+    return np.asarray(np.clip(share, -0.5, 0.5))
+
+
 def camera_fields(camera: Camera) -> dict[str, Any]:
     """Return the fields of ``camera.yaml`` for a camera."""
     names = ("model", "width", "height", "fx", "fy", "cx", "cy")

@@ -5,9 +5,9 @@ import pytest
 from synthetic_bundle import TIGHT
 from synthetic_rows import ROWS, rolling_drive
 
+from vgps.camera import row_shares
 from vgps.model import Camera
 from vgps.smoothing.readout import Readout, estimate_readout
-from vgps.smoothing.row_times import row_shares
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.problem import BundleProblem
 

@@ -16,11 +16,11 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from factors import path_vectors
+from vgps.camera import row_shares
 from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import pinhole_jacobian
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.row_times import row_shares
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import factorise_pose_system
 from vgps.solver.normal_equations import linearise

@@ -1,18 +1,9 @@
 """Times of the rows in which observations lie, for a camera with a rolling shutter."""
 
-import numpy as np
-
-from vgps.camera import distort
-from vgps.model import Camera, FloatArray, IntArray
+from vgps.camera import row_shares
+from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.solver.row_times import RowTimes
-
-
-def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:
-    """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row."""
-    v = distort(camera, uv_px)[:, 1]
-    share = np.where(np.isfinite(v), v, uv_px[:, 1]) / max(camera.height - 1.0, 1.0) - 0.5
-    return np.asarray(np.clip(share, -0.5, 0.5))
 
 
 def row_times(

@@ -13,6 +13,7 @@ from vgps.model import BoolArray, Camera, FloatArray, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
 from vgps.tracking.reference_patches import Patches, ReferencePatches
+from vgps.tracking.row_motion import row_shifts
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
@@ -96,19 +97,32 @@ class FrameTracker:
         predicted = prediction.world_T_camera
         search_uv = self._predict_pixels(local_map, predicted)
         result = self._undistorted(self._matcher.match(previous, gray, local_map.raw_uv_px, search_uv))
+        shift = self._row_shifts(local_map, predicted)
+        result = _shifted(result, shift, -1.0)
         usable = local_map.positioned & result.found
         if usable.sum() < self._config.min_inliers:
-            return result
+            return _shifted(result, shift)
         matches = Correspondences(local_map.points[local_map.ids[usable]], result.uv_px[usable])
         by_motion, _ = refine_pose(self._K, predicted, matches, np.ones(len(matches)), _GUESS_ITERATIONS)
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
         tentative = lmeds_pose(self._K, matches, guesses, samples, self._rng, good_px)
         tentative, _ = self._refine(local_map, result, usable, tentative, prediction)
-        aligned = self._aligned(local_map, (previous, gray), result, tentative)
+        result, shift = _shifted(result, shift), self._row_shifts(local_map, tentative)
+        result = _shifted(result, shift, -1.0)
+        aligned = self._aligned(local_map, (previous, gray), result, tentative, shift)
         matched = local_map.positioned & (result.found | aligned.found)
         min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
-        return self._final_pose(local_map, aligned, tentative, prediction, min_inliers)
+        return _shifted(self._final_pose(local_map, aligned, tentative, prediction, min_inliers), shift)
+
+    def _row_shifts(self, local_map: LocalMap, world_T_camera: FloatArray) -> FloatArray | None:
+        """Return how far a rolling shutter shifts the features (N, 2); None for a global one."""
+        if not self._camera.readout_s or len(local_map.t_s) < 2:
+            return None
+        newest = local_map.pose(int(local_map.view_frames[-1]))
+        points = local_map.points[local_map.ids]
+        interval_s = float(local_map.t_s[-1] - local_map.t_s[-2])
+        return row_shifts(self._camera, interval_s, newest, world_T_camera, points)
 
     def _undistorted(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)
@@ -160,6 +174,7 @@ class FrameTracker:
         images: tuple[GrayImage, GrayImage],
         result: TrackingResult,
         tentative: FloatArray,
+        shift: FloatArray | None,
     ) -> TrackingResult:
         """Align the reference patches of all features of known position with a frame (A-4).
 
@@ -170,17 +185,20 @@ class FrameTracker:
             images: Previous and new frame.
             result: The first match.
             tentative: (4, 4) pose.
+            shift: From :meth:`_row_shifts`, taken from the features' pixels.
         """
         points = local_map.points[local_map.ids]
         agree = reprojection_inliers(self._K, tentative, points, result.uv_px, self._config.inlier_px)
         projected, inside = self._project(tentative, points)
         again = local_map.positioned & ~(result.found & agree)
+        if shift is not None:
+            projected = projected + shift
         start = np.where((again & inside)[:, None], projected, result.raw_uv_px)
         patches = self._patches.setdefault(local_map, ReferencePatches(self._camera))
         patches.take(local_map, images[0])
         aligned = patches.align(local_map, tentative, images[1], start, self._config.rematch_px)
         found = np.where(aligned.tried, aligned.found & (inside | ~again), result.found & ~again)
-        return self._undistorted(Match(aligned.uv_px, found))
+        return _shifted(self._undistorted(Match(aligned.uv_px, found)), shift, -1.0)
 
     def _final_pose(
         self,
@@ -202,3 +220,8 @@ class FrameTracker:
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
         found = result.found & (agree | ~positioned)
         return replace(result, found=found, world_T_camera=pose, pose_sigma=sigma)
+
+
+def _shifted(result: TrackingResult, shift: FloatArray | None, sign: float = 1.0) -> TrackingResult:
+    """Return the result with its undistorted pixels shifted (N, 2)."""
+    return result if shift is None else replace(result, uv_px=result.uv_px + sign * shift)

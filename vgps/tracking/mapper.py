@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from vgps.camera import undistort
+from vgps.camera import row_shares, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
+from vgps.solver.row_times import RowTimes
 from vgps.tracking.corners import new_corners
 
 _MIN_VIEWS = 2  # to triangulate a feature
@@ -48,7 +49,9 @@ class Mapper:
             return None
         feature, view = np.nonzero(observed)
         start = np.searchsorted(feature, np.arange(len(rows)))
-        points, error = triangulate(self._K, poses[view], local_map.views[rows][observed], start)
+        uv_px = local_map.views[rows][observed]
+        of_row = self._row_poses(local_map, view, uv_px)
+        points, error = triangulate(self._K, of_row, uv_px, start)
         sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / observed.sum(axis=1))
         largest = np.maximum.reduceat(error, start)
         good = (largest < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)
@@ -56,6 +59,16 @@ class Mapper:
         return Positions(
             local_map.ids[rows], np.where(good[:, None], points, np.nan), np.where(good, sigma, np.nan)
         )
+
+    def _row_poses(self, local_map: LocalMap, view: IntArray, uv_px: FloatArray) -> FloatArray:
+        """Return the pose (N, 4, 4) of each observation in posed views (N,): that of its row."""
+        poses, posed = local_map.view_poses()
+        if not self._camera.readout_s or posed.sum() < _MIN_VIEWS:
+            return poses[view]
+        t_s = local_map.t_s[local_map.view_frames[posed] - local_map.first_frame]
+        shares, number = row_shares(self._camera, uv_px), np.cumsum(posed) - 1
+        times = RowTimes.of_frames(t_s, number[view], shares, self._camera.readout_s)
+        return times.poses(poses[posed])
 
     def _with_parallax(
         self, local_map: LocalMap, rows: IntArray, observed: BoolArray, poses: FloatArray

@@ -1,0 +1,38 @@
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.geometry import project
+from vgps.model import Camera
+from vgps.tracking.row_motion import row_shifts
+
+CAMERA = Camera(
+    model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0, readout_s=0.03
+)
+
+
+def turned(t: float) -> np.ndarray:
+    """Pose of a camera that turns to the right at 30 degrees a second and moves forward at 2 m/s."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([0.0, np.radians(30.0) * t, 0.0]).as_matrix()
+    pose[2, 3] = 2.0 * t
+    return pose
+
+
+def test_points_are_shifted_to_their_rows_time() -> None:
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-2, 2, 50), rng.uniform(-1.5, 1.5, 50), rng.uniform(4, 9, 50)])
+    middle, _ = project(CAMERA.K, turned(0.0), points)
+    shift = row_shifts(CAMERA, 0.04, turned(-0.04), turned(0.0), points)
+    t = CAMERA.readout_s * (middle[:, 1] / 479 - 0.5)
+    rows = np.concatenate(
+        [project(CAMERA.K, turned(at), point[None])[0] for at, point in zip(t, points, strict=True)]
+    )
+    np.testing.assert_allclose(shift, rows - middle, atol=0.01)
+    assert np.abs(shift).max() > 2.0
+
+
+def test_unknown_points_and_points_behind_stay() -> None:
+    points = np.array([[np.nan, 0.0, 5.0], [0.0, 1.0, -5.0]])
+    np.testing.assert_array_equal(
+        row_shifts(CAMERA, 0.04, turned(-0.04), turned(0.0), points), np.zeros((2, 2))
+    )
