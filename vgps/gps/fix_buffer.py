@@ -58,9 +58,13 @@ class FixBuffer:
         """Take over a snapshot's time offset, and its assessment of the fixes that this buffer still
         holds."""
         self.sensors = snapshot.sensors
-        newer, other = FixAssessment.unassessed(len(self.number)), snapshot.assessment
-        _, row, other_row = np.intersect1d(self.number, snapshot.number, return_indices=True)
-        newer.nominal[row], newer.lower[row] = other.nominal[other_row], other.lower[other_row]
+        self.update_assessment(snapshot.number, snapshot.assessment)
+
+    def update_assessment(self, number: IntArray, assessment: FixAssessment) -> None:
+        """Take over the assessment of the fixes with sequence numbers (M,) that this buffer still holds."""
+        newer = FixAssessment.unassessed(len(self.number))
+        _, row, other_row = np.intersect1d(self.number, number, return_indices=True)
+        newer.nominal[row], newer.lower[row] = assessment.nominal[other_row], assessment.lower[other_row]
         self.assessment = self.assessment.updated(newer)
 
     def has_new(self, since_s: float, until_s: float) -> bool:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vgps.config import OnlineConfig
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray
 from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
@@ -23,15 +23,17 @@ class PublishedPose:
         state: How it was posed.
         global_T_camera, local_T_camera: (4, 4) corrected and smooth pose; NaN without one.
         events: Events since the previous frame.
-        correction: (6,) rotation [rad] and translation [m] by which stage C corrected the previous frame, in
-            world axes; None if it did not.
     """
 
     state: OnlineState
     global_T_camera: FloatArray
     local_T_camera: FloatArray
     events: tuple[OnlineEvent, ...]
-    correction: FloatArray | None = None
+
+    @property
+    def posed(self) -> bool:
+        """Whether there is a pose."""
+        return bool(np.isfinite(self.global_T_camera[0, 0]))
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,17 @@ class PosePublisher:
         self._map: LocalMap | None = None
         self._last: _Last | None = None
         self._state = OnlineState.STARTING
+        self._to_world: Similarity | None = None
 
-    def publish(self, frame: int) -> PublishedPose:
-        """Return the published state of the newest frame, given its index."""
+    def publish(self, frame: int, to_world: Similarity | None) -> PublishedPose:
+        """Return the published state of the newest frame.
+
+        Args:
+            frame: Its index.
+            to_world: Where the newest map lies in the world; None if that is not known yet.
+        """
         current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
+        self._to_world = to_world
         state, pose = self._newest(current, frame)
         events = self._changes(state, t_s)
         if current is not self._map or not np.isfinite(pose[0, 0]):
@@ -64,19 +73,18 @@ class PosePublisher:
             return PublishedPose(state, _NO_POSE, _NO_POSE, tuple(events))
         if self._last is None or current is None:
             self._blender.reset()
-            smooth, correction = pose, None
+            smooth = pose
         else:
-            correction = _correction(self._last.global_T_camera, self._pose(current, self._last.frame))
             events += self._corrections(current, self._last, t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
-        return PublishedPose(state, pose, smooth, tuple(events), correction)
+        return PublishedPose(state, pose, smooth, tuple(events))
 
     def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
         if current is None:
             return OnlineState.STARTING, _NO_POSE
         tracked = current.next_frame > frame
-        if not current.aligned:
+        if self._to_world is None:
             return OnlineState.UNALIGNED if tracked else OnlineState.LOST, _NO_POSE
         pose = self._pose(current, frame)
         if not np.isfinite(pose[0, 0]):
@@ -84,14 +92,22 @@ class PosePublisher:
         return OnlineState.TRACKED if tracked else OnlineState.BRIDGED, pose
 
     def _pose(self, current: LocalMap, frame: int) -> FloatArray:
-        """Return the pose in the map, or for a short time after its end an extrapolation at constant
-        velocity."""
+        """Return the pose in the world, or for a short time after the map's end an extrapolation at
+        constant velocity."""
+        pose, to_world = self._map_pose(current, frame), self._to_world
+        if to_world is None:
+            return _NO_POSE
+        pose[:3, 3] = to_world.scale * to_world.world_R_map @ pose[:3, 3] + to_world.world_p_map
+        pose[:3, :3] = to_world.world_R_map @ pose[:3, :3]
+        return pose
+
+    def _map_pose(self, current: LocalMap, frame: int) -> FloatArray:
         t_s, last = self._frame_pipeline.t_s, current.next_frame - 1
         if frame <= last:
-            return current.pose(frame).copy()  # stage C changes it later
+            return current.pose(frame).copy()
         away_s = float(t_s[frame] - t_s[last])
         if away_s > self._config.bridge_s or len(current.poses) < 2:
-            return _NO_POSE
+            return _NO_POSE.copy()
         before, pose = current.poses[-2], current.poses[-1].copy()
         pose[:3, 3] += away_s / (t_s[last] - t_s[last - 1]) * (pose[:3, 3] - before[:3, 3])
         return np.asarray(pose)
@@ -118,10 +134,3 @@ class PosePublisher:
         if before in {OnlineState.LOST, OnlineState.BRIDGED} and state is OnlineState.TRACKED:
             events.append(OnlineEvent(t_s, "found", "tracking continues"))
         return events
-
-
-def _correction(before: FloatArray, now: FloatArray) -> FloatArray | None:
-    if np.array_equal(before, now) or not np.isfinite(now[0, 0]):
-        return None
-    rotated = Rotation.from_matrix(now[:3, :3] @ before[:3, :3].T).as_rotvec()
-    return np.concatenate([rotated, now[:3, 3] - before[:3, 3]])

@@ -12,12 +12,13 @@ from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.regions import region_sizes
 from vgps.gps.world_frame import fix_origin
-from vgps.mapping.retention import RetentionPolicy, retire_map
+from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
+from vgps.online.live_fusion import LiveFusion
 from vgps.online.pose_publisher import PosePublisher
-from vgps.online.pose_sigmas import PoseUncertainty
+from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
 from vgps.online.session_result import SessionRecord, session_front_end, session_solution
 from vgps.online.verdict_events import VerdictEvents
 from vgps.pipeline.frame_pipeline import FramePipeline
@@ -43,8 +44,8 @@ class OnlineSmoother:
     neither time nor memory per frame grows with the number of frames, except for about 100 bytes per frame
     and fix for the run folder.
 
-    Stage C optimises the last frames with older ones held. If fixes contradict these, mostly after an outage,
-    the drift of all frames kept (``online.keep_s``) is corrected first.
+    Stage C optimises the map by the video alone. Where the map lies in the world follows from the fixes of
+    the frames kept (``online.keep_s``), by :class:`vgps.online.live_fusion.LiveFusion`.
 
     Args:
         camera: Its lens.
@@ -69,12 +70,13 @@ class OnlineSmoother:
         self._config = config = config or Config()
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
         retention = None if keep_all else RetentionPolicy.of(config)
-        context = SmoothingContext(camera, config)
+        # stage C follows the video alone: a path bent to fixes no longer contradicts them
+        context = SmoothingContext(camera, config.with_gps(model="none"))
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
-        self._uncertainty = PoseUncertainty(self._frame_pipeline, config)
+        self._fusion = LiveFusion(self._frame_pipeline, config)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
@@ -134,8 +136,8 @@ class OnlineSmoother:
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
         self._place_fixes()
-        published = self._publisher.publish(frame)
-        sigmas = self._uncertainty.sigmas(published)
+        published = self._publisher.publish(frame, self._fusion.to_world(self._frame_pipeline.current))
+        sigmas = self._fusion.sigmas() if published.posed else UNKNOWN_SIGMAS
         self._frames.append(published.global_T_camera, sigmas, tracked=published.state == "tracked")
         self._note_warnings(t_s)
         events = (*self._events, *published.events)
@@ -160,15 +162,15 @@ class OnlineSmoother:
         if self._estimate is None or self._refined == frames:
             return
         self._refined = frames
-        self._uncertainty.record_fixes()
         with one_blas_thread():
             self._frame_pipeline.refine()
+            self._fusion.refine()
         fix_buffer = self._frame_pipeline.fix_buffer
         self._fixes.set_assessment(fix_buffer.number, fix_buffer.assessment)
         self._report_verdicts()
         if frames % _DISCARD_EVERY == 0:
-            for part in self._frame_pipeline.discard():
-                self._frames.update(part)
+            self._archive_path()
+            self._frame_pipeline.discard()
         if frames % _GIVE_BACK_EVERY == 0:
             release_free_memory()
 
@@ -190,14 +192,21 @@ class OnlineSmoother:
             raise ConfigError("stage D needs the observations of all frames", remedy="set keep_all")
         self.refine()
         self._frame_pipeline.finish_window()
+        self._fusion.fuse_all()
+        self._archive_path()
+        self._fusion.place_map(self._frames.poses())
         if self._estimate is not None:
             self._note_warnings(self._estimate.t_s)
         maps, session = self._frame_pipeline.maps, self._session()
         if stage_d and maps:
             return optimise_all(session_front_end(session), self._config)
-        for local_map in maps:
-            self._frames.update(retire_map(local_map))
         return session_solution(session)
+
+    def _archive_path(self) -> None:
+        """Replace the published poses by those of the newest fit."""
+        path = self._fusion.world_path()
+        if path is not None:
+            self._frames.update(path)
 
     def _session(self) -> SessionRecord:
         samples = np.array(self._gyro).reshape(-1, 4)

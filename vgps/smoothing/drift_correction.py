@@ -42,7 +42,7 @@ def correct_drift(
     if len(inside) < 2:
         return MapUpdate()
     attached = local_map.next_frame - len(path) > local_map.first_posed
-    return _moved_frames(local_map, *remove_drift(path, inside, camera_p_antenna, config, attached))
+    return move_frames(local_map, *remove_drift(path, inside, camera_p_antenna, config, attached))
 
 
 def restore_odometry(local_map: LocalMap, since_s: float) -> MapUpdate:
@@ -55,12 +55,17 @@ def restore_odometry(local_map: LocalMap, since_s: float) -> MapUpdate:
         since_s: Frames before this time are not changed; the path continues from them.
     """
     poses = odometry_trajectory(local_map, since_s).world_T_camera
-    return _moved_frames(local_map, poses, np.ones(len(poses)))
+    return move_frames(local_map, poses, np.ones(len(poses)))
 
 
-def _moved_frames(local_map: LocalMap, moved: FloatArray, scale: FloatArray) -> MapUpdate:
-    """Return the last frames at new poses (n, 4, 4), and the points moved with them, depths times
-    ``scale``."""
+def move_frames(local_map: LocalMap, moved: FloatArray, scale: FloatArray) -> MapUpdate:
+    """Return the last frames of a map at new poses, and the points moved with them.
+
+    Args:
+        local_map: The map.
+        moved: (n, 4, 4) the new poses.
+        scale: (n,) by which depths change.
+    """
     first = local_map.next_frame - len(moved)
     poses = local_map.poses[first - local_map.first_frame :]
     log = local_map.observations(first)

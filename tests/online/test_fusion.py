@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+
+import vgps
+from vgps.model import FixClass
+from vgps.online.fusion import fuse
+from vgps.online.fusion_nodes import VideoPath
+
+CONFIG = vgps.Config()
+
+
+def cut(path, first, last):
+    return VideoPath(t_s=path.t_s[first:last], poses=path.poses[first:last], moving=path.moving[first:last])
+
+
+def live(drive, path, fixes, config=CONFIG, horizon=2000):
+    """Fits after every tenth frame, each from the one before, with errors (n, 3) of the newest position."""
+    fits, errors = [], []
+    for last in range(25, len(path.t_s) + 1, 10):
+        part = cut(path, max(0, last - horizon), last)
+        fits.append(fuse(part, fixes, ANTENNA, config, fits[-1] if fits else None))
+        errors.append(fits[-1].world_T_camera(part)[-1, :3, 3] - drive.true[last - 1, :3, 3])
+    return fits, np.array(errors)
+
+
+def test_the_pose_follows_the_video_when_float_follows_fix():
+    drive, offset = DrivingCamera(400), np.array([1.5, -2.0, 4.0])
+    fixes = drive.fixes(*fixed_then_float(20, 20, offset))
+    (*_, last), errors = live(drive, drive.seen(np.random.default_rng(1), share=0.1), fixes)
+    assert np.linalg.norm(errors[-1]) < 0.3 * np.linalg.norm(offset)
+    np.testing.assert_allclose(last.state.values[-1, 7:], offset, atol=1.5)
+    # what the receiver hides shows in the sigmas
+    sigma = np.sqrt(np.diag(last.covariance_at_end(drive.seen(), CONFIG)))[:3]
+    assert np.linalg.norm(errors[-1]) < 3.0 * np.linalg.norm(sigma)
+
+
+def test_returned_fixes_correct_the_pose_at_once():
+    drive = DrivingCamera(400)
+    fixes = drive.fixes(*fixed_then_float(10, 25, [2.0, 1.0, -5.0], fixed_again=5))
+    _, errors = live(drive, drive.seen(np.random.default_rng(0)), fixes)
+    size = np.linalg.norm(errors, axis=1)
+    assert size[-4:].max() < 0.15 < size[10:30].mean()
+
+
+def test_a_wrong_scale_and_heading_are_found_with_the_uncertainty_stated_before():
+    drive, path = DrivingCamera(300), DrivingCamera(300).seen()
+    turned = path.poses.copy()
+    angle = np.radians(4.0)
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    turned[:, :3, 3], turned[:, :3, :3] = 1.2 * turned[:, :3, 3] @ R.T, R @ turned[:, :3, :3]
+    path = VideoPath(t_s=path.t_s, poses=turned, moving=path.moving)
+    fits, errors = live(drive, path, drive.fixes([FixClass.RTK_FIX] * 30, np.zeros((30, 3))))
+    assert np.linalg.norm(errors[-1]) < 0.02
+    np.testing.assert_allclose(np.exp(fits[-1].state.values[-1, 3]), 1.0 / 1.2, rtol=1e-3)
+    first, last = (np.diag(fit.covariance)[3:7] for fit in (fits[0], fits[-1]))
+    assert (first > last).all()
+
+
+def test_what_has_left_the_path_stays_as_a_prior():
+    drive = DrivingCamera(400)
+    fixes = drive.fixes(*fixed_then_float(15, 25, [1.0, 1.0, 2.0]))
+    path = drive.seen(np.random.default_rng(2), share=0.3)
+    (*_, whole), errors = live(drive, path, fixes)
+    (*_, short), short_errors = live(drive, path, fixes, horizon=100)
+    assert len(short.nodes.t_s) < 0.4 * len(whole.nodes.t_s)
+    sigma = np.sqrt(np.diag(whole.covariance))[:3]
+    # later fixes cannot change earlier linearisations any more
+    assert (np.abs(errors[-1] - short_errors[-1]) < sigma).all()
+    np.testing.assert_allclose(np.sqrt(np.diag(short.covariance))[:3], sigma, rtol=0.3)
+
+
+def test_poses_between_nodes_are_those_of_the_nodes_where_the_video_is_exact():
+    drive = DrivingCamera(200)
+    fits, _ = live(drive, drive.seen(), drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3))))
+    path = cut(drive.seen(), 0, 195)
+    found = fits[-1].world_T_camera(path)
+    np.testing.assert_allclose(found, drive.true[:195], atol=2e-3)
+    to_world = fits[-1].to_world(path)
+    end = to_world.scale * to_world.world_R_map @ path.poses[-1, :3, 3] + to_world.world_p_map
+    np.testing.assert_allclose(end, found[-1, :3, 3], atol=1e-9)
+
+
+def test_sigmas_grow_with_the_distance_from_the_last_fix():
+    drive = DrivingCamera(600)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3)))
+    fit = fuse(cut(drive.seen(), 0, 200), fixes, ANTENNA, CONFIG, None)
+    sigma = [
+        np.sqrt(np.trace(fit.covariance_at_end(cut(drive.seen(), 0, last), CONFIG)[:3, :3]))
+        for last in (200, 250, 300, 600)
+    ]
+    assert sigma[0] < 0.4 and (np.diff(sigma) > 0.0).all() and 1.0 < sigma[-1] < 50.0
+
+
+def simulated_nees(seed):
+    """Squared error over covariance of the newest position, after RTK-fixes and as many RTK-floats."""
+    rng, drive = np.random.default_rng(seed), DrivingCamera(300)
+    kinds, wrong = fixed_then_float(15, 15, np.ones(3))
+    floating, noise = wrong[:, :1], rng.standard_normal((30, 3))
+    own = CONFIG.gps.memory.classes[FixClass.RTK_FLOAT]
+    receiver = np.exp(own.between_receivers * rng.standard_normal())
+    size = receiver * np.array([own.r_m / 2.45, own.r_m / 2.45, own.h_m / 1.96])
+    walk = receiver * own.walk_m * np.array([1.0, 1.0, own.vertical]) * rng.standard_t(3.0, (30, 3))
+    offset = size * rng.standard_normal(3) + np.cumsum(walk, axis=0)
+    fixes = drive.fixes(kinds, floating * offset + 0.005 * noise)
+    fits, errors = live(drive, drive.seen(rng), fixes)
+    covariance = fits[-1].covariance[:3, :3]
+    return errors[-1] @ np.linalg.solve(covariance, errors[-1])
+
+
+@pytest.mark.slow
+def test_covariances_are_those_of_the_errors():
+    nees = [simulated_nees(seed) for seed in range(24)]
+    assert 1.5 < np.mean(nees) < 4.5  # 3 on average if they are honest; 24 of them scatter by 0.5

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+
+import vgps
+from vgps.online.fusion import fuse
+from vgps.online.fusion_equations import UNKNOWNS, cost, normal_equations
+from vgps.online.fusion_nodes import fusion_nodes
+
+
+@pytest.fixture(scope="module")
+def fit():
+    drive = DrivingCamera(80)
+    kinds, wrong = fixed_then_float(4, 4, [0.5, -0.4, 1.0])
+    path = drive.seen(np.random.default_rng(3))
+    return fuse(path, drive.fixes(kinds, wrong), ANTENNA, vgps.Config(), None)
+
+
+def dense(system):
+    count = len(system.diagonal)
+    matrix = np.zeros((count * UNKNOWNS,) * 2)
+    for k in range(count):
+        rows = slice(k * UNKNOWNS, (k + 1) * UNKNOWNS)
+        matrix[rows, rows] = system.diagonal[k]
+        if k:
+            before = slice((k - 1) * UNKNOWNS, k * UNKNOWNS)
+            matrix[rows, before], matrix[before, rows] = system.below[k - 1], system.below[k - 1].T
+    return matrix
+
+
+def test_the_gradient_is_that_of_the_cost(fit):
+    rng = np.random.default_rng(0)
+    # what hardly moves the video's steps, whose information is held in the derivative
+    step = 1e-3 * rng.standard_normal((len(fit.nodes.t_s), UNKNOWNS))
+    state = fit.state.moved(step)
+    gradient = normal_equations(fit.nodes, state, fit.prior).gradient
+    for node in (0, 3, 7):
+        for unknown in (0, 2, 5, 7, 9):
+            delta = np.zeros_like(step)
+            delta[node, unknown] = 1e-6
+            ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
+            numeric = (ends[1] - ends[0]) / 2e-6
+            assert gradient[node, unknown] == pytest.approx(numeric, rel=0.02, abs=5.0)
+
+
+def test_the_minimum_has_no_gradient_and_its_covariance_is_that_of_the_whole_matrix(fit):
+    system = normal_equations(fit.nodes, fit.state, fit.prior)
+    matrix = dense(system)
+    step = np.linalg.solve(matrix, system.gradient.ravel()).reshape(-1, UNKNOWNS)
+    assert np.abs(step[:, :3]).max() < 0.01
+    inverse = np.linalg.inv(matrix)[-UNKNOWNS:, -UNKNOWNS:]
+    np.testing.assert_allclose(system.last_covariance(), inverse, rtol=1e-5, atol=1e-9)
+
+
+def test_elimination_is_the_schur_complement(fit):
+    system = normal_equations(fit.nodes.until(5), _first(fit.state, 6), fit.prior)
+    matrix, gradient = dense(system), system.gradient.ravel()
+    a, b = slice(0, -UNKNOWNS), slice(-UNKNOWNS, None)
+    carried = matrix[b, a] @ np.linalg.inv(matrix[a, a])
+    information, vector = system.eliminated()
+    scale = np.abs(information).max()
+    np.testing.assert_allclose(
+        information / scale, (matrix[b, b] - carried @ matrix[a, b]) / scale, atol=1e-8
+    )
+    expected = gradient[b] - carried @ gradient[a]
+    np.testing.assert_allclose(vector, expected, atol=1e-6 * max(np.abs(gradient).max(), 1.0))
+
+
+def _first(state, count):
+    return type(state)(state.values[:count], state.world_R_map[:count])
+
+
+def test_nodes_lie_at_fixes_and_not_far_apart():
+    drive = DrivingCamera(200)
+    fixes = drive.fixes(*fixed_then_float(3, 3, np.zeros(3)))  # the last at 5 s
+    nodes = fusion_nodes(drive.seen(), fixes, ANTENNA, vgps.Config(), None)
+    assert np.diff(nodes.t_s).max() <= 1.5 + 1e-9 and nodes.t_s[-1] == drive.t_s[-1]
+    np.testing.assert_allclose(nodes.t_s[nodes.fixes.node], fixes.t_s)
+    assert np.flatnonzero(nodes.starts).tolist() == [0, 3]
+    # an offset is bounded where it starts, and hardly after that
+    assert (nodes.bound[3] > 5.0 * nodes.bound[4:].max(axis=0)).all()
+    assert np.isinf(nodes.walk_m[nodes.starts]).all() and np.isfinite(nodes.walk_m[~nodes.starts]).all()

@@ -1,0 +1,199 @@
+"""The best estimate of a live path: the video's shape and the fixes of the last minutes, fused.
+
+A fixed-lag smoother over the nodes of :mod:`vgps.online.fusion_nodes`: each fit starts from the last one, and
+what leaves the path stays as a prior of its first node. So when RTK-float follows RTK-fix the pose goes on
+with the video, and the offset of the float solution is what is estimated; returned RTK-fixes move the pose at
+once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.config import Config
+from vgps.geometry import cross_matrices
+from vgps.gps.fixes import Fixes
+from vgps.mapping.map_update import Similarity
+from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.fusion_equations import (
+    OFFSET,
+    POSITION,
+    ROTATION,
+    SCALE,
+    UNKNOWNS,
+    FirstNodePrior,
+    FusionState,
+    minimise,
+    normal_equations,
+    squared_deviations,
+)
+from vgps.online.fusion_nodes import FusionNodes, VideoPath, fusion_nodes, video_drift
+
+_SAME_TIME_S = 1e-6
+_ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FusedPath:
+    """A fit.
+
+    Attributes:
+        nodes: Its nodes.
+        state: Their values.
+        prior: Of the first node.
+        covariance: (10, 10) of the last node.
+    """
+
+    nodes: FusionNodes
+    state: FusionState
+    prior: FirstNodePrior
+    covariance: FloatArray
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the last node."""
+        return float(self.nodes.t_s[-1])
+
+    def to_world(self, path: VideoPath) -> Similarity:
+        """Return the similarity from the map to the world at the last node and after it."""
+        return self._similarity(len(self.nodes.t_s) - 1, path.at(self.nodes.t_s[-1:])[0])
+
+    def _similarity(self, node: int, map_T_camera: FloatArray) -> Similarity:
+        x, R = self.state.values[node], self.state.world_R_map[node]
+        scale = float(np.exp(x[SCALE]))
+        return Similarity(scale, R, x[POSITION] - scale * R @ map_T_camera[:3, 3])
+
+    def world_T_camera(self, path: VideoPath) -> FloatArray:
+        """Return the poses (n, 4, 4) in the world of a path whose map may have changed since the fit."""
+        inside = np.flatnonzero(self.nodes.t_s >= path.t_s[0] - _SAME_TIME_S)
+        t_s, x, R = self.nodes.t_s[inside], self.state.values[inside], self.state.world_R_map[inside]
+        centre, scale = path.at(t_s)[:, :3, 3], np.exp(x[:, SCALE])
+        after = np.clip(np.searchsorted(t_s, path.t_s), 0, len(t_s) - 1)
+        before = np.maximum(after - 1, 0)
+        span = np.maximum(t_s[after] - t_s[before], _SAME_TIME_S)
+        share = np.clip((path.t_s - t_s[before]) / span, 0.0, 1.0)[:, None]
+
+        def placed(node: IntArray) -> FloatArray:
+            step = path.poses[:, :3, 3] - centre[node]
+            return np.asarray(x[node, POSITION] + scale[node, None] * (R[node] @ step[:, :, None])[:, :, 0])
+
+        turn = Rotation.from_matrix(R[after] @ R[before].transpose(0, 2, 1)).as_rotvec()
+        out = path.poses.copy()
+        out[:, :3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ R[before] @ path.poses[:, :3, :3]
+        out[:, :3, 3] = (1.0 - share) * placed(before) + share * placed(after)
+        return out
+
+    def scale(self, path: VideoPath) -> FloatArray:
+        """Return the scale (n,) from the map to the world at the frames of a path."""
+        return np.asarray(np.exp(np.interp(path.t_s, self.nodes.t_s, self.state.values[:, SCALE])))
+
+    def surprise(self, last: "FusedPath", path: VideoPath, config: Config) -> float:
+        """Return the largest squared deviation, in sigmas, of what is new since the last fit: noise, walk and
+        bound of offsets, and the correction of the newest position."""
+        deviations = squared_deviations(self.nodes, self.state)
+        new = [d[t_s > last.newest_s + _SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
+        before = last.world_T_camera(path)[-1, :3, 3]
+        shift = self.world_T_camera(path)[-1, :3, 3] - before
+        covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
+        return float(max(*new, shift @ np.linalg.solve(covariance, shift)))
+
+    def covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
+        """Return the covariance (7, 7) of position, log scale and rotation at the end of a path."""
+        ends = np.concatenate([path.at(self.nodes.t_s[-1:]), path.poses[-1:]])
+        frames = float(path.moving[path.t_s > self.newest_s + _SAME_TIME_S].sum())
+        covariance = self.covariance[: OFFSET.start, : OFFSET.start]
+        if frames == 0.0:
+            return covariance
+        drift = video_drift(ends, np.array([frames]), config)
+        x, R = self.state.values[-1], self.state.world_R_map[-1]
+        step = np.exp(x[SCALE]) * R @ (ends[1, :3, 3] - ends[0, :3, 3])
+        F = np.eye(len(covariance))
+        F[POSITION, SCALE], F[POSITION, ROTATION] = step, -cross_matrices(step)
+        noise = np.zeros_like(F)
+        noise[POSITION, POSITION] = np.linalg.inv(drift.step_information(step[None])[0])
+        noise[SCALE, SCALE] = drift.scale[0] ** 2
+        noise[ROTATION, ROTATION] = drift.rotation[0] ** 2 * np.eye(3)
+        return np.asarray(F @ covariance @ F.T + noise)
+
+
+def fuse(
+    path: VideoPath, fixes: Fixes, camera_p_antenna: FloatArray, config: Config, last: FusedPath | None
+) -> FusedPath:
+    """Return the fit of a path to its fixes.
+
+    Args:
+        path: At least two frames of a map that was aligned with the world once.
+        fixes: Fixes that take part, the time offset removed.
+        camera_p_antenna: (3,) metres.
+        config: Errors of fixes, drift, and the prior of a level camera.
+        last: The fit of an earlier part of the same path.
+    """
+    prior = None
+    if last is not None:
+        node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - _SAME_TIME_S)), len(last.nodes.t_s) - 1)
+        path, prior = path.since(float(last.nodes.t_s[node])), _prior_of(last, node)
+    inside = (fixes.t_s >= path.t_s[0] - _SAME_TIME_S) & (fixes.t_s <= path.t_s[-1])
+    fixes = fixes.where(fixes.used & inside)
+    continued = _continued(fixes, last) if last is not None else None
+    nodes = fusion_nodes(path, fixes, camera_p_antenna, config, continued)
+    state = _start(nodes) if last is None else _continue(nodes, last)
+    prior = prior or _vague_prior(state)
+    state, system = minimise(nodes, state, prior, config.drift.iterations)
+    return FusedPath(nodes=nodes, state=state, prior=prior, covariance=system.last_covariance())
+
+
+def _prior_of(last: FusedPath, node: int) -> FirstNodePrior:
+    """Return what the nodes before one say of it."""
+    if node == 0:
+        return last.prior
+    rows = slice(0, node + 1)
+    state = FusionState(last.state.values[rows], last.state.world_R_map[rows])
+    system = normal_equations(last.nodes.until(node), state, last.prior)
+    at = FusionState(state.values[-1:], state.world_R_map[-1:])
+    return FirstNodePrior(at, *system.eliminated())
+
+
+def _vague_prior(state: FusionState) -> FirstNodePrior:
+    information = np.zeros(UNKNOWNS)
+    information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
+    information[ROTATION] = _ANY_ROTATION_RAD**-2
+    at = FusionState(state.values[:1], state.world_R_map[:1])
+    return FirstNodePrior(at, np.diag(information), np.zeros(UNKNOWNS))
+
+
+def _continued(fixes: Fixes, last: FusedPath) -> BoolArray:
+    """Return whether the first fix (M,) goes on with an offset of the last fit, all others being false."""
+    rows = np.zeros(len(fixes), dtype=bool)
+    if len(fixes):
+        node = np.flatnonzero(np.abs(last.nodes.t_s - fixes.t_s[0]) < _SAME_TIME_S)
+        rows[0] = len(node) > 0 and not last.nodes.starts[node[0]]
+    return rows
+
+
+def _start(nodes: FusionNodes) -> FusionState:
+    """Return the state of a map that is aligned with the world."""
+    values = np.zeros((len(nodes.t_s), UNKNOWNS))
+    values[:, POSITION] = nodes.camera[:, :3, 3]
+    return FusionState(values, np.tile(np.eye(3), (len(values), 1, 1)))
+
+
+def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
+    """Return the last fit at the new nodes; beyond it the path goes on with the video, and a new offset is
+    what the fixes differ from that."""
+    before, t_s = last.nodes.t_s, nodes.t_s
+    values = np.stack([np.interp(t_s, before, column) for column in last.state.values.T], axis=1)
+    node = np.clip(np.searchsorted(before, t_s + _SAME_TIME_S) - 1, 0, None)
+    R = last.state.world_R_map[node]
+    new = int(np.searchsorted(t_s, before[-1] + _SAME_TIME_S))
+    if 0 < new < len(t_s):
+        steps = np.diff(nodes.camera[new - 1 :, :3, 3], axis=0) @ (np.exp(values[-1, SCALE]) * R[-1]).T
+        values[new:, POSITION] = values[new - 1, POSITION] + np.cumsum(steps, axis=0)
+    state = FusionState(values, R)
+    known = before[last.nodes.starts]
+    for start in np.flatnonzero(nodes.starts).tolist():
+        if not (np.abs(known - t_s[start]) < _SAME_TIME_S).any():
+            fix = int(np.flatnonzero(nodes.fixes.node == start)[0])
+            antenna = values[start, POSITION] + R[start] @ nodes.fixes.arm[fix]
+            values[start:, OFFSET] = nodes.fixes.world_p_fix[fix] - antenna
+    return state

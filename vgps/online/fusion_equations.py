@@ -1,0 +1,252 @@
+"""Residuals and normal equations of the graph of live poses, and their solution by banded Cholesky.
+
+Everything is a chain, so that the matrix is block tridiagonal. Losses of Student's t are reweighted.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.spatial.transform import Rotation
+
+from vgps.geometry import cross_matrices
+from vgps.model import FloatArray, IntArray
+from vgps.online.fusion_nodes import FusionNodes
+
+POSITION, SCALE, ROTATION, OFFSET = slice(0, 3), 3, slice(4, 7), slice(7, 10)
+UNKNOWNS = 10
+_HALVINGS = 8
+_MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
+_RIDGE = 1e-8  # keeps solvable what nothing determines
+
+
+@dataclass(frozen=True)
+class FusionState:
+    """Unknowns of the nodes.
+
+    Attributes:
+        values: (N, 10) position, log scale, zeros, and offset; increments of the rotation stand at the zeros.
+        world_R_map: (N, 3, 3) rotation of the video's axes.
+    """
+
+    values: FloatArray
+    world_R_map: FloatArray
+
+    def moved(self, step: FloatArray) -> "FusionState":
+        """Return the state moved by increments (N, 10)."""
+        values = self.values + step
+        values[:, ROTATION] = 0.0
+        return FusionState(values, Rotation.from_rotvec(step[:, ROTATION]).as_matrix() @ self.world_R_map)
+
+
+@dataclass(frozen=True)
+class FirstNodePrior:
+    """What is known of the first node, ``d^T information d / 2 + vector^T d``, d its distance from ``at``."""
+
+    at: FusionState
+    information: FloatArray
+    vector: FloatArray
+
+    def distance(self, state: FusionState) -> FloatArray:
+        """Return d (10,) of a state's first node."""
+        d = state.values[0] - self.at.values[0]
+        d[ROTATION] = Rotation.from_matrix(state.world_R_map[0] @ self.at.world_R_map[0].T).as_rotvec()
+        return np.asarray(d)
+
+    def cost(self, state: FusionState) -> float:
+        """Return its cost."""
+        d = self.distance(state)
+        return float(0.5 * d @ self.information @ d + self.vector @ d)
+
+
+@dataclass(frozen=True)
+class BlockSystem:
+    """Normal equations: blocks (N, 10, 10) of the diagonal and (N - 1, 10, 10) below it, gradient (N, 10)."""
+
+    diagonal: FloatArray
+    below: FloatArray
+    gradient: FloatArray
+
+    def cholesky(self) -> FloatArray:
+        """Return the Cholesky factor in LAPACK's lower band storage."""
+        n = UNKNOWNS
+        band = np.zeros((2 * n, n * len(self.diagonal)))
+        for j in range(n):
+            for i in range(j, n):
+                band[i - j, j::n] = self.diagonal[:, i, j]
+            for i in range(n):
+                band[n + i - j, j : len(self.below) * n : n] = self.below[:, i, j]
+        return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
+
+    def last_covariance(self) -> FloatArray:
+        """Return the covariance (10, 10) of the last node: the last block of the factor belongs to its Schur
+        complement."""
+        factor, n = self.cholesky(), UNKNOWNS
+        last = np.zeros((n, n))
+        for j in range(n):
+            last[j:, j] = factor[: n - j, -n + j]
+        inverse = np.linalg.inv(last)
+        return np.asarray(inverse.T @ inverse)
+
+    def eliminated(self) -> tuple[FloatArray, FloatArray]:
+        """Return information (10, 10) and vector (10,) of the last node with all others eliminated."""
+        information, vector = self.diagonal[0], self.gradient[0]
+        for k, below in enumerate(self.below):
+            carried = np.linalg.solve(information, np.column_stack([below.T, vector]))
+            information = self.diagonal[k + 1] - below @ carried[:, :-1]
+            vector = self.gradient[k + 1] - below @ carried[:, -1]
+        return (information + information.T) / 2.0, vector
+
+
+@dataclass(frozen=True)
+class _Residuals:
+    """Residuals of all factors, and parts of their derivatives."""
+
+    video_step: FloatArray
+    step_information: FloatArray
+    step: FloatArray
+    turn: FloatArray
+    fix_lever: FloatArray
+    fix: FloatArray
+    elevation: FloatArray
+    axes: FloatArray
+
+
+def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
+    x, R, fixes = state.values, state.world_R_map, nodes.fixes
+    turn = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).as_rotvec()
+    middle = Rotation.from_rotvec(0.5 * turn).as_matrix() @ R[:-1]
+    scale = np.exp(0.5 * (x[1:, SCALE] + x[:-1, SCALE]))
+    video = np.diff(nodes.camera[:, :3, 3], axis=0)
+    step = scale[:, None] * (middle @ video[:, :, None])[:, :, 0]
+    at = fixes.node
+    away = np.exp(x[at, SCALE])[:, None] * (R[at] @ fixes.step[:, :, None])[:, :, 0]
+    arm = (R[at] @ fixes.arm[:, :, None])[:, :, 0]
+    axes = (R @ nodes.camera[:, :3, :3])[:, :, [0, 2]]
+    return _Residuals(
+        step,
+        nodes.drift.step_information(step),
+        np.diff(x[:, POSITION], axis=0) - step,
+        turn,
+        np.stack([away, away + arm], axis=1),
+        x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix,
+        axes[:, 2],
+        axes,
+    )
+
+
+def _squares(nodes: FusionNodes, state: FusionState, r: _Residuals) -> tuple[FloatArray, FloatArray]:
+    """Return squared noise (M,) and walk (N - 1,) in their scales."""
+    noise = np.sum((r.fix / nodes.fixes.noise_m) ** 2, axis=1)
+    return noise, np.sum((np.diff(state.values[:, OFFSET], axis=0) / nodes.walk_m[1:]) ** 2, axis=1)
+
+
+def squared_deviations(nodes: FusionNodes, state: FusionState) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Return times and squared deviations, in scales, of noise of fixes, walk to nodes, and bounds."""
+    noise, walk = _squares(nodes, state, _residuals(nodes, state))
+    bound = np.sum((state.values[:, OFFSET] * nodes.bound) ** 2, axis=1)
+    return (nodes.t_s[nodes.fixes.node], noise), (nodes.t_s[1:], walk), (nodes.t_s, bound)
+
+
+def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float:
+    """Return the negative log-likelihood up to a constant."""
+    r, x, drift = _residuals(nodes, state), state.values, nodes.drift
+    noise, walk = _squares(nodes, state, r)
+    tail, heavy = nodes.walk_tail[1:], np.isfinite(nodes.walk_tail[1:])
+    total = np.einsum("ni,nij,nj->", r.step, r.step_information, r.step)
+    total += np.sum((np.diff(x[:, SCALE]) / drift.scale) ** 2)
+    total += np.sum((r.turn / drift.rotation[:, None]) ** 2)
+    total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
+    total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
+    total += np.sum((x[:, OFFSET] * nodes.bound) ** 2) + np.sum((r.elevation * nodes.level) ** 2)
+    return float(0.5 * total) + prior.cost(state)
+
+
+class _Sum:
+    """Normal equations as they are summed."""
+
+    def __init__(self, count: int) -> None:
+        self.diagonal = np.tile(_RIDGE * np.eye(UNKNOWNS), (count, 1, 1))
+        self.below = np.zeros((count - 1, UNKNOWNS, UNKNOWNS))
+        self.gradient = np.zeros((count, UNKNOWNS))
+
+    def add_between(self, before: FloatArray, after: FloatArray, W: FloatArray, r: FloatArray) -> None:
+        """Add residuals r (N - 1, m) with information W (N - 1, m, m) and derivatives (N - 1, m, 10)."""
+        B, A = before.transpose(0, 2, 1) @ W, after.transpose(0, 2, 1) @ W
+        self.diagonal[:-1] += B @ before
+        self.diagonal[1:] += A @ after
+        self.below += A @ before
+        self.gradient[:-1] += (B @ r[:, :, None])[:, :, 0]
+        self.gradient[1:] += (A @ r[:, :, None])[:, :, 0]
+
+    def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
+        """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, 10)."""
+        weighted = J.transpose(0, 2, 1) * w[:, None, :]
+        np.add.at(self.diagonal, node, weighted @ J)
+        np.add.at(self.gradient, node, (weighted @ r[:, :, None])[:, :, 0])
+
+
+def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> BlockSystem:
+    """Return the reweighted normal equations."""
+    r, x, count = _residuals(nodes, state), state.values, len(nodes.t_s)
+    total = _Sum(count)
+    before, after = np.zeros((2, count - 1, 3, UNKNOWNS))
+    before[:, :, POSITION], after[:, :, POSITION] = -np.eye(3), np.eye(3)
+    before[:, :, SCALE] = after[:, :, SCALE] = -0.5 * r.video_step
+    before[:, :, ROTATION] = after[:, :, ROTATION] = 0.5 * cross_matrices(r.video_step)
+    total.add_between(before, after, r.step_information, r.step)
+    _add_drift_and_walk(total, nodes, state, r)
+    J = np.zeros((len(r.fix), 3, UNKNOWNS))
+    J[:, :, POSITION] = J[:, :, OFFSET] = np.eye(3)
+    J[:, :, SCALE], J[:, :, ROTATION] = r.fix_lever[:, 0], -cross_matrices(r.fix_lever[:, 1])
+    noise, _ = _squares(nodes, state, r)
+    weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + noise))[:, None] / nodes.fixes.noise_m**2
+    total.add_each(J, weight, r.fix, nodes.fixes.node)
+    every = np.arange(count)
+    level = np.zeros((count, 2, UNKNOWNS))
+    level[:, :, 4], level[:, :, 5] = r.axes[:, 1], -r.axes[:, 0]
+    total.add_each(level, nodes.level**2, r.elevation, every)
+    bound = np.zeros((count, 3, UNKNOWNS))
+    bound[:, :, OFFSET] = np.eye(3)
+    total.add_each(bound, nodes.bound**2, x[:, OFFSET], every)
+    total.diagonal[0] += prior.information
+    total.gradient[0] += prior.information @ prior.distance(state) + prior.vector
+    return BlockSystem(total.diagonal, total.below, total.gradient)
+
+
+def _add_drift_and_walk(total: _Sum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:
+    x, drift = state.values, nodes.drift
+    change = np.column_stack([np.diff(x[:, SCALE]), r.turn, np.diff(x[:, OFFSET], axis=0)])
+    tail, walk = nodes.walk_tail[1:], _squares(nodes, state, r)[1]
+    heavy, robust = np.isfinite(tail), np.ones(len(tail))
+    robust[heavy] = (tail[heavy] + 3.0) / (tail[heavy] + walk[heavy])
+    weight = np.column_stack(
+        [
+            drift.scale**-2.0,
+            np.tile(drift.rotation[:, None] ** -2.0, 3),
+            robust[:, None] / nodes.walk_m[1:] ** 2,
+        ]
+    )
+    pick = np.tile(np.eye(UNKNOWNS)[3:], (len(tail), 1, 1))
+    total.add_between(-pick, pick, weight[:, :, None] * np.eye(7), change)
+
+
+def minimise(
+    nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, iterations: int
+) -> tuple[FusionState, BlockSystem]:
+    """Return the optimised state and the normal equations there; a step that fails is halved."""
+    current = cost(nodes, state, prior)
+    for _ in range(iterations):
+        system = normal_equations(nodes, state, prior)
+        step = cho_solve_banded((system.cholesky(), True), -system.gradient.ravel(), check_finite=False)
+        for halving in range(_HALVINGS):
+            trial = state.moved(step.reshape(-1, UNKNOWNS) * 0.5**halving)
+            trial_cost = cost(nodes, trial, prior)
+            if trial_cost < current:
+                break
+        else:
+            break
+        decrease, state, current = current - trial_cost, trial, trial_cost
+        if decrease < _MIN_DECREASE * max(abs(current), 1.0):
+            break
+    return state, normal_equations(nodes, state, prior)

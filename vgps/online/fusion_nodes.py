@@ -1,0 +1,265 @@
+"""The graph of live poses: nodes along the video's path, a fix or an interval of fixes at each.
+
+The video gives the shape of the path to centimetres over seconds; its scale and rotation drift. A fix is
+antenna + offset + noise (:mod:`vgps.gps.offsets`). So a node has position (3), log scale, rotation (3) of the
+video's axes, and the receiver's offset (3), and is tied to the one before it by the video's step, the drift
+and the walk of the offset. Unlike stage D this takes milliseconds, so that a fix counts as soon as it comes.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.config import Config
+from vgps.geometry import interpolate_poses
+from vgps.gps.fixes import CLASSES, Fixes
+from vgps.gps.offset_errors import between_receivers, errors_of, walk_scale
+from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+
+_NODE_S = 1.5  # longest time between nodes
+_SAME_TIME_S = 1e-6
+# Of the drift that verdicts on fixes allow for. KITTI's visual odometries rotate by 0.003 degrees per metre,
+# that is 0.1 degrees while a car moves on by a knot.
+_ROTATION_SHARE = 0.3
+_REPLACING_TURN_RAD = 0.35  # a quarter of a usual field of view replaces the features, as a knot does
+_HELD_M = 1e-3  # walk of an offset between nodes without fixes, and error of a step of the video
+# The error of a solution that is not an RTK-fix keeps the rate of its change for so long: over 8 s it grows
+# like t^0.6 to t^0.9 (four receivers of scripts.common.receivers), a random walk like t^0.5.
+_RATE_LASTS_S = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoPath:
+    """Path of a map as the video alone gives it.
+
+    Attributes:
+        t_s: (n,) times of the frames.
+        poses: (n, 4, 4) map_T_camera.
+        moving: (n,) whether the camera moved since the frame before; during a stop nothing drifts.
+    """
+
+    t_s: FloatArray
+    poses: FloatArray
+    moving: BoolArray
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return the poses at times within the path."""
+        return interpolate_poses(self.t_s, self.poses, t_s)
+
+    def since(self, t_s: float) -> "VideoPath":
+        """Return the path from a time within it on."""
+        first = int(np.searchsorted(self.t_s, t_s, side="right"))
+        begin = np.array([max(t_s, self.t_s[0])])
+        return VideoPath(
+            t_s=np.append(begin, self.t_s[first:]),
+            poses=np.concatenate([self.at(begin), self.poses[first:]]),
+            moving=np.append(False, self.moving[first:]),
+        )
+
+
+@dataclass(frozen=True)
+class VideoDrift:
+    """Standard deviations (N - 1,) of the video's errors from node to node.
+
+    Attributes:
+        scale: Change of log scale.
+        rotation: Change of rotation about each axis, radians.
+        direction: Error of the step's direction, radians.
+    """
+
+    scale: FloatArray
+    rotation: FloatArray
+    direction: FloatArray
+
+    def step_information(self, step: FloatArray) -> FloatArray:
+        """Return the information (N - 1, 3, 3) of steps (N - 1, 3): along them the scale errs, across them
+        the direction; drift between two nodes is even but for a twelfth of its variance."""
+        length = np.linalg.norm(step, axis=1)
+        unit = step / np.maximum(length, 1e-9)[:, None]
+        along = length**2 * self.scale**2 / 12.0 + _HELD_M**2
+        across = length**2 * (self.rotation**2 / 12.0 + self.direction**2) + _HELD_M**2
+        outer = unit[:, :, None] * unit[:, None, :]
+        return np.asarray(outer / along[:, None, None] + (np.eye(3) - outer) / across[:, None, None])
+
+
+def video_drift(poses: FloatArray, frames: FloatArray, config: Config) -> VideoDrift:
+    """Return the drift between poses (N, 4, 4) that lie so many moving frames (N - 1,) apart.
+
+    Features pass the scale on to those that replace them, sooner while the camera turns. A wrong focal length
+    turns the path by its share of each turn.
+    """
+    drift, knots = config.drift, np.maximum(frames, 1e-6) / config.drift.knot_frames
+    R = poses[:, :3, :3]
+    turn = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).magnitude()
+    replaced = knots + turn / _REPLACING_TURN_RAD
+    walk = _ROTATION_SHARE * np.radians(drift.rotation_sigma_deg) * np.sqrt(knots)
+    direction = np.radians(drift.rotation_sigma_deg) / np.sqrt(knots)
+    rotation = np.hypot(walk, config.intrinsics.held_focal_sigma * turn)
+    return VideoDrift(drift.scale_sigma * np.sqrt(replaced), rotation, np.minimum(direction, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeFixes:
+    """Fixes (M,) that take part.
+
+    Attributes:
+        node: (M,) node of each.
+        step: (M, 3) camera at the fix minus camera at the node, in the map.
+        arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
+        world_p_fix: (M, 3) the fixes.
+        noise_m: (M, 3) scales of Student's t, with ``tail`` (M,) degrees of freedom.
+    """
+
+    node: IntArray
+    step: FloatArray
+    arm: FloatArray
+    world_p_fix: FloatArray
+    noise_m: FloatArray
+    tail: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FusionNodes:
+    """Nodes (N,) and what ties them to each other and to the fixes.
+
+    Attributes:
+        t_s: (N,) times.
+        camera: (N, 4, 4) poses in the map.
+        drift: Errors of the video between them.
+        fixes: The fixes.
+        bound: (N, 3) square roots of the information that the offset is zero.
+        walk_m: (N, 3) scale of the offset's step to each node; infinite where it starts anew.
+        walk_tail: (N,) degrees of freedom of this step; infinite for a Gaussian.
+        starts: (N,) whether a fix there starts a new offset.
+        level: (N, 2) square roots of the information that the camera's x and z axes are level.
+    """
+
+    t_s: FloatArray
+    camera: FloatArray
+    drift: VideoDrift
+    fixes: NodeFixes
+    bound: FloatArray
+    walk_m: FloatArray
+    walk_tail: FloatArray
+    starts: BoolArray
+    level: FloatArray
+
+    def until(self, node: int) -> "FusionNodes":
+        """Return the nodes up to one, with what ties them to each other but nothing on the last itself."""
+        rows, ties = slice(0, node + 1), slice(0, node)
+        drift, fixes, last = self.drift, self.fixes, np.arange(node + 1) == node
+        kept = fixes.node < node
+        return FusionNodes(
+            t_s=self.t_s[rows],
+            camera=self.camera[rows],
+            drift=VideoDrift(drift.scale[ties], drift.rotation[ties], drift.direction[ties]),
+            fixes=NodeFixes(**{one.name: getattr(fixes, one.name)[kept] for one in fields(fixes)}),
+            bound=np.where(last[:, None], 0.0, self.bound[rows]),
+            walk_m=self.walk_m[rows],
+            walk_tail=self.walk_tail[rows],
+            starts=self.starts[rows],
+            level=np.where(last[:, None], 0.0, self.level[rows]),
+        )
+
+
+def fusion_nodes(
+    path: VideoPath, fixes: Fixes, camera_p_antenna: FloatArray, config: Config, continued: BoolArray | None
+) -> FusionNodes:
+    """Return the nodes of a path: one for each interval of fixes, others between them, and one at either end.
+
+    Args:
+        path: At least two frames.
+        fixes: Fixes within the path that take part, the time offset removed.
+        camera_p_antenna: (3,) metres.
+        config: Errors of fixes, drift, and the prior of a level camera.
+        continued: (M,) which fixes do not start an offset because earlier ones, now forgotten, did.
+    """
+    chain = chain_offsets(fixes, np.ones(len(fixes), dtype=bool), config.gps) if len(fixes) else _NO_CHAIN
+    rows = chain.rows[chain.first]
+    starts = chain.starts & ~continued[rows] if continued is not None else chain.starts
+    t_s, at = _node_times(path, fixes.t_s[rows])
+    camera = path.at(t_s)
+    frames = np.diff(np.interp(t_s, path.t_s, np.cumsum(path.moving)))
+    begins = np.zeros(len(t_s), dtype=bool)
+    begins[at] = starts
+    walk_m, tail, bound = _offset_ties(fixes.where(rows), starts, at, len(t_s), config)
+    knots = np.diff(t_s, prepend=t_s[0] - _NODE_S) / _NODE_S
+    level_rad = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg])
+    return FusionNodes(
+        t_s=t_s,
+        camera=camera,
+        drift=video_drift(camera, frames, config),
+        fixes=_node_fixes(path, fixes, camera_p_antenna, (camera, at[chain.offset]), config),
+        bound=bound,
+        walk_m=walk_m,
+        walk_tail=tail,
+        starts=begins,
+        level=np.sqrt(knots)[:, None] / level_rad,
+    )
+
+
+_NO_CHAIN = OffsetChain(
+    rows=np.zeros(0, dtype=np.int64),
+    offset=np.zeros(0, dtype=np.int64),
+    first=np.zeros(0, dtype=np.int64),
+    starts=np.zeros(0, dtype=bool),
+)
+
+
+def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the times (N,) of the nodes, and the nodes (K,) of fixes (K,)."""
+    ends = np.unique(np.concatenate([path.t_s[[0, -1]], fix_t_s]))
+    ends = ends[np.append(True, np.diff(ends) > _SAME_TIME_S)]
+    parts = np.ceil(np.diff(ends) / _NODE_S - 1e-9).astype(np.int64)
+    between = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
+    t_s = np.concatenate([*between, ends[-1:]])
+    return t_s, np.searchsorted(t_s, fix_t_s - _SAME_TIME_S)
+
+
+def _node_fixes(
+    path: VideoPath,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    nodes: tuple[FloatArray, IntArray],
+    config: Config,
+) -> NodeFixes:
+    camera, node = nodes
+    seen, errors = path.at(fixes.t_s), errors_of(fixes, config.gps)
+    return NodeFixes(
+        node=node,
+        step=seen[:, :3, 3] - camera[node, :3, 3],
+        arm=seen[:, :3, :3] @ camera_p_antenna,
+        world_p_fix=fixes.world_p_fix,
+        noise_m=np.array(
+            [[one.noise_m * ratio for ratio in (1.0, 1.0, one.vertical)] for one in errors]
+        ).reshape(-1, 3),
+        tail=np.array([one.tail for one in errors]),
+    )
+
+
+def _offset_ties(
+    first: Fixes, starts: BoolArray, at: IntArray, count: int, config: Config
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return scale (N, 3) and tail (N,) of the walk to each node, and the bound (N, 3) of its offset.
+
+    Sizes are those of the mean over receivers. A stretch is bounded once, and again for every correlation
+    time that it lasts.
+    """
+    walk_m, tail, bound = np.full((count, 3), _HELD_M), np.full(count, np.inf), np.zeros((count, 3))
+    bounded, interval_s = with_offset_regions(first, config.gps), np.diff(first.t_s, prepend=-np.inf)
+    weight = np.where(starts, 1.0, np.minimum(interval_s / bounded.correlation_s, 1.0))
+    weight[~starts & np.isinf(interval_s)] = 0.0
+    for k, errors in enumerate(errors_of(first, config.gps)):
+        spread = between_receivers(errors)
+        r_m, h_m = bounded.r_m[k] / INSIDE_PLANE, bounded.h_m[k] / INSIDE_LINE
+        bound[at[k]] = np.sqrt(weight[k]) / (spread * np.array([r_m, r_m, h_m]))
+        walk_m[at[k]] = np.inf
+        if not starts[k]:
+            lasts_s = 1.0 if CLASSES[first.fix_class[k]] is FixClass.RTK_FIX else _RATE_LASTS_S
+            since_s = interval_s[k] if np.isfinite(interval_s[k]) else 1.0
+            scale = spread * np.sqrt(lasts_s) * float(walk_scale(errors, np.array(since_s)))
+            walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors.vertical]), errors.tail
+    return walk_m, tail, bound

@@ -1,0 +1,248 @@
+"""Fusion of video and fixes beside the frames: fit and verdicts in a thread, used some frames later."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.mapping.retention import RetiredPoses
+from vgps.model import FloatArray, IntArray
+from vgps.online.fusion import FusedPath, fuse
+from vgps.online.fusion_nodes import VideoPath
+from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.smoothing.drift_correction import move_frames
+from vgps.solution import Trajectory
+
+# Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
+_FIT_FRAMES, _VERDICT_FRAMES = 1, 4
+_SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
+_AROUND_FRAMES = 15  # before and after a frame whose scale is taken
+_NO_LENGTH_M = 1e-9
+_MOST_JUDGED = 120  # newest fixes; thousands would take a second
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
+
+    ``surprising``: whether its newest fixes call for verdicts.
+    """
+
+    fused: FusedPath
+    number: IntArray
+    assessment: FixAssessment
+    surprising: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Input:
+    """What a fit starts from: the map's path, the fixes, and verdicts on earlier ones."""
+
+    path: VideoPath
+    fixes: Fixes
+    number: IntArray
+    assessment: FixAssessment
+    camera_p_antenna: FloatArray
+    last: FusedPath | None
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A fit at work that is due at a frame."""
+
+    due_frame: int
+    given: _Input
+    fit: "Future[_Fit]"
+
+
+class LiveFusion:
+    """Place of the newest map in the world by the fixes, fitted again with every fix.
+
+    The map itself follows the video alone. A fix that agrees with the path counts at once; one that surprises
+    waits some frames for a verdict, while the pose goes on with the video, which is exact over such a time.
+
+    Args:
+        frame_pipeline: Stages A to C, without fixes in stage C.
+        config: Settings, with the GPS model in use.
+    """
+
+    def __init__(self, frame_pipeline: FramePipeline, config: Config) -> None:
+        self._frame_pipeline, self._config = frame_pipeline, config
+        self._map: LocalMap | None = None
+        self._fused: FusedPath | None = None
+        self._job: _Job | None = None
+        self._latest: _Fit | None = None
+        self._seen = (0, 0)  # frames and fixes of the last fit
+
+    def refine(self) -> None:
+        """Use a fit that is due, and begin the next one if there are new fixes or many new frames."""
+        pipeline, current = self._frame_pipeline, self._frame_pipeline.current
+        if current is not self._map:
+            self._map, self._fused, self._job, self._latest = current, None, None, None
+        if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
+            self._take()
+        if self._latest is not None:  # stage C hands back the verdicts that it began with
+            pipeline.fix_buffer.update_assessment(self._latest.number, self._latest.assessment)
+        if current is None or not current.aligned or self._job is not None:
+            return
+        if self._fused is None:
+            self._begin(current)
+            self._finish()
+        elif self._is_due():
+            self._begin(current)
+
+    def fuse_all(self) -> None:
+        """Fit all that has come, and wait for it."""
+        self._finish()
+        current = self._frame_pipeline.current
+        if current is not None and current is self._map and current.aligned:
+            self._begin(current)
+            self._finish()
+
+    def _finish(self) -> None:
+        """Wait for fit and verdicts."""
+        while self._job is not None:
+            self._take()
+
+    def _take(self) -> None:
+        """Wait for the fit at work, and use it or ask for verdicts; a failed one changes nothing."""
+        assert self._job is not None
+        given, future, self._job = self._job.given, self._job.fit, None
+        try:
+            fit = future.result()
+        except np.linalg.LinAlgError as error:
+            self._frame_pipeline.warnings.append(f"the fixes could not be fused with the video: {error}")
+            return
+        if fit.surprising:
+            self._start(_fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
+            return
+        self._latest, self._fused = fit, fit.fused
+        self._frame_pipeline.fix_buffer.update_assessment(fit.number, fit.assessment)
+        self._scale_odometry()
+
+    def _scale_odometry(self) -> None:
+        """Give the map's odometry the scale of the world, which the estimate of the time offset needs."""
+        if self._map is not None and self._fused is not None:
+            path = self._path(self._map)
+            steps = self._fused.scale(path)[1:, None] * np.diff(path.poses[:, :3, 3], axis=0)
+            odometry = (path.poses[:-1, :3, :3].transpose(0, 2, 1) @ steps[:, :, None])[:, :, 0]
+            first = self._map.next_frame - len(odometry)
+            self._map.apply(MapUpdate(first_frame=first, odometry=odometry))
+
+    def place_map(self, world_T_camera: FloatArray) -> None:
+        """Put the newest map into the world, after the last frame.
+
+        Args:
+            world_T_camera: (F, 4, 4) the poses of all frames.
+        """
+        if self._map is None or self._fused is None:
+            return
+        moved = world_T_camera[self._map.first_posed : self._map.next_frame]
+        if np.isfinite(moved[:, 0, 0]).all():
+            poses = self._map.poses[-len(moved) :]
+            scale = _length_around(moved) / np.maximum(_length_around(poses), _NO_LENGTH_M)
+            self._map.apply(move_frames(self._map, moved, scale))
+
+    def _start(self, work: Callable[[_Input, Config], _Fit], given: _Input, frames: int) -> None:
+        executor = ThreadPoolExecutor(1)
+        future = executor.submit(work, given, self._config)
+        executor.shutdown(wait=False)
+        self._job = _Job(len(self._frame_pipeline.t_s) + frames, given, future)
+
+    def to_world(self, current: LocalMap | None) -> Similarity | None:
+        """Return the similarity from the newest map to the world at its end; None before the first fit."""
+        if self._fused is None or current is None or current is not self._map:
+            return None
+        return self._fused.to_world(self._path(current))
+
+    def sigmas(self) -> Sigmas:
+        """Return the standard deviations of the newest frame's pose; NaN before the first fit."""
+        if self._fused is None or self._map is None:
+            return UNKNOWN_SIGMAS
+        covariance = self._fused.covariance_at_end(self._path(self._map), self._config)
+        away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
+        return pose_sigmas(covariance, away_s, self._config.motion)
+
+    def world_path(self) -> RetiredPoses | None:
+        """Return the fused poses of the newest map over the last ``online.keep_s``; None before a fit."""
+        if self._fused is None or self._map is None:
+            return None
+        poses = self._fused.world_T_camera(self._path(self._map))
+        return RetiredPoses(self._map.next_frame - len(poses), poses, True, self._map.bridged)
+
+    def _is_due(self) -> bool:
+        frames, fixes = self._seen
+        return self._fix_count() != fixes or len(self._frame_pipeline.t_s) >= (
+            frames + self._config.window.every_frames
+        )
+
+    def _fix_count(self) -> int:
+        """Return how many fixes have come for frames so far."""
+        fix_buffer, t_s = self._frame_pipeline.fix_buffer, self._frame_pipeline.t_s
+        return int(fix_buffer.number[fix_buffer.fixes.t_s <= t_s[-1]].max(initial=-1)) + 1
+
+    def _path(self, current: LocalMap) -> VideoPath:
+        since_s = max(current.t_s[-1] - self._config.online.keep_s, current.t_s[0])
+        first = max(current.first_posed - current.first_frame, int(np.searchsorted(current.t_s, since_s)))
+        frames = current.first_frame + np.arange(first, len(current.t_s))
+        standing = np.array([motion.frame for motion in current.zero_motions], dtype=np.int64)
+        return VideoPath(
+            t_s=current.t_s[first:], poses=current.poses[first:], moving=~np.isin(frames, standing)
+        )
+
+    def _begin(self, current: LocalMap) -> None:
+        pipeline, path = self._frame_pipeline, self._path(current)
+        fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
+        fixes = fix_buffer.fixes.without_time_offset(sensors.time_offset_s)
+        rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
+        given = _Input(
+            path=VideoPath(t_s=path.t_s.copy(), poses=path.poses.copy(), moving=path.moving),
+            fixes=fixes.where(rows),
+            number=fix_buffer.number[rows],
+            assessment=fix_buffer.assessment.where(rows),
+            camera_p_antenna=sensors.prior_antenna,
+            last=self._fused,
+        )
+        self._seen = len(pipeline.t_s), self._fix_count()
+        self._start(_fit, given, _FIT_FRAMES)
+
+
+def _fit(given: _Input, config: Config) -> _Fit:
+    """Return the fit to all fixes but those rejected before."""
+    fixes = given.assessment.applied(given.fixes)
+    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last)
+    surprising = detects_outliers(config) and (
+        given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
+    )
+    return _Fit(fused, given.number, given.assessment, surprising)
+
+
+def _fit_with_verdicts(given: _Input, config: Config) -> _Fit:
+    """Return verdicts on the newest fixes along the last fit, and the fit to those that take part."""
+    path, last = given.path, given.last
+    poses = path.poses if last is None else last.world_T_camera(path)
+    judged = given.fixes.t_s >= np.sort(given.fixes.t_s)[-_MOST_JUDGED:].min(initial=np.inf)
+    seen = path.t_s >= given.fixes.t_s[judged].min(initial=np.inf) - 1.0
+    whole = Trajectory(path.t_s[seen], poses[seen])
+    assessment = given.assessment
+    if len(whole) >= 2:
+        fixes = replace(given.fixes, used=given.fixes.used & judged)
+        found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
+        assessment = assessment.updated(found)
+    fixes = assessment.applied(given.fixes)
+    return _Fit(fuse(path, fixes, given.camera_p_antenna, config, last), given.number, assessment)
+
+
+def _length_around(poses: FloatArray) -> FloatArray:
+    """Return the length (n,) of the path (n, 4, 4) some frames before and after each frame."""
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    length, row = np.append(0.0, np.cumsum(steps)), np.arange(len(poses))
+    last = np.minimum(row + _AROUND_FRAMES, len(poses) - 1)
+    return np.asarray(length[last] - length[np.maximum(row - _AROUND_FRAMES, 0)])
