@@ -1,6 +1,7 @@
 """Logs of flights and receivers: bytes made after the specifications, positions as they were written."""
 
 import sys
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -48,6 +49,36 @@ def test_positions_times_and_classes(tmp_path, name):
     np.testing.assert_allclose(log.longitude_deg, expected[:, 1], atol=1e-5 if coarse else 1e-7)
     np.testing.assert_allclose(log.height_m - added, expected[:, 2], atol=0.51 if coarse else 0.1)
     assert set(log.fix_class) == {kind}
+
+
+def test_fit_as_garmin_writes_it(tmp_path):
+    from garmin_fit_sdk import Encoder, Profile
+
+    number, encoder = Profile["mesg_num"]["RECORD"], Encoder()
+    for k, (latitude, longitude, altitude) in enumerate(FIX):
+        semicircles = [round(angle * 2**31 / 180) for angle in (latitude, longitude)]
+        place = dict(zip(("position_lat", "position_long"), semicircles, strict=True))
+        when = datetime.fromtimestamp(UNIX_S + k, UTC)
+        encoder.write_mesg(
+            {"mesg_num": number, "timestamp": when, **place, "enhanced_altitude": altitude, "gps_accuracy": 3}
+        )
+    log = read(tmp_path, bytes(encoder.close()))
+    assert gps_format(tmp_path / "gps.log") == "fit" and log.skipped[0].startswith(
+        "heights are above the sea"
+    )
+    np.testing.assert_allclose(log.latitude_deg, np.array(FIX)[:, 0], atol=1e-7)
+    np.testing.assert_allclose(log.height_m - GEOID_M, np.array(FIX)[:, 2], atol=0.1)
+    np.testing.assert_allclose(log.sigma_m[:, 0], 3 / np.sqrt(2))
+
+
+def test_ulog_as_pyulog_writes_it(tmp_path):
+    from pyulog import ULog
+
+    (tmp_path / "made.ulg").write_bytes(ulog())
+    ULog(str(tmp_path / "made.ulg")).write_ulog(str(tmp_path / "again.ulg"))
+    found, again = (read_gps_log(tmp_path / f"{name}.ulg") for name in ("made", "again"))
+    np.testing.assert_array_equal(again.latitude_deg, found.latitude_deg)
+    np.testing.assert_array_equal(again.sigma_m, found.sigma_m)
 
 
 def test_times_are_utc(tmp_path):
