@@ -1,8 +1,9 @@
 """Is a live pose better than the fixes, and how much worse than offline?
 
 Recorded logs run through `vgps online` as fast as it goes. The error is that of each pose as it came, against
-the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or within a tenth
-of that of the fixes' offsets. NEES is the squared error over the stated variances, 3 on average if these are honest.
+the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or within
+a tenth of that of the offsets of fixes. NEES is the squared error over the stated variances, 3 if they
+are honest.
 """
 
 import argparse
