@@ -12,6 +12,7 @@ import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.evaluation import evaluate
 from vgps.pipeline.camera_refinement import moved_far
+from vgps.pipeline.gyro_agreement import rotation_ratio
 from vgps.readers.calibration import read_camera
 from vgps.readers.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
@@ -71,6 +72,9 @@ def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path,
     inside = np.linspace(0.0, t_s[-1], 500)
     driven_m = np.trapezoid(np.interp(inside, at_s, speeds[:, 0]), inside)
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(driven_m, rel=0.05)
+    if name == "gopro_walk":  # its picture's rotations are recorded (CORI, IORI)
+        ratio = rotation_ratio(solution, vgps.open_recording(tmp_path / name))
+        assert ratio is not None and ratio.value == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.slow

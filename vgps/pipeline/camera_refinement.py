@@ -19,6 +19,7 @@ from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Solution
 
 _MIN_VIEWS = 20  # that are left to estimate a calibration from
+_MEASURED = 0.02  # a focal length known to this share is no assumption
 _SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
 _PARAMETERS = {"focal": "focal length", "cx": "centre x", "cy": "centre y", "k1": "k1", "k2": "k2"}
 
@@ -103,10 +104,12 @@ def _notes(refined: RefinedCamera, guess: CameraGuess) -> tuple[str, str]:
     """Return what was assumed of a camera; and what the video shows of it, and what it does not."""
     prior = dict(zip(_PARAMETERS, guess.sigmas.tolist(), strict=True))
     held = [name for key, name in _PARAMETERS.items() if refined.sigma[key] > _SHOWN_SHARE * prior[key]]
+    if prior["focal"] < _MEASURED and "focal length" in held:
+        held.remove("focal length")  # it was measured, not assumed
     shown = "the motion shows all of it"
     if held:
         shown = f"the motion does not show {', '.join(held)}, held near what was assumed"
-    assumed = f"no camera.yaml: {guess.source}, its focal length uncertain by {guess.focal_sigma:.0%}"
+    assumed = f"no camera.yaml: {guess.source}, uncertain by {100 * guess.focal_sigma:.2g} %"
     return assumed, f"{refined.note(guess.camera)}; {shown}; camera.yaml in the run folder has the result"
 
 

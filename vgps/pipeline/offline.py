@@ -13,6 +13,7 @@ from vgps.model import Recording
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
+from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.readout_estimation import optimise_readout, with_readout
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -42,9 +43,11 @@ def smooth(
     config, progress = config or Config(), progress or NoProgress()
     recording = with_found_camera(recording, config, progress)
     solution = _smoothed(recording, config, progress, checkpoint)
-    if recording.guesses and moved_far(solution.camera, recording.camera, config):
-        return _smoothed(replace(recording, camera=solution.camera), config, progress, None)
-    return solution
+    if recording.guesses:
+        better = with_gyro_focal(recording, solution)
+        if moved_far(better.camera, recording.camera, config):
+            solution = _smoothed(better, config, progress, None)
+    return with_gyro_note(solution, recording)
 
 
 def _smoothed(
