@@ -102,7 +102,7 @@ class FixTable:
 
 @dataclass(frozen=True)
 class SensorReport:
-    """Estimates of the GPS's time offset and lever arm, and of the camera's calibration.
+    """Estimates of the GPS's time offset, lever arm and errors, and of the camera's calibration.
 
     Attributes:
         time_offset_s: By which the positions are older than their time stamps.
@@ -110,12 +110,14 @@ class SensorReport:
         antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
             empty if it was not refined.
+        fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
     """
 
     time_offset_s: float
     time_offset_sigma_s: float
     antenna_sigma_m: tuple[float, float, float]
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
+    fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -88,8 +88,12 @@ class OffsetErrors(SettingsModel):
     """Standard deviation of the log of this size between receivers."""
     noise_m: PositiveFloat = 0.02
     """Scale of the noise about the offset, on each horizontal axis."""
+    noise_spread: PositiveFloat = 1.1
+    """Standard deviation of the log of the noise between receivers."""
     walk_m: PositiveFloat = 0.07
     """Scale of the offset's steps over one second, on each horizontal axis."""
+    walk_spread: PositiveFloat = 1.1
+    """Standard deviation of the log of the walk between receivers."""
     tail: PositiveFloat = 3.0
     """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""
     vertical: PositiveFloat = 2.2
@@ -98,7 +102,7 @@ class OffsetErrors(SettingsModel):
 
 def _default_offsets() -> dict[FixClass, OffsetErrors]:
     fixed = {"noise_m": 0.004, "walk_m": 0.002, "between_receivers": 0.3}
-    floating = {"noise_m": 0.01, "walk_m": 0.06, "tail": 1.0}
+    floating = {"noise_m": 0.0025, "noise_spread": 1.5, "walk_m": 0.006, "walk_spread": 2.2, "tail": 1.1}
     return {
         FixClass.RTK_FIX: OffsetErrors(r_m=0.025, h_m=0.045, **fixed),
         FixClass.RTK_FLOAT: OffsetErrors(r_m=1.0, h_m=2.2, **floating),
@@ -127,6 +131,12 @@ class MemoryConfig(SettingsModel):
     stated_spread: PositiveFloat = 1.85
     """Standard deviation of the log of that factor between receivers: stated sigmas are weighed, not
     believed."""
+    learn: bool = True
+    """Learn noise and walk of each class but RTK-fix from the recording, with the classes as priors."""
+    path_share: PositiveFloat = 0.003
+    """Error of the video's path from one fix to the next, as a share of the distance."""
+    path_spread: PositiveFloat = 0.7
+    """Standard deviation of the log of this share between recordings."""
     own_spread: PositiveFloat = 0.3
     """Standard deviation of the log of a region that is not the default one: a survey of this receiver."""
     classes: dict[FixClass, OffsetErrors] = Field(default_factory=_default_offsets)
@@ -199,6 +209,11 @@ class GpsConfig(SettingsModel):
     def has_memory(self) -> bool:
         """Whether errors are modelled as offsets with memory; the baselines are without."""
         return self.error_model == "memory" and self.model in {"cylinder", "ellipsoid"}
+
+    @property
+    def learns(self) -> bool:
+        """Whether noise and walk are learned from the recording."""
+        return self.has_memory and self.memory.learn
 
     @property
     def exponent(self) -> int:

@@ -17,7 +17,7 @@ from scipy.special import ndtr, stdtrit
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
 
 _MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
@@ -102,8 +102,10 @@ def neighbour_pairs(
         config: Selection and comparison of pairs.
     """
     t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
-    inside = fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach)
-    return NeighbourPairs(path, fixes.where(inside), camera_p_antenna, config)
+    searched = fixes.where(fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach))
+    equal = np.isclose(np.diff(searched.r_m), 0.0)
+    rows = np.flatnonzero(equal & (np.diff(searched.t_s) <= config.max_pair_s))
+    return NeighbourPairs(path, searched, camera_p_antenna, rows, config)
 
 
 def best_time_offset(pairs: "NeighbourPairs", prior: TimeOffset) -> TimeOffset:
@@ -128,19 +130,22 @@ def best_time_offset(pairs: "NeighbourPairs", prior: TimeOffset) -> TimeOffset:
 
 
 class NeighbourPairs:
-    """Pairs of successive fixes with equal regions.
+    """Pairs of successive fixes; ``rows`` (n,) are the first of each.
 
     Horizontal displacements are complex numbers, so that a complex factor rotates and scales them.
     """
 
     def __init__(
-        self, path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: TimeOffsetConfig
+        self,
+        path: Trajectory,
+        fixes: Fixes,
+        camera_p_antenna: FloatArray,
+        rows: IntArray,
+        config: TimeOffsetConfig,
     ) -> None:
         self.config = config
-        self._path, self._fixes, self._antenna = path, fixes, camera_p_antenna
+        self._path, self._fixes, self._antenna, self._rows = path, fixes, camera_p_antenna, rows
         t_s = path.t_s
-        equal = np.isclose(np.diff(fixes.r_m), 0.0)
-        self._rows = np.flatnonzero(equal & (np.diff(fixes.t_s) <= config.max_pair_s))
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
         at_s = fixes.t_s[self._rows]
@@ -156,6 +161,16 @@ class NeighbourPairs:
     def degrees_of_freedom(self) -> int:
         """Number of residuals minus that of the factors' parameters and the time offset."""
         return 2 * self.count - 2 * int(self._knot_weight.shape[1]) - 1
+
+    @property
+    def interval_s(self) -> FloatArray:
+        """(n,) times from one fix of a pair to the other."""
+        return np.asarray(np.diff(self._fixes.t_s)[self._rows])
+
+    @property
+    def length_m(self) -> FloatArray:
+        """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
+        return np.abs(self._camera_displacement(0.0))
 
     def difference(self, time_offset_s: float) -> FloatArray:
         """Return the lengths (n,) of the differences, metres."""

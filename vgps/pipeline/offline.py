@@ -115,7 +115,10 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         gps=recording.gps,
         fixes=_fix_table(front_end, batch, config),
         sensors=SensorReport(
-            sensors.time_offset_s, float(batch.time_offset_sigma_s[0]), tuple(batch.antenna_sigma_m.tolist())
+            sensors.time_offset_s,
+            float(batch.time_offset_sigma_s[0]),
+            tuple(batch.antenna_sigma_m.tolist()),
+            fix_errors={str(name): vars(errors) for name, errors in batch.errors.items()},
         ),
         report=batch.report,
         seconds=front_end.seconds,

@@ -108,6 +108,7 @@ class _Sensors(BaseModel):
     lag_sigma_s: FiniteFloat | None
     antenna_sigma_m: tuple[FiniteFloat | None, FiniteFloat | None, FiniteFloat | None]
     camera_sigma: dict[str, FiniteFloat | None] = {}
+    fix_errors: dict[str, dict[str, FiniteFloat]] = {}
 
 
 class _Cost(BaseModel):

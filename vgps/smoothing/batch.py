@@ -1,5 +1,6 @@
 """Stage D, Kume 2010: batch optimisation of all poses and features by Levenberg-Marquardt."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,11 +10,12 @@ from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
 from vgps.imu.states import ImuStates
-from vgps.model import BoolArray, FloatArray
+from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
 from vgps.smoothing.context import SmoothingContext
@@ -40,7 +42,7 @@ def optimise_batch(
 
     Between rounds, observations are selected and fixes assessed again, features without a valid position are
     triangulated again (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS
-    walls in stages.
+    walls in stages; the noise and the walk of the fixes' errors are learned from its path.
 
     Args:
         scene: All frames, posed, and all features with their observations.
@@ -55,12 +57,14 @@ def optimise_batch(
     """
     config = context.config
     assessment = assessment or FixAssessment.unassessed(len(fixes))
-    state = _State(scene, sensors, assessment, context, start_imu(scene, context))
     rounds, iterations = config.batch.rounds, 0
+    errors = largest_errors(config.gps) if rounds > 1 else {}
+    state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
     time_offset_warnings: tuple[str, ...] = ()
     for round_ in range(rounds):
         if round_ == 1:  # before the first round, seams between merged maps look like time offsets
             state, time_offset_warnings = _with_time_offset(state, fixes)
+            state = replace(state, errors=_learned(state, fixes, config))
         for n in exponent_schedule(config.gps.exponent) if round_ == 0 else [config.gps.exponent]:
             solved = _solve_round(state, fixes, fixed, _Round(round_ == 0, round_ == rounds - 1, n))
             state = state.after(solved.result)
@@ -84,12 +88,17 @@ class _Round:
 
 @dataclass(frozen=True)
 class _State:
-    """State after the rounds so far; the settings in ``context`` include the current weight of the video."""
+    """State after the rounds so far.
+
+    The settings in ``context`` include the current weight of the video; ``errors`` replace those of the
+    classes.
+    """
 
     scene: Scene
     sensors: Sensors
     assessment: FixAssessment
     context: SmoothingContext
+    errors: Mapping[FixClass, LearnedErrors]
     imu: ImuStates | None = None
 
     def after(self, result: BundleResult) -> "_State":
@@ -112,6 +121,11 @@ def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, .
     return replace(state, sensors=sensors), warnings
 
 
+def _learned(state: _State, fixes: Fixes, config: Config) -> dict[FixClass, LearnedErrors]:
+    """Return noise and walk of the classes, learned from the path of the first round."""
+    return learn_errors(state.usable(fixes), state.scene.trajectory, state.sensors.camera_p_antenna, config)
+
+
 def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _Round) -> BatchSolution:
     """Build and solve the problem of a round."""
     context, batch = state.context, state.context.config.batch
@@ -129,6 +143,7 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
         sensors=sensors,
         fixed=fixed,
         context=context,
+        errors=state.errors,
         imu=state.imu,
     )
     built = batch_problem(given, round_.n)
@@ -155,7 +170,7 @@ def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: Smoothin
     )
     batch = given.config.batch.model_copy(update={"video_sigma_scale": scale})
     weighted = replace(given, config=given.config.model_copy(update={"batch": batch}))
-    return _State(scene, state.sensors, assessment, weighted, state.imu)
+    return replace(state, scene=scene, assessment=assessment, context=weighted)
 
 
 def _assess(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> FixAssessment:

@@ -1,16 +1,18 @@
 """The problem of a round of stage D, built from plain data: by stage D itself, and again from a run."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
 
 from vgps.gps.fixes import Fixes
+from vgps.gps.learned_errors import LearnedErrors, with_errors
 from vgps.gps.offsets import GpsTerm, gps_term, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.imu.factors import imu_graph
 from vgps.imu.states import ImuStates
-from vgps.model import BoolArray, FloatArray
+from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors
 from vgps.smoothing.factor_graph import Scene, build_problem, joined, other_pose_factors
@@ -40,6 +42,7 @@ class BatchInput:
     sensors: Sensors
     fixed: BoolArray | None
     context: SmoothingContext
+    errors: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)
     imu: ImuStates | None = None
 
 
@@ -66,7 +69,8 @@ def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
         n: Exponent of the GPS walls, if not the configured one.
     """
     scene, sensors, context = given.scene, given.sensors, given.context
-    term = gps_term(given.fixes, scene.trajectory, sensors, context.config.gps, n)
+    config = with_errors(context.config.gps, given.errors)
+    term = gps_term(given.fixes, scene.trajectory, sensors, config, n)
     others = other_pose_factors(scene, sensors, context.config, given.imu)
     others.push_back(control_factors(scene.controls, given.control_sigma_px, context.K))
     states = _offset_states(term)

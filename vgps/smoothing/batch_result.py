@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.errors import GeometryError
+from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
-from vgps.model import FloatArray
+from vgps.model import FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
@@ -43,6 +44,7 @@ class BatchResult:
         report: Cost per term before and after, iterations, reason for stopping.
         warnings: Warnings for the user.
         problem: The last problem at its optimum.
+        errors: Noise and walk of the fix classes that were learned from the recording.
         graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.run_graph`).
     """
 
@@ -58,6 +60,7 @@ class BatchResult:
     report: SolverReport
     warnings: tuple[str, ...]
     problem: BundleProblem
+    errors: Mapping[FixClass, LearnedErrors]
     graph: Mapping[str, npt.NDArray[Any]]
 
     @property
@@ -110,6 +113,7 @@ def batch_result(
         report=report,
         warnings=warnings,
         problem=after,
+        errors=solved.given.errors,
         graph=graph_arrays(solved.given, after),
     )
 

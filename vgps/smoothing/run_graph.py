@@ -15,12 +15,14 @@ import numpy.typing as npt
 from vgps.config import Config
 from vgps.errors import RunFolderError
 from vgps.gps.fixes import CLASSES, Fixes
+from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
 from vgps.imu.camera_imu import CameraImu
 from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
+from vgps.model import FixClass
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.context import SmoothingContext
@@ -32,6 +34,7 @@ from vgps.solver.problem import BundleProblem
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 _TOLERANCE = 1e-6  # relative, between the graph's error and the cost that the run reports
+_LEARNED = [column.name for column in fields(LearnedErrors)]
 _REMEDY = "run vgps smooth again"
 
 
@@ -110,6 +113,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         "prior_antenna": np.array(sensors.prior_antenna),
         "prior_antenna_sigma_m": np.array(sensors.antenna_sigma_m),
         **_fix_arrays(given.fixes),
+        **_error_arrays(given.errors),
         **_zero_motion_arrays(given.scene.zero_motions),
         **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
         "controls.sigma_px": given.control_sigma_px,
@@ -148,6 +152,7 @@ def _input(solution: Solution, graph: Arrays) -> BatchInput:
         sensors=_sensors(solution, graph),
         fixed=graph["held"],
         context=SmoothingContext(solution.camera, config, imu=_imu(graph)),
+        errors=_errors(graph),
         imu=ImuStates(**_of(graph, "knots", ImuStates)) if "knots.frame" in graph else None,
     )
 
@@ -217,6 +222,20 @@ def _fixes(graph: Arrays) -> Fixes:
     numbers = [words.index(word) for word in columns["fix_class"].tolist()]
     columns["fix_class"] = np.array(numbers, dtype=np.int64)
     return Fixes(**columns, lower_r_m=unknown[:, 0], lower_h_m=unknown[:, 1], lower_shape=unknown)
+
+
+def _error_arrays(errors: Mapping[FixClass, LearnedErrors]) -> dict[str, npt.NDArray[Any]]:
+    columns = {
+        f"errors.{name}": np.array([getattr(one, name) for one in errors.values()]) for name in _LEARNED
+    }
+    return {"errors.fix_class": np.array([str(name) for name in errors], dtype=np.str_), **columns}
+
+
+def _errors(graph: Arrays) -> dict[FixClass, LearnedErrors]:
+    """Return noise and walk of the classes that were learned; runs before had none."""
+    names = graph.get("errors.fix_class", np.zeros(0, dtype=np.str_)).tolist()
+    columns = [graph[f"errors.{column}"].tolist() for column in _LEARNED] if names else [[], []]
+    return {FixClass(name): LearnedErrors(*row) for name, *row in zip(names, *columns, strict=True)}
 
 
 def _zero_motion_arrays(zero_motions: tuple[ZeroMotion, ...]) -> dict[str, npt.NDArray[Any]]:

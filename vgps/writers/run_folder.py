@@ -120,6 +120,7 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
         "lag_sigma_s": report.time_offset_sigma_s,
         "antenna_sigma_m": report.antenna_sigma_m,
         "camera_sigma": report.camera_sigma,
+        "fix_errors": report.fix_errors,
     }
 
 

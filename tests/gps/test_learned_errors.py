@@ -1,0 +1,96 @@
+"""Noise and walk of fixes are found from their displacements against those of the path."""
+
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_of_size, path, trajectory
+
+from vgps.config import Config
+from vgps.gps.fixes import CLASSES
+from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors, with_errors
+from vgps.model import FixClass
+
+CONFIG = Config()
+FLOAT, DGPS = FixClass.RTK_FLOAT, FixClass.DGPS
+FRAMES_S = 0.1 * np.arange(1200)
+TRUE_PATH = trajectory(path(FRAMES_S), FRAMES_S)
+
+
+def log(walk_m, noise_m, fix_class=DGPS, interval_s=1.0, seed=0, duration_s=115.0):
+    """Fixes 5 m off, whose errors walk by the class's Student's t, with noise of the same kind."""
+    rng, t_s = np.random.default_rng(seed), np.arange(0.05, duration_s, interval_s)
+    tail = CONFIG.gps.offset_errors(fix_class).tail
+    # the sum of n steps of finite variance is n^(1/2) as long
+    steps = walk_m * np.sqrt(interval_s) * rng.standard_t(tail, (len(t_s), 3))
+    error = 5.0 + np.cumsum(steps, axis=0) + noise_m * rng.standard_t(tail, (len(t_s), 3))
+    return fixes_with(t_s, path(t_s) + error, fix_class)
+
+
+def fixes_with(t_s, world_p_fix, fix_class):
+    region = CONFIG.gps.regions[fix_class]
+    return fixes_of_size(
+        t_s,
+        world_p_fix,
+        np.full(len(t_s), region.r_m),
+        np.full(len(t_s), region.h_m),
+        correlation_s=np.full(len(t_s), region.correlation_s),
+        fix_class=np.full(len(t_s), CLASSES.index(fix_class)),
+    )
+
+
+def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):
+    return learn_errors(fixes, camera_path, np.zeros(3), config)
+
+
+@pytest.mark.parametrize("walk_m", [0.03, 0.1, 0.4])
+def test_the_walk_of_a_receiver_is_found(walk_m):
+    found = [learned(log(walk_m, 0.005, seed=seed))[DGPS].walk_m for seed in range(5)]
+    # the smallest could in part be errors of the video, 1.5 cm over the 5 m between two fixes
+    assert 0.6 < np.median(found) / walk_m < 1.3
+
+
+@pytest.mark.parametrize("noise_m", [0.03, 0.15])
+def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
+    found = [learned(log(0.05, noise_m, interval_s=0.2, seed=seed))[DGPS] for seed in range(5)]
+    assert 0.75 < np.median([one.noise_m for one in found]) / noise_m < 1.3
+    assert 0.5 < np.median([one.walk_m for one in found]) / 0.05 < 2.0
+
+
+def test_errors_below_those_of_the_video_are_only_known_to_be_small():
+    sway = 0.05 * np.sin(FRAMES_S / 0.9)[:, None]
+    found = learned(log(1e-4, 1e-4, FLOAT), trajectory(path(FRAMES_S) + sway, FRAMES_S))[FLOAT]
+    assert found.walk_m < 0.05
+
+
+def test_a_wrong_scale_and_heading_of_the_path_are_no_walk():
+    turned = path(FRAMES_S) * 1.02
+    turned[:, :2] = turned[:, :2] @ [[np.cos(0.02), np.sin(0.02)], [-np.sin(0.02), np.cos(0.02)]]
+    exact, found = (learned(log(0.05, 0.005), p)[DGPS] for p in (TRUE_PATH, trajectory(turned, FRAMES_S)))
+    assert found.walk_m == pytest.approx(exact.walk_m, rel=0.05)
+
+
+def test_few_fixes_and_rtk_fixes_keep_the_constants_of_their_class():
+    assert learned(log(0.1, 0.01, duration_s=4.0)) == {}
+    assert learned(log(0.1, 0.01, FixClass.RTK_FIX)) == {}
+
+
+def test_nothing_is_learned_of_independent_errors_or_if_the_settings_say_so():
+    independent = CONFIG.gps.model_copy(update={"error_model": "independent"})
+    kept = CONFIG.gps.model_copy(update={"memory": CONFIG.gps.memory.model_copy(update={"learn": False})})
+    for gps in (independent, kept):
+        config = CONFIG.model_copy(update={"gps": gps})
+        assert learned(log(0.1, 0.01), config=config) == {} == largest_errors(gps)
+
+
+def test_the_largest_errors_are_three_spreads_above_the_class():
+    errors = CONFIG.gps.memory.classes[FLOAT]
+    largest = largest_errors(CONFIG.gps)[FLOAT]
+    assert largest.walk_m == pytest.approx(errors.walk_m * np.exp(3 * errors.walk_spread))
+    assert largest.noise_m == pytest.approx(errors.noise_m * np.exp(3 * errors.noise_spread))
+    assert FixClass.RTK_FIX not in largest_errors(CONFIG.gps)
+
+
+def test_learned_errors_replace_those_of_their_class_alone():
+    gps = with_errors(CONFIG.gps, {FLOAT: LearnedErrors(0.2, 0.3)})
+    found = gps.offset_errors(FLOAT)
+    assert (found.noise_m, found.walk_m, found.tail) == (0.2, 0.3, CONFIG.gps.offset_errors(FLOAT).tail)
+    assert gps.offset_errors(DGPS) == CONFIG.gps.offset_errors(DGPS)

@@ -1,0 +1,158 @@
+"""Noise and walk of the fix classes, learned from the recording itself.
+
+From one fix to the next, the displacement of the fixes differs from that of the antenna by the noise and
+the walk of their error, and by the error of the video, a small share of the distance. Receivers differ by
+orders of magnitude in how their errors walk, so the constants of a class are only a prior: its posterior
+over a grid gives the constants for this log.
+
+A path that was bent to follow such fixes differs little from them, whatever their error is. So the first
+solution takes the errors to be as large as those of any receiver (:func:`largest_errors`), and RTK-fixes keep
+the constants of their class, since every path follows them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vgps.config import Config, GpsConfig
+from vgps.config.gps import OffsetErrors
+from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes
+from vgps.gps.offset_errors import walk_scale
+from vgps.gps.offsets import chain_offsets
+from vgps.gps.time_offset import NeighbourPairs
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+from vgps.solution import Trajectory
+
+_LARGEST_SIGMAS = 3.0  # of the spread between receivers
+_SPAN_SIGMAS = 3.0  # of the priors, covered by the grid
+_LAGS_S = (0.0, 1.0, 3.0)  # noise shows in neighbours, the walk in how differences grow
+_MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
+_WALKS, _NOISES, _SHARES = 25, 25, 7  # values of the grid
+
+
+@dataclass(frozen=True)
+class LearnedErrors:
+    """Noise and walk of a class in one log, as in :class:`~vgps.config.gps.OffsetErrors`."""
+
+    noise_m: float
+    walk_m: float
+
+
+class _Pairs(NamedTuple):
+    """Pairs (n,) of fixes: difference of displacements [m], interval [s], distance of the camera [m]."""
+
+    difference_m: FloatArray
+    interval_s: FloatArray
+    length_m: FloatArray
+
+
+def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
+    """Return noise and walk as large as those of any receiver, of all classes but RTK-fix."""
+    return {
+        name: LearnedErrors(
+            errors.noise_m * float(np.exp(_LARGEST_SIGMAS * errors.noise_spread)),
+            errors.walk_m * float(np.exp(_LARGEST_SIGMAS * errors.walk_spread)),
+        )
+        for name, errors in config.memory.classes.items()
+        if config.learns and name is not FixClass.RTK_FIX
+    }
+
+
+def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) -> GpsConfig:
+    """Return settings with the learned noise and walk of some classes."""
+    classes = {
+        name: config.offset_errors(name).model_copy(update=vars(errors)) for name, errors in learned.items()
+    }
+    memory = config.memory.model_copy(update={"classes": {**config.memory.classes, **classes}})
+    return config.model_copy(update={"memory": memory})
+
+
+def learn_errors(
+    fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray, config: Config
+) -> dict[FixClass, LearnedErrors]:
+    """Return noise and walk of the classes of a log that has enough fixes of them, RTK-fixes left out.
+
+    Args:
+        fixes: Fixes with their verdicts applied and their time offset removed.
+        path: The path, fitted with :func:`largest_errors`.
+        camera_p_antenna: (3,) metres.
+        config: Priors of the classes, and how displacements are compared.
+    """
+    contributing = contributing_fixes(fixes, path.t_s, config.gps)
+    learned = {}
+    for k in np.unique(fixes.fix_class[contributing]).tolist():
+        if not config.gps.learns or CLASSES[k] is FixClass.RTK_FIX:
+            continue
+        own = contributing & (fixes.fix_class == k)
+        pairs = _pairs_of_class(fixes, own, path, camera_p_antenna, config)
+        if pairs is not None:
+            learned[CLASSES[k]] = _posterior(pairs, config.gps.offset_errors(CLASSES[k]), config.gps)
+    return learned
+
+
+def _pairs_of_class(
+    fixes: Fixes, own: BoolArray, path: Trajectory, camera_p_antenna: FloatArray, config: Config
+) -> _Pairs | None:
+    """Return the pairs of fixes of one class (M,) within stretches: neighbours and further apart."""
+    chain = chain_offsets(fixes, own, config.gps)
+    stretch: IntArray = np.cumsum(chain.starts)[chain.offset].astype(np.int64)
+    rows, found, before = fixes.where(chain.rows), [], 0
+    since_s = rows.t_s - rows.t_s[np.searchsorted(stretch, stretch)]
+    for lag_s in _LAGS_S:
+        kept = _first_of_each(stretch, since_s, lag_s)
+        if len(kept) == before:  # fixes lie that far apart anyway
+            continue
+        before = len(kept)
+        pairs = _compared(rows.where(kept), stretch[kept], path, camera_p_antenna, config)
+        found += [] if pairs is None else [pairs]
+    return _Pairs(*(np.concatenate(columns) for columns in zip(*found, strict=True))) if found else None
+
+
+def _first_of_each(stretch: IntArray, since_s: FloatArray, lag_s: float) -> IntArray:
+    """Return the first row of each interval of this length in each stretch; every row if it is zero."""
+    interval = np.floor(since_s / lag_s + 1e-6) if lag_s else np.arange(len(since_s))
+    return np.flatnonzero((np.diff(stretch, prepend=0) != 0) | (np.diff(interval, prepend=-1.0) != 0))
+
+
+def _compared(
+    fixes: Fixes, stretch: IntArray, path: Trajectory, camera_p_antenna: FloatArray, config: Config
+) -> _Pairs | None:
+    """Return the pairs of neighbours in the same stretch (M,); None if they are too few to compare."""
+    rows = np.flatnonzero(np.diff(stretch) == 0)
+    pairs = NeighbourPairs(path, fixes, camera_p_antenna, rows, config.sensors.time_offset)
+    if pairs.degrees_of_freedom < pairs.count:
+        return None
+    lost = 2.0 * pairs.count / pairs.degrees_of_freedom  # to the factors of scale and heading
+    few = np.unique(np.linspace(0, pairs.count - 1, _MAX_PAIRS).astype(int))
+    columns = pairs.difference(0.0) * np.sqrt(lost), pairs.interval_s, pairs.length_m
+    return _Pairs(*(column[few] for column in columns))
+
+
+def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> LearnedErrors:
+    """Return the means of the logs of noise and walk under their posterior."""
+    memory, tail = config.memory, errors.tail
+    walk, walk_prior = _grid(errors.walk_m, errors.walk_spread, _WALKS)
+    noise, noise_prior = _grid(errors.noise_m, errors.noise_spread, _NOISES)
+    share, share_prior = _grid(memory.path_share, memory.path_spread, _SHARES)
+    per_second = walk_scale(errors, pairs.interval_s) / errors.walk_m
+    squared = (
+        np.multiply.outer(walk, per_second)[:, None, None] ** 2
+        + 2.0 * noise[:, None, None] ** 2
+        + np.multiply.outer(share, pairs.length_m) ** 2
+    )  # (walks, noises, shares, n)
+    density = -np.log(squared) - (tail + 2.0) / 2.0 * np.log1p(pairs.difference_m**2 / squared / tail)
+    log = density.sum(axis=-1) + walk_prior[:, None, None] + noise_prior[:, None] + share_prior
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    return LearnedErrors(
+        noise_m=float(np.exp(weight.sum(axis=(0, 2)) @ np.log(noise))),
+        walk_m=float(np.exp(weight.sum(axis=(1, 2)) @ np.log(walk))),
+    )
+
+
+def _grid(median: float, spread: float, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return values of a log-normal distribution (count,), and the logs of their densities."""
+    sigmas = np.linspace(-_SPAN_SIGMAS, _SPAN_SIGMAS, count)
+    return median * np.exp(spread * sigmas), -0.5 * sigmas**2
