@@ -219,14 +219,17 @@ def test_a_changed_keyframe_is_reported_when_it_is_read(database_path: Path) -> 
         database.keyframes()
 
 
-def test_early_files_without_check_sums_of_keyframes_are_read(database_path: Path) -> None:
+def test_early_files_without_cameras_and_check_sums_are_read(database_path: Path) -> None:
     with LandmarkDatabase.open(database_path) as database:
         before = database.keyframes()
     file = sqlite3.connect(database_path)
     file.execute("ALTER TABLE keyframe DROP COLUMN check_sum")
+    for column in ("cameras", "check_sum"):
+        file.execute(f"ALTER TABLE source DROP COLUMN {column}")
     file.close()
     with LandmarkDatabase.open(database_path) as database:
         after = database.keyframes()
+        assert [source.cameras for source in database.sources()] == [None]
     assert len(after) == len(before) > 0
     np.testing.assert_array_equal(after[0].descriptors, before[0].descriptors)
 

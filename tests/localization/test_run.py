@@ -1,12 +1,14 @@
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from textured_wall import ORIGIN, WallVideo, picture, pose_at, recording_of
+from textured_wall import CAMERA, ORIGIN, WallVideo, picture, pose_at, recording_of
 
 from vgps.config import Config, LocalizationConfig
 from vgps.errors import GeometryError, VideoError
+from vgps.landmarks.model import Cameras
 from vgps.localization import localize
 from vgps.model import Frame
 from vgps.solution import FrameState
@@ -56,6 +58,17 @@ def test_black_frames_are_bridged_and_reported(database, estimator):
     assert np.isnan(solution.sigma_position_m[6]).all()
     assert "8 of 18 frames" in solution.warnings[0]
     assert "5 to 12 (0.50 to 1.20 s)" in solution.warnings[0]
+
+
+def test_a_calibration_that_the_run_of_the_map_refined_is_replaced_by_the_refined_one(database):
+    given = replace(CAMERA, fx=315.0, fy=315.0)
+    refined_by_run = replace(database, cameras=Cameras(given, CAMERA))
+    recording = replace(recording_of(WallVideo(8)), camera=given)
+    solution = localize(recording, refined_by_run, with_tracker())
+    assert solution.camera == CAMERA
+    assert errors(solution.world_T_camera, solution.t_s)[0].max() < 0.08
+    other = localize(replace(recording, camera=CAMERA), refined_by_run, with_tracker())
+    np.testing.assert_array_equal(other.world_T_camera, solution.world_T_camera)
 
 
 def test_a_video_of_another_place_is_refused(database):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.landmarks.descriptors import describe
-from vgps.landmarks.model import Keyframe, LandmarkViews
+from vgps.landmarks.model import Cameras, Keyframe, LandmarkViews, Source
 from vgps.model import Camera, Frame, GeodeticPoint, GyroLog, Recording, Rig
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0)
@@ -103,6 +103,7 @@ class WallDatabase:
 
     path: Path = Path("wall.db")
     world_origin: GeodeticPoint | None = ORIGIN
+    cameras: Cameras | None = None
 
     def __post_init__(self) -> None:
         places = [(x, y) for x in (-3.0, -1.0, 1.0, 3.0) for y in (-0.5, 0.5)]
@@ -122,6 +123,9 @@ class WallDatabase:
         if max_landmarks is not None and len(seen) > max_landmarks:
             seen = seen[np.linspace(0, len(seen) - 1, max_landmarks).astype(int)]
         return LandmarkViews(**{name: values[seen] for name, values in self.all_views.items()})
+
+    def sources(self):
+        return (Source("wall", "all", len(self.all_views["landmark"]), "{}", self.cameras),)
 
     def keyframes(self):
         out = []

@@ -176,8 +176,7 @@ class IntrinsicsConfig(SettingsModel):
     basic: ClassVar[tuple[str, ...]] = ("refine",)
 
     refine: Literal["auto", "yes", "no"] = "auto"
-    """Refine the calibration with the poses; auto does where neither fixes nor control points fix the path,
-    whose scale would follow the calibration's errors."""
+    """Refine the calibration with the poses: its errors bend the path. auto does from 20 frames on."""
     focal_sigma: Share = 0.01
     """Prior standard deviation of the focal length, as a share of it."""
     centre_sigma_px: PositiveFloat = 5.0
@@ -200,9 +199,7 @@ class IntrinsicsConfig(SettingsModel):
 
     @property
     def held_sigmas(self) -> FloatArray:
-        """(4,) standard deviations of log focal length, principal point [px] and k1; 0 if refine is yes."""
-        if self.refine == "yes":
-            return np.zeros(4)
+        """(4,) standard deviations of log focal length, principal point [px] and k1."""
         centre = [self.held_centre_sigma_px] * 2
         return np.array([self.held_focal_sigma, *centre, self.held_radial_sigma])
 

@@ -56,7 +56,7 @@ def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
             errors.walk_m * float(np.exp(_LARGEST_SIGMAS * errors.walk_spread)),
         )
         for name, errors in config.memory.classes.items()
-        if config.learns and name is not FixClass.RTK_FIX
+        if config.learns and name in config.regions and name is not FixClass.RTK_FIX
     }
 
 

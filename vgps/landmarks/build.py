@@ -10,7 +10,7 @@ from vgps.config import Frames, LandmarksConfig
 from vgps.errors import LandmarkDatabaseError
 from vgps.landmarks.keyframes import keyframe_rows, make_keyframe
 from vgps.landmarks.merge import merge
-from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews, Source
+from vgps.landmarks.model import Cameras, DatabaseContents, Keyframe, LandmarkViews, Source
 from vgps.landmarks.observation_selection import (
     LandmarkObservations,
     collect_observations,
@@ -110,7 +110,8 @@ def build_database(
     templates, keyframes = _read_video(video, solution, selected, observations, keys, config)
     views = _views(solution, selected, sigma_m, templates)
     count = len(np.unique(views.landmark))
-    source = Source(str(recording.path), frames, count, config.model_dump_json())
+    cameras = Cameras(recording.camera, solution.camera)
+    source = Source(str(recording.path), frames, count, config.model_dump_json(), cameras)
     return DatabaseContents(solution.world_origin, views, keyframes, (source,))
 
 

@@ -11,7 +11,7 @@ from vgps.landmarks.candidate_region import CandidateRegion, Optics, find_candid
 from vgps.landmarks.database_file import DatabaseFile
 from vgps.landmarks.landmark_table import LandmarkTable
 from vgps.landmarks.model import Keyframe, LandmarkViews, Source
-from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe
+from vgps.landmarks.schema import KEYFRAME_COLUMNS, SOURCE_COLUMNS, decode_keyframe, decode_source
 from vgps.landmarks.template_cache import TemplateCache
 from vgps.landmarks.view_selection import VisibleLandmarks, best_views, spread_over_image, visible_landmarks
 from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray
@@ -114,8 +114,7 @@ class LandmarkDatabase:
         Raises:
             LandmarkDatabaseError: The file is damaged.
         """
-        columns = {column for _, column, *_ in self._file.rows("PRAGMA table_info(keyframe)")}
-        crc = "check_sum" if "check_sum" in columns else "NULL"
+        crc = self._column("keyframe", "check_sum")
         records = self._file.rows(f"SELECT {KEYFRAME_COLUMNS}, {crc} FROM keyframe ORDER BY id")
         try:
             return tuple(decode_keyframe(record) for record in records)
@@ -123,9 +122,22 @@ class LandmarkDatabase:
             raise self._file.damaged("keyframes") from error
 
     def sources(self) -> tuple[Source, ...]:
-        """Return the runs that the database was built from."""
-        records = self._file.rows(f"SELECT {SOURCE_COLUMNS} FROM source ORDER BY id")
-        return tuple(Source(*record) for record in records)
+        """Return the runs that the database was built from.
+
+        Raises:
+            LandmarkDatabaseError: The file is damaged.
+        """
+        cameras = ", ".join(self._column("source", name) for name in ("cameras", "check_sum"))
+        records = self._file.rows(f"SELECT {SOURCE_COLUMNS}, {cameras} FROM source ORDER BY id")
+        try:
+            return tuple(decode_source(record) for record in records)
+        except (TypeError, ValueError) as error:
+            raise self._file.damaged("cameras of its runs") from error
+
+    def _column(self, table: str, name: str) -> str:
+        """Return the name of a column, or NULL in early files that lack it."""
+        columns = {column for _, column, *_ in self._file.rows(f"PRAGMA table_info({table})")}
+        return name if name in columns else "NULL"
 
     def verify(self) -> str:
         """Check the whole file and return the SHA-256 of its contents.

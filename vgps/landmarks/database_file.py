@@ -128,7 +128,7 @@ class DatabaseFile:
     def _check_schema(self) -> None:
         try:
             foreign = foreign_part(self._connection)
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise self.damaged(str(error)) from error
         if foreign is not None:
             raise self.damaged(f"{foreign} is not as in the schema")

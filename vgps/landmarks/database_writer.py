@@ -19,6 +19,7 @@ from vgps.landmarks.schema import (
     digest,
     encode_cell,
     encode_keyframe,
+    encode_source,
 )
 from vgps.model import IntArray
 from vgps.writers.atomic import new_file
@@ -66,8 +67,7 @@ def _fill(connection: sqlite3.Connection, contents: DatabaseContents) -> None:
             _insert(connection, "template", (row, check_sum(raw), raw))
         landmarks, views = landmarks + len(cell.landmark), views + len(templates)
     for number, source in enumerate(contents.sources, start=1):
-        values = (source.recording, source.frames, source.landmarks, source.settings)
-        _insert(connection, "source", (number, *values))
+        _insert(connection, "source", (number, *encode_source(source)))
     for number, keyframe in enumerate(contents.keyframes, start=1):
         _insert(connection, "keyframe", (number, *encode_keyframe(keyframe)))
     _insert(connection, "meta", (*_meta(contents), ""))

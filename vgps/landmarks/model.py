@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import BoolArray, FloatArray, GeodeticPoint, GrayImage, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, GeodeticPoint, GrayImage, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +63,14 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
+class Cameras:
+    """Calibration of a recording, as given and as its run refined it."""
+
+    given: Camera
+    refined: Camera
+
+
+@dataclass(frozen=True)
 class Source:
     """A run that contributed to a database.
 
@@ -71,12 +79,14 @@ class Source:
         frames: Frames that gave templates: all, even or odd.
         landmarks: Number of landmarks from this run.
         settings: The :class:`vgps.config.LandmarksConfig`, as JSON.
+        cameras: Calibration of the recording; None in early databases.
     """
 
     recording: str
     frames: str
     landmarks: int
     settings: str
+    cameras: Cameras | None = None
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from vgps.landmarks.cells import Cell
-from vgps.landmarks.model import Keyframe
+from vgps.landmarks.model import Cameras, Keyframe, Source
 
 APPLICATION_ID = 0x76677073  # "vgps"
-VERSION = 1  # of the schema, in user_version; early files of it have no keyframe.check_sum
+VERSION = 1  # of the schema, in user_version; early files lack the columns of _EARLY
 
 TABLES = """
 CREATE TABLE meta (
@@ -28,7 +29,8 @@ CREATE TABLE meta (
     digest TEXT NOT NULL
 );
 CREATE TABLE source (
-    id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER, settings TEXT
+    id INTEGER PRIMARY KEY, recording TEXT, frames TEXT, landmarks INTEGER, settings TEXT,
+    cameras TEXT, check_sum INTEGER
 );
 CREATE TABLE cell (
     id INTEGER PRIMARY KEY, first_landmark INTEGER, first_view INTEGER,
@@ -47,6 +49,7 @@ CELL_COLUMNS = "landmark, numbers, views, view_numbers, check_sum"
 SOURCE_COLUMNS = "recording, frames, landmarks, settings"
 KEYFRAME_COLUMNS = "world_T_camera, landmark, points, descriptors, width, height, thumbnail"
 
+_CAMERAS = TypeAdapter(Cameras)
 META_COLUMNS = (
     "latitude_deg, longitude_deg, height_m, patch_px, levels, max_views, landmarks, views, "
     "finest_m, coarsest_m"
@@ -62,7 +65,11 @@ _DIGESTED = {
 }
 
 
-_EARLY = {("table", "keyframe", "check_sum")}  # absent in early files
+_EARLY = {  # absent in early files
+    ("table", "keyframe", "check_sum"),
+    ("table", "source", "cameras"),
+    ("table", "source", "check_sum"),
+}
 
 
 def foreign_part(connection: sqlite3.Connection) -> str | None:
@@ -119,6 +126,28 @@ def check_sum(*parts: bytes) -> int:
     for part in parts:
         crc = zlib.crc32(part, crc)
     return crc
+
+
+def encode_source(source: Source) -> tuple[str | int | None, ...]:
+    """Return the values of :data:`SOURCE_COLUMNS`, and the cameras as JSON with their check sum."""
+    columns = source.recording, source.frames, source.landmarks, source.settings
+    if source.cameras is None:
+        return (*columns, None, None)
+    cameras = _CAMERAS.dump_json(source.cameras)
+    return (*columns, cameras.decode(), check_sum(cameras))
+
+
+def decode_source(record: tuple[Any, ...]) -> Source:
+    """Return the source encoded in a record; its cameras are None in early databases.
+
+    Raises:
+        ValueError: The cameras are not what was written.
+    """
+    recording, frames, landmarks, settings, cameras, crc = record
+    if cameras is not None and check_sum(cameras.encode()) != crc:
+        raise ValueError("check sum")
+    found = None if cameras is None else _CAMERAS.validate_json(cameras)
+    return Source(recording, frames, landmarks, settings, found)
 
 
 def encode_cell(cell: Cell) -> tuple[bytes | int, ...]:

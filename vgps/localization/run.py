@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from vgps.localization.diagnostics import loss_warnings, speed_warnings
 from vgps.localization.localizer import Localizer
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
-from vgps.model import Float32Array, FloatArray, Frame, Recording
+from vgps.model import Camera, Float32Array, FloatArray, Frame, Recording
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -32,7 +33,8 @@ def localize(
     Frames with too few landmarks are interpolated between their neighbours and reported in the warnings.
 
     Args:
-        recording: Video and camera, with rig and gyro if available; GPS is not used.
+        recording: Video and camera, with rig and gyro if available; GPS is not used. If a run behind the
+            database had the same calibration and refined it, the refined one is used.
         database: Of the place: its file, or one opened with ``config.localization.selection``.
         config: Its ``localization`` is used; None for the defaults.
         progress: Shows progress.
@@ -45,6 +47,7 @@ def localize(
         with LandmarkDatabase.open(Path(database), (config or Config()).localization.selection) as opened:
             return localize(recording, opened, config, progress)
     config, seconds = config or Config(), StageTimer()
+    recording = replace(recording, camera=_camera_of_map(recording.camera, database))
     settings = config.localization
     localizer = Localizer(recording, database, settings)
     with one_blas_thread(), seconds.measure("track"):
@@ -79,6 +82,12 @@ def localize(
         ),
     )
     return to_solution(recording, database.world_origin, config, track)
+
+
+def _camera_of_map(camera: Camera, database: LandmarkDatabase) -> Camera:
+    """Return the camera as the latest run of the database refined it, if it is one of theirs."""
+    cameras = [source.cameras for source in database.sources() if source.cameras is not None]
+    return next((each.refined for each in reversed(cameras) if each.given == camera), camera)
 
 
 def _track(

@@ -61,32 +61,34 @@ def optimise_camera(
     tied, guesses = _tied(front_end, merged, config), front_end.recording.guesses
 
     def optimise(
-        scene: Scene, camera: Camera, every: int = 1, sigma: FloatArray | None = None
+        scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
     ) -> BatchResult:
         held = None if tied else _held_frames(scene, config)
-        used = config if every == 1 else _for_few_frames(config, every)
-        if guesses and sigma is not None:
+        used = config if every is None else _for_few_frames(config, every)
+        if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
         context = front_end.context(used)
         context = replace(context, camera=camera, estimates_readout=estimates_readout)
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
-    if refine == "no" or (refine == "auto" and tied and not guesses):
-        return optimise(merged.scene, camera), None
     views = len(np.unique(merged.scene.observations.frame))
+    if refine == "no" or (refine == "auto" and views < _MIN_VIEWS and not guesses):
+        return optimise(merged.scene, camera), None
     every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
     if camera.readout_s:  # the path is drawn through all frames
         every = 1
-    elif tied:
-        every = max(every, 2) if guesses else 1
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
     return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
 
 
 def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording) -> Solution:
-    """Return the solution with the refined calibration and a warning."""
-    notes = _notes(refined, recording.guesses[0]) if recording.guesses else (refined.note(solution.camera),)
+    """Return the solution with the refined calibration, and a warning if it is not the given one."""
+    notes: tuple[str, ...]
+    if recording.guesses:
+        notes = _notes(refined, recording.guesses[0])
+    else:
+        notes = (refined.note(solution.camera),) if refined.differs_from(solution.camera) else ()
     return replace(
         solution,
         camera=refined.camera,

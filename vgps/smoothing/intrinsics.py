@@ -1,9 +1,9 @@
-"""Self-calibration: refinement of the camera's intrinsics in alternation with stage D, on request.
+"""Self-calibration: refinement of the camera's intrinsics in alternation with stage D.
 
 Stage D is solved for poses and landmarks with the calibration held. A Gauss-Newton step of the calibration
 follows, in which poses and landmarks move as the linearised optimum predicts. Both are repeated until the
-steps are small relative to their standard deviations. Without fixes a few frames of every track suffice for
-this, and stage D follows once on all frames.
+steps are small relative to their standard deviations. A rough solution on a few frames of every track suffices
+for this; stage D follows once on all frames.
 """
 
 from collections.abc import Mapping
@@ -29,6 +29,7 @@ from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
+_SIGNIFICANT_SIGMAS = 3.0  # of a change of the calibration that is worth a warning
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
 _DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
 
@@ -49,6 +50,12 @@ class RefinedCamera:
     sigma: Mapping[str, float]
     steps: int
     converged: bool
+
+    def differs_from(self, given: Camera) -> bool:
+        """Return whether any parameter moved by more than three of its standard deviations."""
+        before = replace(given, distortion=given.distortion or _NO_DISTORTION)
+        moved, sigma = _difference(self.camera, before), np.array(list(self.sigma.values()))
+        return bool(np.any(np.abs(moved) > _SIGNIFICANT_SIGMAS * sigma))
 
     def note(self, given: Camera) -> str:
         """Return a warning with the old and new parameters."""
@@ -97,9 +104,9 @@ class Optimiser(Protocol):
     """Stage D as a function of a scene and the camera that its observations were undistorted by."""
 
     def __call__(
-        self, scene: Scene, camera: Camera, every: int = 1, sigma: FloatArray | None = None
+        self, scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
     ) -> BatchResult:
-        """Return the result of stage D; each frame stands for ``every`` frames of the video.
+        """Return the result of stage D; a rough one if each frame stands for ``every`` frames of the video.
 
         ``sigma`` are the standard deviations of the calibration, once it is found.
         """
@@ -138,8 +145,7 @@ def refine_camera(
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
-    if every > 1:
-        result = optimise(_undistorted_by(camera, given, scene), camera, sigma=sigma)
+    result = optimise(_undistorted_by(camera, given, scene), camera, sigma=sigma)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
