@@ -85,7 +85,7 @@ class DatabaseFile:
         """Return the error to raise where the contents differ from what was written."""
         try:
             found = str(self._connection.execute("PRAGMA quick_check(1)").fetchone()[0])
-        except (sqlite3.DatabaseError, TypeError) as error:
+        except (sqlite3.DatabaseError, TypeError, UnicodeDecodeError) as error:
             found = str(error)
         why = what if found in {"ok", what} else f"{what}: {found}"
         return LandmarkDatabaseError(f"is damaged ({why})", file=self.path, remedy=_REMEDY)

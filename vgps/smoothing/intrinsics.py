@@ -2,8 +2,8 @@
 
 Stage D is solved for poses and landmarks with the calibration held. A Gauss-Newton step of the calibration
 follows, in which poses and landmarks move as the linearised optimum predicts. Both are repeated until the
-steps are small relative to their standard deviations. A rough solution on a few frames of every track suffices
-for this; stage D follows once on all frames.
+steps are small relative to their standard deviations. A rough solution on a few frames of every track
+suffices for this; stage D follows once on all frames.
 """
 
 from collections.abc import Mapping
