@@ -71,7 +71,9 @@ def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path,
     at_s, speeds = doppler_speeds(read_gpmf(data_dir / name / "video.mp4"))
     inside = np.linspace(0.0, t_s[-1], 500)
     driven_m = np.trapezoid(np.interp(inside, at_s, speeds[:, 0]), inside)
-    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(driven_m, rel=0.05)
+    sigma_m = 0.05 * t_s[-1]  # u-blox states 0.05 m/s for the speed of its receivers
+    found_m = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    assert found_m == pytest.approx(driven_m, abs=0.05 * driven_m + sigma_m)
     if name == "gopro_walk":  # its picture's rotations are recorded (CORI, IORI)
         ratio = rotation_ratio(solution, vgps.open_recording(tmp_path / name))
         assert ratio is not None and ratio.value == pytest.approx(1.0, abs=0.02)
