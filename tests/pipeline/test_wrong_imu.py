@@ -1,4 +1,4 @@
-"""An IMU that is mounted otherwise than its rig says does not bend the path."""
+"""An IMU whose mounting is wrong, or whose gravity has nothing to be compared with, does not bend the path."""
 
 from dataclasses import replace
 
@@ -20,3 +20,11 @@ def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
     np.testing.assert_array_equal(wrong.world_T_camera, without.world_T_camera)
     assert np.abs(right.world_T_camera - without.world_T_camera).max() > 0.01
     assert not any("imu" in text for text in right.warnings)
+
+
+@pytest.mark.slow
+def test_without_fixes_the_imu_predicts_rotations_only(data_dir):
+    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+    alone = vgps.smooth(replace(opened, gps=None))
+    assert any("only predicted rotations" in text for text in alone.warnings)
+    assert "imu.t_s" not in alone.graph and not alone.georeferenced

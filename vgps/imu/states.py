@@ -67,13 +67,14 @@ def first_states(path: Trajectory, unseen: BoolArray, imu: CameraImu, config: Im
         The states; None if the IMU covers no interval between knots.
     """
     t_s = path.t_s
-    knot = np.diff(np.floor((t_s - t_s[0]) / config.knot_s + 1e-6), prepend=-1.0) > 0
+    # intervals of one length: in a short one the IMU would hold frames tighter than the video knows them
+    intervals = max(1, round((t_s[-1] - t_s[0]) / config.knot_s))
+    knot = np.zeros(len(t_s), dtype=bool)
+    knot[np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], intervals + 1) - 1e-6)] = True
     beside = unseen.copy()
     beside[1:] |= unseen[:-1]
     beside[:-1] |= unseen[1:]
-    knot |= beside
-    knot[-1] = True
-    frame = np.flatnonzero(knot)
+    frame = np.flatnonzero(knot | beside)
     linked = imu.covers(t_s[frame[:-1]], t_s[frame[1:]])
     used = np.append(linked, False) | np.append(False, linked)
     if not used.any():

@@ -58,7 +58,7 @@ def optimise_camera(
 
     A readout that is estimated starts at that of the camera.
     """
-    tied, guesses = _tied(front_end, merged, config), front_end.recording.guesses
+    tied, guesses = is_tied(front_end, merged, config), front_end.recording.guesses
 
     def optimise(
         scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
@@ -138,7 +138,7 @@ def _for_few_frames(config: Config, every: int) -> Config:
     return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
 
 
-def _tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
+def is_tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
     """Return whether fixes or control points determine place and scale."""
     tied_by_fixes = merged.georeferenced and config.gps.model != "none"
     return tied_by_fixes or len(front_end.controls.frame) > 0

@@ -10,7 +10,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
 from vgps.model import Recording
-from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera
+from vgps.pipeline.camera_refinement import is_tied, moved_far, with_camera, with_found_camera
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
@@ -71,6 +71,7 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
         merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
+        front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
         batch, refined, readout = optimise_readout(front_end, merged, fixes, config)
     finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
@@ -80,6 +81,22 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     if readout is not None:
         solution = with_readout(solution, readout, batch.readout_s, config)
     return solution
+
+
+def _with_level_imu(front_end: FrontEnd, merged: MergedMaps, config: Config) -> FrontEnd:
+    """Return the front end without the IMU, and with a warning, if nothing ties the path to the world.
+
+    Its frame then has no vertical and no metre for the accelerometer.
+    """
+    recording = front_end.recording
+    if recording.imu is None or config.imu.use == "no" or is_tied(front_end, merged, config):
+        return front_end
+    note = (
+        f"{recording.imu.source.name} only predicted rotations: without fixes or control points the path has "
+        "no vertical and no scale to compare with gravity and accelerations"
+    )
+    warnings = (*front_end.warnings, note)
+    return replace(front_end, recording=replace(recording, imu=None), warnings=warnings)
 
 
 def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes:

@@ -143,7 +143,7 @@ def _write_rig(path: Path, config: SceneConfig) -> None:
         "exposure_s": config.exposure_s,
     }
     if config.accelerometer is not None:
-        fields["imu_R_camera"] = fields["gyro_R_camera"]
+        fields["imu_R_camera"] = np.round(gyro_R_camera(config.gyro), 12).tolist()
         fields["imu_p_camera"] = list(config.accelerometer.imu_p_camera)
     path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
 

@@ -14,7 +14,6 @@ from factors import (
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
-from vgps.imu.factors import imu_graph
 from vgps.imu.states import ImuStates
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
@@ -184,24 +183,16 @@ def build_problem(
 
 
 def gps_and_motion(
-    scene: Scene,
-    fixes: Fixes,
-    sensors: Sensors,
-    context: SmoothingContext,
-    n: int | None = None,
-    imu: ImuStates | None = None,
+    scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
 ) -> gtsam.NonlinearFactorGraph:
     """Return all factors on the poses of an aligned scene, errors of the fixes taken as independent.
 
-    Other arguments as for :func:`gps_graph`, and the velocities and biases of an IMU.
+    Other arguments as for :func:`gps_graph`.
     """
     config, controls, K = context.config, scene.controls, context.K
     sigma_px = control_sigma_px(controls, scene.poses, K, config.start.control_sigma_px)
     graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
-    others = other_pose_factors(scene, sensors, config, imu)
-    if imu is not None and context.imu is not None:
-        others.push_back(imu_graph(context.imu, imu, scene.t_s, config.imu))
-    return joined(graph, others, control_factors(controls, sigma_px, K))
+    return joined(graph, other_pose_factors(scene, sensors, config), control_factors(controls, sigma_px, K))
 
 
 def joined(*graphs: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:

@@ -1,4 +1,4 @@
-"""Velocities and biases of an IMU as states of the problems of stages C and D."""
+"""Velocities and biases of an IMU as states of the problem of stage D."""
 
 from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates, bias_key, velocity_key

@@ -1,6 +1,6 @@
 """Stage C, Kume 2010: sliding-window optimisation of the last frames of a map, older ones held."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -19,7 +19,6 @@ from vgps.smoothing.factor_graph import (
     scene_of_map,
     select_observations,
 )
-from vgps.smoothing.imu_states import imu_state_vectors, start_imu
 from vgps.smoothing.motion_factors import motion_factors
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
@@ -67,9 +66,8 @@ def optimise_window(
     scene, ids = scene_of_map(local_map, first, context.controls)
     scene, sigma = select_observations(scene, context, tolerance)
     fixed = np.arange(len(scene.t_s)) < since - first
-    imu = start_imu(scene, context) if local_map.aligned else None
     if local_map.aligned:
-        graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context, imu=imu)
+        graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
         if not fixed.any():
             graph.push_back(_loose_prior(scene.poses[0]))
     else:
@@ -78,8 +76,6 @@ def optimise_window(
         if not fixed.any():
             fixed[[0, _farthest_of_first_views(scene.poses)]] = True
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
-    if imu is not None:
-        problem = replace(problem, states=imu_state_vectors(imu))
     settings = SolverSettings(
         max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
         relative_tolerance=config.batch.relative_tolerance,
