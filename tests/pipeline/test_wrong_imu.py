@@ -1,4 +1,4 @@
-"""An IMU whose mounting is wrong, or whose gravity has nothing to be compared with, does not bend the path."""
+"""An IMU whose mounting is wrong, or whose gravity has nothing to be compared with, bends no path."""
 
 from dataclasses import replace
 

@@ -15,7 +15,7 @@ from vgps.errors import VgpsError
 _VERBS = (
     "demo:demo", "smooth:smooth", "online:online", "evaluate:evaluate", "report:report", "inspect:inspect",
     "export:export", "survey:survey", "compare:compare", "landmarks:landmarks", "track:track",
-    "calibrate:calibrate_gyro",
+    "calibrate:calibrate_gyro", "calibrate:calibrate_imu",
     "calibrate:calibrate_camera", "simulate:simulate", "config:config", "doctor:doctor",
 )  # fmt: skip
 for _verb in _VERBS:

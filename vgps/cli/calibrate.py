@@ -1,4 +1,4 @@
-"""The verbs ``calibrate-gyro`` and ``calibrate-camera``."""
+"""The verbs ``calibrate-gyro``, ``calibrate-imu`` and ``calibrate-camera``."""
 
 from pathlib import Path
 
@@ -41,6 +41,41 @@ def calibrate_gyro(
     Console().print(calibration_table(calibration))
     for text in calibration.notes:
         print_note(text)
+    print_line(f"wrote {out}")
+
+
+def calibrate_imu(
+    recording: Path,
+    *,
+    out: Path,
+    imu: str | None = None,
+    files: CalibrationFiles = _FILES,
+    settings: SettingsOptions = _SETTINGS,
+) -> None:
+    """Estimate the rotation of an IMU on the camera, its time offset, gyro bias and noise from the video.
+
+    Args:
+        recording: Folder with video, camera.yaml and imu.csv.
+        out: rig.yaml to write: that of the recording, completed by the results.
+        imu: The IMU's log, by default imu.csv; a path, or a name inside the folder.
+        files: Other calibrations.
+        settings: Settings.
+    """
+    from vgps.gyro_calibration.imu import calibrate_imu as calibrate
+    from vgps.readers.imu import find_imu, read_imu
+    from vgps.readers.sources import place_of
+
+    config, log = settings.read(), find_imu(place_of(recording)[0], imu)
+    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
+    check_file(out)
+    read = read_imu(log, video_start_s=opened.rig.video_start_s)
+    calibration, fields = calibrate(opened, read, config, TerminalProgress())
+    write_rig(fields, out, base=find_rig(recording, files.rig))
+    Console().print(calibration_table(calibration))
+    for text in (*read.notes, *calibration.notes):
+        print_note(text)
+    if opened.rig.imu is None or not opened.rig.imu.imu_p_camera.any():
+        print_note("imu_p_camera is not given: measure where the camera is in the IMU's frame")
     print_line(f"wrote {out}")
 
 

@@ -69,8 +69,9 @@ def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, co
     interval_s = float(np.median(step_s))
     broken = step_s > _GAP_INTERVALS * interval_s
     broken |= log.saturated[:-1] | log.saturated[1:]
-    gyro = mount.gyro_density or _density(log.rate_rad_s, interval_s)
-    accelerometer = mount.accelerometer_density or _density(log.force_m_s2, interval_s)
+    of_log = noise_densities(log)
+    gyro = mount.gyro_density or of_log[0]
+    accelerometer = mount.accelerometer_density or of_log[1]
     return CameraImu(
         t_s=log.t_s,
         rate_rad_s=log.rate_rad_s @ R,
@@ -82,6 +83,12 @@ def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, co
         source=log.source,
         bias=np.concatenate([mount.accelerometer_bias_m_s2 @ R, mount.gyro_bias_rad_s @ R]),
     )
+
+
+def noise_densities(log: ImuLog) -> tuple[float, float]:
+    """Return the white noise of rates [rad/s/sqrt(Hz)] and specific force [m/s^2/sqrt(Hz)] in a log."""
+    interval_s = float(np.median(np.diff(log.t_s)))
+    return _density(log.rate_rad_s, interval_s), _density(log.force_m_s2, interval_s)
 
 
 def _density(samples: FloatArray, interval_s: float) -> float:

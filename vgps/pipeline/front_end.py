@@ -105,7 +105,7 @@ def wrong_imu(front_end: FrontEnd, config: Config) -> str | None:
     wrong = None if imu is None else contradiction([map_trajectory(one) for one in front_end.maps], imu)
     if imu is None or wrong is None:
         return None
-    return f"{imu.source.name} is left out: {wrong}; calibrate it against the video"
+    return f"{imu.source.name} is left out: {wrong}; calibrate it with vgps calibrate-imu"
 
 
 def front_end_of(

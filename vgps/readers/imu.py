@@ -46,6 +46,18 @@ def read_imu(path: str | Path, *, video_start_s: float = 0.0) -> ImuLog:
     return checked_imu(times - video_start_s, values[rows, 1:4], values[rows, 4:], path, notes)
 
 
+def find_imu(folder: Path, name: str | None = None) -> Path:
+    """Return the IMU's log: a path, or a name inside a recording's folder, by default ``imu.csv``.
+
+    Raises:
+        ImuLogError: There is none.
+    """
+    for file in (folder / (name or "imu.csv"), Path(name or "imu.csv")):
+        if file.is_file():
+            return file
+    raise ImuLogError("no such file", file=folder / (name or "imu.csv"), remedy="name the log with --imu")
+
+
 def checked_imu(
     t_s: FloatArray, rate_rad_s: FloatArray, force_m_s2: FloatArray, source: Path, notes: tuple[str, ...] = ()
 ) -> ImuLog:

@@ -223,7 +223,7 @@ def _imu(file: Path | None, rig: Rig, telemetry: Telemetry) -> tuple[ImuLog | No
         if file is None:
             return None, ()
         what = f"{file.name} is left out: rig.yaml has no imu_R_camera, the rotation of the IMU on the camera"
-        return None, (f"{what}; give it",)
+        return None, (f"{what}; give it, or find it with vgps calibrate-imu",)
     log = read_imu(file, video_start_s=rig.video_start_s) if file else read_gopro_imu(telemetry)
     return (None, ()) if log is None else (on_video_clock(log, rig), log.notes)
 
