@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gpmf_bytes import doppler_speeds
+from solutions import exact_run
 
 import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.evaluation import evaluate
-from vgps.pipeline.camera_refinement import moved_far
+from vgps.model import CameraGuess
+from vgps.pipeline.camera_refinement import moved_far, with_held_guess
 from vgps.pipeline.gyro_agreement import rotation_ratio
 from vgps.readers.calibration import read_camera
 from vgps.readers.gpmf import read_gpmf
@@ -39,6 +41,18 @@ def test_a_camera_moves_far_if_its_rays_do(recording):
     longer = replace(camera, fx=1.02 * camera.fx, fy=1.02 * camera.fy)
     assert moved_far(longer, camera, vgps.Config())
     assert not moved_far(replace(camera, fx=1.001 * camera.fx), camera, vgps.Config())
+
+
+def test_a_guess_that_may_not_be_refined_is_told(recording):
+    opened = vgps.open_recording(recording)
+    guess = CameraGuess(
+        camera=opened.camera, focal_sigma=0.1, centre_sigma_px=3, distortion_sigma=(0.1, 0.1), source="a lens"
+    )
+    held = with_held_guess(exact_run(recording), replace(opened, guesses=(guess,)))
+    assert held.camera_source == "a lens"
+    assert held.warnings[-1].startswith(
+        "no camera.yaml: a lens; pairs of views gave fx 260.0 px, which was held"
+    )
 
 
 @pytest.mark.slow

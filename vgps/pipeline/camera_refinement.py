@@ -98,6 +98,16 @@ def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording
     )
 
 
+def with_held_guess(solution: Solution, recording: Recording) -> Solution:
+    """Return the solution of an uncalibrated camera that the settings forbid to refine, with a warning."""
+    (guess,) = recording.guesses
+    note = (
+        f"no camera.yaml: {guess.source}; pairs of views gave fx {solution.camera.fx:.1f} px, "
+        "which was held: set intrinsics: {refine: auto}"
+    )
+    return replace(solution, camera_source=guess.source, warnings=(*solution.warnings, note))
+
+
 def _prior(guess: CameraGuess) -> CameraPrior:
     return CameraPrior(guess.camera, guess.sigmas)
 

@@ -10,7 +10,13 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import fix_table
 from vgps.model import Recording
-from vgps.pipeline.camera_refinement import is_tied, moved_far, with_camera, with_found_camera
+from vgps.pipeline.camera_refinement import (
+    is_tied,
+    moved_far,
+    with_camera,
+    with_found_camera,
+    with_held_guess,
+)
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
@@ -78,6 +84,8 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
     solution = _solution(finished, merged, batch, config)
     if refined is not None:
         solution = with_camera(solution, refined, front_end.recording)
+    elif front_end.recording.guesses:
+        solution = with_held_guess(solution, front_end.recording)
     if readout is not None:
         solution = with_readout(solution, readout, batch.readout_s, config)
     return solution
