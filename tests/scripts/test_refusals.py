@@ -30,6 +30,7 @@ def refused(monkeypatch, capsys):
 GONE = {
     "benchmarks.accuracy": ("{gone}", "--logs", "gps.nmea"),
     "benchmarks.growth": ("{gone}", "--one", "10"),
+    "benchmarks.imu": ("{gone}", "--logs", "gps.nmea", "--imu", "imu.csv", "--rig", "rig.yaml"),
     "benchmarks.online": ("{gone}",),
     "benchmarks.receivers.__main__": ("--recordings", "{gone}"),
     "benchmarks.sky_view": ("--recording", "{gone}"),

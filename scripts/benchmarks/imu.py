@@ -1,0 +1,99 @@
+"""What does an IMU change? Error, tilt, consistency and time of `vgps smooth` with and without it.
+
+Tilt is the angle between true and estimated vertical after one constant rotation of the camera for the whole
+recording, which is stated: that of a truth whose camera axes differ from the video's.
+"""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import vgps
+from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.markdown import LiveTable
+from vgps.cli.terminal import TerminalProgress
+from vgps.evaluation import evaluate
+from vgps.model import GpsLog, Recording
+from vgps.readers.trajectory import read_trajectory
+
+COLUMNS = [
+    "log",
+    "IMU",
+    "seed",
+    "mean [m]",
+    "max [m]",
+    "end [m]",
+    "tilt [deg]",
+    "rotation [deg]",
+    "NEES",
+    "CPU [s]",
+]
+
+
+def tilt(solution: vgps.Solution, truth: Path) -> tuple[float, float]:
+    """Return the mean tilt and the size of the constant rotation, degrees."""
+    true = read_trajectory(truth)
+    rows = np.abs(true.t_s[:, None] - solution.t_s).argmin(axis=0)
+    exact = Rotation.from_matrix(true.world_T_camera[rows, :3, :3])
+    found = Rotation.from_matrix(solution.world_T_camera[:, :3, :3])
+    constant = (exact.inv() * found).mean()
+    up = (found * constant.inv() * exact.inv()).apply([0.0, 0.0, 1.0])
+    angles = np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))
+    return float(angles.mean()), float(np.degrees(constant.magnitude()))
+
+
+def without_fixes(log: GpsLog, start_s: float, end_s: float) -> GpsLog:
+    """Return a log without the fixes between two times."""
+    return log.rows((log.t_s < start_s) | (log.t_s >= end_s))
+
+
+def one_run(recording: Recording, truth: Path, seed: int) -> dict[str, float]:
+    """Return the result of one run."""
+    begin = time.process_time()
+    solution = vgps.smooth(recording, vgps.Config(seed=seed), TerminalProgress())
+    seconds = time.process_time() - begin
+    errors = evaluate(solution, truth)
+    true = read_trajectory(truth)
+    last = int(np.abs(true.t_s - solution.t_s[-1]).argmin())
+    angle, constant = tilt(solution, truth)
+    return {
+        "mean_m": errors.camera_position_m.mean,
+        "max_m": errors.camera_position_m.max,
+        "end_m": float(np.linalg.norm(solution.world_T_camera[-1, :3, 3] - true.world_T_camera[last, :3, 3])),
+        "tilt_deg": angle,
+        "rotation_deg": constant,
+        "nees": errors.nees.mean if errors.nees else np.nan,
+        "cpu_s": seconds,
+    }
+
+
+def main() -> None:
+    """Print a row per log, with and without the IMU, as it comes."""
+    parser = ScriptParser("benchmarks.imu", __doc__)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("--logs", nargs="+", required=True, help="paths, or names inside the recording")
+    parser.add_argument("--imu", required=True, help="path, or name inside the recording")
+    parser.add_argument("--rig", required=True, help="rig.yaml with imu_R_camera")
+    parser.add_argument("--no-fixes", nargs=2, type=float, metavar="S", help="an outage from S to S seconds")
+    add_seeds(parser, 1)
+    given = parser.parse_args()
+    with parser.refusals():
+        results, table = parser.results(given), LiveTable(*COLUMNS)
+        for seed in range(given.seeds):
+            for gps in given.logs:
+                opened = vgps.open_recording(given.recording, gps=gps, imu=given.imu, rig=given.rig)
+                if given.no_fixes and opened.gps is not None:
+                    opened = replace(opened, gps=without_fixes(opened.gps, *given.no_fixes))
+                for used in (False, True):
+                    recording = opened if used else replace(opened, imu=None)
+                    found = one_run(recording, given.recording / "truth.tum", seed)
+                    results.add(log=Path(gps).stem, imu=used, seed=seed, **found)
+                    words = [f"{value:.3f}" for value in found.values()]
+                    table.add(Path(gps).stem, "yes" if used else "no", str(seed), *words)
+
+
+if __name__ == "__main__":
+    main()
