@@ -256,11 +256,20 @@ class ControlPoints:
 
 @dataclass(frozen=True)
 class Frame:
-    """One decoded frame: index, time [s], and its luminance (H, W) uint8."""
+    """One decoded frame: index, time [s], its luminance (H, W) uint8, and where it shows the scene (H, W)."""
 
     index: int
     t_s: float
     gray: GrayImage
+    mask: BoolArray | None = None
+
+
+class Masks(Protocol):
+    """What the frames of a video show that is not of the scene."""
+
+    def of_frame(self, index: int) -> BoolArray | None:
+        """Return where a frame shows the scene (H, W); None if everywhere."""
+        ...
 
 
 class Video(Protocol):
@@ -307,5 +316,6 @@ class Recording:
     gyro: GyroLog | None = None
     imu: ImuLog | None = None
     control_points: ControlPoints | None = None
+    masks: Masks | None = None
     notes: tuple[str, ...] = ()
     guesses: tuple[CameraGuess, ...] = ()

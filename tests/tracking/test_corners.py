@@ -4,7 +4,7 @@ import pytest
 from textured_room import images
 
 from vgps.config import TrackingConfig
-from vgps.tracking.corners import harris_maxima, new_corners
+from vgps.tracking.corners import harris_maxima, is_shown, new_corners
 
 CONFIG = TrackingConfig(min_distance_px=12)
 NONE = np.zeros((0, 2))
@@ -87,3 +87,17 @@ def test_corners_cover_the_image_though_one_part_has_the_best_texture(gray):
     strongest = harris_maxima(faint, CONFIG)[0][:40]
     assert np.mean(strongest[:, 0] < 160) > 0.9
     assert 0.3 < np.mean(corners(faint, count=40)[:, 0] < 160) < 0.7
+
+
+def test_no_corner_is_taken_where_a_mask_hides_the_scene(gray):
+    mask = np.zeros(gray.shape, dtype=bool)
+    mask[:, gray.shape[1] // 2 :] = True
+    uv = new_corners(gray, NONE, 60, CONFIG, np.random.default_rng(0), mask)
+    assert len(uv) > 10 and uv[:, 0].min() >= gray.shape[1] // 2
+
+
+def test_a_mask_shows_pixels_by_their_nearest_neighbour_and_all_outside_the_image():
+    mask = np.array([[True, False], [False, True]])
+    uv = np.array([[0.4, 0.0], [0.6, 0.0], [1.0, 0.6], [-1.0, 0.0], [0.0, 2.0], [np.nan, 0.0]])
+    assert is_shown(mask, uv).tolist() == [True, False, True, True, True, True]
+    assert is_shown(None, uv).all()

@@ -1,5 +1,7 @@
 """Stage A on images of a room whose poses and points are known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -18,6 +20,7 @@ from textured_room import (
 )
 
 from vgps.mapping.map_update import MapUpdate, Positions
+from vgps.model import Frame
 from vgps.tracking.frame_tracker import FrameTracker
 from vgps.tracking.matching import Match
 from vgps.tracking.pose import Prediction
@@ -37,10 +40,17 @@ def scene():
     return followed_map(TRUE[:-1])
 
 
+def last_two():
+    """The image of the newest view, and the frame after it."""
+    before, after = images(LAST + 2)[LAST:]
+    return before, Frame(LAST + 1, 0.1 * (LAST + 1), after)
+
+
 def track(scene, gray=None, predicted=TRUE[LAST], **tracking):
     """The next frame, tracked by default from the pose of the one before."""
-    before, after = images(LAST + 2)[LAST:]
-    return tracker(**tracking).track(scene[0], before, after if gray is None else gray, Prediction(predicted))
+    before, after = last_two()
+    after = after if gray is None else replace(after, gray=gray)
+    return tracker(**tracking).track(scene[0], before, after, Prediction(predicted))
 
 
 def errors_px(result, points):
@@ -57,7 +67,7 @@ def move_points(local_map, rows, by_m):
 
 def test_features_are_followed_to_where_their_points_project(scene):
     local_map, points = scene
-    result = tracker().follow(local_map, *images(LAST + 2)[LAST:])
+    result = tracker().follow(local_map, *last_two())
     assert result.found.mean() > 0.9 and result.world_T_camera is None
     assert np.median(errors_px(result, points)) < 0.1
     assert np.quantile(errors_px(result, points), 0.95) < 0.5
@@ -81,7 +91,7 @@ def test_a_poor_prediction_does_no_harm(scene):
 def test_a_lens_is_taken_out_of_the_observations():
     local_map, points = followed_map(TRUE[:-1], LENS)
     before, after = (image(pose, LENS) for pose in TRUE[LAST:])
-    result = tracker(LENS).track(local_map, before, after, Prediction(TRUE[LAST]))
+    result = tracker(LENS).track(local_map, before, Frame(LAST + 1, 0.5, after), Prediction(TRUE[LAST]))
     assert result.world_T_camera is not None and distance_m(result.world_T_camera, TRUE[-1]) < 0.01
     assert np.quantile(errors_px(result, points), 0.95) < 0.5
     assert np.linalg.norm(result.raw_uv_px - result.uv_px, axis=1).max() > 2.0
@@ -141,7 +151,7 @@ def test_features_are_searched_where_the_predicted_pose_puts_them(scene):
     predicted = moved(TRUE[LAST], 0.5, (0.0, 12.0, 0.0))
     stage_a = tracker()
     stage_a._matcher = matcher = SearchRecorder()
-    stage_a.track(local_map, *images(LAST + 2)[LAST:], Prediction(predicted))
+    stage_a.track(local_map, *last_two(), Prediction(predicted))
     assumed = points.copy()
     lines = (points[unpositioned] - TRUE[LAST][:3, 3]) / depth[unpositioned, None]
     median = np.median(np.delete(depth, unpositioned))
@@ -171,7 +181,7 @@ def test_lost_and_mismatched_features_are_matched_again_near_the_tentative_pose(
     local_map, points = scene
     stage_a = tracker()
     stage_a._matcher = PoorMatcher(stage_a._matcher)
-    result = stage_a.track(local_map, *images(LAST + 2)[LAST:], Prediction(TRUE[LAST]))
+    result = stage_a.track(local_map, *last_two(), Prediction(TRUE[LAST]))
     assert distance_m(result.world_T_camera, TRUE[-1]) < 0.01
     assert result.found[::3].mean() > 0.9
     assert np.quantile(errors_px(result, points), 0.95) < 0.5
@@ -208,6 +218,18 @@ def test_features_are_searched_where_a_gyro_turned_them(scene):
     turned = TRUE[LAST].copy()
     turned[:3, :3] = turned[:3, :3] @ turn
     before, after = images(LAST + 1)[LAST], image(turned)
-    blind = tracker().follow(local_map, before, after)
-    led = tracker().follow(local_map, before, after, turn)
+    blind = tracker().follow(local_map, before, Frame(1, 0.1, after))
+    led = tracker().follow(local_map, before, Frame(1, 0.1, after), turn)
     assert led.found.sum() > 2 * blind.found.sum()
+
+
+def test_features_that_a_mask_hides_are_not_found(scene):
+    local_map, _ = scene
+    before, after = last_two()
+    mask = np.ones(after.gray.shape, dtype=bool)
+    mask[:, : mask.shape[1] // 2] = False
+    plain = tracker().track(local_map, before, after, Prediction(TRUE[LAST]))
+    masked = tracker().track(local_map, before, replace(after, mask=mask), Prediction(TRUE[LAST]))
+    left = plain.raw_uv_px[:, 0] < mask.shape[1] // 2 - 1
+    assert plain.found[left].sum() > 10 and not masked.found[left].any()
+    assert masked.found[~left].sum() > 10 and masked.world_T_camera is not None

@@ -10,6 +10,7 @@ from factors import poses_at
 from vgps.camera import row_shares, undistort
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
+from vgps.model import Frame
 from vgps.tracking.mapper import Mapper
 
 FRAMES = 8
@@ -184,7 +185,7 @@ def empty_map():
 @pytest.mark.parametrize("camera", [CAMERA, LENS], ids=["pinhole", "lens"])
 def test_new_features_are_corners_of_the_newest_view(camera):
     local_map, gray = empty_map(), image(POSES[0], camera)
-    local_map.apply(mapper(camera).new_features(local_map, gray))
+    local_map.apply(mapper(camera).new_features(local_map, Frame(0, 0.0, gray)))
     assert len(local_map.ids) == CONFIG.tracking.max_features
     np.testing.assert_allclose(local_map.last_uv_px, undistort(camera, local_map.raw_uv_px))
     pixel = local_map.raw_uv_px.astype(int)
@@ -198,5 +199,5 @@ def test_features_are_added_when_fewer_than_three_quarters_are_followed():
         local_map, rng = empty_map(), np.random.default_rng(0)
         uv = rng.uniform(20, 30, (followed, 2))
         local_map.apply(MapUpdate(features=NewFeatures(uv, uv, np.zeros(followed, dtype=np.uint8))))
-        local_map.apply(mapper().new_features(local_map, gray))
+        local_map.apply(mapper().new_features(local_map, Frame(0, 0.0, gray)))
         assert len(local_map.ids) == followed + added

@@ -190,7 +190,7 @@ class FramePipeline:
         # errors of features are common to many of them, which their number hides
         predicted = builder.predict(frame.t_s, self._gyro).beside(self.config.batch.video_sigma_scale)
         with self.timer.measure("track"):
-            result = self._tracker.track(local_map, builder.view_image, frame.gray, predicted)
+            result = self._tracker.track(local_map, builder.view_image, frame, predicted)
             if result.world_T_camera is None:
                 result = self._relocalise(builder, frame, predicted.world_T_camera) or result
         if result.world_T_camera is None:
@@ -206,7 +206,7 @@ class FramePipeline:
         builder.add_view(frame, result)
         with self.timer.measure("map"):
             local_map.apply(self._mapper.triangulate_due(local_map))
-            local_map.apply(self._mapper.new_features(local_map, frame.gray))
+            local_map.apply(self._mapper.new_features(local_map, frame))
         builder.since_window += 1
         builder.moved = True
 
@@ -265,7 +265,7 @@ class FramePipeline:
         pose = builder.relocaliser.locate(frame.gray, predicted)
         if pose is None:
             return None
-        return self._tracker.track(local_map, builder.view_image, frame.gray, Prediction(pose))
+        return self._tracker.track(local_map, builder.view_image, frame, Prediction(pose))
 
     def _grow_next_map(self, frame: Frame) -> None:
         """Add a frame to a new map while tracking is lost; once it starts, it replaces the current map."""

@@ -1,7 +1,7 @@
 """Stages A to C over a whole recording, and their result."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vgps.config import Config
 from vgps.errors import GeometryError
@@ -70,7 +70,7 @@ def run_front_end(
     context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
     done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
-    frames = _decoded(recording.video.frames(), frame_pipeline.timer)
+    frames = _decoded(_masked(recording), frame_pipeline.timer)
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
             if frame.index < done:
@@ -134,6 +134,12 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     if recording.rig.antenna_known or config.gps.model == "none" or not fixes.used.any():
         return frame_pipeline.sensors
     return frame_pipeline.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
+
+
+def _masked(recording: Recording) -> Iterator[Frame]:
+    """Yield the frames of a recording with their masks."""
+    frames, masks = recording.video.frames(), recording.masks
+    return frames if masks is None else (replace(one, mask=masks.of_frame(one.index)) for one in frames)
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:

@@ -55,7 +55,7 @@ class MapStarter:
             return self._first_view(frame)
         local_map, config = builder.local_map, self._config
         rotation = None if gyro is None else gyro.between(builder.view_s, frame.t_s)
-        result = self._tracker.follow(local_map, builder.view_image, frame.gray, rotation)
+        result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
         builder.add_pose(frame.t_s, _UNKNOWN)
@@ -66,7 +66,7 @@ class MapStarter:
         start = self._initialiser.initialise(local_map)
         if start is not None:
             local_map.apply(start)
-        local_map.apply(self._mapper.new_features(local_map, frame.gray))
+        local_map.apply(self._mapper.new_features(local_map, frame))
         if start is not None:
             builder.started = True
             local_map.apply(pose_standing_frames(local_map))
@@ -77,7 +77,7 @@ class MapStarter:
         no_pixels = np.zeros((0, 2))
         view = NewView(frame.index, no_pixels, no_pixels, np.zeros(0, dtype=bool))
         local_map.apply(MapUpdate(frames=(NewFrame(frame.t_s, _UNKNOWN),), view=view))
-        local_map.apply(self._mapper.new_features(local_map, frame.gray))
+        local_map.apply(self._mapper.new_features(local_map, frame))
         if len(local_map.ids) < self._config.start.min_inliers:
             return None
         return MapBuilder(local_map=local_map, view_image=frame.gray)

@@ -28,6 +28,7 @@ from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
+from vgps.readers.masks import find_masks
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
 
@@ -110,6 +111,7 @@ def open_recording(
         gyro=gyro,
         imu=inertial,
         notes=notes,
+        masks=find_masks(folder, video),
         control_points=_control_points(points, video, control_system) if points else None,
     )
     return with_picture_motion(found, telemetry)

@@ -10,6 +10,7 @@ from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.images import ImageFolder, list_images
 from vgps.readers.video import VideoFile
 
+MASKS = "masks"  # folder of masks beside a video
 _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
 PathLike = str | Path
 Source = VideoFile | ChapteredVideo | ImageFolder | BagVideo
@@ -50,7 +51,7 @@ def place_of(path: Path) -> tuple[Path, Path]:
         )
     if videos:
         return path, videos[0]
-    inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and list_images(sub))
+    inner = sorted(sub for sub in path.iterdir() if sub.is_dir() and sub.name != MASKS and list_images(sub))
     if list_images(path):
         # a folder of images: the other files are in it, or beside it
         inside = any((path / name).is_file() for name in ("camera.yaml", "rig.yaml"))

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from vgps.config import TrackingConfig
-from vgps.model import FloatArray, GrayImage
+from vgps.model import BoolArray, FloatArray, GrayImage
 
 _BLOCK_PX = 3  # over which Harris sums the products of gradients
 _MARGIN_PX = 10  # a patch nearer to the border would leave the image
@@ -33,7 +33,12 @@ def harris_maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, 
 
 
 def new_corners(
-    gray: GrayImage, followed_uv_px: FloatArray, count: int, config: TrackingConfig, rng: np.random.Generator
+    gray: GrayImage,
+    followed_uv_px: FloatArray,
+    count: int,
+    config: TrackingConfig,
+    rng: np.random.Generator,
+    mask: BoolArray | None = None,
 ) -> FloatArray:
     """Return corners (M, 2) to follow from this frame on, M <= ``count``.
 
@@ -46,10 +51,12 @@ def new_corners(
         count: Maximum number of corners.
         config: Gives the side of a cell, ``min_distance_px``.
         rng: Random generator for the draw.
+        mask: (H, W) where corners are wanted; None for everywhere.
     """
     if count <= 0:
         return np.zeros((0, 2))
     uv, _ = harris_maxima(gray, config)
+    uv = uv[is_shown(mask, uv)]
     height, width = gray.shape
     cell = config.min_distance_px
     columns = int(np.ceil(width / cell))
@@ -66,3 +73,14 @@ def new_corners(
         return candidates
     drawn = np.sort(rng.choice(len(candidates), count, replace=False))
     return np.asarray(candidates[drawn])
+
+
+def is_shown(mask: BoolArray | None, uv_px: FloatArray) -> BoolArray:
+    """Return whether a mask (H, W) shows the scene at pixels (N, 2); true outside it and without one."""
+    shown = np.ones(len(uv_px), dtype=bool)
+    if mask is None:
+        return shown
+    column, row = np.rint(np.nan_to_num(uv_px, nan=-1.0)).astype(int).T
+    inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
+    shown[inside] = mask[row[inside], column[inside]]
+    return shown

@@ -9,7 +9,8 @@ from vgps.camera import distort, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import project, rays, reprojection_inliers
 from vgps.mapping.local_map import LocalMap
-from vgps.model import BoolArray, Camera, FloatArray, GrayImage
+from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
+from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
 from vgps.tracking.reference_patches import Patches, ReferencePatches
@@ -35,6 +36,10 @@ class TrackingResult:
     found: BoolArray
     world_T_camera: FloatArray | None = None
     pose_sigma: FloatArray | None = None
+
+    def shown_by(self, mask: BoolArray | None) -> "TrackingResult":
+        """Return the result without features where a mask (H, W) does not show the scene."""
+        return replace(self, found=self.found & is_shown(mask, self.raw_uv_px)) if mask is not None else self
 
 
 class FrameTracker:
@@ -63,13 +68,13 @@ class FrameTracker:
         self,
         local_map: LocalMap,
         previous: GrayImage,
-        gray: GrayImage,
+        frame: Frame,
         view_R_frame: FloatArray | None = None,
     ) -> TrackingResult:
         """Match the features of a map that has no positions yet; the frame gets no pose.
 
         Args:
-            local_map, previous, gray: As in :meth:`track`.
+            local_map, previous, frame: As in :meth:`track`.
             view_R_frame: (3, 3) rotation since the newest view, if known, by which the features are searched.
         """
         raw_uv = search_uv = local_map.raw_uv_px
@@ -78,17 +83,18 @@ class FrameTracker:
             turned[:3, :3] = view_R_frame
             raw, inside = self._project(turned, rays(self._K, local_map.last_uv_px))
             search_uv = np.where(inside[:, None], raw, raw_uv)
-        return self._undistorted(self._matcher.match(previous, gray, raw_uv, search_uv))
+        match = self._matcher.match(previous, frame.gray, raw_uv, search_uv)
+        return self._undistorted(match).shown_by(frame.mask)
 
     def track(
-        self, local_map: LocalMap, previous: GrayImage, gray: GrayImage, prediction: Prediction
+        self, local_map: LocalMap, previous: GrayImage, frame: Frame, prediction: Prediction
     ) -> TrackingResult:
         """Match the features of a map and pose the frame, (A-2) to (A-5).
 
         Args:
             local_map: Features observed in ``previous``, some of them with positions.
             previous: The frame of the map's newest view.
-            gray: The new frame.
+            frame: The new frame.
             prediction: Pose by the motion model, with the gyro's rotation if there is one.
 
         Returns:
@@ -96,7 +102,8 @@ class FrameTracker:
         """
         predicted = prediction.world_T_camera
         search_uv = self._predict_pixels(local_map, predicted)
-        result = self._undistorted(self._matcher.match(previous, gray, local_map.raw_uv_px, search_uv))
+        match = self._matcher.match(previous, frame.gray, local_map.raw_uv_px, search_uv)
+        result = self._undistorted(match).shown_by(frame.mask)
         shift = self._row_shifts(local_map, predicted)
         result = _shifted(result, shift, -1.0)
         usable = local_map.positioned & result.found
@@ -110,7 +117,7 @@ class FrameTracker:
         tentative, _ = self._refine(local_map, result, usable, tentative, prediction)
         result, shift = _shifted(result, shift), self._row_shifts(local_map, tentative)
         result = _shifted(result, shift, -1.0)
-        aligned = self._aligned(local_map, (previous, gray), result, tentative, shift)
+        aligned = self._aligned(local_map, (previous, frame), result, tentative, shift)
         matched = local_map.positioned & (result.found | aligned.found)
         min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
         return _shifted(self._final_pose(local_map, aligned, tentative, prediction, min_inliers), shift)
@@ -171,7 +178,7 @@ class FrameTracker:
     def _aligned(
         self,
         local_map: LocalMap,
-        images: tuple[GrayImage, GrayImage],
+        images: tuple[GrayImage, Frame],
         result: TrackingResult,
         tentative: FloatArray,
         shift: FloatArray | None,
@@ -182,7 +189,7 @@ class FrameTracker:
 
         Args:
             local_map: As in :meth:`track`.
-            images: Previous and new frame.
+            images: Image of the newest view, and the new frame.
             result: The first match.
             tentative: (4, 4) pose.
             shift: From :meth:`_row_shifts`, taken from the features' pixels.
@@ -196,9 +203,10 @@ class FrameTracker:
         start = np.where((again & inside)[:, None], projected, result.raw_uv_px)
         patches = self._patches.setdefault(local_map, ReferencePatches(self._camera))
         patches.take(local_map, images[0])
-        aligned = patches.align(local_map, tentative, images[1], start, self._config.rematch_px)
+        aligned = patches.align(local_map, tentative, images[1].gray, start, self._config.rematch_px)
         found = np.where(aligned.tried, aligned.found & (inside | ~again), result.found & ~again)
-        return _shifted(self._undistorted(Match(aligned.uv_px, found)), shift, -1.0)
+        result = self._undistorted(Match(aligned.uv_px, found)).shown_by(images[1].mask)
+        return _shifted(result, shift, -1.0)
 
     def _final_pose(
         self,

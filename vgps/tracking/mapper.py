@@ -7,7 +7,7 @@ from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
-from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.solver.row_times import RowTimes
 from vgps.tracking.corners import new_corners
 
@@ -85,15 +85,15 @@ class Mapper:
         enough = largest_angle_rad(directions, start) > np.radians(self._config.min_parallax_deg)
         return rows[enough], observed[enough]
 
-    def new_features(self, local_map: LocalMap, gray: GrayImage) -> MapUpdate:
-        """Return new corners (A-1) of the newest view's image ``gray``, if too few features are followed."""
+    def new_features(self, local_map: LocalMap, frame: Frame) -> MapUpdate:
+        """Return new corners (A-1) of the newest view's frame, if too few features are followed."""
         followed = len(local_map.ids)
         if followed >= self._tracking.refill_share * self._tracking.max_features:
             return MapUpdate()
         count = self._tracking.max_features - followed
-        raw = new_corners(gray, local_map.raw_uv_px, count, self._tracking, self._rng)
+        raw = new_corners(frame.gray, local_map.raw_uv_px, count, self._tracking, self._rng, frame.mask)
         uv = undistort(self._camera, raw)
         valid = np.isfinite(uv).all(axis=1)
         raw, uv = raw[valid], uv[valid]
         pixel = raw.astype(int)
-        return MapUpdate(features=NewFeatures(raw, uv, gray[pixel[:, 1], pixel[:, 0]]))
+        return MapUpdate(features=NewFeatures(raw, uv, frame.gray[pixel[:, 1], pixel[:, 0]]))
