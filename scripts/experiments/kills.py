@@ -36,6 +36,7 @@ _EXPECTED = {
 }
 _BAD_INPUT = 2  # too little had been seen for a run folder
 _KILLS_PER_RUN = 4
+_LONGEST_S = 120.0  # from the signal to the end
 # a clock that runs a hundred times as fast, so that these short runs have several checkpoints
 _RUN = (
     "import time; clock = time.monotonic; time.monotonic = lambda: 100 * clock()\n"
@@ -75,7 +76,7 @@ def verbs(recording: Path, run: Path) -> list[Verb]:
 
 def started(verb: Verb, folder: Path) -> "subprocess.Popen[bytes]":
     """Start a verb in a folder."""
-    words = [sys.executable, "-c", _RUN, *verb.words, "--out", str(folder / verb.out)]
+    words = [sys.executable, "-X", "faulthandler", "-c", _RUN, *verb.words, "--out", str(folder / verb.out)]
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
@@ -112,7 +113,12 @@ def kill(verb: Verb, folder: Path, rng: random.Random) -> tuple[str, list[str]]:
     process = started(verb, folder)
     time.sleep(rng.uniform(0.0, 1.1 * verb.seconds))
     process.send_signal(rng.choice(_SIGNALS))
-    _, stderr = process.communicate(timeout=120)
+    try:
+        _, stderr = process.communicate(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGABRT)  # faulthandler prints where every thread is
+        _, stderr = process.communicate()
+        return "hangs", [f"hangs: {stderr.decode(errors='replace')}"]
     code = process.returncode
     return _EXPECTED.get(code, "other"), faults_after(verb, folder, code, stderr.decode(errors="replace"))
 
@@ -136,6 +142,9 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=200, help="kills over all verbs")
     parser.add_argument("--seed", type=int, default=0, help="another seed kills at other moments")
     given = parser.parse_args()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # in the background it is ignored, by children too
     results = parser.results(given)
     rng, wrong = random.Random(given.seed), 0
     with tempfile.TemporaryDirectory() as scratch:
