@@ -138,6 +138,8 @@ def test_a_survey_bounds_the_offsets_and_gives_their_walk(tmp_path):
     gps = Config().with_gps(None, written(tmp_path / "s.yaml", text)).gps
     found, default = gps.offset_errors(FixClass.RTK_FLOAT), Config().gps.memory
     assert (found.r_m, found.h_m, found.walk_m, found.tail) == (0.4, 0.9, 0.011, 1.2)
+    assert found.walk_spread == gps.memory.own_spread  # a survey of this receiver is believed
+    assert found.noise_spread == default.classes[FixClass.RTK_FLOAT].noise_spread
     assert found.noise_m == default.classes[FixClass.RTK_FLOAT].noise_m
     assert found.between_receivers == default.own_spread
     assert gps.offset_errors(FixClass.DGPS).walk_m == default.classes[FixClass.DGPS].walk_m

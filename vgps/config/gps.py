@@ -138,7 +138,8 @@ class MemoryConfig(SettingsModel):
     path_spread: PositiveFloat = 0.7
     """Standard deviation of the log of this share between recordings."""
     own_spread: PositiveFloat = 0.3
-    """Standard deviation of the log of a region that is not the default one: a survey of this receiver."""
+    """Standard deviation of the log of a region that is not the default one, and of a noise or walk that a
+    survey of this receiver gives."""
     classes: dict[FixClass, OffsetErrors] = Field(default_factory=_default_offsets)
     """Errors of each class over several receivers; of other classes the region alone counts."""
 

@@ -20,6 +20,7 @@ Settings = TypeVar("Settings", bound=SettingsModel)
 log = logging.getLogger(__name__)
 
 _MEMORY_KEYS = ("noise_m", "walk_m", "tail", "vertical")
+_SPREADS = {"noise_m": "noise_spread", "walk_m": "walk_spread"}
 
 
 def read_settings(path: Path, model: type[Settings]) -> Settings:
@@ -63,12 +64,15 @@ def read_survey(path: Path) -> dict[FixClass, Region]:
     return regions
 
 
-def read_survey_memory(path: Path, classes: Mapping[FixClass, OffsetErrors]) -> dict[FixClass, OffsetErrors]:
+def read_survey_memory(
+    path: Path, classes: Mapping[FixClass, OffsetErrors], spread: float
+) -> dict[FixClass, OffsetErrors]:
     """Return the errors with memory of each class, with the keys that a survey file has for it.
 
     Args:
         path: A file that :func:`read_survey` reads.
         classes: Errors where the file has none.
+        spread: Standard deviation of the log of a noise or walk that the file has.
 
     Raises:
         ConfigError: Not readable, or impossible numbers.
@@ -78,6 +82,7 @@ def read_survey_memory(path: Path, classes: Mapping[FixClass, OffsetErrors]) -> 
         if name not in set(FixClass) or not isinstance(value, dict):
             continue
         keys = {key: value[key] for key in _MEMORY_KEYS if key in value}
+        keys |= {known: spread for key, known in _SPREADS.items() if key in value}
         before = classes.get(FixClass(name), OffsetErrors()).model_dump()
         try:
             found[FixClass(name)] = OffsetErrors.model_validate(before | keys)

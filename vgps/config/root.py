@@ -75,7 +75,7 @@ class Config(SettingsModel):
         if survey is None:
             return self._with("gps", model=model)
         memory = self.gps.memory
-        classes = read_survey_memory(survey, memory.classes)
+        classes = read_survey_memory(survey, memory.classes, memory.own_spread)
         memory = memory.model_copy(update={"classes": classes})
         return self._with("gps", model=model, regions=read_survey(survey), memory=memory)
 
