@@ -25,11 +25,13 @@ from vgps.gps.offset_errors import between_receivers, errors_of
 from vgps.gps.offsets import with_offset_regions
 from vgps.model import FixClass, FloatArray, Recording
 from vgps.online import OnlineEstimate, OnlineSmoother
+from vgps.online.delay import DelayedEstimates
 from vgps.online.replay import replay
 from vgps.online.run import run_online
 from vgps.smoothing.covariance import region_sigmas
 
 CERTAIN_M, WITHIN = 1.0, 1.1
+LATER_S = 1.0
 SETTLED_S = 1.0  # after RTK-fixes return
 SIGMAS = 3.0
 COLUMNS = {
@@ -39,6 +41,7 @@ COLUMNS = {
     "fixes_mean_m": "fixes [m]",
     "mean_m": "as it came [m]",
     "max_m": "max",
+    "later_mean_m": "a second later [m]",
     "offline_mean_m": "offline [m]",
     "nees": "NEES",
     "beyond_three_sigmas": "beyond 3 sigmas",
@@ -86,19 +89,35 @@ def offset_sigmas(fixes: Fixes) -> FloatArray:
     return spread[:, None] * region_sigmas(with_offset_regions(fixes, config))
 
 
-def run_live(recording: Recording, seed: int) -> list[OnlineEstimate]:
-    """Return the estimates of all frames as they come."""
+@dataclass(frozen=True)
+class LiveRun:
+    """Estimates of all frames as they come, and each with what came in the second after it."""
+
+    estimates: list[OnlineEstimate]
+    later: list[OnlineEstimate]
+
+
+def run_live(recording: Recording, seed: int) -> LiveRun:
+    """Return the estimates of a run."""
     smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed))
-    estimates, stop = list[OnlineEstimate](), threading.Event()
-    run_online(replay(recording, stop), smoother, lambda estimate, _: estimates.append(estimate), stop)
-    return estimates
+    delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], []), threading.Event()
+
+    def sink(estimate: OnlineEstimate, _: float) -> None:
+        run.estimates.append(estimate)
+        run.later.extend(one for one, _ in delayed.add(estimate, 0.0))
+
+    run_online(replay(recording, stop), smoother, sink, stop)
+    run.later.extend(one for one, _ in delayed.rest())
+    return run
 
 
-def score(recording: Recording, truth: Truth, estimates: list[OnlineEstimate]) -> dict[str, float]:
+def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
     """Return the measures of one run by the names in ``COLUMNS``; NaN if no pose was ever certain."""
     assert recording.gps is not None
+    estimates, true = run.estimates, truth.camera[: len(run.estimates)]
     t_s, fix_t_s = recording.video.times_s[: len(estimates)], recording.gps.t_s
-    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - truth.camera[: len(estimates)]
+    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - true
+    later_m = np.linalg.norm(np.array([one.global_T_camera[:3, 3] for one in run.later]) - true, axis=1)
     sigma_m = np.array([one.sigma_position_m for one in estimates])
     size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
     newest = np.clip(np.searchsorted(fix_t_s, t_s, side="right") - 1, 0, None)
@@ -116,6 +135,7 @@ def score(recording: Recording, truth: Truth, estimates: list[OnlineEstimate]) -
         "fixes_mean_m": float(np.linalg.norm(truth.fix_error_m[fix_t_s >= since_s], axis=1).mean()),
         "mean_m": float(size.mean()),
         "max_m": float(size.max()),
+        "later_mean_m": float(later_m[counts].mean()),
         "offline_mean_m": np.nan,
         "nees": float(np.mean(np.sum((error_m[counts] / sigma_m[counts]) ** 2, axis=1))),
         "beyond_three_sigmas": float(np.mean(size > SIGMAS * stated)),

@@ -50,6 +50,9 @@ def test_the_minimum_has_no_gradient_and_its_covariance_is_that_of_the_whole_mat
     assert np.abs(step[:, :3]).max() < 0.01
     inverse = np.linalg.inv(matrix)[-UNKNOWNS:, -UNKNOWNS:]
     np.testing.assert_allclose(system.last_covariance(), inverse, rtol=1e-5, atol=1e-9)
+    whole = np.linalg.inv(matrix).reshape(len(fit.nodes.t_s), UNKNOWNS, -1, UNKNOWNS)
+    found = system.covariances()
+    np.testing.assert_allclose(found, np.einsum("iaib->iab", whole), rtol=1e-4, atol=1e-8)
 
 
 def test_elimination_is_the_schur_complement(fit):

@@ -39,8 +39,9 @@ def test_errors_count_from_the_first_certain_pose():
         for s in sigma
     ]
     truth = live.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
-    found = live.score(recorded([fix] * 4), truth, estimates)
+    found = live.score(recorded([fix] * 4), truth, live.LiveRun(estimates, estimates))
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
+    assert found["later_mean_m"] == pytest.approx(0.3)
     assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
     # 0.3 m are less than three sigmas until these are 0.1 m
     assert found["beyond_three_sigmas"] == 0.0

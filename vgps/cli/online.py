@@ -41,6 +41,7 @@ def online(
     out: Path | None = None,
     finish: bool = False,
     realtime: bool = False,
+    lag_s: NotNegative = 0.0,
     sources: Sources = _NONE,
     settings: GpsSettings = _SETTINGS,
 ) -> None:
@@ -51,10 +52,11 @@ def online(
         out: Run folder to write at the end, also after Ctrl-C.
         finish: Keep all data and run the final optimisation (stage D) at the end, as `smooth` does.
         realtime: Play a recording at its own pace instead of as fast as possible.
+        lag_s: Write each pose this much later [s], by the fixes and frames that came until then.
         sources: Live sources or other files.
         settings: Settings.
     """
-    options = OnlineOptions(settings.read(), out, finish, sources.gps, sources.camera, sources.rig)
+    options = OnlineOptions(settings.read(), out, finish, sources.gps, sources.camera, sources.rig, lag_s)
     if sources.video is None:
         frames = pose_recording(recording, options, realtime=realtime)
     else:

@@ -7,6 +7,7 @@ once.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,6 +23,7 @@ from vgps.online.fusion_equations import (
     ROTATION,
     SCALE,
     UNKNOWNS,
+    BlockSystem,
     FirstNodePrior,
     FusionState,
     minimise,
@@ -43,12 +45,14 @@ class FusedPath:
         state: Their values.
         prior: Of the first node.
         covariance: (10, 10) of the last node.
+        system: The normal equations at these values.
     """
 
     nodes: FusionNodes
     state: FusionState
     prior: FirstNodePrior
     covariance: FloatArray
+    system: BlockSystem
 
     @property
     def newest_s(self) -> float:
@@ -98,6 +102,15 @@ class FusedPath:
         covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
         return float(max(*new, shift @ np.linalg.solve(covariance, shift)))
 
+    @cached_property
+    def _covariances(self) -> FloatArray:
+        return self.system.covariances()
+
+    def covariance_at(self, t_s: float) -> FloatArray:
+        """Return the covariance (7, 7) of position, log scale and rotation at a time, by all fixes so far."""
+        node = int(np.argmin(np.abs(self.nodes.t_s - t_s)))
+        return np.asarray(self._covariances[node, : OFFSET.start, : OFFSET.start])
+
     def covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
         """Return the covariance (7, 7) of position, log scale and rotation at the end of a path."""
         ends = np.concatenate([path.at(self.nodes.t_s[-1:]), path.poses[-1:]])
@@ -140,7 +153,9 @@ def fuse(
     state = _start(nodes) if last is None else _continue(nodes, last)
     prior = prior or _vague_prior(state)
     state, system = minimise(nodes, state, prior, config.drift.iterations)
-    return FusedPath(nodes=nodes, state=state, prior=prior, covariance=system.last_covariance())
+    return FusedPath(
+        nodes=nodes, state=state, prior=prior, covariance=system.last_covariance(), system=system
+    )
 
 
 def _prior_of(last: FusedPath, node: int) -> FirstNodePrior:

@@ -88,6 +88,19 @@ class BlockSystem:
         inverse = np.linalg.inv(last)
         return np.asarray(inverse.T @ inverse)
 
+    def covariances(self) -> FloatArray:
+        """Return the covariances (N, 10, 10) of all nodes, by elimination forwards and substitution back."""
+        out = np.empty_like(self.diagonal)
+        information, gains = self.diagonal[0], []
+        for k, below in enumerate(self.below):
+            out[k] = np.linalg.inv(information)
+            gains.append(below @ out[k])
+            information = self.diagonal[k + 1] - gains[k] @ below.T
+        out[-1] = np.linalg.inv(information)
+        for k in range(len(gains) - 1, -1, -1):
+            out[k] += gains[k].T @ out[k + 1] @ gains[k]
+        return out
+
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
         """Return information (10, 10) and vector (10,) of the last node with all others eliminated."""
         information, vector = self.diagonal[0], self.gradient[0]

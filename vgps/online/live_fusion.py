@@ -2,55 +2,26 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes
-from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.retention import RetiredPoses
-from vgps.model import FloatArray, IntArray
-from vgps.online.fusion import FusedPath, fuse
+from vgps.model import FloatArray
+from vgps.online.fusion import FusedPath
+from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts
 from vgps.online.fusion_nodes import VideoPath
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.smoothing.drift_correction import move_frames
-from vgps.solution import Trajectory
 
 # Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
 _FIT_FRAMES, _VERDICT_FRAMES = 1, 4
-_SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
 _AROUND_FRAMES = 15  # before and after a frame whose scale is taken
 _NO_LENGTH_M = 1e-9
-_MOST_JUDGED = 120  # newest fixes; thousands would take a second
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
-
-    ``surprising``: whether its newest fixes call for verdicts.
-    """
-
-    fused: FusedPath
-    number: IntArray
-    assessment: FixAssessment
-    surprising: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Input:
-    """What a fit starts from: the map's path, the fixes, and verdicts on earlier ones."""
-
-    path: VideoPath
-    fixes: Fixes
-    number: IntArray
-    assessment: FixAssessment
-    camera_p_antenna: FloatArray
-    last: FusedPath | None
 
 
 @dataclass(frozen=True)
@@ -58,8 +29,8 @@ class _Job:
     """A fit at work that is due at a frame."""
 
     due_frame: int
-    given: _Input
-    fit: "Future[_Fit]"
+    given: FitInput
+    fit: "Future[FitResult]"
 
 
 class LiveFusion:
@@ -78,7 +49,7 @@ class LiveFusion:
         self._map: LocalMap | None = None
         self._fused: FusedPath | None = None
         self._job: _Job | None = None
-        self._latest: _Fit | None = None
+        self._latest: FitResult | None = None
         self._seen = (0, 0)  # frames and fixes of the last fit
 
     def refine(self) -> None:
@@ -116,15 +87,15 @@ class LiveFusion:
         assert self._job is not None
         given, future, self._job = self._job.given, self._job.fit, None
         try:
-            fit = future.result()
+            result = future.result()
         except np.linalg.LinAlgError as error:
             self._frame_pipeline.warnings.append(f"the fixes could not be fused with the video: {error}")
             return
-        if fit.surprising:
-            self._start(_fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
+        if result.surprising:
+            self._start(fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
             return
-        self._latest, self._fused = fit, fit.fused
-        self._frame_pipeline.fix_buffer.update_assessment(fit.number, fit.assessment)
+        self._latest, self._fused = result, result.fused
+        self._frame_pipeline.fix_buffer.update_assessment(result.number, result.assessment)
         self._scale_odometry()
 
     def _scale_odometry(self) -> None:
@@ -150,7 +121,7 @@ class LiveFusion:
             scale = _length_around(moved) / np.maximum(_length_around(poses), _NO_LENGTH_M)
             self._map.apply(move_frames(self._map, moved, scale))
 
-    def _start(self, work: Callable[[_Input, Config], _Fit], given: _Input, frames: int) -> None:
+    def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
         executor = ThreadPoolExecutor(1)
         future = executor.submit(work, given, self._config)
         executor.shutdown(wait=False)
@@ -169,6 +140,21 @@ class LiveFusion:
         covariance = self._fused.covariance_at_end(self._path(self._map), self._config)
         away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
         return pose_sigmas(covariance, away_s, self._config.motion)
+
+    def at(self, frame: int) -> tuple[FloatArray, Sigmas] | None:
+        """Return the pose (4, 4) of an earlier frame by all fixes so far; None if its map has ended."""
+        current = self._map
+        if self._fused is None or current is None or not current.first_frame <= frame < current.next_frame:
+            return None
+        path = self._path(current)
+        row = frame - (current.next_frame - len(path.t_s))
+        if row < 0 or not np.isfinite(path.poses[row, 0, 0]):
+            return None
+        t_s = float(path.t_s[row])
+        if t_s > self._fused.newest_s:
+            return None
+        pose = self._fused.world_T_camera(path)[row]
+        return pose, pose_sigmas(self._fused.covariance_at(t_s), 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
         """Return the fused poses of the newest map over the last ``online.keep_s``; None before a fit."""
@@ -202,7 +188,7 @@ class LiveFusion:
         fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
         fixes = fix_buffer.fixes.without_time_offset(sensors.time_offset_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
-        given = _Input(
+        given = FitInput(
             path=VideoPath(t_s=path.t_s.copy(), poses=path.poses.copy(), moving=path.moving),
             fixes=fixes.where(rows),
             number=fix_buffer.number[rows],
@@ -211,33 +197,7 @@ class LiveFusion:
             last=self._fused,
         )
         self._seen = len(pipeline.t_s), self._fix_count()
-        self._start(_fit, given, _FIT_FRAMES)
-
-
-def _fit(given: _Input, config: Config) -> _Fit:
-    """Return the fit to all fixes but those rejected before."""
-    fixes = given.assessment.applied(given.fixes)
-    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last)
-    surprising = detects_outliers(config) and (
-        given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
-    )
-    return _Fit(fused, given.number, given.assessment, surprising)
-
-
-def _fit_with_verdicts(given: _Input, config: Config) -> _Fit:
-    """Return verdicts on the newest fixes along the last fit, and the fit to those that take part."""
-    path, last = given.path, given.last
-    poses = path.poses if last is None else last.world_T_camera(path)
-    judged = given.fixes.t_s >= np.sort(given.fixes.t_s)[-_MOST_JUDGED:].min(initial=np.inf)
-    seen = path.t_s >= given.fixes.t_s[judged].min(initial=np.inf) - 1.0
-    whole = Trajectory(path.t_s[seen], poses[seen])
-    assessment = given.assessment
-    if len(whole) >= 2:
-        fixes = replace(given.fixes, used=given.fixes.used & judged)
-        found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
-        assessment = assessment.updated(found)
-    fixes = assessment.applied(given.fixes)
-    return _Fit(fuse(path, fixes, given.camera_p_antenna, config, last), given.number, assessment)
+        self._start(fit, given, _FIT_FRAMES)
 
 
 def _length_around(poses: FloatArray) -> FloatArray:

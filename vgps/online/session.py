@@ -4,6 +4,7 @@ import contextlib
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TextIO
 from vgps.config import Config
 from vgps.errors import ConfigError, GpsLogError, RecordingError
 from vgps.model import Rig
+from vgps.online.delay import DelayedEstimates
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.gps_source import GpsSource
 from vgps.online.live_feed import live_feed, start_utc
@@ -35,6 +37,7 @@ class OnlineOptions:
         finish: Whether to keep all observations and run stage D at the end.
         gps: GPS log, or address of a receiver.
         camera, rig: Files that replace those of the recording.
+        lag_s: Delay after which a pose is written, by all that came until then.
     """
 
     config: Config
@@ -43,6 +46,7 @@ class OnlineOptions:
     gps: str | None = None
     camera: Path | None = None
     rig: Path | None = None
+    lag_s: float = 0.0
 
     def check(self) -> None:
         """Check before the session that its result can be written.
@@ -150,16 +154,23 @@ def _run(
     options: OnlineOptions,
     stop: threading.Event,
 ) -> int:
-    def sink(estimate: OnlineEstimate, latency_s: float) -> None:
+    delayed = DelayedEstimates(smoother, options.lag_s)
+
+    def write(due: Iterable[tuple[OnlineEstimate, float]]) -> None:
         try:
-            lines.write(estimate, latency_s)
+            for estimate, arrival_s in due:
+                lines.write(estimate, time.monotonic() - arrival_s)
         except BrokenPipeError:  # the reader has gone: stop, but write the run folder
             stop.set()
             with contextlib.suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
+    def sink(estimate: OnlineEstimate, latency_s: float) -> None:
+        write(delayed.add(estimate, time.monotonic() - latency_s))
+
     with stopped_by_signals(stop):
         frames = run_online(feed, smoother, sink, stop)
+        write(delayed.rest())
         if options.out is not None:
             write_run(smoother.finish(stage_d=options.finish), options.out)
     return frames

@@ -178,6 +178,19 @@ class OnlineSmoother:
         """Return the newest frame's estimate, None before the first frame."""
         return self._estimate
 
+    def revised(self, estimate: OnlineEstimate) -> OnlineEstimate:
+        """Return an earlier estimate with pose and sigmas by all frames and fixes so far."""
+        found = self._fusion.at(estimate.frame)
+        if found is None:
+            return estimate
+        pose, sigmas = found
+        return replace(
+            estimate,
+            global_T_camera=pose,
+            sigma_position_m=sigmas.position_m,
+            sigma_rotation_rad=sigmas.rotation_rad,
+        )
+
     def finish(self, stage_d: bool = False) -> Solution:
         """Return the solution for a run folder; nothing may be added afterwards.
 

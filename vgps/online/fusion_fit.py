@@ -1,0 +1,67 @@
+"""One fit of the live path: to fixes that agree with it, or with verdicts on those that do not."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.model import FloatArray, IntArray
+from vgps.online.fusion import FusedPath, fuse
+from vgps.online.fusion_nodes import VideoPath
+from vgps.solution import Trajectory
+
+_SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
+_MOST_JUDGED = 120  # newest fixes; thousands would take a second
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
+
+    ``surprising``: whether its newest fixes call for verdicts.
+    """
+
+    fused: FusedPath
+    number: IntArray
+    assessment: FixAssessment
+    surprising: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitInput:
+    """What a fit starts from: the map's path, the fixes, and verdicts on earlier ones."""
+
+    path: VideoPath
+    fixes: Fixes
+    number: IntArray
+    assessment: FixAssessment
+    camera_p_antenna: FloatArray
+    last: FusedPath | None
+
+
+def fit(given: FitInput, config: Config) -> FitResult:
+    """Return the fit to all fixes but those rejected before."""
+    fixes = given.assessment.applied(given.fixes)
+    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last)
+    surprising = detects_outliers(config) and (
+        given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
+    )
+    return FitResult(fused, given.number, given.assessment, surprising)
+
+
+def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
+    """Return verdicts on the newest fixes along the last fit, and the fit to those that take part."""
+    path, last = given.path, given.last
+    poses = path.poses if last is None else last.world_T_camera(path)
+    judged = given.fixes.t_s >= np.sort(given.fixes.t_s)[-_MOST_JUDGED:].min(initial=np.inf)
+    seen = path.t_s >= given.fixes.t_s[judged].min(initial=np.inf) - 1.0
+    whole = Trajectory(path.t_s[seen], poses[seen])
+    assessment = given.assessment
+    if len(whole) >= 2:
+        fixes = replace(given.fixes, used=given.fixes.used & judged)
+        found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
+        assessment = assessment.updated(found)
+    fixes = assessment.applied(given.fixes)
+    return FitResult(fuse(path, fixes, given.camera_p_antenna, config, last), given.number, assessment)
