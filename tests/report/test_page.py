@@ -81,6 +81,13 @@ def test_cost_timings_sensors_and_configuration(html):
     assert "<details>" in html and "model: cylinder" in html
 
 
+def test_errors_that_the_log_showed_are_stated(solution, tmp_path):
+    found = {"rtk_float": {"noise_m": 0.0114, "walk_m": 0.0641}}
+    learned = replace(solution, sensors=replace(solution.sensors, fix_errors=found))
+    html = page_of(learned, tmp_path)
+    assert "errors of rtk_float as this log shows them" in html and "0.011 m" in html and "0.064 m" in html
+
+
 def test_the_same_run_gives_the_same_page(html, solution, tmp_path):
     assert page_of(solution, tmp_path) == html
 
