@@ -6,7 +6,7 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import Config
 from vgps.gps.outlier_detection import FixAssessment
-from vgps.gps.verdicts import fix_table
+from vgps.gps.verdicts import close_calls, fix_table
 from vgps.model import FixClass, GpsLog
 from vgps.solution import Verdict
 
@@ -53,3 +53,19 @@ def test_the_reason_of_a_rejection_has_the_distance_and_whether_the_error_repeat
     alone, lasting = table.reason[3], table.reason[4]
     assert "as the fix before it" not in table.reason[2] + alone
     assert lasting == alone + ", in error as the fix before it"
+
+
+def test_verdicts_that_hang_by_a_hair_are_named_with_their_alternatives():
+    nominal = np.array([1.0, 0.6, 0.05, 0.02, np.nan, 0.9])
+    lower = np.array([0.0, 0.0, 0.55, 0.12, np.nan, 0.1])
+    (warning,) = close_calls(FixAssessment(nominal, lower), np.arange(6.0))
+    assert warning.startswith(
+        "verdicts on fixes that hang by a hair: used at 1.0 s (p = 0.60; else rejected), "
+        "down-classed at 2.0 s (p = 0.55; else rejected), rejected at 3.0 s (p = 0.86; else down-classed); "
+    )
+    assert close_calls(FixAssessment(nominal[:1], lower[:1]), np.zeros(1)) == ()
+
+
+def test_of_many_close_calls_three_are_named():
+    (warning,) = close_calls(FixAssessment(np.full(9, 0.5), np.zeros(9)), np.arange(9.0))
+    assert "6 more" in warning and warning.count("else rejected") == 3

@@ -8,6 +8,10 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.solution import FixTable, Trajectory, Verdict
 
+_SURE = 0.9  # probability of a verdict below which it hangs by a hair
+_NAMED = 3  # such verdicts that a warning names
+_WORDS = ("used", "down-classed", "rejected")
+
 
 def fix_table(
     log: GpsLog,
@@ -69,6 +73,30 @@ def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
         Verdict.REJECTED if rejected else Verdict.DOWN_CLASSED if down_classed else Verdict.USED
         for rejected, down_classed in zip(assessment.rejected, assessment.down_classed, strict=True)
     ]
+
+
+def close_calls(assessment: FixAssessment, t_s: FloatArray) -> tuple[str, ...]:
+    """Return a warning if verdicts hang by a hair: which, with their probabilities and the alternatives.
+
+    Args:
+        assessment: Assessment of the fixes (M,).
+        t_s: (M,) their times.
+    """
+    nominal, lower = np.nan_to_num(assessment.nominal, nan=1.0), np.nan_to_num(assessment.lower)
+    states = np.stack([nominal, lower, 1.0 - nominal - lower])  # in the order of _WORDS
+    rows = np.flatnonzero(states.max(axis=0) < _SURE)
+    if not len(rows):
+        return ()
+    ranked = np.argsort(-states[:, rows], axis=0)
+    named = [
+        f"{_WORDS[first]} at {t_s[row]:.1f} s (p = {states[first, row]:.2f}; else {_WORDS[second]})"
+        for row, first, second in zip(rows.tolist(), ranked[0].tolist(), ranked[1].tolist(), strict=True)
+    ]
+    named = named[:_NAMED] + ([f"{len(named) - _NAMED} more"] if len(named) > _NAMED else [])
+    return (
+        f"verdicts on fixes that hang by a hair: {', '.join(named)}; the poses near them depend on these, "
+        "and their sigmas do not cover it: compare with outliers: {enabled: false}",
+    )
 
 
 def _repeats_error(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:

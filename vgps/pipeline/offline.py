@@ -8,7 +8,7 @@ from vgps.config import Config
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
-from vgps.gps.verdicts import fix_table
+from vgps.gps.verdicts import close_calls, fix_table
 from vgps.model import Recording
 from vgps.pipeline.camera_refinement import (
     is_tied,
@@ -151,6 +151,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             *front_end.warnings,
             *merged.warnings,
             *batch.warnings,
+            *close_calls(batch.assessment, front_end.fixes.t_s),
             *_antenna_notes(front_end, merged, batch, config),
         ),
         config=config.model_dump(mode="json"),
