@@ -53,6 +53,8 @@ ELSEWHERE = {
     "vgps demo": "tests/cli/test_demo.py",
     "vgps compare": "tests/compare/test_methods.py",
     "vgps inspect": "tests/cli/test_inspect.py",
+    "vgps calibrate-camera": "tests/cli/test_calibrate_camera.py",
+    "vgps calibrate-imu": "tests/gyro_calibration/test_imu.py",
     "vgps simulate": "tests/simulate/test_recording.py",
     "vgps online --video": "tests/online/test_session.py",
     "vgps smooth GX010042.MP4": "tests/readers/test_readme_commands.py",
