@@ -56,4 +56,4 @@ def walked_with_float_fixes(walk, frames, seed):
 def test_sigmas_are_of_the_order_of_the_errors(recording):
     walk = ToAndFro(recording)
     nees = [np.mean(walked_with_float_fixes(walk, 270, seed) ** 2) for seed in range(2)]
-    assert 0.05 < np.mean(nees) < 3.0
+    assert 0.2 < np.mean(nees) < 1.5  # 1 per axis if they are honest; the receiver is better than most
