@@ -12,8 +12,11 @@ from vgps.readers.extras import optional_module
 from vgps.readers.fixes import Clock, Fix, RawLog, counted
 from vgps.readers.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
 
-# the name in ASCII, or the header of a binary message with the number 42
-_BESTPOS = re.compile(rb"#BESTPOSA,|\xaaD\x12.\x2a\x00", re.DOTALL)
+# a message in ASCII with its check sum, or the header of a binary one: their lengths, and the number 42
+_BESTPOS = re.compile(
+    rb"#BESTPOSA,(?:[^#*\r\n]{0,999}\*[0-9a-fA-F]{8})?|\xaaD\x12(.)\x2a\x00..(..)", re.DOTALL
+)
+_CHECK_BYTES, _LONGEST = 4, 500  # of a binary message
 _COMPUTED = 0
 _CLASSES = {
     16: FixClass.SINGLE,
@@ -64,12 +67,17 @@ def read_novatel(data: bytes, path: Path) -> RawLog:
 
 
 def _positions(data: bytes, path: Path) -> Iterator[Any]:
+    """Yield the whole messages; only what begins as one is given to the parser, which is slow on noise."""
     optional_module("novatel_edie", "logs", path).disable_internal_logging()  # of what is damaged
-    oem = optional_module("novatel_edie.oem", "logs", path)
-    parser, at = oem.Parser(), 0
-    while at < len(data) and (written := parser.write(data[at : at + parser.available_space])):
-        at += written
+    parser = optional_module("novatel_edie.oem", "logs", path).Parser()
+    for match in _BESTPOS.finditer(data):
+        text = match[0] + b"\r\n"
+        if match[1] is not None:
+            length = match[1][0] + int.from_bytes(match[2], "little") + _CHECK_BYTES
+            text = data[match.start() : match.start() + min(length, _LONGEST)]
+        parser.write(text)
         yield from (one for one in parser if getattr(one, "name", "") == "BESTPOS")
+        parser.flush()
 
 
 def _fix(message: Any, row: int) -> Fix:
