@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from scipy.stats import chi2
 
 import vgps
 from vgps.model import FixClass
@@ -98,11 +99,14 @@ def simulated_nees(seed):
     kinds, wrong = fixed_then_float(15, 15, np.ones(3))
     floating, noise = wrong[:, :1], rng.standard_normal((30, 3))
     own = CONFIG.gps.memory.classes[FixClass.RTK_FLOAT]
-    receiver = np.exp(own.between_receivers * rng.standard_normal())
+    spreads = own.between_receivers, own.walk_spread, own.noise_spread
+    receiver, walking, noisy = np.exp(np.array(spreads) * rng.standard_normal(3))
     size = receiver * np.array([own.r_m / 2.45, own.r_m / 2.45, own.h_m / 1.96])
-    walk = receiver * own.walk_m * np.array([1.0, 1.0, own.vertical]) * rng.standard_t(3.0, (30, 3))
+    walk = walking * own.walk_m * np.array([1.0, 1.0, own.vertical]) * rng.standard_t(3.0, (30, 3))
     offset = size * rng.standard_normal(3) + np.cumsum(walk, axis=0)
-    fixes = drive.fixes(kinds, floating * offset + 0.005 * noise)
+    fixes = drive.fixes(
+        kinds, floating * (offset + noisy * own.noise_m * noise) + (1.0 - floating) * 0.005 * noise
+    )
     fits, errors = live(drive, drive.seen(rng), fixes)
     covariance = fits[-1].covariance[:3, :3]
     return errors[-1] @ np.linalg.solve(covariance, errors[-1])
@@ -110,5 +114,7 @@ def simulated_nees(seed):
 
 @pytest.mark.slow
 def test_covariances_are_those_of_the_errors():
-    nees = [simulated_nees(seed) for seed in range(24)]
-    assert 1.5 < np.mean(nees) < 4.5  # 3 on average if they are honest; 24 of them scatter by 0.5
+    """Receivers differ by log-normal factors, so that the mean over few of them means nothing."""
+    nees = np.array([simulated_nees(seed) for seed in range(24)])
+    assert np.mean(nees < chi2.ppf(0.95, 3)) > 0.8
+    assert 0.3 < np.median(nees) < chi2.median(3)
