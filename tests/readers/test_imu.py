@@ -23,12 +23,13 @@ def log(folder, count=400, rate_hz=100.0, gyro=0.1, force=9.8, change=lambda val
 
 def test_samples_are_sorted_unique_and_on_the_videos_clock(tmp_path):
     path = tmp_path / "imu.csv"
-    path.write_text(HEADER + "10.02,1,2,3,0,0,9\n10.01,4,5,6,0,9,0\n10.02,7,8,9,0,0,9\n10.03,nan,0,0,0,0,9\n")
+    rows = ["10.02,1,2,3,0,0,9", "10.01,4,5,6,0,9,0", "10.02,7,8,9,0,0,9", "10.03,nan,0,0,0,0,9"]
+    path.write_text(HEADER + "\n".join([*rows, "10.04,0,0,0,inf,0,9\n"]))
     imu = read_imu(path, video_start_s=10.0)
     np.testing.assert_allclose(imu.t_s, [0.01, 0.02], atol=1e-9)
     np.testing.assert_array_equal(imu.rate_rad_s, [[4, 5, 6], [1, 2, 3]])
     np.testing.assert_array_equal(imu.force_m_s2, [[0, 9, 0], [0, 0, 9]])
-    assert imu.notes[0] == "2 samples of the IMU skipped"
+    assert imu.notes[0] == "3 samples of the IMU skipped"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """The verbs ``calibrate-gyro``, ``calibrate-imu`` and ``calibrate-camera``."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -8,6 +10,7 @@ from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CalibrationFiles, GpsSettings, RecordingFiles, SettingsOptions
 from vgps.cli.tables import calibration_table
 from vgps.cli.terminal import TerminalProgress
+from vgps.gyro_calibration import GyroCalibration
 from vgps.gyro_calibration import calibrate_gyro as calibrate
 from vgps.readers.recording import find_rig, open_recording
 from vgps.writers.atomic import check_file
@@ -37,11 +40,7 @@ def calibrate_gyro(
     opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
     check_file(out)
     calibration = calibrate(opened, config, TerminalProgress())
-    write_rig(calibration.rig_fields(), out, base=find_rig(recording, files.rig))
-    Console().print(calibration_table(calibration))
-    for text in calibration.notes:
-        print_note(text)
-    print_line(f"wrote {out}")
+    _write(calibration, calibration.rig_fields(), out, find_rig(recording, files.rig), calibration.notes)
 
 
 def calibrate_imu(
@@ -70,12 +69,24 @@ def calibrate_imu(
     check_file(out)
     read = read_imu(log, video_start_s=opened.rig.video_start_s)
     calibration, fields = calibrate(opened, read, config, TerminalProgress())
-    write_rig(fields, out, base=find_rig(recording, files.rig))
-    Console().print(calibration_table(calibration))
-    for text in (*read.notes, *calibration.notes):
-        print_note(text)
+    notes = [*read.notes, *calibration.notes]
     if opened.rig.imu is None or not opened.rig.imu.imu_p_camera.any():
-        print_note("imu_p_camera is not given: measure where the camera is in the IMU's frame")
+        notes.append("imu_p_camera is not given: measure where the camera is in the IMU's frame")
+    _write(calibration, fields, out, find_rig(recording, files.rig), notes)
+
+
+def _write(
+    calibration: GyroCalibration,
+    fields: Mapping[str, Any],
+    out: Path,
+    base: Path | None,
+    notes: Iterable[str],
+) -> None:
+    """Write rig.yaml, the base completed by the fields, and show the calibration and the notes."""
+    write_rig(fields, out, base=base)
+    Console().print(calibration_table(calibration))
+    for text in notes:
+        print_note(text)
     print_line(f"wrote {out}")
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from vgps.config import ImuConfig
 from vgps.geodesy import normal_gravity
 from vgps.model import BoolArray, FloatArray, GeodeticPoint, ImuLog, ImuMount
+from vgps.readers.imu import GAP_INTERVALS
 
-_GAP_INTERVALS = 5.0  # sample intervals; a longer time without samples is a gap
 STANDARD_GRAVITY_M_S2 = 9.80665
 _SQUARED_SECOND_DIFFERENCE = 6.0  # variance of a second difference of white noise of variance 1
 _MAD_SHARE = 0.6745  # median of the absolute value of a standard normal variable
@@ -67,7 +67,7 @@ def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, co
     force = log.force_m_s2 + np.cross(angular_acceleration, p) + np.cross(rate, np.cross(rate, p))
     step_s = np.diff(log.t_s)
     interval_s = float(np.median(step_s))
-    broken = step_s > _GAP_INTERVALS * interval_s
+    broken = step_s > GAP_INTERVALS * interval_s
     broken |= log.saturated[:-1] | log.saturated[1:]
     of_log = noise_densities(log)
     gyro = mount.gyro_density or of_log[0]

@@ -8,7 +8,7 @@ import numpy as np
 from vgps.errors import ImuLogError
 from vgps.model import BoolArray, FloatArray, GyroLog, ImuLog, Rig
 from vgps.readers.fixes import counted
-from vgps.readers.table import read_table
+from vgps.readers.table import read_samples
 
 GAP_INTERVALS = 5.0  # sample intervals; a longer time without samples is a gap
 _RATES_HZ = (50.0, 1000.0)
@@ -26,24 +26,17 @@ def read_imu(path: str | Path, *, video_start_s: float = 0.0) -> ImuLog:
         video_start_s: The first frame's time on the file's clock; subtracted.
 
     Returns:
-        Samples in strict order of time, without those that have a NaN or the time of another.
+        Samples in strict order of time, without those that are not finite or have the time of another.
 
     Raises:
         ImuLogError: The file is missing or empty, a column is missing, a cell is not a number, there are
             fewer than two samples, or the numbers are of another unit or order.
     """
     path = Path(path)
-    table = read_table(path, ImuLogError)
-    names = ["t_s", *(f"w{axis}_rad_s" for axis in "xyz"), *(f"a{axis}_m_s2" for axis in "xyz")]
-    values = np.column_stack([table.numbers(table.require(name)) for name in names])
-    good = ~np.isnan(values.sum(axis=1))
-    values = values[good]
-    times, rows = np.unique(values[:, 0], return_index=True)
-    if len(times) < 2:
-        raise ImuLogError(f"{len(times)} usable samples", file=path, expected="at least 2")
-    skipped = len(good) - len(times)
+    names = [*(f"w{axis}_rad_s" for axis in "xyz"), *(f"a{axis}_m_s2" for axis in "xyz")]
+    t_s, values, skipped = read_samples(path, names, ImuLogError)
     notes = (f"{counted(skipped, 'sample')} of the IMU skipped",) if skipped else ()
-    return checked_imu(times - video_start_s, values[rows, 1:4], values[rows, 4:], path, notes)
+    return checked_imu(t_s - video_start_s, values[:, :3], values[:, 3:], path, notes)
 
 
 def find_imu(folder: Path, name: str | None = None) -> Path:

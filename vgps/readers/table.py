@@ -3,6 +3,7 @@
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -160,6 +161,28 @@ def read_table(path: Path, error: type[VgpsError]) -> Table:
     return Table(
         path=path, error=error, columns=columns, cells=[row for _, row in whole], line=line, short_lines=short
     )
+
+
+def read_samples(
+    path: Path, names: Sequence[str], error: type[VgpsError]
+) -> tuple[FloatArray, FloatArray, int]:
+    """Read the samples of a sensor: column ``t_s`` and those of the names (k).
+
+    Returns:
+        Times (N,) in strict order, values (N, k), and the number of rows left out: those that are not finite
+        or have the time of an earlier row.
+
+    Raises:
+        VgpsError: Of the given class; the file is missing or empty, a column is missing, a cell is not a
+            number, or there are fewer than two samples.
+    """
+    table = read_table(path, error)
+    values = np.column_stack([table.numbers(table.require(name)) for name in ("t_s", *names)])
+    good = values[np.isfinite(values).all(axis=1)]
+    times, rows = np.unique(good[:, 0], return_index=True)
+    if len(times) < 2:
+        raise error(f"{len(times)} usable samples", file=path, expected="at least 2")
+    return times, good[rows, 1:], len(values) - len(times)
 
 
 def _with_point(cell: str) -> str:
