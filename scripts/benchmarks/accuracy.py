@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import vgps
-from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import LiveTable
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
@@ -41,8 +41,7 @@ def one_run(recording: Path, gps: str, seed: int) -> dict[str, str | int | float
 def main() -> None:
     """Print a row per log and seed as it comes."""
     parser = ScriptParser("benchmarks.accuracy", __doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--logs", nargs="+", required=True, help="paths, or names inside the recording")
+    add_recording_and_logs(parser)
     add_seeds(parser, 1)
     given = parser.parse_args()
     with parser.refusals():

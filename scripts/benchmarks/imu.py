@@ -4,7 +4,6 @@ Tilt is the angle between true and estimated vertical after one constant rotatio
 recording, which is stated: that of a truth whose camera axes differ from the video's.
 """
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +11,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import vgps
-from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import LiveTable
+from scripts.common.recordings import read_truth
+from scripts.common.stopwatch import stopwatch
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
 from vgps.model import GpsLog, Recording
-from vgps.readers.trajectory import read_trajectory
+from vgps.solution import Trajectory
 
 COLUMNS = [
     "log",
@@ -33,9 +34,8 @@ COLUMNS = [
 ]
 
 
-def tilt(solution: vgps.Solution, truth: Path) -> tuple[float, float]:
+def tilt(solution: vgps.Solution, true: Trajectory) -> tuple[float, float]:
     """Return the mean tilt and the size of the constant rotation, degrees."""
-    true = read_trajectory(truth)
     rows = np.abs(true.t_s[:, None] - solution.t_s).argmin(axis=0)
     exact = Rotation.from_matrix(true.world_T_camera[rows, :3, :3])
     found = Rotation.from_matrix(solution.world_T_camera[:, :3, :3])
@@ -50,15 +50,14 @@ def without_fixes(log: GpsLog, start_s: float, end_s: float) -> GpsLog:
     return log.rows((log.t_s < start_s) | (log.t_s >= end_s))
 
 
-def one_run(recording: Recording, truth: Path, seed: int) -> dict[str, float]:
+def one_run(recording: Recording, seed: int) -> dict[str, float]:
     """Return the result of one run."""
-    begin = time.process_time()
-    solution = vgps.smooth(recording, vgps.Config(seed=seed), TerminalProgress())
-    seconds = time.process_time() - begin
-    errors = evaluate(solution, truth)
-    true = read_trajectory(truth)
+    with stopwatch() as elapsed:
+        solution = vgps.smooth(recording, vgps.Config(seed=seed), TerminalProgress())
+    errors = evaluate(solution, recording.path / "truth.tum")
+    true = read_truth(recording.path)
     last = int(np.abs(true.t_s - solution.t_s[-1]).argmin())
-    angle, constant = tilt(solution, truth)
+    angle, constant = tilt(solution, true)
     return {
         "mean_m": errors.camera_position_m.mean,
         "max_m": errors.camera_position_m.max,
@@ -66,15 +65,14 @@ def one_run(recording: Recording, truth: Path, seed: int) -> dict[str, float]:
         "tilt_deg": angle,
         "rotation_deg": constant,
         "nees": errors.nees.mean if errors.nees else np.nan,
-        "cpu_s": seconds,
+        "cpu_s": elapsed.cpu_s,
     }
 
 
 def main() -> None:
     """Print a row per log, with and without the IMU, as it comes."""
     parser = ScriptParser("benchmarks.imu", __doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--logs", nargs="+", required=True, help="paths, or names inside the recording")
+    add_recording_and_logs(parser)
     parser.add_argument("--imu", required=True, help="path, or name inside the recording")
     parser.add_argument("--rig", required=True, help="rig.yaml with imu_R_camera")
     parser.add_argument("--no-fixes", nargs=2, type=float, metavar="S", help="an outage from S to S seconds")
@@ -89,7 +87,7 @@ def main() -> None:
                     opened = replace(opened, gps=without_fixes(opened.gps, *given.no_fixes))
                 for used in (False, True):
                     recording = opened if used else replace(opened, imu=None)
-                    found = one_run(recording, given.recording / "truth.tum", seed)
+                    found = one_run(recording, seed)
                     results.add(log=Path(gps).stem, imu=used, seed=seed, **found)
                     words = [f"{value:.3f}" for value in found.values()]
                     table.add(Path(gps).stem, "yes" if used else "no", str(seed), *words)

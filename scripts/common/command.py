@@ -60,6 +60,12 @@ def add_jobs(parser: argparse.ArgumentParser, what: str, default: int = 1) -> No
     parser.add_argument("--jobs", type=int, default=default, help=f"{what} at the same time")
 
 
+def add_recording_and_logs(parser: argparse.ArgumentParser) -> None:
+    """Add a recording with truth and ``--logs``, the GPS logs to take in turn."""
+    parser.add_argument("recording", type=Path, help="with truth")
+    parser.add_argument("--logs", nargs="+", required=True, help="paths, or names inside the recording")
+
+
 def add_seeds(parser: argparse.ArgumentParser, default: int, **options: Any) -> None:
     """Add ``--seeds``, the number of repetitions with other random numbers."""
     parser.add_argument("--seeds", type=int, default=default, help="number of seeds, from 0", **options)

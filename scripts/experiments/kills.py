@@ -142,9 +142,8 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=200, help="kills over all verbs")
     parser.add_argument("--seed", type=int, default=0, help="another seed kills at other moments")
     given = parser.parse_args()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # in the background it is ignored, by children too
+    # a shell ignores Ctrl-C for what it starts in the background, and children inherit that
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     results = parser.results(given)
     rng, wrong = random.Random(given.seed), 0
     with tempfile.TemporaryDirectory() as scratch:

@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -29,11 +30,10 @@ WIDTH, HEIGHT = 480, 320
 CORNER_PX = float(np.hypot(WIDTH, HEIGHT)) / 2
 
 
-def lens(model: str, focal: float, *distortion: float) -> Camera:
+def lens(model: Literal["opencv", "fisheye"], focal: float, *distortion: float) -> Camera:
     """Return a camera of that focal length in widths."""
-    assert model in {"opencv", "fisheye"}
     return Camera(
-        model="fisheye" if model == "fisheye" else "opencv",
+        model=model,
         width=WIDTH,
         height=HEIGHT,
         fx=focal * WIDTH,

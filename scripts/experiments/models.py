@@ -8,7 +8,7 @@ import statistics
 from pathlib import Path
 
 import vgps
-from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import mean_and_range, table
 from vgps.cli.terminal import TerminalProgress
 from vgps.compare import METHODS, compare
@@ -17,8 +17,7 @@ from vgps.compare import METHODS, compare
 def main() -> None:
     """Print a markdown table, a row per model."""
     parser = ScriptParser("experiments.models", __doc__)
-    parser.add_argument("recording", type=Path, help="with truth")
-    parser.add_argument("--logs", nargs="+", required=True, help="GPS logs of the recording")
+    add_recording_and_logs(parser)
     add_seeds(parser, 1)
     parser.add_argument("--survey", type=Path, help="regions of the fix classes")
     given = parser.parse_args()
