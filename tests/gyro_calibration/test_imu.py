@@ -2,20 +2,18 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.readers.calibration import read_rig
+from vgps.simulate import SCENES, AccelerometerConfig, simulate
 
 
 @pytest.mark.slow
 def test_the_mounting_of_a_hand_held_imu_is_found(tmp_path):
-    from dataclasses import replace
-
-    from vgps.simulate import SCENES, AccelerometerConfig, simulate
-
     walk = replace(
         SCENES["demo"],
         speed=((0.0, 1.2), (8.0, 1.2)),

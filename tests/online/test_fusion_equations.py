@@ -40,7 +40,7 @@ def test_the_gradient_is_that_of_the_cost(fit):
             delta[node, unknown] = 1e-6
             ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
             numeric = (ends[1] - ends[0]) / 2e-6
-            assert gradient[node, unknown] == pytest.approx(numeric, rel=0.02, abs=5.0)
+            assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3)
 
 
 def test_the_minimum_has_no_gradient_and_its_covariance_is_that_of_the_whole_matrix(fit):

@@ -29,7 +29,7 @@ def recorded(classes):
 
 
 def test_errors_count_from_the_first_certain_pose():
-    fix, sigma = FixClass.RTK_FIX, [3.0, 2.0, 0.5, 2.0, 0.1, 0.1, 0.1, 0.1]
+    fix, sigma = FixClass.RTK_FIX, [3.0, 2.0, 0.5, 2.0, 0.2, 0.2, 0.2, 0.09]
     estimates = [
         SimpleNamespace(
             global_T_camera=np.diag([1.0, 1.0, 1.0, 1.0]) + 0.3 * np.eye(4, k=3),
@@ -43,9 +43,9 @@ def test_errors_count_from_the_first_certain_pose():
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
     assert found["later_mean_m"] == pytest.approx(0.3)
     assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
-    # 0.3 m are less than three sigmas until these are 0.1 m
-    assert found["beyond_three_sigmas"] == 0.0
-    ratios = 0.3**2 / np.array([0.5, 2.0, 0.1, 0.1, 0.1, 0.1]) ** 2
+    # 0.3 m are more than three sigmas in the last frame only
+    assert found["beyond_three_sigmas"] == pytest.approx(1 / 6)
+    ratios = 0.3**2 / np.array([0.5, 2.0, 0.2, 0.2, 0.2, 0.09]) ** 2
     assert found["nees"] == pytest.approx(3.0 * ratios.mean())
 
 

@@ -30,9 +30,8 @@ from vgps.online.fusion_equations import (
     normal_equations,
     squared_deviations,
 )
-from vgps.online.fusion_nodes import FusionNodes, VideoPath, fusion_nodes, video_drift
+from vgps.online.fusion_nodes import SAME_TIME_S, FusionNodes, VideoPath, fusion_nodes, video_drift
 
-_SAME_TIME_S = 1e-6
 _ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
 
 
@@ -70,12 +69,12 @@ class FusedPath:
 
     def world_T_camera(self, path: VideoPath) -> FloatArray:
         """Return the poses (n, 4, 4) in the world of a path whose map may have changed since the fit."""
-        inside = np.flatnonzero(self.nodes.t_s >= path.t_s[0] - _SAME_TIME_S)
+        inside = np.flatnonzero(self.nodes.t_s >= path.t_s[0] - SAME_TIME_S)
         t_s, x, R = self.nodes.t_s[inside], self.state.values[inside], self.state.world_R_map[inside]
         centre, scale = path.at(t_s)[:, :3, 3], np.exp(x[:, SCALE])
         after = np.clip(np.searchsorted(t_s, path.t_s), 0, len(t_s) - 1)
         before = np.maximum(after - 1, 0)
-        span = np.maximum(t_s[after] - t_s[before], _SAME_TIME_S)
+        span = np.maximum(t_s[after] - t_s[before], SAME_TIME_S)
         share = np.clip((path.t_s - t_s[before]) / span, 0.0, 1.0)[:, None]
 
         def placed(node: IntArray) -> FloatArray:
@@ -96,7 +95,7 @@ class FusedPath:
         """Return the largest squared deviation, in sigmas, of what is new since the last fit: noise, walk and
         bound of offsets, and the correction of the newest position."""
         deviations = squared_deviations(self.nodes, self.state)
-        new = [d[t_s > last.newest_s + _SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
+        new = [d[t_s > last.newest_s + SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
         before = last.world_T_camera(path)[-1, :3, 3]
         shift = self.world_T_camera(path)[-1, :3, 3] - before
         covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
@@ -114,7 +113,7 @@ class FusedPath:
     def covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
         """Return the covariance (7, 7) of position, log scale and rotation at the end of a path."""
         ends = np.concatenate([path.at(self.nodes.t_s[-1:]), path.poses[-1:]])
-        frames = float(path.moving[path.t_s > self.newest_s + _SAME_TIME_S].sum())
+        frames = float(path.moving[path.t_s > self.newest_s + SAME_TIME_S].sum())
         covariance = self.covariance[: OFFSET.start, : OFFSET.start]
         if frames == 0.0:
             return covariance
@@ -144,9 +143,9 @@ def fuse(
     """
     prior = None
     if last is not None:
-        node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - _SAME_TIME_S)), len(last.nodes.t_s) - 1)
+        node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - SAME_TIME_S)), len(last.nodes.t_s) - 1)
         path, prior = path.since(float(last.nodes.t_s[node])), _prior_of(last, node)
-    inside = (fixes.t_s >= path.t_s[0] - _SAME_TIME_S) & (fixes.t_s <= path.t_s[-1])
+    inside = (fixes.t_s >= path.t_s[0] - SAME_TIME_S) & (fixes.t_s <= path.t_s[-1])
     fixes = fixes.where(fixes.used & inside)
     continued = _continued(fixes, last) if last is not None else None
     nodes = fusion_nodes(path, fixes, camera_p_antenna, config, continued)
@@ -181,7 +180,7 @@ def _continued(fixes: Fixes, last: FusedPath) -> BoolArray:
     """Return whether the first fix (M,) goes on with an offset of the last fit, all others being false."""
     rows = np.zeros(len(fixes), dtype=bool)
     if len(fixes):
-        node = np.flatnonzero(np.abs(last.nodes.t_s - fixes.t_s[0]) < _SAME_TIME_S)
+        node = np.flatnonzero(np.abs(last.nodes.t_s - fixes.t_s[0]) < SAME_TIME_S)
         rows[0] = len(node) > 0 and not last.nodes.starts[node[0]]
     return rows
 
@@ -198,16 +197,16 @@ def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
     what the fixes differ from that."""
     before, t_s = last.nodes.t_s, nodes.t_s
     values = np.stack([np.interp(t_s, before, column) for column in last.state.values.T], axis=1)
-    node = np.clip(np.searchsorted(before, t_s + _SAME_TIME_S) - 1, 0, None)
+    node = np.clip(np.searchsorted(before, t_s + SAME_TIME_S) - 1, 0, None)
     R = last.state.world_R_map[node]
-    new = int(np.searchsorted(t_s, before[-1] + _SAME_TIME_S))
+    new = int(np.searchsorted(t_s, before[-1] + SAME_TIME_S))
     if 0 < new < len(t_s):
         steps = np.diff(nodes.camera[new - 1 :, :3, 3], axis=0) @ (np.exp(values[-1, SCALE]) * R[-1]).T
         values[new:, POSITION] = values[new - 1, POSITION] + np.cumsum(steps, axis=0)
     state = FusionState(values, R)
     known = before[last.nodes.starts]
     for start in np.flatnonzero(nodes.starts).tolist():
-        if not (np.abs(known - t_s[start]) < _SAME_TIME_S).any():
+        if not (np.abs(known - t_s[start]) < SAME_TIME_S).any():
             fix = int(np.flatnonzero(nodes.fixes.node == start)[0])
             antenna = values[start, POSITION] + R[start] @ nodes.fixes.arm[fix]
             values[start:, OFFSET] = nodes.fixes.world_p_fix[fix] - antenna

@@ -21,9 +21,10 @@ from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 
 _NODE_S = 1.5  # longest time between nodes
-_SAME_TIME_S = 1e-6
-# Of the drift that verdicts on fixes allow for. KITTI's visual odometries rotate by 0.003 degrees per metre,
-# that is 0.1 degrees while a car moves on by a knot.
+SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
+# Share of the rotation that ``drift`` allows for when fixes are judged. KITTI's visual odometries rotate by
+# 0.003 degrees per metre, that is 0.1 degrees while a car moves on by a knot; it is not measured for cameras
+# that are carried.
 _ROTATION_SHARE = 0.3
 _REPLACING_TURN_RAD = 0.35  # a quarter of a usual field of view replaces the features, as a knot does
 _HELD_M = 1e-3  # walk of an offset between nodes without fixes, and error of a step of the video
@@ -213,11 +214,11 @@ _NO_CHAIN = OffsetChain(
 def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the times (N,) of the nodes, and the nodes (K,) of fixes (K,)."""
     ends = np.unique(np.concatenate([path.t_s[[0, -1]], fix_t_s]))
-    ends = ends[np.append(True, np.diff(ends) > _SAME_TIME_S)]
+    ends = ends[np.append(True, np.diff(ends) > SAME_TIME_S)]
     parts = np.ceil(np.diff(ends) / _NODE_S - 1e-9).astype(np.int64)
     between = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
     t_s = np.concatenate([*between, ends[-1:]])
-    return t_s, np.searchsorted(t_s, fix_t_s - _SAME_TIME_S)
+    return t_s, np.searchsorted(t_s, fix_t_s - SAME_TIME_S)
 
 
 def _node_fixes(

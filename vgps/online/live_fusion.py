@@ -47,16 +47,20 @@ class LiveFusion:
     def __init__(self, frame_pipeline: FramePipeline, config: Config) -> None:
         self._frame_pipeline, self._config = frame_pipeline, config
         self._map: LocalMap | None = None
-        self._fused: FusedPath | None = None
         self._job: _Job | None = None
         self._latest: FitResult | None = None
         self._seen = (0, 0)  # frames and fixes of the last fit
+
+    @property
+    def _fused(self) -> FusedPath | None:
+        """The fit in use; None before the first one of the newest map."""
+        return None if self._latest is None else self._latest.fused
 
     def refine(self) -> None:
         """Use a fit that is due, and begin the next one if there are new fixes or many new frames."""
         pipeline, current = self._frame_pipeline, self._frame_pipeline.current
         if current is not self._map:
-            self._map, self._fused, self._job, self._latest = current, None, None, None
+            self._map, self._job, self._latest = current, None, None
         if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
             self._take()
         if self._latest is not None:  # stage C hands back the verdicts that it began with
@@ -94,7 +98,7 @@ class LiveFusion:
         if result.surprising:
             self._start(fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
             return
-        self._latest, self._fused = result, result.fused
+        self._latest = result
         self._frame_pipeline.fix_buffer.update_assessment(result.number, result.assessment)
         self._scale_odometry()
 

@@ -54,7 +54,6 @@ class PosePublisher:
         self._map: LocalMap | None = None
         self._last: _Last | None = None
         self._state = OnlineState.STARTING
-        self._to_world: Similarity | None = None
 
     def publish(self, frame: int, to_world: Similarity | None) -> PublishedPose:
         """Return the published state of the newest frame.
@@ -64,39 +63,38 @@ class PosePublisher:
             to_world: Where the newest map lies in the world; None if that is not known yet.
         """
         current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
-        self._to_world = to_world
-        state, pose = self._newest(current, frame)
+        state, pose = self._newest(current, to_world, frame)
         events = self._changes(state, t_s)
         if current is not self._map or not np.isfinite(pose[0, 0]):
             self._last, self._map = None, current
         if not np.isfinite(pose[0, 0]):
             return PublishedPose(state, _NO_POSE, _NO_POSE, tuple(events))
-        if self._last is None or current is None:
+        if self._last is None or current is None or to_world is None:
             self._blender.reset()
             smooth = pose
         else:
-            events += self._corrections(current, self._last, t_s)
+            events += self._corrections(self._last, self._pose(current, to_world, self._last.frame), t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
         return PublishedPose(state, pose, smooth, tuple(events))
 
-    def _newest(self, current: LocalMap | None, frame: int) -> tuple[OnlineState, FloatArray]:
+    def _newest(
+        self, current: LocalMap | None, to_world: Similarity | None, frame: int
+    ) -> tuple[OnlineState, FloatArray]:
         if current is None:
             return OnlineState.STARTING, _NO_POSE
         tracked = current.next_frame > frame
-        if self._to_world is None:
+        if to_world is None:
             return OnlineState.UNALIGNED if tracked else OnlineState.LOST, _NO_POSE
-        pose = self._pose(current, frame)
+        pose = self._pose(current, to_world, frame)
         if not np.isfinite(pose[0, 0]):
             return OnlineState.LOST, _NO_POSE
         return OnlineState.TRACKED if tracked else OnlineState.BRIDGED, pose
 
-    def _pose(self, current: LocalMap, frame: int) -> FloatArray:
+    def _pose(self, current: LocalMap, to_world: Similarity, frame: int) -> FloatArray:
         """Return the pose in the world, or for a short time after the map's end an extrapolation at
         constant velocity."""
-        pose, to_world = self._map_pose(current, frame), self._to_world
-        if to_world is None:
-            return _NO_POSE
+        pose = self._map_pose(current, frame)
         pose[:3, 3] = to_world.scale * to_world.world_R_map @ pose[:3, 3] + to_world.world_p_map
         pose[:3, :3] = to_world.world_R_map @ pose[:3, :3]
         return pose
@@ -112,8 +110,7 @@ class PosePublisher:
         pose[:3, 3] += away_s / (t_s[last] - t_s[last - 1]) * (pose[:3, 3] - before[:3, 3])
         return np.asarray(pose)
 
-    def _corrections(self, current: LocalMap, last: _Last, t_s: float) -> list[OnlineEvent]:
-        now = self._pose(current, last.frame)
+    def _corrections(self, last: _Last, now: FloatArray, t_s: float) -> list[OnlineEvent]:
         if not np.isfinite(now[0, 0]):
             self._blender.reset()
             return []
