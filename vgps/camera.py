@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import Camera, FloatArray
+from vgps.model import Camera, FloatArray, LensModel
 
 _CRITERIA = (3, 100, 1e-12)  # iterations and epsilon; the default stops some hundredths of a pixel away
 _ROUND_TRIP_PX = 0.01  # a point that misses itself by more after a round trip is outside the model's range
@@ -88,6 +88,30 @@ def turning_radius(camera: Camera) -> float:
         return float(np.sqrt(real.min())) if len(real) else np.inf
     theta = np.sqrt(real.min()) if len(real) else np.inf
     return float(np.tan(theta)) if theta < np.pi / 2 else np.inf
+
+
+def centred_camera(
+    model: LensModel, size: tuple[int, int], focal_px: float, radial: tuple[float, float] = (0.0, 0.0)
+) -> Camera:
+    """Return a camera with square pixels, its axis through the middle of the image, and k1 and k2.
+
+    Args:
+        model: ``opencv`` or ``fisheye``.
+        size: Width and height, pixels.
+        focal_px: Focal length.
+        radial: k1 and k2.
+    """
+    width, height = size
+    return Camera(
+        model=model,
+        width=width,
+        height=height,
+        fx=focal_px,
+        fy=focal_px,
+        cx=(width - 1) / 2,
+        cy=(height - 1) / 2,
+        distortion=(*radial, 0.0, 0.0),
+    )
 
 
 def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:

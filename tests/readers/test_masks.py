@@ -59,7 +59,7 @@ def test_a_folder_of_masks_is_no_folder_of_images(images, tmp_path):
     assert find_masks(tmp_path / "images", images) is None
 
 
-@pytest.mark.parametrize("name", ["f9.jpg.png", "3.png"])
+@pytest.mark.parametrize("name", ["f9.jpg.png", "3.png", "².png"])
 def test_a_mask_of_no_frame_is_refused(images, tmp_path, name):
     save(tmp_path / "masks" / name, 5)
     with pytest.raises(RecordingError, match=rf"{name}.*mask of no frame.*name of an image"):

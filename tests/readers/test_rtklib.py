@@ -119,7 +119,6 @@ def test_ecef_with_its_covariance():
     fix = only(ecef(np.diag([0.01**2, 0.02**2, 0.03**2])))
     assert_place(fix, PLACE, 1e-4)
     np.testing.assert_allclose(fix.sigma_m, [0.01, 0.02, 0.03], atol=1e-6)
-
     np.testing.assert_allclose(fix.correlation, np.zeros(3), atol=1e-3)
 
 

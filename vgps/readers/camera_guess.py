@@ -6,13 +6,15 @@ of a sensor of 4:3 at best, so its pixels are those of a picture of 4:3 and the 
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import av
 import numpy as np
 from PIL import Image
 
-from vgps.model import Camera, CameraGuess, Video
+from vgps.camera import centred_camera
+from vgps.model import CameraGuess, Video
 from vgps.readers.chapters import ChapteredVideo
 from vgps.readers.container import open_container
 from vgps.readers.gopro_lens import gopro_guess
@@ -96,10 +98,9 @@ def _unknown(size: tuple[int, int]) -> tuple[CameraGuess, ...]:
     longer = max(size)
     plain = _rectilinear(size, 0.85 * longer, 0.5, source.format("a lens with little distortion", 61.0))
     wide = _rectilinear(size, 0.5 * longer, 0.4, source.format("a fisheye", 115.0))
-    fisheye = Camera(**{**vars(wide.camera), "model": "fisheye"})
     return (
-        CameraGuess(**{**vars(plain), "distortion_sigma": (0.2, 0.1)}),
-        CameraGuess(**{**vars(wide), "camera": fisheye}),
+        replace(plain, distortion_sigma=(0.2, 0.1)),
+        replace(wide, camera=replace(wide.camera, model="fisheye")),
     )
 
 
@@ -114,18 +115,8 @@ def _wide_sensor(
 
 
 def _rectilinear(size: tuple[int, int], focal_px: float, sigma: float, source: str) -> CameraGuess:
-    width, height = size
     return CameraGuess(
-        camera=Camera(
-            model="opencv",
-            width=width,
-            height=height,
-            fx=focal_px,
-            fy=focal_px,
-            cx=(width - 1) / 2,
-            cy=(height - 1) / 2,
-            distortion=(0.0, 0.0, 0.0, 0.0),
-        ),
+        camera=centred_camera("opencv", size, focal_px),
         focal_sigma=sigma,
         centre_sigma_px=0.01 * max(size),
         distortion_sigma=(0.1, 0.1),

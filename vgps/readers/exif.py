@@ -123,7 +123,7 @@ def _local(details: dict[int, Any]) -> datetime | None:
         except (KeyError, ValueError):
             continue
         digits = str(details.get(part, "")).strip("\0 ")
-        if digits.isdigit():
+        if digits.isdecimal():
             instant += timedelta(seconds=float(f"0.{digits}"))
         found = _ZONE.match(str(details.get(zone, "")))
         if found:

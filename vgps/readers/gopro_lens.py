@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.model import Camera, CameraGuess, FloatArray
+from vgps.camera import centred_camera
+from vgps.model import CameraGuess, FloatArray
 from vgps.readers.gpmf import Entry, Telemetry, first_number, numbers, parse
 from vgps.readers.mp4_boxes import read_box
 
@@ -56,15 +57,8 @@ def gopro_guess(telemetry: Telemetry, size: tuple[int, int]) -> CameraGuess | No
     if view in _STRETCHED:
         words.append("which stretches the picture unevenly, as no lens model here describes")
     return CameraGuess(
-        camera=Camera(
-            model="opencv" if view == "L" else "fisheye",
-            width=size[0],
-            height=size[1],
-            fx=lens.focal_px,
-            fy=lens.focal_px,
-            cx=(size[0] - 1) / 2,
-            cy=(size[1] - 1) / 2,
-            distortion=(lens.k1, lens.k2, 0.0, 0.0),
+        camera=centred_camera(
+            "opencv" if view == "L" else "fisheye", size, lens.focal_px, (lens.k1, lens.k2)
         ),
         focal_sigma=lens.focal_sigma,
         centre_sigma_px=0.01 * max(size),

@@ -158,10 +158,12 @@ def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
 
 def _zone(log: GpsLog, times_s: FloatArray, start: datetime | None) -> str:
     """Return what to do if the log and the video agree but for a time zone; "" if they do not."""
+    if start is None:
+        return ""
     for minutes in sorted(range(-_FARTHEST_ZONE, _FARTHEST_ZONE + 1, 30), key=abs):
         moved = log.t_s + 60.0 * minutes
         begins, ends = moved[0] <= times_s[0] + _AT_ENDS_S, moved[-1] >= times_s[-1] - _AT_ENDS_S
-        if start is not None and begins and ends:
+        if begins and ends:
             local = start.replace(tzinfo=timezone(timedelta(minutes=minutes)))
             return f"if video_start_utc is local time, write it with its zone: {local.isoformat()}"
     return ""

@@ -131,7 +131,7 @@ def list_images(folder: Path) -> list[Path]:
     """Return the images of a folder in order of their names, numbers in them by value."""
     images = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file()]
     return sorted(
-        images, key=lambda file: [(int(part) if part.isdigit() else -1, part) for part in _parts(file)]
+        images, key=lambda file: [(int(part) if part.isdecimal() else -1, part) for part in _parts(file)]
     )
 
 

@@ -35,8 +35,10 @@ class MaskFolder:
             name = file.name[: -len(file.suffix)]
             if name == video.path.name:
                 self._of_all = file
-            elif name in numbers or name.isdigit():
-                self._of_frame[numbers.get(name, int(name) if name.isdigit() else -1)] = file
+            elif name in numbers:
+                self._of_frame[numbers[name]] = file
+            elif name.isdecimal():
+                self._of_frame[int(name)] = file
             else:
                 raise RecordingError("a mask of no frame", file=file, expected=_names(video))
         beyond = [file for number, file in self._of_frame.items() if number >= len(video.times_s)]

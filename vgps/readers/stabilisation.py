@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.model import GyroLog, ImuLog, Recording
+from vgps.model import FloatArray, GyroLog, ImuLog, Recording
 from vgps.readers.gopro import picture_rotations, picture_turn_rad
 from vgps.readers.gopro_lens import gopro_settings
 from vgps.readers.gpmf import Telemetry
@@ -25,13 +25,13 @@ def with_picture_motion(recording: Recording, telemetry: Telemetry) -> Recording
     gyro, imu = (log if _is_own(log, telemetry) else None for log in (recording.gyro, recording.imu))
     if (gyro is None and imu is None) or not is_stabilised(telemetry):
         return recording
+    without_imu = recording if imu is None else replace(recording, imu=None)
     rotations = picture_rotations(telemetry)
     if rotations is None:
         note = "the picture is stabilised and the file does not say how it turned: the camera's own gyro"
         return replace(
-            recording,
+            without_imu,
             gyro=None if gyro is not None else recording.gyro,
-            imu=None if imu is not None else recording.imu,
             notes=(*recording.notes, f"{note} and accelerometer, which turn otherwise, are left out"),
         )
     note = "the picture is stabilised: its rotations (CORI, IORI) stand in for the camera's gyro"
@@ -39,9 +39,8 @@ def with_picture_motion(recording: Recording, telemetry: Telemetry) -> Recording
     t_s, first_R_camera = rotations
     rig = replace(recording.rig, gyro_R_camera=np.eye(3)) if gyro is not None else recording.rig
     return replace(
-        recording,
+        without_imu,
         gyro=_rates(t_s, Rotation.from_matrix(first_R_camera), telemetry) if gyro else recording.gyro,
-        imu=None if imu is not None else recording.imu,
         rig=rig,
         notes=(*recording.notes, note + left),
     )
@@ -60,7 +59,7 @@ def _is_own(log: GyroLog | ImuLog | None, telemetry: Telemetry) -> bool:
     return log is not None and log.source == telemetry.path
 
 
-def _rates(t_s: np.ndarray, rotation: Rotation, telemetry: Telemetry) -> GyroLog:
+def _rates(t_s: FloatArray, rotation: Rotation, telemetry: Telemetry) -> GyroLog:
     """Return the mean rates from each sample to the next, about the camera's axes."""
     turned = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
     rates = turned / np.diff(t_s)[:, None]
