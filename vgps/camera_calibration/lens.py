@@ -10,7 +10,6 @@ import numpy as np
 
 from vgps.model import BoolArray, Camera, FloatArray
 
-PARAMETERS = ("focal", "cx", "cy", "k1", "k2")
 _NEWTON_STEPS = 12
 _MIN_SLOPE = 0.05  # of g: below it the model folds back
 _LARGEST = {"fisheye": 3.0, "opencv": 20.0, "pinhole": 20.0}  # angle [rad], or its tangent

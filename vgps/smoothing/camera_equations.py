@@ -72,7 +72,7 @@ def _equations(
     coupling = np.zeros((6, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
     for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([J[k] - absorbed_residuals(part, J[k], 0.0) for k in range(size)])
+        reduced = np.stack([J[k] - absorbed_residuals(part, J[k]) for k in range(size)])
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
         coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
         hessian += np.einsum("kin,min->km", J, reduced)

@@ -29,9 +29,8 @@ from vgps.solver.row_equations import RollingChunk
 from vgps.solver.row_times import RowTimes
 from vgps.solver.schur_complement import absorbed_residuals
 
-_SMOOTHING = (
-    np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
-)  # over frames; a quarter is left at half the Nyquist rate
+# over frames; a quarter is left at half the Nyquist rate
+_SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _BLOCK_S = 1.0  # errors of all tracks together, as of a path between frames, are independent after this time
 _LONGEST_SHARE = 1.1  # of the time between frames: a readout cannot be longer
 
@@ -143,14 +142,14 @@ def _pose_gradient(
     total = np.zeros((6, len(structure.free)))
     for part, r in zip(parts, residuals, strict=True):
         frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
-        total[:, frames] += part.pose_gradient(r - absorbed_residuals(part, r, 0.0))
+        total[:, frames] += part.pose_gradient(r - absorbed_residuals(part, r))
     return structure.to_columns(total.T)
 
 
 def _rest(part: RollingChunk, r: FloatArray, poses: FloatArray) -> FloatArray:
     """Return what is left of residuals r (2, n) when the poses step (F, 6) and the landmarks follow."""
     moved = r + part.moved_by_poses(poses)
-    return moved - absorbed_residuals(part, moved, 0.0)
+    return moved - absorbed_residuals(part, moved)
 
 
 def _variance(

@@ -102,9 +102,9 @@ def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatA
     return B, B[:, 0] * y[0] + B[:, 1] * y[1] + B[:, 2] * y[2]
 
 
-def absorbed_residuals(part: LinearisedChunk, r: FloatArray, damping: float) -> FloatArray:
+def absorbed_residuals(part: LinearisedChunk, r: FloatArray) -> FloatArray:
     """Return the part of residuals (2, n) that the landmarks absorb."""
-    factors = factorise_landmarks(part, damping)
+    factors = factorise_landmarks(part, 0.0)
     step = factors.transposed_times(factors.times(part.landmark_gradient(r)))[:, part.chunk.landmark]
     return np.asarray(np.einsum("ian,an->in", part.jl, step))
 
