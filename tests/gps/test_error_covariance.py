@@ -39,11 +39,12 @@ def test_a_stretch_shares_its_offset_and_stretches_do_not():
 
 
 def test_the_difference_of_two_fixes_has_the_variance_of_walk_and_noise():
-    """Student's t with 3 degrees of freedom has its 84 % quantile at 1.197; receivers differ by e^0.3."""
+    """Student's t with 3 degrees of freedom has its 84 % quantile at 1.197; receivers differ by e^0.7 in
+    noise and by e^0.6 in walk."""
     errors = CONFIG.offset_errors(FixClass.RTK_FIX)
     east, _, up = error_covariances(fixes_of_classes(*[FixClass.RTK_FIX] * 2), CONFIG)
-    one = 1.197 * np.exp(0.3**2)
-    expected = one**2 * (errors.walk_m**2 + 2 * errors.noise_m**2)
+    noise_m, walk_m = np.exp(0.7**2 / 2) * errors.noise_m, np.exp(0.6**2 / 2) * errors.walk_m
+    expected = 1.197**2 * (walk_m**2 + 2 * noise_m**2)
     assert east[0, 0] + east[1, 1] - 2 * east[0, 1] == pytest.approx(expected, rel=0.01)
     assert up[0, 0] + up[1, 1] - 2 * up[0, 1] == pytest.approx(errors.vertical**2 * expected, rel=0.01)
 

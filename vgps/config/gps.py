@@ -101,10 +101,10 @@ class OffsetErrors(SettingsModel):
 
 
 def _default_offsets() -> dict[FixClass, OffsetErrors]:
-    fixed = {"noise_m": 0.004, "walk_m": 0.002, "between_receivers": 0.3}
+    fixed = {"noise_m": 0.004, "noise_spread": 0.7, "walk_m": 0.002, "walk_spread": 0.6}
     floating = {"noise_m": 0.0025, "noise_spread": 1.5, "walk_m": 0.006, "walk_spread": 2.2, "tail": 1.1}
     return {
-        FixClass.RTK_FIX: OffsetErrors(r_m=0.025, h_m=0.045, **fixed),
+        FixClass.RTK_FIX: OffsetErrors(r_m=0.025, h_m=0.045, between_receivers=0.3, **fixed),
         FixClass.RTK_FLOAT: OffsetErrors(r_m=1.0, h_m=2.2, **floating),
         FixClass.PPP: OffsetErrors(r_m=0.5, h_m=1.0, **floating),
         FixClass.DGPS: OffsetErrors(r_m=1.5, h_m=3.0),

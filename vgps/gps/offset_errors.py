@@ -23,12 +23,21 @@ def between_receivers(errors: OffsetErrors) -> float:
     return float(np.exp(errors.between_receivers**2))
 
 
+def in_the_mean(errors: OffsetErrors) -> OffsetErrors:
+    """Return the errors with noise and walk in the mean over receivers, whose scales are log-normal."""
+    means = {
+        "noise_m": errors.noise_m * float(np.exp(errors.noise_spread**2 / 2.0)),
+        "walk_m": errors.walk_m * float(np.exp(errors.walk_spread**2 / 2.0)),
+    }
+    return errors.model_copy(update=means)
+
+
 def one_sigma(errors: OffsetErrors) -> float:
-    """Return the standard deviation of noise and steps over their scale, in the mean over receivers.
+    """Return the standard deviation of noise and steps over their scale.
 
     That of a Gaussian with the same 68 % limits as Student's t, whose variance may be infinite.
     """
-    return float(stdtrit(errors.tail, _ONE_SIGMA)) * between_receivers(errors)
+    return float(stdtrit(errors.tail, _ONE_SIGMA))
 
 
 def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:

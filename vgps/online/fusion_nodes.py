@@ -12,10 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
-from vgps.config.gps import OffsetErrors
 from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import CLASSES, Fixes
-from vgps.gps.offset_errors import between_receivers, errors_of, walk_scale
+from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, walk_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -229,21 +228,18 @@ def _node_fixes(
     config: Config,
 ) -> NodeFixes:
     camera, node = nodes
-    seen, errors = path.at(fixes.t_s), errors_of(fixes, config.gps)
+    seen = path.at(fixes.t_s)
+    errors = [in_the_mean(one) for one in errors_of(fixes, config.gps)]
     return NodeFixes(
         node=node,
         step=seen[:, :3, 3] - camera[node, :3, 3],
         arm=seen[:, :3, :3] @ camera_p_antenna,
         world_p_fix=fixes.world_p_fix,
-        noise_m=np.array([_noise_m(one) for one in errors]).reshape(-1, 3),
+        noise_m=np.array(
+            [[one.noise_m * ratio for ratio in (1.0, 1.0, one.vertical)] for one in errors]
+        ).reshape(-1, 3),
         tail=np.array([one.tail for one in errors]),
     )
-
-
-def _noise_m(errors: OffsetErrors) -> FloatArray:
-    """Return the scales (3,) of the noise in the mean over receivers."""
-    horizontal_m = _mean_over_receivers(errors.noise_spread) * errors.noise_m
-    return horizontal_m * np.array([1.0, 1.0, errors.vertical])
 
 
 def _offset_ties(
@@ -266,12 +262,6 @@ def _offset_ties(
         if not starts[k]:
             lasts_s = 1.0 if CLASSES[first.fix_class[k]] is FixClass.RTK_FIX else _RATE_LASTS_S
             since_s = interval_s[k] if np.isfinite(interval_s[k]) else 1.0
-            scale = float(walk_scale(errors, np.array(since_s))) * np.sqrt(lasts_s)
-            scale *= _mean_over_receivers(errors.walk_spread)
+            scale = float(walk_scale(in_the_mean(errors), np.array(since_s))) * np.sqrt(lasts_s)
             walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors.vertical]), errors.tail
     return walk_m, tail, bound
-
-
-def _mean_over_receivers(spread: float) -> float:
-    """Return the mean of a log-normal scale over its median."""
-    return float(np.exp(spread**2 / 2.0))
