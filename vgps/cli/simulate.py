@@ -2,13 +2,16 @@
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from vgps.cli.app import print_line
 from vgps.cli.options import NotNegative, Seed
+
+if TYPE_CHECKING:
+    from vgps.simulate import SceneConfig
 
 
 @Parameter(name="*")
@@ -32,32 +35,71 @@ class Shutter:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class GivenPath:
+    """A path for the camera instead of the scene's own.
+
+    Attributes:
+        path: Poses as KITTI odometry writes them, twelve numbers a line; they are levelled, since the ground
+            is flat. Streets that the path comes back to look as they did.
+        path_hz: Poses per second.
+        first_pose: First pose to use, counted from 0.
+        poses: Number of poses to use; by default all that follow.
+        look_alike_m: Distance after which the surroundings repeat, so that different streets look alike.
+    """
+
+    path: Path | None = None
+    path_hz: Annotated[float, Parameter(validator=Number(gte=1, lte=240))] = 10.0
+    first_pose: Annotated[int, Parameter(validator=Number(gte=0))] = 0
+    poses: Annotated[int, Parameter(validator=Number(gte=1))] | None = None
+    look_alike_m: NotNegative = 0.0
+
+    def applied(self, scene: "SceneConfig") -> "SceneConfig":
+        """Return the scene on this path, if one is given."""
+        from vgps.simulate.camera_path import read_camera_path
+        from vgps.simulate.scene import on_path
+
+        scene = replace(scene, look_alike_m=self.look_alike_m)
+        if self.path is None:
+            return scene
+        return on_path(scene, read_camera_path(self.path, self.path_hz, self.first_pose, self.poses))
+
+
+_OWN_PATH = GivenPath()
+
+
 def simulate(
     *,
     out: Path,
-    scene: str = "walk",
+    scene: str | None = None,
     seed: Seed = 0,
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
     imu: bool = False,
     shutter: Shutter | None = None,
+    given: GivenPath = _OWN_PATH,
 ) -> None:
     """Simulate a recording with exact truth: video, GPS, gyro and calibration.
 
     Args:
         out: Recording folder to write.
-        scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin.
+        scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin; by default walk, or drive with a
+            path, of which it is then the camera.
         seed: Seed of the world and of the sensors' errors.
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
         imu: Also write imu.csv, the gyro and an accelerometer, and their mounting.
         shutter: Frame rate, readout and shaking.
+        given: Path and surroundings.
     """
     from vgps.simulate import AccelerometerConfig, scene_with_errors
     from vgps.simulate import simulate as simulate_recording
 
-    config = replace(scene_with_errors(scene, gps_errors, gps_reference), **(shutter or Shutter()).changes())
+    name = scene or ("walk" if given.path is None else "drive")
+    config = given.applied(scene_with_errors(name, gps_errors, gps_reference))
+    config = replace(config, **(shutter or Shutter()).changes())
     if imu:
         config = replace(config, accelerometer=AccelerometerConfig())
     simulate_recording(out, config, seed)

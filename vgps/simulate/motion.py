@@ -7,10 +7,9 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from vgps.model import FloatArray
+from vgps.simulate.camera_path import EAST_R_CAMERA, CameraPath
 from vgps.simulate.scene import SceneConfig
 
-# axes (x right, y down, z forward) of an upright camera that looks east
-_EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _GRID_S = 0.005
 _KNOT_S = 0.05
 _MARGIN_S = 1.0
@@ -37,7 +36,7 @@ class Motion:
         pose = np.tile(np.eye(4), (len(t_s), 1, 1))
         pose[:, :3, 3] = values[:, :3]
         pose[:, :3, :3] = (
-            _about_z(values[:, 3]) @ _EAST_R_CAMERA @ _about_x(values[:, 4]) @ _about_z(values[:, 5])
+            _about_z(values[:, 3]) @ EAST_R_CAMERA @ _about_x(values[:, 4]) @ _about_z(values[:, 5])
         )
         return pose
 
@@ -55,7 +54,14 @@ class Motion:
 
 
 def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
-    """Build the scene's motion: its path at its speed, plus bobbing, shaking, looking around and panning."""
+    """Build the scene's motion: its path at its speed, plus bobbing, shaking, looking around and panning.
+
+    A given path is followed as it is.
+    """
+    if config.path is not None:
+        t, values = config.path.extended(_MARGIN_S)
+        values[:, 2] += config.eye_m
+        return Motion(CubicSpline(t, values))
     t = np.arange(-_MARGIN_S, config.speed[-1][0] + _MARGIN_S, _GRID_S)
     east, north, heading, speed = _travel(config, t)
     step = 2 * np.pi * config.bob_hz * t
@@ -80,17 +86,29 @@ def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
 
 def center_line(config: SceneConfig, before_m: float, after_m: float) -> FloatArray:
     """Return (N, 4) distance, east, north [m], heading [rad] per metre, straight beyond the path's ends."""
+    if config.path is not None:
+        return _extended(*_travelled(config.path), before_m, after_m)
     t = np.arange(-_MARGIN_S, config.speed[-1][0] + _GRID_S, _GRID_S)
     east, north, heading, speed = _travel(config, t)
-    distance = _integral(speed)
     inside = t >= 0
+    return _extended(_integral(speed)[inside], np.stack([east, north, heading])[:, inside], before_m, after_m)
+
+
+def _extended(distance: FloatArray, line: FloatArray, before_m: float, after_m: float) -> FloatArray:
+    """Return (N, 4) per metre from east, north, heading (3, n) at distances (n,) of a path."""
     along = np.arange(-before_m, distance[-1] + after_m)
     beyond = along - np.clip(along, 0.0, distance[-1])
-    moving = np.concatenate([[True], np.diff(distance[inside]) > 1e-9])
-    line = [np.interp(along, distance[inside][moving], x[inside][moving]) for x in (east, north, heading)]
+    moving = np.concatenate([[True], np.diff(distance) > 1e-9])
+    east, north, heading = (np.interp(along, distance[moving], x[moving]) for x in line)
     return np.stack(
-        [along, line[0] + beyond * np.cos(line[2]), line[1] + beyond * np.sin(line[2]), line[2]], axis=-1
+        [along, east + beyond * np.cos(heading), north + beyond * np.sin(heading), heading], axis=-1
     )
+
+
+def _travelled(path: CameraPath) -> tuple[FloatArray, FloatArray]:
+    """Return distances (n,), and east, north, yaw (3, n), of a given path."""
+    steps = np.linalg.norm(np.diff(path.horizontal[:, :2], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)]), path.horizontal.T
 
 
 def _travel(config: SceneConfig, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from typing import Literal
 
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
+from vgps.simulate.camera_path import CameraPath
 from vgps.simulate.sensor_config import AccelerometerConfig, GpsConfig, GyroConfig
 from vgps.survey import read_errors
 
@@ -22,6 +23,8 @@ class SceneConfig:
     Attributes:
         speed: Knots (time [s], speed [m/s]); the last one ends the recording.
         bends: Each with the distance at which it starts [m], length [m], angle [deg], left positive.
+        path: A path to follow instead, without bobbing, shaking or looking around.
+        look_alike_m: Distance along the path after which houses, trees and cars repeat; 0 if they do not.
         fps, width, height, focal_px, exposure_s: The camera, a pinhole with a central principal point.
         readout_s: Time from the exposure of the first row to that of the last; 0 for a global shutter. The
             middle of the middle row's exposure is the frame's time stamp, and the time of its true pose.
@@ -49,6 +52,8 @@ class SceneConfig:
 
     speed: tuple[tuple[float, float], ...]
     bends: tuple[tuple[float, float, float], ...]
+    path: CameraPath | None = field(default=None, repr=False)
+    look_alike_m: float = 0.0
     fps: int = 15
     width: int = 720
     height: int = 480
@@ -142,6 +147,13 @@ def scene_config(name: str) -> SceneConfig:
     if name not in SCENES:
         raise ConfigError(f"unknown scene {name!r}", expected="one of " + ", ".join(SCENES), place="--scene")
     return SCENES[name]
+
+
+def on_path(scene: SceneConfig, path: CameraPath) -> SceneConfig:
+    """Return the scene with a given path in place of its own."""
+    return replace(
+        scene, path=path, speed=((0.0, path.speed_m_s), (path.duration_s, path.speed_m_s)), bends=()
+    )
 
 
 def scene_with_errors(name: str, log: Path | None = None, reference: Path | None = None) -> SceneConfig:

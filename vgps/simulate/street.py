@@ -1,9 +1,10 @@
-"""Surroundings of a scene: a street along its path."""
+"""Surroundings of a scene: a street along its path, where it comes for the first time."""
 
 import math
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vgps.model import FloatArray
 from vgps.simulate import textures
@@ -13,6 +14,8 @@ from vgps.simulate.world import UP, Builder, World, axes
 
 _TILE_M = 20.0
 _STYLES = 6
+_STREET_M = 8.0  # a path that comes back this close is in the street where it was
+_COMES_BACK_M = 40.0  # along the path; nearer parts of it are the same visit
 
 
 def build_world(config: SceneConfig, rng: np.random.Generator) -> World:
@@ -45,13 +48,14 @@ def _add_ground(builder: Builder, config: SceneConfig, rng: np.random.Generator,
     size = _texture_size(config)(2048)
     paved = config.surface == "paving"
     tile = builder.image(textures.paving(rng, size, 32) if paved else textures.asphalt(rng, size))
-    extent = _TILE_M * 2 * math.ceil(1000.0 / _TILE_M)
+    reach = max(1000.0, np.ptp(line[:, 1:3], axis=0).max() / 2 + 500.0)
+    extent = _TILE_M * 2 * math.ceil(reach / _TILE_M)
     builder.flat(
         np.append(line[:, 1:3].mean(axis=0), 0.0), 0.0, extent, extent, tile, round(extent / _TILE_M)
     )
     if not paved:
         paint = builder.image(np.full((8, 64, 4), (205, 210, 212, 255), np.uint8))
-        for _, east, north, heading in line[::6]:
+        for _, east, north, heading in _new_streets(line)[::6]:
             for side, length in ((1.75, 2.5), (-1.9, 5.0), (5.4, 5.0)):
                 foot = np.array([east, north, 0.01]) + side * axes(heading)[1]
                 builder.flat(foot, heading, length, 0.14, paint)
@@ -65,11 +69,12 @@ def _add_houses(builder: Builder, config: SceneConfig, rng: np.random.Generator,
         (*config.setback_m, 8.0, (9.0, 13.0)),
         (config.setback_m[1] + 14, config.setback_m[1] + 24, 14.0, (14.0, 22.0)),
     )
+    places, repeating = _new_streets(line), _Repetition(rng, config.look_alike_m)
     for side in (1.0, -1.0):
         for near, far, depth, heights in rows:
-            k = 0
-            while k < len(line):
-                _, east, north, heading = line[k]
+            k = repeating.begin()
+            while k < len(places):
+                _, east, north, heading = places[k]
                 width = float(rng.choice([10.0, 12.0, 14.0]))
                 size = (width, depth, rng.uniform(*heights))
                 foot = (
@@ -79,9 +84,11 @@ def _add_houses(builder: Builder, config: SceneConfig, rng: np.random.Generator,
                 texture = fronts[rng.integers(_STYLES)]
                 if _is_clear(line, foot, heading, size, near - 0.5):
                     builder.box(foot, heading, size, texture, fronts[rng.integers(_STYLES)], roof)
-                k += round(width + rng.choice([0.0, 0.5, 3.0]))
+                k = repeating.advance(k + round(width + rng.choice([0.0, 0.5, 3.0])))
     _, east, north, heading = line[-1]  # a house ends the street
-    builder.box(np.array([east, north, 0.0]), heading, (12.0, 40.0, 14.0), fronts[0], fronts[1], roof)
+    foot, size = np.array([east, north, 0.0]), (12.0, 40.0, 14.0)
+    if _is_clear(line[line[:, 0] < line[-1, 0] - _COMES_BACK_M], foot, heading, size, 0.0):
+        builder.box(foot, heading, size, fronts[0], fronts[1], roof)
 
 
 def _add_furniture(builder: Builder, config: SceneConfig, rng: np.random.Generator, line: FloatArray) -> None:
@@ -91,8 +98,10 @@ def _add_furniture(builder: Builder, config: SceneConfig, rng: np.random.Generat
     boards = [builder.image(textures.poster(rng, px(192), px(192))) for _ in range(4)]
     cars = [_car_images(builder, config, rng) for _ in range(3)]
     low, high = 0.42 * config.setback_m[0], config.setback_m[0] - 0.6
-    for k in range(3, len(line), 4):
-        _, east, north, heading = line[k]
+    places, repeating = _new_streets(line), _Repetition(rng, config.look_alike_m)
+    k = repeating.begin(3) - 4
+    while (k := repeating.advance(k + 4)) < len(places):
+        _, east, north, heading = places[k]
         side = float(rng.choice([-1.0, 1.0]))
         foot = np.array([east, north, 0.0]) + side * rng.uniform(low, high) * axes(heading)[1]
         kind = rng.choice(["tree", "tree", "car", "sign", "sign", "box", "box"])
@@ -153,6 +162,40 @@ def _add_car(builder: Builder, foot: FloatArray, heading: float, images: tuple[i
     body, glass, paint = images
     builder.box(foot + 0.08 * UP, heading, (4.2, 1.7, 0.8), body, paint, paint)
     builder.box(foot + 0.88 * UP, heading, (2.3, 1.5, 0.55), glass, glass, paint)
+
+
+class _Repetition:
+    """Random choices along a path that begin again after a distance, so that streets look alike.
+
+    Args:
+        rng: The generator of the choices.
+        every_m: The distance; 0 if they do not repeat.
+    """
+
+    def __init__(self, rng: np.random.Generator, every_m: float) -> None:
+        self._rng, self._every = rng, round(every_m)
+
+    def begin(self, metre: int = 0) -> int:
+        """Begin at a metre of the path, and return it."""
+        self._state = self._rng.bit_generator.state
+        self._next = metre + self._every
+        return metre
+
+    def advance(self, metre: int) -> int:
+        """Return the next metre, at which the choices begin again if the distance is over."""
+        if not self._every or metre < self._next:
+            return metre
+        self._rng.bit_generator.state = self._state
+        self._next += self._every
+        return self._next - self._every
+
+
+def _new_streets(line: FloatArray) -> FloatArray:
+    """Return the rows of a path at which it is not in a street where it was before."""
+    first = np.arange(len(line))
+    pairs = cKDTree(line[:, 1:3]).query_pairs(_STREET_M, output_type="ndarray")
+    np.minimum.at(first, pairs[:, 1], pairs[:, 0])
+    return np.asarray(line[line[:, 0] - line[first, 0] < _COMES_BACK_M])
 
 
 def _is_clear(
