@@ -11,6 +11,7 @@ from synthetic_fixes import fixes_of_size, trajectory
 from vgps.config import GpsConfig, Region
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import CLASSES
+from vgps.gps.learned_errors import LearnedErrors, with_errors
 from vgps.gps.offset_errors import student
 from vgps.gps.offsets import chain_offsets, gps_term, offset_key
 from vgps.gps.sensors import Sensors
@@ -142,3 +143,11 @@ def test_without_memory_each_fix_is_bounded_by_itself():
     found = term(fixes([0, 1, 2]), CONFIG.model_copy(update={"error_model": "independent"}))
     assert found.bounds.size() == 3 and len(found.offsets) == 0
     np.testing.assert_allclose(found.bounded.r_m, 2.4)
+
+
+def test_errors_drawn_for_sigmas_are_those_of_the_mean_receiver_until_the_log_shows_its_own():
+    two = fixes([0, 1], fix_class=FIX)
+    noise, step = np.exp(0.7**2 / 2), np.exp(0.6**2 / 2)  # spreads between receivers of an RTK-fix
+    np.testing.assert_allclose(term(two).noise_ratio, [noise, noise, step])
+    learned = with_errors(CONFIG, {FixClass.RTK_FIX: LearnedErrors(0.01, 0.02)})
+    np.testing.assert_allclose(term(two, learned).noise_ratio, 1.0)

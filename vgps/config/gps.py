@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar, Literal, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
@@ -88,11 +88,11 @@ class OffsetErrors(SettingsModel):
     """Standard deviation of the log of this size between receivers."""
     noise_m: PositiveFloat = 0.02
     """Scale of the noise about the offset, on each horizontal axis."""
-    noise_spread: PositiveFloat = 1.1
+    noise_spread: NonNegativeFloat = 1.1
     """Standard deviation of the log of the noise between receivers."""
     walk_m: PositiveFloat = 0.07
     """Scale of the offset's steps over one second, on each horizontal axis."""
-    walk_spread: PositiveFloat = 1.1
+    walk_spread: NonNegativeFloat = 1.1
     """Standard deviation of the log of the walk between receivers."""
     tail: PositiveFloat = 3.0
     """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""

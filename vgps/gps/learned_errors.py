@@ -29,12 +29,16 @@ _LARGEST_SIGMAS = 3.0  # of the spread between receivers
 _SPAN_SIGMAS = 3.0  # of the priors, covered by the grid
 _LAGS_S = (0.0, 1.0, 3.0)  # noise shows in neighbours, the walk in how differences grow
 _MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
+_KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0}
 _WALKS, _NOISES, _SHARES = 25, 25, 7  # values of the grid
 
 
 @dataclass(frozen=True)
 class LearnedErrors:
-    """Noise and walk of a class in one log, as in :class:`~vgps.config.gps.OffsetErrors`."""
+    """Noise and walk of a class in one log, as in :class:`~vgps.config.gps.OffsetErrors`.
+
+    They are as large as they may well be: what is unknown about them is part of them.
+    """
 
     noise_m: float
     walk_m: float
@@ -63,7 +67,8 @@ def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
 def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) -> GpsConfig:
     """Return settings with the learned noise and walk of some classes."""
     classes = {
-        name: config.offset_errors(name).model_copy(update=vars(errors)) for name, errors in learned.items()
+        name: config.offset_errors(name).model_copy(update={**vars(errors), **_KNOWN})
+        for name, errors in learned.items()
     }
     memory = config.memory.model_copy(update={"classes": {**config.memory.classes, **classes}})
     return config.model_copy(update={"memory": memory})
@@ -131,7 +136,10 @@ def _compared(
 
 
 def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> LearnedErrors:
-    """Return the means of the logs of noise and walk under their posterior."""
+    """Return the root mean squares of noise and walk under their posterior.
+
+    A smaller choice, as the means of the logs, would trust the shape of a log that says little about both.
+    """
     memory, tail = config.memory, errors.tail
     walk, walk_prior = _grid(errors.walk_m, errors.walk_spread, _WALKS)
     noise, noise_prior = _grid(errors.noise_m, errors.noise_spread, _NOISES)
@@ -147,8 +155,8 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> Learne
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     return LearnedErrors(
-        noise_m=float(np.exp(weight.sum(axis=(0, 2)) @ np.log(noise))),
-        walk_m=float(np.exp(weight.sum(axis=(1, 2)) @ np.log(walk))),
+        noise_m=float(np.sqrt(weight.sum(axis=(0, 2)) @ noise**2)),
+        walk_m=float(np.sqrt(weight.sum(axis=(1, 2)) @ walk**2)),
     )
 
 

@@ -23,7 +23,7 @@ from vgps.gps.fixes import (
     penalty,
     place,
 )
-from vgps.gps.offset_errors import between_receivers, errors_of, student, walk_scale
+from vgps.gps.offset_errors import errors_of, in_the_mean, student, walk_scale
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -39,7 +39,7 @@ class GpsTerm:
         bounded: (B,) the fix of each bound, with its region; the first of an offset's fixes.
         weight: (B,) number of independent errors, at most 1, that each bound counts as.
         noise: Factors of the noise about the offsets and of their walk.
-        noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`between_receivers`.
+        noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`in_the_mean`.
         offsets: (K, 3) initial values of the offsets, metres, with keys ``o0..``.
         offset_frames: (K,) frame before the first fix of each offset.
     """
@@ -175,10 +175,14 @@ def with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
 def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatArray:
     """Return the errors of noise and steps (N,) over the sigmas of their losses, in the factors' order.
 
-    A loss bounds what the tails of its own distribution do; a worse receiver is not in it.
+    A loss bounds what the tails of its own distribution do; a worse receiver is not in it, unless the log
+    showed what its receiver does.
     """
-    ratio = np.array([between_receivers(errors) for errors in errors_of(fixes.where(chain.rows), config)])
-    return np.concatenate([ratio, ratio[chain.first][~chain.starts]])
+    errors = errors_of(fixes.where(chain.rows), config)
+    means = [in_the_mean(one) for one in errors]
+    noise = np.array([mean.noise_m / one.noise_m for mean, one in zip(means, errors, strict=True)])
+    walk = np.array([mean.walk_m / one.walk_m for mean, one in zip(means, errors, strict=True)])
+    return np.concatenate([noise, walk[chain.first][~chain.starts]])
 
 
 def _noise_factors(
