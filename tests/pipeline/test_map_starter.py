@@ -20,7 +20,7 @@ def starter(config=CONFIG):
         FrameTracker(CAMERA, config.tracking, config.mapping, rng),
         Mapper(CAMERA, config.tracking, config.mapping, rng),
     )
-    return MapStarter(stages, CAMERA.K, config, rng, None)
+    return MapStarter(stages, CAMERA, config, rng, None)
 
 
 def fed(these):

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from solutions import NORTH_R_CAMERA, make_gps_log, make_poses
 
-from vgps.camera import distort, undistort
+from factors import poses_at
+from vgps.camera import distort, row_shares, undistort
 from vgps.config import Config, MappingConfig, TrackingConfig, WindowConfig
 from vgps.geodesy import to_geodetic
 from vgps.geometry import project
@@ -199,3 +200,15 @@ def rotation_error_deg(a, b):
 def distance_m(a, b):
     """Distance between two poses."""
     return float(np.linalg.norm(a[:3, 3] - b[:3, 3]))
+
+
+def roll_shutter(local_map, points, poses, camera):
+    """Let a rolling shutter observe the points (N, 3) of a map in all its frames, each posed in poses."""
+    for view, frame in enumerate(range(len(poses)), start=local_map.views.shape[1] - len(poses)):
+        uv = local_map.views[:, view].copy()
+        for _ in range(30):  # the row depends on the pose, and the pose on the row
+            share = row_shares(camera, uv)
+            at_s = local_map.t_s[frame] + camera.readout_s * share
+            rows = poses_at(local_map.t_s, poses, at_s, frame - (share < 0))
+            uv = np.stack([pixels(pose, point[None])[0] for pose, point in zip(rows, points, strict=True)])
+        local_map.views[:, view] = uv

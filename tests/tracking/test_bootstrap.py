@@ -1,18 +1,21 @@
 """The start of a map by exact observations of a room, up to the scale that no image shows."""
 
+import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from textured_room import CAMERA, CONFIG, followed_map, moved, path
+from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutter
 
 from vgps.tracking.bootstrap import TwoViewInitialiser
 
 POSES = path(6)
 
 
-def initialise(local_map, **start):
+def initialise(local_map, camera=CAMERA, **start):
     config = CONFIG.start.model_copy(update=start)
     rng = np.random.default_rng(0)
-    return TwoViewInitialiser(CAMERA.K, config, CONFIG.tracking, rng).initialise(local_map)
+    return TwoViewInitialiser(camera, config, CONFIG.tracking, rng).initialise(local_map)
 
 
 def views(poses=POSES):
@@ -33,6 +36,26 @@ def test_views_are_posed_and_features_positioned_up_to_scale():
     expected = (points - POSES[0][:3, 3]) @ POSES[0][:3, :3] / baseline_m
     np.testing.assert_allclose(local_map.points[local_map.ids], expected, rtol=0.01, atol=0.01)
     np.testing.assert_array_equal(local_map.sigma_px[local_map.ids], CONFIG.tracking.inlier_px / 2)
+
+
+def test_a_rolling_shutters_views_start_a_map_as_a_global_ones_do():
+    local_map, points, _ = views()
+    camera = replace(CAMERA, readout_s=0.09)
+    roll_shutter(local_map, points, POSES, camera)
+    as_global = copy.deepcopy(local_map)
+    as_global.apply(initialise(as_global))
+    local_map.apply(initialise(local_map, camera))
+    np.testing.assert_allclose(local_map.poses[0], np.eye(4), atol=1e-12)
+    assert local_map.positioned.mean() > 0.95
+    assert 5 * start_error(local_map) < start_error(as_global)
+
+
+def start_error(local_map):
+    """The largest distance from the true path, in lengths of it."""
+    true = (np.linalg.inv(POSES[0]) @ POSES)[:, :3, 3]
+    found = local_map.poses[:, :3, 3]
+    true, found = (path / np.linalg.norm(path[-1]) for path in (true, found))
+    return float(np.abs(true - found).max())
 
 
 def test_it_waits_until_the_image_has_moved_far_enough():

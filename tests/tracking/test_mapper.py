@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from textured_room import CAMERA, CONFIG, LENS, followed_map, image, moved, path, pixels
+from textured_room import CAMERA, CONFIG, LENS, followed_map, image, moved, path, pixels, roll_shutter
 
-from factors import poses_at
-from vgps.camera import row_shares, undistort
+from vgps.camera import undistort
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
 from vgps.model import Frame
@@ -56,15 +55,9 @@ def test_exact_observations_give_the_true_positions():
 def test_a_rolling_shutters_observations_give_the_true_positions():
     local_map, points = unpositioned()
     camera = replace(CAMERA, readout_s=0.9 * float(np.diff(local_map.t_s).min()))
-    for view, frame in enumerate(range(FRAMES), start=local_map.views.shape[1] - FRAMES):
-        uv = local_map.views[:, view].copy()
-        for _ in range(30):  # the row depends on the pose, and the pose on the row
-            share = row_shares(camera, uv)
-            at_s = local_map.t_s[frame] + camera.readout_s * share
-            rows = poses_at(local_map.t_s, POSES, at_s, frame - (share < 0))
-            uv = np.stack([pixels(pose, point[None])[0] for pose, point in zip(rows, points, strict=True)])
-        assert np.abs(uv - local_map.views[:, view]).max() > 1.0
-        local_map.views[:, view] = uv
+    exact = local_map.views.copy()
+    roll_shutter(local_map, points, POSES, camera)
+    assert np.nanmax(np.abs(local_map.views - exact)) > 1.0
     positions = mapper(camera).triangulate(local_map, all_rows(local_map))
     np.testing.assert_allclose(positions.points, points, atol=1e-5)
     blurred = mapper().triangulate(local_map, all_rows(local_map))

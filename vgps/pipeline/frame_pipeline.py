@@ -59,7 +59,7 @@ class FramePipeline:
         self._rng = rng = np.random.default_rng(config.seed)
         self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        self._starter = MapStarter((self._tracker, self._mapper), camera.K, config, rng, retention)
+        self._starter = MapStarter((self._tracker, self._mapper), camera, config, rng, retention)
         self._gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._current: MapBuilder | None = None
         self._next: MapBuilder | None = None

@@ -8,7 +8,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
 from vgps.mapping.standing_frames import pose_standing_frames
-from vgps.model import FloatArray, Frame
+from vgps.model import Camera, Frame
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.tracking.bootstrap import TwoViewInitialiser
 from vgps.tracking.frame_tracker import FrameTracker
@@ -22,7 +22,7 @@ class MapStarter:
 
     Args:
         stages: Stages A and B.
-        K: (3, 3).
+        camera: The camera.
         config: Settings.
         rng: Random generator, the one of the stages.
         retention: Policy that limits how long a frame may go without a view, if any.
@@ -31,14 +31,14 @@ class MapStarter:
     def __init__(
         self,
         stages: tuple[FrameTracker, Mapper],
-        K: FloatArray,
+        camera: Camera,
         config: Config,
         rng: np.random.Generator,
         retention: RetentionPolicy | None,
     ) -> None:
         self._tracker, self._mapper = stages
         self._config, self._retention = config, retention
-        self._initialiser = TwoViewInitialiser(K, config.start, config.tracking, rng)
+        self._initialiser = TwoViewInitialiser(camera, config.start, config.tracking, rng)
 
     def add_frame(
         self, builder: MapBuilder | None, frame: Frame, gyro: RotationPredictor | None = None

@@ -1,33 +1,42 @@
 """Start of a map: the relative pose of two views, first positions, and the poses of the views between."""
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 
 from vgps.config import StartConfig, TrackingConfig
-from vgps.geometry import largest_angle_rad, project, triangulate, world_rays
+from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
+from vgps.tracking.row_motion import at_middle_rows
+
+_MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
 
 
 class TwoViewInitialiser:
     """Initialiser of a map from its oldest and newest view, once they have enough parallax."""
 
     def __init__(
-        self, K: FloatArray, start: StartConfig, tracking: TrackingConfig, rng: np.random.Generator
+        self, camera: Camera, start: StartConfig, tracking: TrackingConfig, rng: np.random.Generator
     ) -> None:
-        self._K, self._start, self._tracking, self._rng = K, start, tracking, rng
+        self._camera, self._K = camera, camera.K
+        self._start, self._tracking, self._rng = start, tracking, rng
 
     def initialise(self, local_map: LocalMap) -> MapUpdate | None:
         """Return the poses of all views and the first positions, or None if two views do not give them yet.
 
-        The oldest view becomes the origin, and its distance to the newest the unit of length.
+        The oldest view becomes the origin, and the distance of the two views the unit of length. They are the
+        oldest and the newest; under a rolling shutter those next to them, for which no row is extrapolated.
         """
-        columns = np.flatnonzero(local_map.view_frames >= 0)
-        oldest, newest = int(columns[0]), int(columns[-1])
-        common = np.flatnonzero(np.isfinite(local_map.views[:, oldest, 0]))
-        first, last = local_map.views[common, oldest], local_map.views[common, newest]
+        frames = local_map.view_frames[local_map.view_frames >= 0]
+        pair = (1, len(frames) - 2) if self._rolls(frames) else (0, len(frames) - 1)
+        views = local_map.views[:, -len(frames) :]
+        common = np.flatnonzero(np.isfinite(views[:, 0, 0]))
+        uv_px = self._at_middle_rows(local_map, views[common], frames)
+        first, last = uv_px[:, pair[0]], uv_px[:, pair[1]]
         if len(common) < self._start.min_inliers or _median_flow(first, last) < self._start.min_flow_px:
             return None
         last_pose = self._relative_pose(first, last)
@@ -36,15 +45,26 @@ class TwoViewInitialiser:
         points, good = self._triangulate_pair(first, last, last_pose)
         if points is None:
             return None
-        rows = common[good]
-        poses = self._view_poses(local_map, rows, points, last_pose)
-        if poses is None:
+        known = dict(zip(pair, (np.eye(4), last_pose), strict=True))
+        view_poses = self._view_poses(uv_px[good], points, known)
+        if view_poses is None:
             return None
-        first_frame, all_poses = local_map.first_frame, local_map.poses.copy()
-        for frame, pose in poses.items():
-            all_poses[frame - first_frame] = pose
-        positions = Positions(local_map.ids[rows], points, np.full(len(rows), self._tracking.inlier_px / 2))
-        return MapUpdate(first_frame=first_frame, poses=all_poses, positions=positions)
+        first_T_map = np.linalg.inv(view_poses[0])
+        points = points @ first_T_map[:3, :3].T + first_T_map[:3, 3]
+        poses = local_map.poses.copy()
+        poses[frames - local_map.first_frame] = first_T_map @ view_poses
+        ids = local_map.ids[common[good]]
+        positions = Positions(ids, points, np.full(len(ids), self._tracking.inlier_px / 2))
+        return MapUpdate(first_frame=local_map.first_frame, poses=poses, positions=positions)
+
+    def _rolls(self, frames: IntArray) -> bool:
+        return bool(self._camera.readout_s) and len(frames) >= _MIN_ROLLING_VIEWS
+
+    def _at_middle_rows(self, local_map: LocalMap, uv_px: FloatArray, frames: IntArray) -> FloatArray:
+        """Return the pixels (N, V, 2) of features in views (V,) as a global shutter would see them."""
+        if not self._rolls(frames):
+            return uv_px
+        return at_middle_rows(self._camera, local_map.t_s[frames - local_map.first_frame], uv_px)
 
     def _triangulate_pair(
         self, first: FloatArray, last: FloatArray, last_pose: FloatArray
@@ -77,23 +97,29 @@ class TwoViewInitialiser:
         return pose
 
     def _view_poses(
-        self, local_map: LocalMap, rows: IntArray, points: FloatArray, last_pose: FloatArray
-    ) -> dict[int, FloatArray] | None:
-        """Return the pose (4, 4) of every view by frame, from points (n, 3) of the features ``rows`` (n,)."""
-        frames = [int(frame) for frame in local_map.view_frames if frame >= 0]
-        poses, guess = {frames[0]: np.eye(4), frames[-1]: last_pose}, np.eye(4)
-        for column, frame in enumerate(frames[1:-1], start=len(local_map.view_frames) - len(frames) + 1):
-            uv = local_map.views[rows, column]
-            matches = Correspondences(points, uv).where(np.isfinite(uv[:, 0]))
+        self, uv_px: FloatArray, points: FloatArray, known: Mapping[int, FloatArray]
+    ) -> FloatArray | None:
+        """Return the pose (V, 4, 4) of every view from points (n, 3) seen there at (n, V, 2).
+
+        Args:
+            uv_px: Undistorted pixels, NaN where unknown.
+            points: Positions.
+            known: Poses of the two views that gave them.
+        """
+        poses = np.empty((uv_px.shape[1], 4, 4))
+        guess, last_pose = known.values()
+        for view in range(len(poses)):
+            if view in known:
+                poses[view] = known[view]
+                continue
+            matches = Correspondences(points, uv_px[:, view]).where(np.isfinite(uv_px[:, view, 0]))
             if len(matches) < self._tracking.min_inliers:
                 return None
             guesses = np.array([guess, last_pose])
             pose = lmeds_pose(self._K, matches, guesses, self._tracking.lmeds_samples, self._rng)
-            predicted, _ = project(self._K, pose, matches.points)
-            near = np.linalg.norm(predicted - matches.uv_px, axis=1) < 2 * self._tracking.inlier_px
-            matches = matches.where(near)
+            matches = matches.where(matches.inliers(self._K, pose, 2 * self._tracking.inlier_px))
             guess, _ = refine_pose(self._K, pose, matches, np.ones(len(matches)))
-            poses[frame] = guess
+            poses[view] = guess
         return poses
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from factors import poses_at
+from factors import knots_around, path_weights, poses_at
 from vgps.camera import row_shares
 from vgps.geometry import project
 from vgps.model import Camera, FloatArray
@@ -31,3 +31,23 @@ def row_shifts(
     seen, depth = project(camera.K, rows, points[:, None])  # each point in its own camera
     ahead = (middle_depth > _MIN_DEPTH) & (depth[:, 0] > _MIN_DEPTH)
     return np.where(ahead[:, None], seen[:, 0] - middle, 0.0)
+
+
+def at_middle_rows(camera: Camera, t_s: FloatArray, uv_px: FloatArray) -> FloatArray:
+    """Return where tracks (N, V, 2) were at the times of their views' middle rows, undistorted pixels.
+
+    No pose is needed: the observations of a track, each at its row's time, are interpolated as poses are
+    (:mod:`factors.continuous_path`). In the first and the last view half of them are extrapolated.
+
+    Args:
+        camera: A camera with a readout.
+        t_s: (V,) times of the views.
+        uv_px: (N, V, 2) undistorted pixels, NaN where unknown.
+    """
+    n, views, _ = uv_px.shape
+    shares = row_shares(camera, uv_px.reshape(-1, 2)).reshape(n, views)
+    row_s = t_s + (camera.readout_s or 0.0) * shares
+    track, view = (index.ravel() for index in np.indices((n, views)))
+    knots = knots_around(t_s, view - (row_s > t_s)[track, view])
+    weights, _ = path_weights(row_s[track[:, None], knots], t_s[view])
+    return np.einsum("nk,nkd->nd", weights, uv_px[track[:, None], knots]).reshape(n, views, 2)
