@@ -50,4 +50,5 @@ def at_middle_rows(camera: Camera, t_s: FloatArray, uv_px: FloatArray) -> FloatA
     track, view = (index.ravel() for index in np.indices((n, views)))
     knots = knots_around(t_s, view - (row_s > t_s)[track, view])
     weights, _ = path_weights(row_s[track[:, None], knots], t_s[view])
-    return np.einsum("nk,nkd->nd", weights, uv_px[track[:, None], knots]).reshape(n, views, 2)
+    middle = np.einsum("nk,nkd->nd", weights, uv_px[track[:, None], knots])
+    return np.asarray(middle.reshape(n, views, 2))
