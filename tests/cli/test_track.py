@@ -63,6 +63,31 @@ def test_a_missing_gyro_is_reported(recording, database, tmp_path, vgps_verb):
     assert "estimator: frame" in (tmp_path / "run" / "config.yaml").read_text()
 
 
+def give_imu(recording, name):
+    """Write the gyro's rates and a specific force as an IMU's log; the other gyro goes."""
+    (recording / "gyro.csv").unlink()
+    log = gyro(0.8)
+    table = np.column_stack([log.t_s, log.rate_rad_s, np.tile([0.0, 0.0, 9.81], (len(log.t_s), 1))])
+    head = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2"
+    np.savetxt(recording / name, table, "%.6f", ",", header=head, comments="")
+
+
+def test_a_named_imu_serves_as_the_gyro(recording, database, tmp_path, vgps_verb):
+    give_imu(recording, "other.csv")
+    rig = {"imu_R_camera": GYRO_R_CAMERA.tolist(), "exposure_s": VIDEO.exposure_s}
+    (recording / "mounted.yaml").write_text(yaml.safe_dump(rig))
+    words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run")
+    code, said, _ = vgps_verb(*words, "--imu", "other.csv", "--rig", "mounted.yaml")
+    assert code == 0 and "8 of 8 frames tracked" in said and "no gyro" not in said
+
+
+def test_an_imu_without_its_mounting_is_left_out_with_a_warning(recording, database, tmp_path, vgps_verb):
+    give_imu(recording, "imu.csv")
+    code, said, _ = vgps_verb("track", recording, "--landmarks", database, "--out", tmp_path / "run")
+    assert code == 0
+    assert "note: imu.csv is left out: rig.yaml has no imu_R_camera" in said and "no gyro" in said
+
+
 @pytest.mark.parametrize(
     ("config", "said"),
     [

@@ -39,7 +39,7 @@ def test_without_a_delay_estimates_pass_as_they_are():
 
 def poses(recording, lag_s):
     lines = io.StringIO()
-    pose_recording(recording, OnlineOptions(vgps.Config(), lag_s=lag_s), stream=lines)
+    pose_recording(recording, OnlineOptions(config=vgps.Config(), lag_s=lag_s), stream=lines)
     return [entry for entry in map(json.loads, lines.getvalue().splitlines()) if entry["type"] == "pose"]
 
 

@@ -20,6 +20,7 @@ class Sources:
         video: Live video instead of a recording: /dev/video0, or an rtsp://, http:// or tcp:// address.
         gps: With --video a receiver: /dev/ttyACM0, /dev/ttyUSB0@38400, tcp://HOST:PORT, gpsd://HOST, or - for
             standard input. With a recording its GPS log; a path, or a name inside the folder.
+        imu: Angular rates and specific force of a recording, as imu.csv; a path, or a name inside the folder.
         camera: camera.yaml; required with --video.
         rig: rig.yaml.
         video_delay: Delay of a live picture from exposure to arrival [s], if the computer's clock times it.
@@ -27,6 +28,7 @@ class Sources:
 
     video: str | None = None
     gps: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None  # - is a receiver
+    imu: str | None = None
     camera: Path | None = None
     rig: Path | None = None
     video_delay: NotNegative = 0.0
@@ -56,7 +58,16 @@ def online(
         sources: Live sources or other files.
         settings: Settings.
     """
-    options = OnlineOptions(settings.read(), out, finish, sources.gps, sources.camera, sources.rig, lag_s)
+    options = OnlineOptions(
+        config=settings.read(),
+        out=out,
+        finish=finish,
+        gps=sources.gps,
+        imu=sources.imu,
+        camera=sources.camera,
+        rig=sources.rig,
+        lag_s=lag_s,
+    )
     if sources.video is None:
         frames = pose_recording(recording, options, realtime=realtime)
     else:

@@ -38,12 +38,23 @@ class CalibrationFiles:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class RecordingFiles(CalibrationFiles):
+class SensorFiles(CalibrationFiles):
+    """Calibrations and sensors used instead of those in the recording folder.
+
+    Attributes:
+        imu: Angular rates and specific force, as imu.csv; a path, or a name inside the folder.
+    """
+
+    imu: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class RecordingFiles(SensorFiles):
     """Files used instead of those in the recording folder.
 
     Attributes:
         gps: GPS log; a path, or a name inside the folder.
-        imu: Angular rates and specific force, as imu.csv; a path, or a name inside the folder.
         control_points: Another control_points.csv or gcp_list.txt; a path, or a name inside the folder.
         control_crs: Coordinate system of the control points, as EPSG:25832+7837.
         control_geoid: What the heights of the control points are above: egm96, a grid file, or metres.
@@ -51,7 +62,6 @@ class RecordingFiles(CalibrationFiles):
     """
 
     gps: str | None = None
-    imu: str | None = None
     control_points: str | None = None
     control_crs: str | None = None
     control_geoid: str | None = None

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Literal
 
 from vgps.cli.app import print_line, print_note
-from vgps.cli.options import CalibrationFiles
+from vgps.cli.options import SensorFiles
 from vgps.cli.terminal import TerminalProgress
 from vgps.config import read_config
 from vgps.localization import localize
@@ -13,7 +13,7 @@ from vgps.runtime.timing import sequential_seconds
 from vgps.solution import FrameState
 from vgps.writers.run_folder import check_writable, write_run
 
-_FILES = CalibrationFiles()
+_FILES = SensorFiles()
 
 
 def track(
@@ -23,22 +23,24 @@ def track(
     out: Path,
     estimator: Literal["frame", "graph"] | None = None,
     config: Path | None = None,
-    files: CalibrationFiles = _FILES,
+    files: SensorFiles = _FILES,
 ) -> None:
     """Localise a recording against a landmark database, with its gyro and without GPS.
 
     Args:
-        recording: Folder with video, camera.yaml, and optionally rig.yaml and gyro.csv.
+        recording: Folder with video, camera.yaml, and optionally rig.yaml and gyro.csv or imu.csv.
         landmarks: Database, as `vgps landmarks build` writes it.
         out: Run folder to write.
         estimator: frame estimates each pose by itself, graph (the default) the poses of the last second
             together.
         config: YAML file with settings that replace the defaults.
-        files: Other calibrations.
+        files: Other calibrations or sensors.
     """
     check_writable(out)
     settings = read_config(config).with_estimator(estimator)
-    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
+    opened = open_recording(
+        recording, camera=files.camera, rig=files.rig, imu=files.imu, with_gps=False, guess_camera=False
+    )
     solution = localize(opened, landmarks, settings, TerminalProgress())
     write_run(solution, out)
     for warning in solution.warnings:

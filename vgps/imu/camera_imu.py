@@ -49,6 +49,15 @@ class CameraImu:
         return np.asarray(inside & (breaks[last] == breaks[first]))
 
 
+def used_imu(
+    log: ImuLog | None, mount: ImuMount | None, origin: GeodeticPoint | None, config: ImuConfig
+) -> CameraImu | None:
+    """Return the IMU at the camera; None without a log or a mounting, or if it is not to be used."""
+    if log is None or mount is None or config.use == "no":
+        return None
+    return imu_at_camera(log, mount, origin, config)
+
+
 def imu_at_camera(log: ImuLog, mount: ImuMount, origin: GeodeticPoint | None, config: ImuConfig) -> CameraImu:
     """Return the samples that a sensor at the camera's centre would have measured.
 

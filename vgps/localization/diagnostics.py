@@ -23,7 +23,7 @@ def sensor_warnings(recording: Recording, config: LocalizationConfig) -> tuple[s
     if not config.use_gyro:
         found.append(f"the gyro is not used (use_gyro: false): {_NO_GYRO}")
     elif gyro is None:
-        found.append(f"no gyro: {_NO_GYRO}; add gyro.csv")
+        found.append(f"no gyro: {_NO_GYRO}; add gyro.csv or imu.csv")
     elif rig.gyro_R_camera is None:
         found.append(
             f"no gyro_R_camera in rig.yaml, the gyro is not used: {_NO_GYRO}; run vgps calibrate-gyro"

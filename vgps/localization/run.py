@@ -75,6 +75,7 @@ def localize(
         world_T_camera=world_T_camera,
         seconds=seconds.by_stage,
         warnings=(
+            *recording.notes,
             *video_warnings,
             *localizer.warnings,
             *loss_warnings(found, t_s),

@@ -27,7 +27,7 @@ from vgps.readers.recording import open_recording
 from vgps.writers.run_folder import check_writable, write_run
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OnlineOptions:
     """Options common to recordings and live sources.
 
@@ -36,6 +36,7 @@ class OnlineOptions:
         out: Run folder to write at the end, if any.
         finish: Whether to keep all observations and run stage D at the end.
         gps: GPS log, or address of a receiver.
+        imu: IMU's log that replaces that of the recording.
         camera, rig: Files that replace those of the recording.
         lag_s: Delay after which a pose is written, by all that came until then.
     """
@@ -44,6 +45,7 @@ class OnlineOptions:
     out: Path | None = None
     finish: bool = False
     gps: str | None = None
+    imu: str | None = None
     camera: Path | None = None
     rig: Path | None = None
     lag_s: float = 0.0
@@ -78,10 +80,24 @@ def pose_recording(
     if path is None:
         raise RecordingError("no recording", expected="a folder, or --video SOURCE --camera CAMERA.YAML")
     options.check()
-    opened = open_recording(path, gps=options.gps, camera=options.camera, rig=options.rig, guess_camera=False)
-    smoother = OnlineSmoother(
-        opened.camera, opened.rig, options.config, keep_all=options.finish, source=opened.path
+    opened = open_recording(
+        path,
+        gps=options.gps,
+        imu=options.imu,
+        camera=options.camera,
+        rig=options.rig,
+        guess_camera=False,
     )
+    smoother = OnlineSmoother(
+        opened.camera,
+        opened.rig,
+        options.config,
+        keep_all=options.finish,
+        source=opened.path,
+        imu=opened.imu,
+    )
+    for note in opened.notes:
+        smoother.add_note(note)
     stop, lines = threading.Event(), JsonLines(stream or sys.stdout, opened.rig.video_start_utc)
     return _run(replay(opened, stop, realtime=realtime), smoother, lines, options, stop)
 
@@ -108,6 +124,8 @@ def pose_live(
     """
     if recording is not None:
         raise RecordingError("both a recording and --video", expected="one of them")
+    if options.imu is not None:
+        raise RecordingError("both --imu and --video", expected="a recording with --imu")
     if options.camera is None:
         raise RecordingError("--video without a calibration", expected="--camera CAMERA.YAML")
     options.check()

@@ -13,7 +13,7 @@ from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import fixes_in_world
 from vgps.gps.verdicts import fix_table
 from vgps.mapping.local_map import LocalMap
-from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, GyroLog, Recording, Rig
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, GyroLog, ImuLog, Recording, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.front_end import FrontEnd, front_end_of
@@ -58,6 +58,7 @@ class SessionRecord:
     frames: FrameArchive
     fixes: FixArchive
     gyro: GyroLog | None
+    imu: ImuLog | None
     warnings: tuple[str, ...]
 
     def gps(self) -> tuple[GpsLog | None, np.ndarray]:
@@ -81,6 +82,7 @@ def session_front_end(session: SessionRecord) -> FrontEnd:
         rig=replace(session.rig, world_origin=session.origin),
         gps=log,
         gyro=session.gyro,
+        imu=session.imu,
     )
     return replace(front_end_of(session.frame_pipeline, recording, session.origin), warnings=session.warnings)
 

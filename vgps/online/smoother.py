@@ -12,8 +12,9 @@ from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.regions import region_sizes
 from vgps.gps.world_frame import fix_origin
+from vgps.imu.camera_imu import used_imu
 from vgps.mapping.retention import RetentionPolicy
-from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, Rig
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
 from vgps.online.live_fusion import LiveFusion
@@ -53,6 +54,7 @@ class OnlineSmoother:
         config: Settings; the defaults if none are given.
         keep_all: Whether to keep all observations, which stage D needs.
         source: Name of the recording in the result.
+        imu: Of a recording that is replayed; its gyro predicts the rotation from each frame to the next.
 
     Attributes:
         video_start_utc: UTC of the first frame, if known; initially that of the rig.
@@ -66,12 +68,15 @@ class OnlineSmoother:
         *,
         keep_all: bool = False,
         source: Path = _LIVE,
+        imu: ImuLog | None = None,
     ) -> None:
         self._config = config = config or Config()
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
+        self._imu = imu
         retention = None if keep_all else RetentionPolicy.of(config)
         # stage C follows the video alone: a path bent to fixes no longer contradicts them
-        context = SmoothingContext(camera, config.with_gps(model="none"))
+        at_camera = used_imu(imu, rig.imu, rig.world_origin, config.imu)
+        context = SmoothingContext(camera, config.with_gps(model="none"), imu=at_camera)
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
@@ -233,6 +238,7 @@ class OnlineSmoother:
             frames=self._frames,
             fixes=self._fixes,
             gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
+            imu=self._imu,
             warnings=tuple(self._warnings),
         )
 

@@ -9,7 +9,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.gps.world_frame import world_fixes
 from vgps.imu.agreement import contradiction
-from vgps.imu.camera_imu import CameraImu, imu_at_camera
+from vgps.imu.camera_imu import CameraImu, used_imu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.trajectory import map_trajectory
@@ -93,10 +93,7 @@ def run_front_end(
 
 def camera_imu(recording: Recording, origin: GeodeticPoint | None, config: Config) -> CameraImu | None:
     """Return the IMU at the camera; None if there is none, or if it is not to be used."""
-    log, mount = recording.imu, recording.rig.imu
-    if log is None or mount is None or config.imu.use == "no":
-        return None
-    return imu_at_camera(log, mount, origin, config.imu)
+    return used_imu(recording.imu, recording.rig.imu, origin, config.imu)
 
 
 def wrong_imu(front_end: FrontEnd, config: Config) -> str | None:

@@ -98,7 +98,7 @@ def open_recording(
     gyro = _gyro(folder, mount, telemetry, video if isinstance(video, BagVideo) else None)
     mount = _with_gopro(mount, telemetry, gyro)
     inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
-    if inertial is not None and mount.imu is not None and gyro is None:
+    if inertial is not None and mount.imu is not None and (gyro is None or imu is not None):
         gyro, mount = gyro_of(inertial, mount), replace(mount, gyro_R_camera=mount.imu.imu_R_camera)
     points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
     found = Recording(

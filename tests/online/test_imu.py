@@ -1,0 +1,54 @@
+"""The IMU of a recording in the live mode."""
+
+import io
+import json
+import shutil
+import threading
+
+import numpy as np
+import pytest
+
+import vgps
+from vgps.errors import RecordingError
+from vgps.online import OnlineSmoother
+from vgps.online.replay import replay
+from vgps.online.run import run_online
+from vgps.online.session import OnlineOptions, pose_live, pose_recording
+
+FRAMES = 25
+
+
+def first_positions(opened, imu):
+    """Camera centres (F, 3) in the map after some frames."""
+    smoother, stop, seen = OnlineSmoother(opened.camera, opened.rig, imu=imu), threading.Event(), []
+
+    def sink(estimate, _):
+        seen.append(estimate)
+        if len(seen) == FRAMES:
+            stop.set()
+
+    run_online(replay(opened, stop), smoother, sink, stop)
+    return smoother.finish().world_T_camera[:, :3, 3]
+
+
+def test_the_gyro_predicts_rotations_and_the_path_stays_right(data_dir):
+    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", imu="imu.csv", rig="rig_imu.yaml")
+    alone, with_imu = first_positions(opened, None), first_positions(opened, opened.imu)
+    away = np.linalg.norm(with_imu - alone, axis=1)
+    assert 0.0 < away.max() < 0.1  # other predictions, the same features
+
+
+@pytest.mark.slow
+def test_an_imu_without_its_mounting_is_an_event_and_a_warning(recording, tmp_path):
+    folder = tmp_path / "walk"
+    shutil.copytree(recording, folder)
+    (folder / "imu.csv").write_text("t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2\n")
+    lines = io.StringIO()
+    pose_recording(folder, OnlineOptions(config=vgps.Config()), stream=lines)
+    first = json.loads(lines.getvalue().splitlines()[0])
+    assert first["event"] == "note" and first["text"].startswith("imu.csv is left out: rig.yaml has no imu_R")
+
+
+def test_a_camera_has_no_log_of_an_imu(tmp_path):
+    with pytest.raises(RecordingError, match="both --imu and --video"):
+        pose_live("/dev/video0", None, OnlineOptions(config=vgps.Config(), imu="imu.csv", camera=tmp_path))
