@@ -55,6 +55,17 @@ def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     assert 0.5 < np.median([one.walk_m for one in found]) / 0.05 < 2.0
 
 
+def test_errors_that_a_receiver_smooths_within_a_second_are_no_smaller_for_it():
+    def found(interval_s, seed):
+        rng, t_s = np.random.default_rng(seed), np.arange(0.05, 20.0, interval_s)
+        rate = 0.1 * rng.standard_t(3.0, (20, 3))  # m/s, another one every second
+        error = np.stack([np.interp(t_s, np.arange(21), np.append(0, np.cumsum(r))) for r in rate.T], axis=1)
+        return learned(fixes_with(t_s, path(t_s) + error, DGPS))[DGPS].walk_m
+
+    # as a walk at random, steps of 0.1 s would say 0.03 m in a second
+    assert 0.06 < np.median([found(0.1, seed) for seed in range(5)]) < 0.15
+
+
 def test_errors_below_those_of_the_video_are_only_known_to_be_small():
     sway = 0.05 * np.sin(FRAMES_S / 0.9)[:, None]
     found = learned(log(1e-4, 1e-4, FLOAT), trajectory(path(FRAMES_S) + sway, FRAMES_S))[FLOAT]

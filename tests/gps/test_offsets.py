@@ -145,6 +145,19 @@ def test_without_memory_each_fix_is_bounded_by_itself():
     np.testing.assert_allclose(found.bounded.r_m, 2.4)
 
 
+def test_the_walk_within_the_interval_of_an_offset_is_noise():
+    noise = term(fixes([0.0, 0.1, 0.2])).noise  # one offset; the middle one of its fixes lies at its time
+    errors = CONFIG.offset_errors(FixClass.RTK_FLOAT)
+    apart = float(np.hypot(errors.noise_m, errors.walk_m * 0.1 ** (1 / errors.tail)))
+    for k, scale_m in enumerate([apart, errors.noise_m, apart]):
+        robust = gtsam.noiseModel.Robust  # Student's t as Cauchy's loss
+        model = noise.at(k).noiseModel()
+        assert isinstance(model, robust)
+        np.testing.assert_allclose(
+            model.noise().sigmas(), student(errors, scale_m).noise_model().noise().sigmas()
+        )
+
+
 def test_errors_drawn_for_sigmas_are_those_of_the_mean_receiver_until_the_log_shows_its_own():
     two = fixes([0, 1], fix_class=FIX)
     noise, step = np.exp(0.7**2 / 2), np.exp(0.6**2 / 2)  # spreads between receivers of an RTK-fix

@@ -144,14 +144,16 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> Learne
     walk, walk_prior = _grid(errors.walk_m, errors.walk_spread, _WALKS)
     noise, noise_prior = _grid(errors.noise_m, errors.noise_spread, _NOISES)
     share, share_prior = _grid(memory.path_share, memory.path_spread, _SHARES)
-    per_second = walk_scale(errors, pairs.interval_s) / errors.walk_m
-    squared = (
-        np.multiply.outer(walk, per_second)[:, None, None] ** 2
-        + 2.0 * noise[:, None, None] ** 2
-        + np.multiply.outer(share, pairs.length_m) ** 2
-    )  # (walks, noises, shares, n)
-    density = -np.log(squared) - (tail + 2.0) / 2.0 * np.log1p(pairs.difference_m**2 / squared / tail)
-    log = density.sum(axis=-1) + walk_prior[:, None, None] + noise_prior[:, None] + share_prior
+    fixed = 2.0 * noise[:, None, None] ** 2 + np.multiply.outer(share, pairs.length_m) ** 2
+    at_random = walk_scale(errors, pairs.interval_s) / errors.walk_m
+    steady = np.where(pairs.interval_s < 1.0, pairs.interval_s, at_random)
+    fit: FloatArray = np.full((_WALKS, _NOISES, _SHARES), -np.inf)
+    for per_second in (at_random, steady):  # a receiver's filter smooths its errors within a second, or not
+        walked = np.multiply.outer(walk, per_second)[:, None, None]
+        squared = walked**2 + fixed  # (walks, noises, shares, n)
+        density = -np.log(squared) - (tail + 2.0) / 2.0 * np.log1p(pairs.difference_m**2 / squared / tail)
+        fit = np.logaddexp(fit, density.sum(axis=-1))
+    log = fit + walk_prior[:, None, None] + noise_prior[:, None] + share_prior
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     return LearnedErrors(

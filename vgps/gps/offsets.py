@@ -188,9 +188,19 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
 def _noise_factors(
     fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, config: GpsConfig
 ) -> gtsam.NonlinearFactorGraph:
-    """Return a factor for each fix: the noise of antenna + offset - fix."""
+    """Return a factor for each fix: the noise of antenna + offset - fix.
+
+    The walk within the interval of an offset is part of the noise, else it would look like the speed of the
+    path.
+    """
     graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
-    losses = [student(errors, errors.noise_m) for errors in errors_of(fixes.where(chain.rows), config)]
+    rows = fixes.where(chain.rows)
+    middle_s = np.bincount(chain.offset, rows.t_s) / np.bincount(chain.offset)
+    apart_s = np.abs(rows.t_s - middle_s[chain.offset])
+    losses = [
+        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))))
+        for errors, dt in zip(errors_of(rows, config), apart_s, strict=True)
+    ]
     for row, offset, loss in zip(chain.rows.tolist(), chain.offset.tolist(), losses, strict=True):
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         keys = gtsam.symbol("x", a), gtsam.symbol("x", b)
