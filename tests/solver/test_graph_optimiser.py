@@ -156,7 +156,7 @@ def with_calibration(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) ->
 
 OTHERS = {
     with_body: "its error is",
-    with_calibration: "the variable 5 is neither a pose nor a vector",
+    with_calibration: "the variable 5 is neither pose, vector nor bias",
 }
 
 

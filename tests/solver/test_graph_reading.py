@@ -145,7 +145,7 @@ def add_mounted_camera(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values
 @pytest.mark.parametrize(
     ("add", "reason"),
     [
-        (add_rotation, "the variable b0 is neither a pose nor a vector"),
+        (add_rotation, "the variable b0 is neither pose, vector nor bias"),
         (
             add_many_vectors,
             "303 coordinates of points and vectors that all poses share, at most 300",

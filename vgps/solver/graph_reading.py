@@ -1,7 +1,7 @@
 """A GTSAM factor graph read as a bundle problem: projections as arrays, every other factor as it is."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -67,9 +67,9 @@ def read_graph(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Graph
         values: The start.
 
     Raises:
-        NotABundleError: The graph is no bundle problem: few projections, variables that are neither poses nor
-            vectors, keys beyond 63 bits, hard constraints other than held poses, or factors that are not
-            sums of squares.
+        NotABundleError: The graph is no bundle problem: few projections, variables that are neither poses
+            nor vectors nor biases of an IMU, keys beyond 63 bits, hard constraints other than held poses, or
+            factors that are not sums of squares.
     """
     if any(key > _MAX_KEY for key in graph.keyVector()):
         raise NotABundleError(f"keys beyond {_MAX_KEY}")
@@ -124,8 +124,10 @@ def _bundle(
     # a vector of more than half of the frames is one of all frames
     close = min(2 * int(_spans(frame, landmark).max()) + 2, len(pose_keys) // 2)
     frame_of = dict(zip(pose_keys.tolist(), range(len(pose_keys)), strict=True))
-    shared, states = split_vectors(pose_graph, _vectors(values, other_keys - poses), frame_of, close)
-    _check_border(shared)
+    vectors, biases = _vectors(values, other_keys - poses)
+    shared, states = split_vectors(pose_graph, vectors, frame_of, close)
+    _check_shared(shared, biases)
+    states |= {key: replace(states[key], is_bias=True) for key in biases}
     fx, fy, _, cx, cy = projections.calibrations[int(projections.camera[0])]
     problem = BundleProblem(
         K=(fx, fy, cx, cy),
@@ -183,18 +185,30 @@ def is_pose(values: gtsam.Values, key: int) -> bool:
     return True
 
 
-def _vectors(values: gtsam.Values, keys: set[int]) -> dict[int, FloatArray]:
-    vectors = {}
+def _vectors(values: gtsam.Values, keys: set[int]) -> tuple[dict[int, FloatArray], set[int]]:
+    """Return the values of vectors and IMU biases by key, and the keys of the biases."""
+    vectors, biases = {}, set()
     for key in sorted(keys):
         try:
             vectors[key] = np.asarray(values.atVector(key))
         except RuntimeError:
-            name = gtsam.DefaultKeyFormatter(key)
-            raise NotABundleError(f"the variable {name} is neither a pose nor a vector") from None
-    return vectors
+            vectors[key] = _bias(values, key)
+            biases.add(key)
+    return vectors, biases
 
 
-def _check_border(shared: Mapping[int, FloatArray]) -> None:
+def _bias(values: gtsam.Values, key: int) -> FloatArray:
+    try:
+        return np.asarray(values.atConstantBias(key).vector())
+    except RuntimeError:
+        name = gtsam.DefaultKeyFormatter(key)
+        raise NotABundleError(f"the variable {name} is neither pose, vector nor bias") from None
+
+
+def _check_shared(shared: Mapping[int, FloatArray], biases: set[int]) -> None:
+    distant = sorted(biases & shared.keys())
+    if distant:
+        raise NotABundleError(f"the bias {gtsam.DefaultKeyFormatter(distant[0])} of poses far apart")
     size = sum(len(vector) for vector in shared.values())
     if size > _MAX_SHARED_SIZE:
         raise NotABundleError(
