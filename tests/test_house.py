@@ -85,8 +85,9 @@ def test_only_crs_imports_pyproj() -> None:
     assert rooms_that_use("pyproj") == {"vgps.crs"}
 
 
-def test_only_tracking_and_localization_match_images() -> None:
-    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == {"vgps.tracking", "vgps.localization"}
+def test_only_tracking_localization_and_places_match_images() -> None:
+    matching = {"vgps.tracking", "vgps.localization", "vgps.places"}
+    assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == matching
 
 
 def test_only_the_viewer_imports_rerun() -> None:

@@ -157,6 +157,7 @@ class Solution:
         control_points: Control and check points, as read; None without any.
         graph: What :func:`vgps.factor_graph` needs beside the rest, as :mod:`vgps.writers.measurements` lists
             it; None if stage D did not give this result, and in older runs.
+        loops: (n, 2) frames that see a place again, and the earlier frames that saw it before.
         camera_source: What was assumed of a camera without a calibration, as a sentence; None with one.
     """
 
@@ -184,6 +185,7 @@ class Solution:
     control_points: ControlPoints | None = None
     graph: Mapping[str, npt.NDArray[Any]] | None = None
     camera_source: str | None = None
+    loops: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     @property
     def trajectory(self) -> Trajectory:

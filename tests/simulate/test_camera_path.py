@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from block_laps import block_laps
 from scipy.spatial.transform import Rotation
 
 from vgps.simulate import SCENES, build_motion, build_world
@@ -9,22 +10,6 @@ from vgps.simulate.camera_path import CameraPath, level_path
 from vgps.simulate.motion import center_line
 from vgps.simulate.scene import SceneConfig, on_path
 from vgps.simulate.world import World
-
-SIDE_M, CORNER_M = 60.0, 10.0
-
-
-def block_laps(laps: float, climb: float = 0.0) -> np.ndarray:
-    """KITTI's poses (N, 4, 4) of a camera that drives around a block, half a metre a pose, turning right."""
-    along = np.arange(0.0, laps * 4 * SIDE_M, 0.5)
-    corner, rest = np.divmod(along + SIDE_M / 2, SIDE_M)
-    turn = 90.0 * (corner + np.clip((rest - SIDE_M + CORNER_M) / CORNER_M, 0.0, 1.0))
-    yaw = np.radians(turn)
-    poses = np.tile(np.eye(4), (len(along), 1, 1))
-    poses[:, :3, :3] = Rotation.from_euler("y", yaw[:, None]).as_matrix()
-    steps = 0.5 * np.stack([np.sin(yaw), np.zeros_like(yaw), np.cos(yaw)], axis=-1)
-    poses[1:, :3, 3] = np.cumsum(steps, axis=0)[:-1]
-    poses[:, 1, 3] = -climb * along
-    return poses
 
 
 def street_of(laps: float, **changes: float) -> SceneConfig:

@@ -67,4 +67,6 @@ def print_summary(solution: Solution, out: Path) -> None:
     speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
     if (checked := summary_line(solution)) is not None:
         print_line(checked)
+    if len(solution.loops):
+        print_line(f"{len(solution.loops)} frames tied to earlier visits of the same places")
     print_line(f"{frames} frames posed, {used} of {logged} fixes used, {speed}: {out}")

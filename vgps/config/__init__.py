@@ -10,6 +10,7 @@ from vgps.config.gyro_calibration import GyroCalibrationConfig, RotationConfig
 from vgps.config.imu import ImuConfig
 from vgps.config.landmarks import Frames, LandmarksConfig, SelectionConfig
 from vgps.config.localization import LocalizationConfig
+from vgps.config.loops import LoopsConfig
 from vgps.config.online import OnlineConfig
 from vgps.config.reading import read_survey, setting_names
 from vgps.config.rolling_shutter import RollingShutterConfig
@@ -40,6 +41,7 @@ __all__ = [
     "IntrinsicsConfig",
     "LandmarksConfig",
     "LocalizationConfig",
+    "LoopsConfig",
     "MappingConfig",
     "MotionConfig",
     "OnlineConfig",

@@ -13,6 +13,7 @@ from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.imu import ImuConfig
 from vgps.config.landmarks import LandmarksConfig
 from vgps.config.localization import LocalizationConfig
+from vgps.config.loops import LoopsConfig
 from vgps.config.online import OnlineConfig
 from vgps.config.reading import as_config_error, read_settings, read_survey, read_survey_memory
 from vgps.config.rolling_shutter import RollingShutterConfig
@@ -59,6 +60,7 @@ class Config(SettingsModel):
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     rolling_shutter: RollingShutterConfig = RollingShutterConfig()
     imu: ImuConfig = ImuConfig()
+    loops: LoopsConfig = LoopsConfig()
     camera_calibration: CameraCalibrationConfig = CameraCalibrationConfig()
     online: OnlineConfig = OnlineConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()

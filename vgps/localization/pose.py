@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-import cv2
 import gtsam
 import numpy as np
 
 from vgps.config import LocalizationConfig
 from vgps.geometry import linearise_projection, reprojection_inliers
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.tracking.pose import Correspondences, ransac_pose
 
 _MIN_MATCHES = 4  # of the linear solution
 _CONVERGED = 0.03  # step in standard deviations
@@ -88,36 +88,11 @@ def pose_from_matches(
     if initial is not None:
         support = int(matches.inliers(K, initial, inlier_px).sum())
     if support < config.skip_ransac_share * len(matches):
-        sampled = _ransac(K, matches, inlier_px, config)
+        points = Correspondences(matches.world_p_landmark, matches.uv_px)
+        sampled = ransac_pose(K, points, inlier_px, config.ransac_samples, config.ransac_confidence)
         if sampled is not None and matches.inliers(K, sampled, inlier_px).sum() > support:
             best = sampled
     return None if best is None else _refine(K, best, matches, inlier_px, config.huber_px)
-
-
-def _ransac(
-    K: FloatArray, matches: LandmarkMatches, inlier_px: float, config: LocalizationConfig
-) -> FloatArray | None:
-    # relative to their mean: world coordinates of hundreds of metres cost the solver precision
-    mean = matches.world_p_landmark.mean(axis=0)
-    try:
-        ok, rotation, translation, inlier = cv2.solvePnPRansac(
-            matches.world_p_landmark - mean,
-            matches.uv_px,
-            K,
-            None,
-            iterationsCount=config.ransac_samples,
-            reprojectionError=inlier_px,
-            confidence=config.ransac_confidence,
-            flags=cv2.SOLVEPNP_AP3P,
-        )
-    except cv2.error:  # raised where points coincide or are collinear
-        return None
-    if not ok or inlier is None or not np.isfinite(translation).all():
-        return None
-    pose = np.eye(4)
-    pose[:3, :3] = cv2.Rodrigues(rotation)[0].T
-    pose[:3, 3] = mean - pose[:3, :3] @ translation[:, 0]
-    return pose
 
 
 def _refine(

@@ -20,7 +20,8 @@ from vgps.pipeline.camera_refinement import (
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
-from vgps.pipeline.readout_estimation import optimise_readout, with_readout
+from vgps.pipeline.loop_closure import optimise_loops
+from vgps.pipeline.readout_estimation import with_readout
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -65,11 +66,11 @@ def _smoothed(
         recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
         front_end = run_front_end(recording, config, progress)
     progress.stage("optimising everything (D)")
-    return optimise_all(front_end, config)
+    return optimise_all(front_end, config, progress)
 
 
-def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
-    """Run stage D: merge the maps, optimise everything, and return the solution.
+def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None = None) -> Solution:
+    """Run stage D: merge the maps, optimise everything, close loops, and return the solution.
 
     Raises:
         GeometryError: No step lowers the cost.
@@ -79,9 +80,11 @@ def optimise_all(front_end: FrontEnd, config: Config) -> Solution:
         merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
         front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
-        batch, refined, readout = optimise_readout(front_end, merged, fixes, config)
+        (batch, refined, readout), loops = optimise_loops(
+            front_end, merged, fixes, config, progress or NoProgress()
+        )
     finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
-    solution = _solution(finished, merged, batch, config)
+    solution = replace(_solution(finished, merged, batch, config), loops=loops)
     if refined is not None:
         solution = with_camera(solution, refined, front_end.recording)
     elif front_end.recording.guesses:

@@ -59,15 +59,16 @@ _INTEGERS = {
     "graph.zero_motions.reference": "zero motions",
     "graph.controls.frame": "controls",
 }
+_PAIRS = {"loops": ("loops", 2)}
 _FLAGS = {"graph.held": "frames", "graph.fixes.used": "fixes"}
 _WORDS = {
     "state": "frames",
     **dict.fromkeys(("gps.fix_class", "fixes.verdict", "fixes.reason", "graph.fixes.fix_class"), "fixes"),
 }
-_SHAPES = {**_FLOATS, **{key: (name,) for key, name in (_INTEGERS | _FLAGS | _WORDS).items()}}
+_SHAPES = {**_FLOATS, **_PAIRS, **{key: (name,) for key, name in (_INTEGERS | _FLAGS | _WORDS).items()}}
 _KINDS = {
     **dict.fromkeys(_FLOATS, "f"),
-    **dict.fromkeys(_INTEGERS, "iu"),
+    **dict.fromkeys((*_INTEGERS, *_PAIRS), "iu"),
     **dict.fromkeys(_FLAGS, "b"),
     **dict.fromkeys(_WORDS, "U"),
 }
@@ -76,6 +77,7 @@ _POINTERS = {
     **dict.fromkeys(
         (
             "observations.frame",
+            "loops",
             "graph.zero_motions.frame",
             "graph.zero_motions.reference",
             "graph.controls.frame",

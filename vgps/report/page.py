@@ -127,6 +127,9 @@ def _tiles(solution: Solution) -> list[Tile]:
         tiles.append(Tile("standard deviation", value, "horizontal / vertical, median"))
     landmarks, observations = len(solution.landmarks.sigma_px), len(solution.observations.frame)
     tiles.append(Tile("landmarks", f"{landmarks:,}", f"{observations:,} observations"))
+    if len(solution.loops):
+        note = "frames that find landmarks of an earlier visit"
+        tiles.append(Tile("places seen again", f"{len(solution.loops):,}", note))
     total_s = sequential_seconds(solution.seconds)
     if total_s:
         tiles.append(

@@ -12,7 +12,7 @@ from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
-from vgps.model import FixClass, FloatArray
+from vgps.model import FixClass, FloatArray, IntArray
 from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
@@ -37,6 +37,7 @@ class BatchResult:
         points: (L, 3) positions of the features.
         sigma_px: (L,) their reliabilities; NaN for deselected features.
         observations: Observations used.
+        loop: (N,) number of the loop that each of them belongs to, -1 for those of tracks.
         assessment: Assessment of the fixes.
         sensors: Time offset and lever arm, estimated or as given.
         time_offset_sigma_s: (1,) its standard deviation, NaN if it was not estimated.
@@ -53,6 +54,7 @@ class BatchResult:
     points: FloatArray
     sigma_px: FloatArray
     observations: Observations
+    loop: IntArray
     assessment: FixAssessment
     sensors: Sensors
     time_offset_sigma_s: FloatArray
@@ -106,6 +108,7 @@ def batch_result(
         points=after.world_p_landmark,
         sigma_px=solved.given.sigma_px,
         observations=scene.observations,
+        loop=np.full(len(scene.observations.frame), -1) if scene.loop is None else scene.loop,
         assessment=assessment,
         sensors=sensors,
         time_offset_sigma_s=_time_offset_sigma(covariance, solved.given.sensors, sensors),
@@ -148,6 +151,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         noise=gps.noise,
         noise_ratio=gps.noise_ratio,
         drift=config.drift,
+        loop=solved.given.scene.loop,
     )
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()

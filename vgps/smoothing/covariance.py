@@ -13,7 +13,7 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
   weigh them, since the receiver may be worse than others;
 - the **video** drifts in scale and rotation, all tracks together, by the random walk of the settings
   ``drift``: a deformation d of the path that leaves no residuals. Of it remains what the other factors, with
-  the matrix G, do not take back: ``x = d - H^-1 G d``;
+  the matrix G, do not take back: ``x = d - H^-1 G d``; loops are among the other factors;
 - the **calibration**, which all tracks share, has an error in focal length, principal point and radial
   distortion;
 - every other factor has an error of its sigma.
@@ -30,9 +30,10 @@ from vgps.config import DriftConfig
 from vgps.geometry import cross_matrices
 from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import linearise_pinhole
+from vgps.smoothing.loop_ties import loop_gradient
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
@@ -59,6 +60,7 @@ class ErrorSources:
         noise: Factors of the noise about offsets and of their walk, residuals (3,).
         noise_ratio: (N,) their errors over their sigmas.
         drift: Drift of the video.
+        loop: (N,) number of the loop of each observation, -1 for those of tracks; None without loops.
     """
 
     gps: gtsam.NonlinearFactorGraph
@@ -68,6 +70,7 @@ class ErrorSources:
     noise: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     noise_ratio: FloatArray = field(default_factory=lambda: np.zeros(0))
     drift: DriftConfig | None = None
+    loop: IntArray | None = None
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
@@ -95,6 +98,8 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
         drift = _drift_draws(problem, structure, sources.drift, draws, rng)
         right -= J.T @ (J[:, :size] @ drift)
+        if sources.loop is not None:
+            right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
         shared: FloatArray = np.zeros((0, draws))
         steps = factor.solve(right[:size])
         if problem.shared:

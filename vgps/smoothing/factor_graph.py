@@ -21,6 +21,7 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
+from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
 from vgps.smoothing.row_times import row_times
 from vgps.solution import Observations, Trajectory
@@ -42,6 +43,8 @@ class Scene:
         observations: Observations of these features in these frames.
         zero_motions: Zero-motion constraints; frames counted from the first of the scene.
         controls: Observations of control points.
+        loop: (N,) number of the loop by which a landmark of an earlier visit was found in a frame, -1 for
+            observations of a track; None without loops.
     """
 
     t_s: FloatArray
@@ -50,6 +53,7 @@ class Scene:
     observations: Observations
     zero_motions: tuple[ZeroMotion, ...] = ()
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
+    loop: IntArray | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -62,6 +66,12 @@ class Scene:
         unseen = np.bincount(self.observations.frame, minlength=len(self.t_s)) == 0
         unseen[[constraint.frame for constraint in self.zero_motions]] = False
         return np.asarray(unseen)
+
+    def with_observations(self, kept: BoolArray) -> "Scene":
+        """Return the scene with some of its observations (N,)."""
+        old = self.observations
+        observations = Observations(old.frame[kept], old.landmark[kept], old.uv_px[kept])
+        return replace(self, observations=observations, loop=None if self.loop is None else self.loop[kept])
 
 
 def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
@@ -104,7 +114,8 @@ def select_observations(
         tolerance: Limit of the error in ``max_reprojection_px``; larger while the poses are still rough.
 
     Returns:
-        The scene without them (rows of ``points`` unchanged), and reliabilities sigma_j (13) (L,) in pixels,
+        The scene without them and without loops that do not fit (rows of ``points`` unchanged), and
+        reliabilities sigma_j (13) (L,) in pixels,
         NaN for features without an observation left.
     """
     config = context.config
@@ -112,19 +123,19 @@ def select_observations(
     error, behind = reprojection_errors(problem)
     good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
     good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
-    views = np.bincount(scene.observations.landmark[good], minlength=len(scene.points))
+    tracked = np.ones_like(good)
+    if scene.loop is not None:
+        good, tracked = fitting_loops(good, ~behind, scene.loop, tolerance > 1.0), scene.loop < 0
+    views = np.bincount(scene.observations.landmark[good & tracked], minlength=len(scene.points))
     good &= views[scene.observations.landmark] >= config.mapping.min_views
-    selected = _with_observations(scene, good)
+    of_track = good & tracked
     sigma = reliability_sigma_px(
-        error[good], selected.observations.landmark, len(scene.points), config.mapping.sigma_floor_px
+        error[of_track],
+        scene.observations.landmark[of_track],
+        len(scene.points),
+        config.mapping.sigma_floor_px,
     )
-    return selected, sigma
-
-
-def _with_observations(scene: Scene, mask: BoolArray) -> Scene:
-    old = scene.observations
-    observations = Observations(old.frame[mask], old.landmark[mask], old.uv_px[mask])
-    return replace(scene, observations=observations)
+    return scene.with_observations(good), sigma
 
 
 def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:

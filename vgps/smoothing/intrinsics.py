@@ -151,13 +151,12 @@ def refine_camera(
 
 def _thinned(scene: Scene, every: int) -> Scene:
     """Return the scene with one in ``every`` of the frames that have observations."""
-    old = scene.observations
-    frames = np.unique(old.frame)[::every]
+    frames = np.unique(scene.observations.frame)[::every]
     row_of = np.full(len(scene.t_s), -1)
     row_of[frames] = np.arange(len(frames))
-    kept = row_of[old.frame] >= 0
-    observations = Observations(row_of[old.frame[kept]], old.landmark[kept], old.uv_px[kept])
-    return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations)
+    few = scene.with_observations(row_of[scene.observations.frame] >= 0)
+    observations = replace(few.observations, frame=row_of[few.observations.frame])
+    return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations, loop=few.loop)
 
 
 def _difference(camera: Camera, given: Camera) -> FloatArray:

@@ -11,6 +11,7 @@ from vgps.geometry import MIN_DEPTH, linearise_projection, project, reprojection
 from vgps.model import BoolArray, FloatArray
 
 _HUBER_PX = 1.0  # beyond it errors count linearly, so that one outlier does not tilt the frame
+_SAMPLES, _CONFIDENCE = 1000, 0.999  # of a pose by random samples
 _SMALL_DECREASE = 1e-6  # of the cost (18), in which an error of one standard deviation counts 1/2
 
 
@@ -121,6 +122,44 @@ def lmeds_pose(
             candidates.append(_world_T_camera(cv2.Rodrigues(rotation)[0], translation[:, 0]))
     poses = np.array(candidates)
     return np.asarray(poses[int(np.argmin(_median_error(K, poses, matches)))])
+
+
+def ransac_pose(
+    K: FloatArray,
+    matches: Correspondences,
+    inlier_px: float,
+    samples: int = _SAMPLES,
+    confidence: float = _CONFIDENCE,
+) -> FloatArray | None:
+    """Return the pose (4, 4) with most inliers among those of minimal samples (P3P); None without one.
+
+    Args:
+        K: (3, 3).
+        matches: N >= 4 correspondences, many of which may be wrong.
+        inlier_px: Largest reprojection error of an inlier.
+        samples: At most this many.
+        confidence: With which one of them is free of outliers; fewer are drawn where that suffices.
+    """
+    # relative to their mean: world coordinates of hundreds of metres cost the solver precision
+    mean = matches.points.mean(axis=0)
+    try:
+        ok, rotation, translation, inlier = cv2.solvePnPRansac(
+            matches.points - mean,
+            matches.uv_px,
+            K,
+            None,
+            iterationsCount=samples,
+            reprojectionError=inlier_px,
+            confidence=confidence,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+    except cv2.error:  # raised where points coincide or are collinear
+        return None
+    if not ok or inlier is None or not np.isfinite(translation).all():
+        return None
+    pose = _world_T_camera(cv2.Rodrigues(rotation)[0], translation[:, 0])
+    pose[:3, 3] += mean
+    return pose
 
 
 def _median_error(K: FloatArray, poses: FloatArray, matches: Correspondences) -> FloatArray:

@@ -132,6 +132,7 @@ def _counts(solution: Solution) -> dict[str, int]:
         **{f"frames_{state}": solution.state.count(state) for state in FrameState},
         "landmarks": len(solution.landmarks.world_p_landmark),
         "observations": len(solution.observations.frame),
+        "loops": len(solution.loops),
         "fixes": fixes,
         "fixes_used": used,
         "fixes_unused": fixes - used,

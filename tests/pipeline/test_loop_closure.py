@@ -1,0 +1,61 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from block_laps import block_laps
+from textured_room import CAMERA
+
+import vgps
+from vgps.config import Config, LoopsConfig
+from vgps.pipeline.loop_closure import with_loops
+from vgps.places.loops import Loop
+from vgps.readers.run_folder import read_run
+from vgps.readers.trajectory import read_trajectory
+from vgps.simulate import SCENES, simulate
+from vgps.simulate.camera_path import level_path
+from vgps.simulate.scene import on_path
+from vgps.smoothing.factor_graph import Scene
+from vgps.solution import Observations
+from vgps.writers.run_folder import write_run
+
+
+def test_loops_add_observations_once() -> None:
+    old = Observations(np.array([0, 0, 1, 7]), np.array([0, 1, 1, 1]), np.full((4, 2), 100.0))
+    scene = Scene(np.arange(8.0), np.tile(np.eye(4), (8, 1, 1)), np.ones((2, 3)), old)
+    loop = Loop(
+        frame=7,
+        earlier=0,
+        world_T_camera=np.eye(4),
+        landmark=np.array([0, 1]),
+        raw_uv_px=np.array([[50.0, 60.0], [70.0, 80.0]]),
+    )
+    made = with_loops(scene, (loop,), CAMERA)  # frame 7 observes landmark 1 already
+    assert made.observations.frame.tolist() == [0, 0, 1, 7, 7]
+    assert made.observations.landmark.tolist() == [0, 1, 1, 1, 0]
+    assert made.observations.uv_px[-1].tolist() == [50.0, 60.0]
+    assert made.loop is not None and made.loop.tolist() == [-1, -1, -1, -1, 0]
+
+
+@pytest.mark.slow
+def test_a_second_lap_is_tied_to_the_first(tmp_path: Path) -> None:
+    scene = replace(SCENES["drive"], width=480, height=240, focal_px=280.0, texture_scale=0.5)
+    scene = replace(scene, gps=replace(scene.gps, fix_share=0.05))
+    path = level_path(block_laps(1.35, side_m=36.0, step_m=0.8, lane_m=0.8), 10.0)
+    simulate(tmp_path / "laps", on_path(scene, path), seed=1)
+    recording = vgps.open_recording(tmp_path / "laps")
+    truth = read_trajectory(tmp_path / "laps/truth.tum").world_T_camera[:, :3, 3]
+    alone = vgps.smooth(recording, Config(loops=LoopsConfig(close="no")))
+    tied = vgps.smooth(recording)
+    assert len(alone.loops) == 0 and len(tied.loops) > 5
+    lap = round(4 * 36.0 / 0.8)
+    assert np.abs(tied.loops[:, 0] - tied.loops[:, 1] - lap).max() < 12  # no wrong one
+    error = [np.linalg.norm(run.world_T_camera[:, :3, 3] - truth, axis=1) for run in (alone, tied)]
+    assert error[1].mean() < 0.6 * error[0].mean()
+    # the sigmas say so, and are not too small
+    sigma = [np.linalg.norm(run.sigma_position_m, axis=1) for run in (alone, tied)]
+    assert np.median(sigma[1]) < np.median(sigma[0])
+    assert np.mean(error[1] < 3.0 * sigma[1]) > 0.9
+    write_run(tied, tmp_path / "run")
+    np.testing.assert_array_equal(read_run(tmp_path / "run").loops, tied.loops)
+    assert vgps.factor_graph(tmp_path / "run")[0].size() > 0

@@ -1,0 +1,88 @@
+"""The textured room, visited twice: the path of the second visit is off, the images say by how much."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
+
+from vgps.config import LoopsConfig
+from vgps.model import Frame
+from vgps.places.loops import find_loops
+from vgps.places.revisits import PosedVideo
+from vgps.solution import Observations
+from vgps.tracking.corners import new_corners
+
+VISIT, AWAY = 5, 10
+SETTINGS = LoopsConfig(spacing=0.01, apart=1.0)
+
+
+def two_visits() -> np.ndarray:
+    """True poses: a visit, some frames far off that look elsewhere, and the visit again, 20 cm beside."""
+    first = path(VISIT)
+    away = np.stack([moved(first[-1], 3.0 * (k + 1) * (-1) ** k, (0, 120, 0)) for k in range(AWAY)])
+    return np.concatenate([first, away, [moved(pose, 0.2, (0, 2, 0)) for pose in first]])
+
+
+def video_of(poses: np.ndarray, off_m: float, sigma_m: float) -> PosedVideo:
+    """What stage D would say: the second visit lies aside by ``off_m``, with landmarks of its own."""
+    frames, landmarks, uv, points = [], [], [], []
+    wrong = poses.copy()
+    wrong[VISIT + AWAY :, 0, 3] += off_m
+    for group in (range(VISIT), range(VISIT, VISIT + AWAY), range(VISIT + AWAY, len(poses))):
+        rng = np.random.default_rng(1)
+        corners = new_corners(image(poses[group[0]]), np.zeros((0, 2)), 150, CONFIG.tracking, rng)
+        seen = points_at(poses[group[0]], corners)
+        for frame in group:
+            at = pixels(poses[frame], seen)
+            kept = np.flatnonzero(np.all((at > 12) & (at < (CAMERA.width - 12, CAMERA.height - 12)), axis=1))
+            frames.append(np.full(len(kept), frame))
+            landmarks.append(kept + sum(map(len, points)))
+            uv.append(at[kept])
+        points.append(seen + (wrong[group[0], :3, 3] - poses[group[0], :3, 3]))
+    observations = Observations(np.concatenate(frames), np.concatenate(landmarks), np.concatenate(uv))
+    sigmas = np.full(len(poses), sigma_m)
+    return PosedVideo(
+        poses=wrong, sigma_m=sigmas, points=np.concatenate(points), observations=observations, camera=CAMERA
+    )
+
+
+def shown(poses: np.ndarray) -> Iterator[Frame]:
+    for index, pose in enumerate(poses):
+        yield Frame(index, index / 10, image(pose))
+
+
+def test_landmarks_of_the_first_visit_are_found_in_the_second() -> None:
+    poses = two_visits()
+    video = video_of(poses, off_m=0.6, sigma_m=0.3)
+    loops = find_loops(video, shown(poses), SETTINGS)
+    assert [loop.frame for loop in loops] == list(range(VISIT + AWAY, len(poses)))
+    for loop in loops:
+        assert loop.earlier < VISIT
+        assert np.linalg.norm(loop.world_T_camera[:3, 3] - poses[loop.frame, :3, 3]) < 0.02
+        # the landmarks are where the true pose sees them, not where the path says
+        error = loop.raw_uv_px - pixels(poses[loop.frame], video.points[loop.landmark])
+        assert len(loop.landmark) > 50 and np.median(np.linalg.norm(error, axis=1)) < 0.2
+
+
+@pytest.mark.parametrize(("off_m", "sigma_m"), [(4.0, 0.1)])
+def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike(off_m: float, sigma_m: float) -> None:
+    poses = two_visits()
+    video = video_of(poses, off_m, sigma_m)
+    assert find_loops(video, shown(poses), SETTINGS) == ()
+    assert len(find_loops(video_of(poses, off_m, 1.0), shown(poses), SETTINGS)) == VISIT
+
+
+def test_a_single_frame_confirms_nothing() -> None:
+    poses = two_visits()
+    frames = [frame for frame in shown(poses) if frame.index <= VISIT + AWAY]
+    assert find_loops(video_of(poses, 0.6, 0.3), frames, SETTINGS) == ()
+
+
+def test_nothing_is_decoded_where_the_path_does_not_come_back() -> None:
+    def frames() -> Iterator[Frame]:
+        raise AssertionError("decoded")
+        yield
+
+    video = video_of(two_visits(), 0.0, 0.1)
+    assert find_loops(video, frames(), LoopsConfig(apart=1000.0)) == ()

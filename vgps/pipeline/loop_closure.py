@@ -1,0 +1,89 @@
+"""Stage D once more, with the places that its first solution shows to be seen again."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.camera import undistort
+from vgps.config import Config
+from vgps.geometry import world_sigmas
+from vgps.gps.fixes import Fixes
+from vgps.model import Camera, IntArray
+from vgps.pipeline.front_end import FrontEnd, masked_frames
+from vgps.pipeline.readout_estimation import Optimised, optimise_readout
+from vgps.places.loops import Loop, find_loops
+from vgps.places.revisits import PosedVideo
+from vgps.runtime.progress import Progress
+from vgps.smoothing.batch_result import BatchResult
+from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.merge_maps import MergedMaps
+from vgps.solution import Observations
+
+
+def optimise_loops(
+    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config, progress: Progress
+) -> tuple[Optimised, IntArray]:
+    """Optimise everything; once more with the loops that the solution shows, if there are any.
+
+    Returns:
+        The solution, and (n, 2) the frames of the loops that it has kept: later frame, earlier frame.
+
+    Raises:
+        GeometryError: No step lowers the cost.
+    """
+    first = optimise_readout(front_end, merged, fixes, config)
+    batch, refined, _ = first
+    none = np.zeros((0, 2), dtype=np.int64)
+    if config.loops.close == "no":
+        return first, none
+    camera = front_end.recording.camera
+    video = _posed_video(batch, refined.camera if refined else camera)
+    frames = progress.track(masked_frames(front_end.recording), len(front_end.t_s))
+    loops = find_loops(video, frames, config.loops)
+    if not loops:
+        return first, none
+    progress.stage("optimising everything again, with places seen again")
+    poses, points = batch.trajectory.world_T_camera, batch.points
+    scene = with_loops(replace(merged.scene, poses=poses, points=points), loops, camera)
+    again = optimise_readout(
+        front_end, replace(merged, scene=scene, assessment=batch.assessment), fixes, config
+    )
+    kept = np.unique(again[0].loop[again[0].loop >= 0])
+    return again, np.array([(loops[k].frame, loops[k].earlier) for k in kept.tolist()]).reshape(-1, 2)
+
+
+def with_loops(scene: Scene, loops: tuple[Loop, ...], camera: Camera) -> Scene:
+    """Return the scene with the landmarks of earlier visits observed in the later ones.
+
+    Args:
+        scene: Its observations are undistorted by ``camera``.
+        loops: The loops.
+        camera: As the front end has it.
+    """
+    old = scene.observations
+    counts = [len(loop.landmark) for loop in loops]
+    uv_px = undistort(camera, np.concatenate([loop.raw_uv_px for loop in loops]))
+    frame = np.repeat([loop.frame for loop in loops], counts)
+    landmark = np.concatenate([loop.landmark for loop in loops])
+    number = np.repeat(np.arange(len(loops)), counts)
+    known = np.unique(old.landmark * len(scene.t_s) + old.frame)
+    new = np.isfinite(uv_px).all(axis=1) & ~np.isin(landmark * len(scene.t_s) + frame, known)
+    observations = Observations(
+        np.concatenate([old.frame, frame[new]]),
+        np.concatenate([old.landmark, landmark[new]]),
+        np.concatenate([old.uv_px, uv_px[new]]),
+    )
+    of_track = np.full(len(old.frame), -1)
+    return replace(scene, observations=observations, loop=np.concatenate([of_track, number[new]]))
+
+
+def _posed_video(batch: BatchResult, camera: Camera) -> PosedVideo:
+    poses = batch.trajectory.world_T_camera
+    _, sigma_m = world_sigmas(poses, batch.covariance)
+    return PosedVideo(
+        poses=poses,
+        sigma_m=np.asarray(sigma_m.max(axis=1)),
+        points=batch.points,
+        observations=batch.observations,
+        camera=camera,
+    )

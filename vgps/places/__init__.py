@@ -1,0 +1,1 @@
+"""Places seen again: found by appearance, checked by geometry, and tied to what was seen there before."""

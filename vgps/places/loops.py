@@ -1,0 +1,130 @@
+"""Loops: frames in which landmarks of an earlier visit are found again."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.camera import undistort
+from vgps.config.loops import LoopsConfig
+from vgps.model import BoolArray, FloatArray, Frame, IntArray
+from vgps.places.revisits import PosedVideo, revisits
+from vgps.places.view import View, followed, make_view, matched
+from vgps.tracking.pose import Correspondences, ransac_pose, refine_pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """A frame in which landmarks of an earlier one are found again.
+
+    Attributes:
+        frame: The later frame.
+        earlier: The earlier one.
+        world_T_camera: (4, 4) the later frame's pose by these landmarks.
+        landmark: (n,) the landmarks.
+        raw_uv_px: (n, 2) where the later frame shows them, in the distorted image.
+    """
+
+    frame: int
+    earlier: int
+    world_T_camera: FloatArray
+    landmark: IntArray
+    raw_uv_px: FloatArray
+
+
+def find_loops(video: PosedVideo, frames: Iterable[Frame], config: LoopsConfig) -> tuple[Loop, ...]:
+    """Find the landmarks of earlier visits in the frames of later ones.
+
+    No frame is decoded unless the path may come back to a place. Candidates are near each other by the path
+    and its sigmas, agree in appearance (ORB) and geometry (pose by the earlier landmarks), lie where the
+    path's sigmas allow, and are confirmed by their neighbours in time.
+
+    Args:
+        video: The solution so far.
+        frames: All frames, in order.
+        config: Limits.
+    """
+    pairs = revisits(video, config)
+    wanted = np.unique(pairs)
+    if not len(pairs):
+        return ()
+    last_use = dict(zip(pairs[:, 1].tolist(), pairs[:, 0].tolist(), strict=True))  # pairs are in this order
+    views: dict[int, View] = {}
+    found: list[Loop] = []
+    for frame in frames:
+        if frame.index not in wanted:
+            continue
+        view = make_view(frame.gray, frame.index, video, config)
+        earlier = pairs[pairs[:, 0] == frame.index, 1][: config.candidates]
+        loop = _best([views[k] for k in earlier.tolist()], view, video, config)
+        found += [] if loop is None else [loop]
+        if frame.index in last_use:
+            views[frame.index] = view
+        views = {k: one for k, one in views.items() if last_use[k] > frame.index}
+        if frame.index == wanted[-1]:
+            break
+    confirmed = _confirmed(found, video, config)
+    return tuple(loop for loop, good in zip(found, confirmed.tolist(), strict=True) if good)
+
+
+def _best(candidates: Sequence[View], view: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
+    """Return the loop to the candidate whose landmarks are found in largest number; None if it is too
+    small."""
+    loops = [_loop(earlier, view, video, config) for earlier in candidates]
+    return max((loop for loop in loops if loop), key=lambda loop: len(loop.landmark), default=None)
+
+
+def _loop(earlier: View, later: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
+    K = video.camera.K
+    matches = matched(earlier, later, config.ratio)
+    if len(matches) < config.min_inliers:
+        return None
+    pose = ransac_pose(K, matches, config.inlier_px)
+    if pose is None or matches.inliers(K, pose, config.inlier_px).sum() < config.min_inliers:
+        return None
+    if not _within_sigmas(pose, earlier.frame, later.frame, video, config):
+        return None
+    rows, raw = followed(earlier, later.gray, pose, video)
+    least = max(config.min_inliers, config.min_share * len(rows))
+    rows, raw = rows[np.isfinite(raw[:, 0])], raw[np.isfinite(raw[:, 0])]
+    uv = undistort(video.camera, raw)
+    landmarks = Correspondences(video.points[earlier.landmark[rows]], uv)
+    near = landmarks.inliers(K, pose, config.inlier_px)
+    if near.sum() < least:
+        return None
+    pose, _ = refine_pose(K, pose, landmarks.where(near), np.ones(int(near.sum())))
+    good = landmarks.inliers(K, pose, config.inlier_px)
+    if good.sum() < least:
+        return None
+    return Loop(
+        frame=later.frame,
+        earlier=earlier.frame,
+        world_T_camera=pose,
+        landmark=earlier.landmark[rows[good]],
+        raw_uv_px=raw[good],
+    )
+
+
+def _within_sigmas(
+    pose: FloatArray, earlier: int, later: int, video: PosedVideo, config: LoopsConfig
+) -> bool:
+    """Whether a pose by landmarks of an earlier frame lies where the path's sigmas let the frame be."""
+    off = float(np.linalg.norm(pose[:3, 3] - video.poses[later, :3, 3]))
+    sigma = float(np.hypot(video.sigma_m[earlier], video.sigma_m[later]))
+    turned = float(pose[:3, 2] @ video.poses[later, :3, 2])
+    near = off < config.path_sigmas * sigma + config.slack * video.depth[later]
+    return bool(near and turned > np.cos(np.radians(config.max_angle_deg)))
+
+
+def _confirmed(loops: Sequence[Loop], video: PosedVideo, config: LoopsConfig) -> BoolArray:
+    """Return which loops (n,) have neighbours that are off by about the same."""
+    if not loops:
+        return np.zeros(0, bool)
+    frames = np.array([loop.frame for loop in loops])
+    off = np.stack([loop.world_T_camera[:3, 3] for loop in loops]) - video.poses[frames, :3, 3]
+    path, depth = video.travelled[frames], video.depth[frames]
+    between = np.abs(path[:, None] - path)
+    differ = np.linalg.norm(off[:, None] - off, axis=2)
+    near = between < config.reach * depth[:, None]
+    agree = near & (differ < 0.5 * config.slack * depth[:, None] + config.neighbour_drift * between)
+    return np.asarray(agree.sum(axis=1) - 1 >= config.neighbours)

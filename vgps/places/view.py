@@ -1,0 +1,123 @@
+"""A frame as it is compared with others: described features, those beside landmarks with positions."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from vgps.camera import distort, undistort
+from vgps.config.loops import LoopsConfig
+from vgps.geometry import project, rays
+from vgps.landmarks.descriptors import Descriptors, describe
+from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
+from vgps.places.revisits import PosedVideo
+from vgps.tracking.pose import Correspondences
+
+_LK_WINDOW = (21, 21)
+_LK_LEVELS = 2
+_LK_RETURN_PX = 0.5  # a landmark that is not found again where it came from is lost
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A frame with its features and landmarks.
+
+    Attributes:
+        frame: Its number.
+        gray: Its image.
+        uv_px: (N, 2) undistorted pixels of its features.
+        descriptors: (N, 32) of them.
+        near: (n,) features beside a landmark.
+        points: (n, 3) their positions in the world, at the depth of the landmark.
+        landmark: (m,) landmarks that the frame observes.
+        raw_uv_px: (m, 2) where, in the distorted image.
+    """
+
+    frame: int
+    gray: GrayImage
+    uv_px: FloatArray
+    descriptors: Descriptors
+    near: IntArray
+    points: FloatArray
+    landmark: IntArray
+    raw_uv_px: FloatArray
+
+
+def make_view(gray: GrayImage, frame: int, video: PosedVideo, config: LoopsConfig) -> View:
+    """Describe the features of a frame, and place those beside landmarks."""
+    raw, descriptors = describe(gray, config.features)
+    uv = undistort(video.camera, raw)
+    kept = np.isfinite(uv).all(axis=1)
+    uv, descriptors = uv[kept], descriptors[kept]
+    rows = np.flatnonzero(video.observations.frame == frame)
+    landmark, observed = video.observations.landmark[rows], video.observations.uv_px[rows]
+    pose = video.poses[frame]
+    _, depth = project(video.camera.K, pose, video.points[landmark])
+    nearest: IntArray = np.full(len(uv), len(rows))
+    if len(rows) and len(uv):
+        nearest = np.asarray(cKDTree(observed).query(uv, distance_upper_bound=config.reach_px)[1])
+    near = np.flatnonzero(nearest < len(rows))
+    ray = rays(video.camera.K, uv[near])
+    points = ray * (depth[nearest[near], None] / ray[:, 2:])
+    return View(
+        frame=frame,
+        gray=gray,
+        uv_px=uv,
+        descriptors=descriptors,
+        near=near,
+        points=points @ pose[:3, :3].T + pose[:3, 3],
+        landmark=landmark,
+        raw_uv_px=distort(video.camera, observed),
+    )
+
+
+def matched(earlier: View, later: View, ratio: float) -> Correspondences:
+    """Return the placed features of an earlier view, and where a later one has such descriptors."""
+    if len(earlier.near) < 2 or len(later.uv_px) < 2:
+        return Correspondences(np.zeros((0, 3)), np.zeros((0, 2)))
+    pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(
+        earlier.descriptors[earlier.near], later.descriptors, k=2
+    )
+    good = [best for best, second in pairs if best.distance < ratio * second.distance]
+    points = earlier.points[[one.queryIdx for one in good]]
+    return Correspondences(points, later.uv_px[[one.trainIdx for one in good]])
+
+
+def followed(
+    earlier: View, gray: GrayImage, world_T_camera: FloatArray, video: PosedVideo
+) -> tuple[IntArray, FloatArray]:
+    """Find the landmarks of an earlier view in the image of a later one whose pose is roughly known.
+
+    Lucas and Kanade's method starts at their projections, and must lead back.
+
+    Returns:
+        The rows (n,) of the view's landmarks that should be in the image, and (n, 2) where they are found in
+        the distorted image, NaN where not.
+    """
+    uv, depth = project(video.camera.K, world_T_camera, video.points[earlier.landmark])
+    start = distort(video.camera, uv)
+    size = np.array(gray.shape[::-1])
+    rows = np.flatnonzero((depth > 0) & np.all((start > 0) & (start < size), axis=1))
+    if not len(rows):
+        return rows, np.zeros((0, 2))
+    before, guess = (x[rows].astype(np.float32)[:, None] for x in (earlier.raw_uv_px, start))
+    there, found = _flow((earlier.gray, gray), before, guess)
+    back, again = _flow((gray, earlier.gray), there, before)
+    good = found & again & (np.linalg.norm(back - before, axis=2)[:, 0] < _LK_RETURN_PX)
+    return rows, np.where(good[:, None], there[:, 0].astype(np.float64), np.nan)
+
+
+def _flow(
+    images: tuple[GrayImage, GrayImage], start: Float32Array, guess: Float32Array
+) -> tuple[Float32Array, BoolArray]:
+    """Return where points (n, 1, 2) of the first image are in the second, and whether they are found."""
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        *images,
+        start,
+        guess.copy(),
+        winSize=_LK_WINDOW,
+        maxLevel=_LK_LEVELS,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    return np.asarray(there, np.float32), np.asarray(found)[:, 0] > 0
