@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,7 +7,7 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import Config
 from vgps.gps.outlier_detection import FixAssessment
-from vgps.gps.verdicts import close_calls, fix_table
+from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import FixClass, GpsLog
 from vgps.solution import Verdict
 
@@ -69,3 +70,21 @@ def test_verdicts_that_hang_by_a_hair_are_named_with_their_alternatives():
 def test_of_many_close_calls_three_are_named():
     (warning,) = close_calls(FixAssessment(np.full(9, 0.5), np.zeros(9)), np.arange(9.0))
     assert "6 more" in warning and warning.count("else rejected") == 3
+
+
+def test_a_class_whose_fixes_mostly_lie_outside_its_region_is_contradicted(table):
+    residual_m = np.zeros((12, 3))
+    residual_m[:7, 2] = -0.15  # three times h
+    many = replace(
+        table,
+        residual_m=residual_m,
+        r_m=np.full(12, 0.07),
+        h_m=np.full(12, 0.05),
+        verdict=(Verdict.USED,) * 12,
+    )
+    (warning,) = contradictions(many, [FixClass.RTK_FIX] * 12)
+    assert warning.startswith("the log contradicts its class rtk_fix: 7 of 12 fixes are not within")
+    assert "3.0 times as far" in warning
+    halved = replace(many, residual_m=np.where(np.arange(12)[:, None] == 0, 0.0, residual_m))
+    assert contradictions(halved, [FixClass.RTK_FIX] * 12) == ()
+    assert contradictions(many, [FixClass.RTK_FIX, FixClass.RTK_FLOAT] * 6) == ()  # too few of either

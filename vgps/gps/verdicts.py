@@ -1,5 +1,7 @@
 """One verdict per fix: the antenna's offset from it, whether the fix was used, and the reason."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vgps.config import Config
@@ -10,6 +12,8 @@ from vgps.solution import FixTable, Trajectory, Verdict
 
 _SURE = 0.9  # probability of a verdict below which it hangs by a hair
 _NAMED = 3  # such verdicts that a warning names
+_LEAST_FIXES = 10  # of a class, before their share beyond its region says anything
+_MOST_BEYOND = 0.5  # a region is to hold 95 %; a receiver that is worse than others may leave half of them
 _WORDS = ("used", "down-classed", "rejected")
 
 
@@ -97,6 +101,32 @@ def close_calls(assessment: FixAssessment, t_s: FloatArray) -> tuple[str, ...]:
         f"verdicts on fixes that hang by a hair: {', '.join(named)}; the poses near them depend on these, "
         "and their sigmas do not cover it: compare with outliers: {enabled: false}",
     )
+
+
+def contradictions(table: FixTable, fix_class: Sequence[FixClass]) -> tuple[str, ...]:
+    """Return a warning for each class whose fixes are mostly not what the class says.
+
+    Args:
+        table: Verdicts, residuals and regions of the fixes (M,).
+        fix_class: (M,) their classes.
+    """
+    horizontal = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
+    ratio = np.maximum(horizontal, np.abs(table.residual_m[:, 2]) / table.h_m)
+    judged = np.array([verdict is not Verdict.NOT_USED for verdict in table.verdict], dtype=bool)
+    beyond = judged & ((ratio > 1.0) | [verdict is not Verdict.USED for verdict in table.verdict])
+    names, found = np.array(fix_class, dtype=str), []
+    for name in np.unique(names).tolist():
+        own = names == name
+        many, outside = int(np.sum(judged & own)), int(np.sum(beyond & own))
+        times = np.median(ratio[beyond & own]) if outside else 0.0
+        if many >= _LEAST_FIXES and outside > _MOST_BEYOND * many:
+            found.append(
+                f"the log contradicts its class {name}: {outside} of {many} fixes are not within the region "
+                f"of the class, {times:.1f} times as far in the median; a wrong lever "
+                "arm, clock, datum or height would do that, or a receiver that is worse than its class: see "
+                "gps.csv, check rig.yaml, or make a --survey of the receiver"
+            )
+    return tuple(found)
 
 
 def _repeats_error(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:

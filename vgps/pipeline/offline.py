@@ -8,7 +8,7 @@ from vgps.config import Config
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
-from vgps.gps.verdicts import close_calls, fix_table
+from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
 from vgps.pipeline.camera_refinement import (
     is_tied,
@@ -127,6 +127,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
     recording, sensors, poses = front_end.recording, batch.sensors, batch.trajectory.world_T_camera
     landmarks, observations = _landmarks(merged, batch)
     rotation_sigma, position_sigma = world_sigmas(poses, batch.covariance)
+    table = _fix_table(front_end, batch, config)
     return Solution(
         recording=recording.path,
         world_origin=front_end.origin,
@@ -141,7 +142,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         landmarks=landmarks,
         observations=observations,
         gps=recording.gps,
-        fixes=_fix_table(front_end, batch, config),
+        fixes=table,
         sensors=SensorReport(
             sensors.time_offset_s,
             float(batch.time_offset_sigma_s[0]),
@@ -151,6 +152,11 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         report=batch.report,
         seconds=front_end.seconds,
         warnings=(
+            *(
+                ()
+                if table is None or recording.gps is None
+                else contradictions(table, recording.gps.fix_class)
+            ),
             *front_end.warnings,
             *merged.warnings,
             *batch.warnings,
