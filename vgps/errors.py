@@ -96,5 +96,9 @@ class CoordinateSystemError(VgpsError):
     """A coordinate system or geoid that is unknown, lacks its grid, or does not cover the place."""
 
 
+class ClusterError(VgpsError):
+    """A scheduler that cannot be reached, has no workers, or has some of other versions."""
+
+
 class ViewerError(VgpsError):
     """A viewer without a display, or that cannot draw."""

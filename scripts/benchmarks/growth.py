@@ -7,16 +7,15 @@ stage D, and at the end. Decoding is not in the times. What is linear grows by t
 
 import argparse
 import json
-import resource
 import subprocess
 import sys
 from collections.abc import Iterable
-from itertools import pairwise
 from pathlib import Path
 
 import vgps
 from scripts.common.command import ScriptParser
-from scripts.common.markdown import table
+from scripts.common.markdown import growth_table
+from scripts.common.memory import peak_mb
 from scripts.common.ping_pong import PingPong
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
@@ -24,11 +23,6 @@ from vgps.model import Frame
 from vgps.runtime.progress import NoProgress
 
 Figures = dict[str, float]  # by name with unit
-
-
-def peak_mb() -> float:
-    """Return the most memory that this process has held, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 class PeakBeforeBatch(NoProgress):
@@ -86,18 +80,6 @@ def in_its_own_process(given: argparse.Namespace, frames: int) -> Figures:
     return figures
 
 
-def as_markdown(runs: list[Figures]) -> str:
-    """Return a row per figure, a column per length, then by which factor it grew from length to length."""
-    lengths = [round(run["frames"]) for run in runs]
-    steps = [f"{a} to {b}" for a, b in pairwise(lengths)]
-    rows = []
-    for name in runs[0]:
-        values = [run.get(name, float("nan")) for run in runs]
-        growth = [f"x {b / a:.2f}" if a else "-" for a, b in pairwise(values)]
-        rows.append([name, *(f"{x:.4g}" for x in values), *growth])
-    return table(["", *(f"{n} frames" for n in lengths), *steps], rows)
-
-
 def main() -> None:
     """Print the table, again after every length, for the last may take long."""
     parser = ScriptParser("benchmarks.growth", __doc__)
@@ -115,7 +97,7 @@ def main() -> None:
         for frames in given.frames:
             runs.append(in_its_own_process(given, frames))
             results.add(**runs[-1])
-            print(as_markdown(runs) + "\n", flush=True)
+            print(growth_table(runs) + "\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Markdown tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 
 def header(columns: Sequence[str]) -> str:
@@ -16,6 +17,18 @@ def row(cells: Iterable[str]) -> str:
 def table(columns: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
     """Return a whole table."""
     return "\n".join([header(columns), *map(row, rows)])
+
+
+def growth_table(runs: Sequence[Mapping[str, float]]) -> str:
+    """Return a row per figure, a column per run by its ``frames``, then by which factor it grew."""
+    lengths = [round(run["frames"]) for run in runs]
+    steps = [f"{a} to {b}" for a, b in pairwise(lengths)]
+    rows = []
+    for name in runs[0]:
+        values = [run.get(name, float("nan")) for run in runs]
+        growth = [f"x {b / a:.2f}" if a else "-" for a, b in pairwise(values)]
+        rows.append([name, *(f"{x:.4g}" for x in values), *growth])
+    return table(["", *(f"{n} frames" for n in lengths), *steps], rows)
 
 
 class LiveTable:

@@ -67,6 +67,20 @@ class RecordingFiles(SensorFiles):
     control_geoid: str | None = None
     image_topic: str | None = None
 
+    def options(self) -> dict[str, Any]:
+        """Return the options of :func:`vgps.open_recording`."""
+        from vgps.readers.control_points import PointSystem
+
+        return {
+            "gps": self.gps,
+            "camera": self.camera,
+            "rig": self.rig,
+            "imu": self.imu,
+            "control_points": self.control_points,
+            "control_system": PointSystem(self.control_crs, self.control_geoid),
+            "image_topic": self.image_topic,
+        }
+
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)

@@ -1,12 +1,20 @@
 """The verb ``smooth``."""
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vgps.cli.app import print_line, print_note
 from vgps.cli.options import GpsSettings, RecordingFiles
+from vgps.errors import RecordingError
 from vgps.solution import Solution
 
+if TYPE_CHECKING:
+    from vgps.cluster import JobReport
+
 _FILES, _SETTINGS = RecordingFiles(), GpsSettings()
+_FAULT = 1
 
 
 def smooth(
@@ -16,57 +24,74 @@ def smooth(
     files: RecordingFiles = _FILES,
     settings: GpsSettings = _SETTINGS,
     resume: bool = False,
+    scheduler: str | None = None,
 ) -> None:
     """Estimate the pose of every frame of a recording in world coordinates.
 
     Args:
-        recording: Folder with video, camera.yaml, rig.yaml and GPS log, or a video with these beside it.
-        out: Run folder to write.
+        recording: Folder with video, camera.yaml, rig.yaml and GPS log, or a video with these beside it; or a
+            list, a .txt file with a recording per line.
+        out: Run folder to write; for a list, the folder of the run folders.
         files: Other files.
         settings: Settings.
-        resume: Go on where an interrupted run with the same options left off.
+        resume: Go on where an interrupted run with the same options left off; complete runs of a list are
+            kept.
+        scheduler: Smooth on the workers of a dask.distributed scheduler, as tcp://HOST:8786, or of this
+            machine, local; they find the recordings under the same paths. Needs the extra cluster.
     """
     from vgps.cli.terminal import TerminalProgress
-    from vgps.pipeline.checkpoint import Checkpoint
-    from vgps.pipeline.offline import smooth as smooth_recording
-    from vgps.readers.control_points import PointSystem
-    from vgps.readers.recording import open_recording
-    from vgps.writers.claim import claimed
-    from vgps.writers.run_folder import check_writable, write_run
+    from vgps.cluster import SmoothJob, is_list, read_list, smooth_all, smooth_job, smooth_list
 
-    check_writable(out)
-    config = settings.read()
-    with claimed(out):
-        opened = open_recording(
-            recording,
-            gps=files.gps,
-            camera=files.camera,
-            rig=files.rig,
-            imu=files.imu,
-            control_points=files.control_points,
-            control_system=PointSystem(files.control_crs, files.control_geoid),
-            image_topic=files.image_topic,
+    def job(path: Path, run: Path) -> SmoothJob:
+        return SmoothJob(recording=path, out=run, config=config, files=files.options(), resume=resume)
+
+    config, progress = settings.read(), TerminalProgress()
+    if is_list(recording):
+        jobs = [job(path, out / name) for name, path in read_list(recording).items()]
+        _print_reports(smooth_list(jobs, out, scheduler, print_line, progress), len(jobs))
+    elif scheduler is not None:
+        _print_reports(smooth_all([job(recording, out)], scheduler, print_line), 1)
+    else:
+        solution, _ = smooth_job(job(recording, out), progress)
+        assert solution is not None  # a complete run of one recording is not kept
+        print_summary(solution, out)
+
+
+def _print_reports(reports: "Iterator[JobReport]", total: int) -> None:
+    """Print how each recording ended.
+
+    Raises:
+        RecordingError: A recording was refused.
+    """
+    failed: list[JobReport] = []
+    for number, report in enumerate(reports, start=1):
+        for warning in report.warnings:
+            print_note(f"{report.out.name}: {warning}")
+        print_line(f"{number} of {total}: {report.error or f'{report.summary}: {report.out}'}")
+        failed += [] if report.done else [report]
+        if report.fault:
+            print_line(report.fault, to_stderr=True)
+    if any(report.fault for report in failed):
+        sys.exit(_FAULT)
+    if failed and total == 1:
+        raise RecordingError(failed[0].error or "")
+    if failed:
+        names = ", ".join(report.out.name for report in failed)
+        raise RecordingError(
+            f"{len(failed)} of {total} recordings failed: {names}",
+            remedy="see the lines above; run the same command with --resume to go on with these only",
         )
-        checkpoint = Checkpoint(out, opened, config, resume=resume)
-        solution = smooth_recording(opened, config, TerminalProgress(), checkpoint)
-        write_run(solution, out)
-        checkpoint.remove()
-    print_summary(solution, out)
 
 
 def print_summary(solution: Solution, out: Path) -> None:
-    """Print the warnings of a run, its numbers of frames and fixes, and its speed."""
-    from vgps.evaluation.check_points import summary_line
-    from vgps.runtime.timing import sequential_seconds
+    """Print the warnings of a run, its check points, its numbers of frames and fixes, and its speed."""
+    from vgps.cluster import summary_line
+    from vgps.evaluation.check_points import summary_line as check_points_line
 
     for warning in solution.warnings:
         print_note(warning)
-    frames, seconds = len(solution.t_s), sequential_seconds(solution.seconds)
-    used = 0 if solution.fixes is None else int(solution.fixes.used.sum())
-    logged = 0 if solution.gps is None else len(solution.gps)
-    speed = f"{seconds:.1f} s ({frames / max(seconds, 1e-9):.1f} frames/s)"
-    if (checked := summary_line(solution)) is not None:
+    if (checked := check_points_line(solution)) is not None:
         print_line(checked)
     if len(solution.loops):
         print_line(f"{len(solution.loops)} frames tied to earlier visits of the same places")
-    print_line(f"{frames} frames posed, {used} of {logged} fixes used, {speed}: {out}")
+    print_line(f"{summary_line(solution)}: {out}")

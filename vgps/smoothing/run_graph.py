@@ -123,7 +123,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
 
 def _problem(solution: Solution, graph: Arrays) -> BundleProblem:
     """Return the last problem of stage D at its minimum."""
-    problem = batch_problem(_input(solution, graph)).problem
+    problem = batch_problem(batch_input(solution, graph)).problem
     shared = {TIME_OFFSET: graph["c0"], ANTENNA: graph["d0"]} if problem.shared else {}
     vectors = _vectors(graph)
     if vectors.keys() != problem.states.keys():
@@ -132,7 +132,13 @@ def _problem(solution: Solution, graph: Arrays) -> BundleProblem:
     return problem.moved(problem.world_T_camera, problem.world_p_landmark, shared, states)
 
 
-def _input(solution: Solution, graph: Arrays) -> BatchInput:
+def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
+    """Return the input of the last problem of stage D.
+
+    Args:
+        solution: Result of a run.
+        graph: Its arrays of :func:`graph_arrays`.
+    """
     config = Config.model_validate(solution.config)
     scale = float(graph["video_sigma_scale"])
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"video_sigma_scale": scale})})

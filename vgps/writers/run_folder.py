@@ -2,10 +2,8 @@
 
 import json
 import math
-import platform
 from collections.abc import Mapping
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ import yaml
 from vgps.crs import ELLIPSOIDAL
 from vgps.model import ControlPoints
 from vgps.readers.run_folder import SCHEMA_VERSION
+from vgps.runtime.versions import versions
 from vgps.solution import FrameState, SensorReport, Solution
 from vgps.writers.atomic import check_writable, new_folder
 from vgps.writers.camera import write_camera
@@ -35,7 +34,6 @@ FILES = (
     "solution.json",
 )
 CAMERA_FILE = "camera.yaml"  # only where the calibration was found or refined
-_NAMED_VERSIONS = ("vgps", "gtsam", "numpy", "scipy", "opencv-python-headless", "av")
 
 
 def write_run(solution: Solution, out: Path) -> None:
@@ -93,7 +91,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         else {"source": str(solution.gps.source), "skipped": list(solution.gps.skipped)},
         "control_points": _control_points(solution.control_points),
         "datum": {"positions": "WGS 84, as the GPS log has it", "heights": ELLIPSOIDAL},
-        "versions": _versions(),
+        "versions": versions(),
     }
 
 
@@ -141,16 +139,6 @@ def _counts(solution: Solution) -> dict[str, int]:
 
 def _with_total(cost: Mapping[str, float]) -> dict[str, Any]:
     return {"terms": dict(cost), "total": sum(cost.values())}
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for name in _NAMED_VERSIONS:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def _plain(value: Any) -> Any:

@@ -1,0 +1,74 @@
+"""Each recording of a list ends by itself, and runs.json says how."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from vgps.cluster import many
+from vgps.cluster.job import JobReport, SmoothJob
+from vgps.cluster.many import RUNS_FILE, smooth_list
+from vgps.config import Config
+from vgps.errors import RunFolderError
+
+
+@pytest.fixture
+def jobs(tmp_path):
+    def job(name):
+        return SmoothJob(recording=tmp_path / name, out=tmp_path / "runs" / name, config=Config())
+
+    return [job("monday"), job("tuesday"), job("wednesday")]
+
+
+@pytest.fixture
+def worked(monkeypatch):
+    """The jobs that were worked on; tuesday's recording is refused."""
+    done = []
+
+    def work(job, progress=None):
+        done.append(job)
+        report = JobReport(recording=job.recording, out=job.out)
+        bad = job.out.name == "tuesday"
+        return (
+            replace(report, error="no video") if bad else replace(report, digest=f"digest of {job.out.name}")
+        )
+
+    monkeypatch.setattr(many, "reported", work)
+    return done
+
+
+def runs_of(out):
+    return {run["run"]: run for run in json.loads((out / RUNS_FILE).read_text())["runs"]}
+
+
+def test_a_refused_recording_does_not_end_the_others(jobs, worked, tmp_path):
+    out, states = tmp_path / "runs", []
+    for _ in smooth_list(jobs, out):
+        states.append([run["state"] for run in runs_of(out).values()])
+    assert states == [
+        ["done", "waiting", "waiting"],
+        ["done", "failed", "waiting"],
+        ["done", "failed", "done"],
+    ]
+    assert runs_of(out)["tuesday"]["error"] == "no video"
+    assert runs_of(out)["monday"]["digest"] == "digest of monday"
+
+
+def test_a_resumed_list_knows_the_complete_runs(jobs, worked, tmp_path):
+    list(smooth_list(jobs, tmp_path / "runs"))
+    worked.clear()
+    again = smooth_list([replace(job, resume=True) for job in jobs], tmp_path / "runs")
+    next(again)
+    again.close()  # interrupted: what was complete still is
+    assert [run["state"] for run in runs_of(tmp_path / "runs").values()] == ["done", "waiting", "done"]
+    assert [job.finished for job in worked] == ["digest of monday"]
+    worked.clear()
+    list(smooth_list(jobs, tmp_path / "runs"))
+    assert [job.finished for job in worked] == [None, None, None]
+
+
+def test_a_run_folder_is_no_folder_of_runs(jobs, worked, tmp_path):
+    (tmp_path / "solution.json").write_text("{}")
+    with pytest.raises(RunFolderError, match="is a run folder"):
+        list(smooth_list(jobs, tmp_path))
+    assert not worked

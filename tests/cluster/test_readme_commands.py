@@ -1,0 +1,67 @@
+"""The commands of the room's README; on a cluster that loses a worker the runs are those of one process."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from run_files import bytes_of
+
+distributed = pytest.importorskip("distributed")
+
+README = Path(__file__).resolve().parents[2] / "vgps/cluster/README.md"
+ALONE, ON_CLUSTER = re.findall(r"^(vgps smooth .*?)  +#", README.read_text(encoding="utf-8"), re.MULTILINE)
+LIST = re.search(r"^printf '(.*)' > list.txt$", README.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def files(out):
+    found = {name: bytes_of(out / name) for name in ("monday", "tuesday")}
+    for run in found.values():
+        del run["solution.json"]  # its seconds vary
+    return found
+
+
+def run(command, folder):
+    words = [sys.executable, "-m", *shlex.split(command)]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def kill_who_writes(lock):
+    """Kill the worker that writes a run, a second after it has begun."""
+    while not (lock.is_file() and lock.read_text().strip()):
+        time.sleep(0.01)
+    time.sleep(1.0)
+    os.kill(int(lock.read_text()), signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_the_job_of_a_lost_worker_gives_the_same_run(recording, tmp_path):
+    (tmp_path / "list.txt").write_text(LIST.group(1).replace("\\n", "\n"))
+    shutil.copytree(recording, tmp_path / "monday")
+    shutil.copytree(recording, tmp_path / "flights")
+    (tmp_path / "flights/video.mp4").rename(tmp_path / "flights/tuesday.mp4")
+    done = run(ALONE, tmp_path)
+    assert done.returncode == 0, done.stderr
+    alone = files(tmp_path / "runs")
+    shutil.rmtree(tmp_path / "runs")
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster:
+        killer = threading.Thread(target=kill_who_writes, args=(tmp_path / "runs/.monday.lock",))
+        killer.start()
+        done = run(ON_CLUSTER.replace("tcp://10.0.0.5:8786", cluster.scheduler_address), tmp_path)
+        killer.join()
+    assert done.returncode == 0, done.stderr
+    assert "dashboard: http" in done.stdout and "2 of 2:" in done.stdout
+    assert files(tmp_path / "runs") == alone
+    again = run(ALONE + " --resume", tmp_path)
+    assert again.stdout.count("complete already") == 2
+    states = json.loads((tmp_path / "runs/runs.json").read_text())["runs"]
+    assert [(one["run"], one["state"]) for one in states] == [("monday", "done"), ("tuesday", "done")]
