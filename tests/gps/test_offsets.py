@@ -158,6 +158,15 @@ def test_the_walk_within_the_interval_of_an_offset_is_noise():
         )
 
 
+def test_steps_lead_as_far_as_a_rate_that_lasts():
+    errors = CONFIG.offset_errors(FixClass.RTK_FLOAT)
+    scale_m = errors.walk_m * np.sqrt(
+        errors.rate_lasts_s
+    )  # n steps of it lead n walks far, n being rate_lasts_s
+    step = term(fixes([0, 1])).noise.at(2).noiseModel().noise().sigmas()
+    np.testing.assert_allclose(step, student(errors, scale_m).noise_model().noise().sigmas())
+
+
 def test_errors_drawn_for_sigmas_are_those_of_the_mean_receiver_until_the_log_shows_its_own():
     two = fixes([0, 1], fix_class=FIX)
     noise, step = np.exp(0.7**2 / 2), np.exp(0.6**2 / 2)  # spreads between receivers of an RTK-fix

@@ -94,6 +94,8 @@ class OffsetErrors(SettingsModel):
     """Scale of the offset's steps over one second, on each horizontal axis."""
     walk_spread: NonNegativeFloat = 1.1
     """Standard deviation of the log of the walk between receivers."""
+    rate_lasts_s: PositiveFloat = 5.0
+    """Time for which the error keeps the rate of its change; over longer times it walks at random."""
     tail: PositiveFloat = 3.0
     """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""
     vertical: PositiveFloat = 2.2
@@ -101,8 +103,18 @@ class OffsetErrors(SettingsModel):
 
 
 def _default_offsets() -> dict[FixClass, OffsetErrors]:
-    fixed = {"noise_m": 0.004, "noise_spread": 0.7, "walk_m": 0.002, "walk_spread": 0.6}
-    floating = {"noise_m": 0.0025, "noise_spread": 1.5, "walk_m": 0.006, "walk_spread": 2.2, "tail": 1.1}
+    # Over 8 s the errors of four receivers grow like t^0.6 to t^0.9, a random walk like t^0.5. Steps of an
+    # RTK-float's walk are small mostly, and as steady as these: over 8 to 32 s the root mean square change of
+    # two receivers is 3 to 6 times what the core of Student's t with the scale of the class gives.
+    fixed = {"noise_m": 0.004, "noise_spread": 0.7, "walk_m": 0.002, "walk_spread": 0.6, "rate_lasts_s": 1.0}
+    floating = {
+        "noise_m": 0.0025,
+        "noise_spread": 1.5,
+        "walk_m": 0.006,
+        "walk_spread": 2.2,
+        "rate_lasts_s": 20.0,
+        "tail": 1.1,
+    }
     return {
         FixClass.RTK_FIX: OffsetErrors(r_m=0.025, h_m=0.045, between_receivers=0.3, **fixed),
         FixClass.RTK_FLOAT: OffsetErrors(r_m=1.0, h_m=2.2, **floating),

@@ -60,6 +60,11 @@ def walk_scale(errors: OffsetErrors, interval_s: FloatArray) -> FloatArray:
     return np.asarray(errors.walk_m * interval_s ** (1.0 / min(errors.tail, 2.0)))
 
 
+def step_scale(errors: OffsetErrors, interval_s: FloatArray) -> FloatArray:
+    """Return the scales (...) [m] of independent steps that lead as far as a rate of change that lasts."""
+    return np.asarray(walk_scale(errors, interval_s) * np.sqrt(errors.rate_lasts_s))
+
+
 def log_walk_density(
     step: FloatArray, fixes: Fixes, config: GpsConfig, tolerance_m: float = 0.0
 ) -> FloatArray:

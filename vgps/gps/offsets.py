@@ -23,7 +23,7 @@ from vgps.gps.fixes import (
     penalty,
     place,
 )
-from vgps.gps.offset_errors import errors_of, in_the_mean, student, walk_scale
+from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -223,7 +223,7 @@ def _walk_factors(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> gtsam.
     interval_s, errors = np.diff(first.t_s), errors_of(first, config)
     for k in range(1, len(first)):
         if not chain.starts[k]:
-            loss = student(errors[k], float(walk_scale(errors[k], interval_s[k - 1])))
+            loss = student(errors[k], float(step_scale(errors[k], interval_s[k - 1])))
             graph.push_back(
                 gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), np.zeros(3), loss.noise_model())
             )

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
 from vgps.geometry import interpolate_poses
-from vgps.gps.fixes import CLASSES, Fixes
-from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, walk_scale
+from vgps.gps.fixes import Fixes
+from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
-from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray, IntArray
 
 _NODE_S = 1.5  # longest time between nodes
 SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
@@ -27,11 +27,6 @@ SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one 
 _ROTATION_SHARE = 0.3
 _REPLACING_TURN_RAD = 0.35  # a quarter of a usual field of view replaces the features, as a knot does
 _HELD_M = 1e-3  # walk of an offset between nodes without fixes, and error of a step of the video
-# The error of a solution that is not an RTK-fix keeps the rate of its change for so long: over 8 s it grows
-# like t^0.6 to t^0.9 (four receivers of scripts.common.receivers), a random walk like t^0.5. Steps of an
-# RTK-float's walk are small mostly, and as steady as these: over 8 to 32 s the root mean square change of two
-# receivers is 3 to 6 times what the core of Student's t with the scale of the class gives.
-_RATE_LASTS_S, _STEADY_RATE_LASTS_S, _STEADY = 5.0, 20.0, {FixClass.RTK_FLOAT, FixClass.PPP}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,15 +257,7 @@ def _offset_ties(
         bound[at[k]] = np.sqrt(weight[k]) / (spread * np.array([r_m, r_m, h_m]))
         walk_m[at[k]] = np.inf
         if not starts[k]:
-            lasts_s = _rate_lasts_s(CLASSES[first.fix_class[k]])
             since_s = interval_s[k] if np.isfinite(interval_s[k]) else 1.0
-            scale = float(walk_scale(in_the_mean(errors), np.array(since_s))) * np.sqrt(lasts_s)
+            scale = float(step_scale(in_the_mean(errors), np.array(since_s)))
             walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors.vertical]), errors.tail
     return walk_m, tail, bound
-
-
-def _rate_lasts_s(fix_class: FixClass) -> float:
-    """Return the time for which the error of a class keeps the rate of its change."""
-    if fix_class is FixClass.RTK_FIX:
-        return 1.0
-    return _STEADY_RATE_LASTS_S if fix_class in _STEADY else _RATE_LASTS_S
