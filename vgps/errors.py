@@ -84,6 +84,10 @@ class RunFolderError(VgpsError):
     """A run folder that is incomplete, or an output that cannot be written."""
 
 
+class OutputError(VgpsError):
+    """An address that poses cannot be sent to."""
+
+
 class GeometryError(VgpsError):
     """Input whose geometry does not determine the answer: no motion, too few features, too few fixes."""
 

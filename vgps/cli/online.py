@@ -8,7 +8,9 @@ from cyclopts import Parameter
 
 from vgps.cli.app import print_line
 from vgps.cli.options import GpsSettings, NotNegative
+from vgps.online.output import PoseOutput
 from vgps.online.session import OnlineOptions, pose_live, pose_recording
+from vgps.online.view_output import ViewOutput
 
 
 @Parameter(name="*")
@@ -34,7 +36,24 @@ class Sources:
     video_delay: NotNegative = 0.0
 
 
-_NONE, _SETTINGS = Sources(), GpsSettings()
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Listeners:
+    """Where poses go beside standard output.
+
+    Attributes:
+        nmea: tcp://HOST:PORT to listen there, or a serial port as /dev/ttyUSB0@38400: poses as a receiver's
+            GGA, GST and HDT.
+        websocket: HOST:PORT to listen there: the lines of standard output as WebSocket messages.
+        rerun: Show path, camera, fixes and standard deviations in a window of the viewer.
+    """
+
+    nmea: str | None = None
+    websocket: str | None = None
+    rerun: Annotated[bool, Parameter(negative=())] = False
+
+
+_NONE, _SETTINGS, _QUIET = Sources(), GpsSettings(), Listeners()
 
 
 def online(
@@ -45,6 +64,7 @@ def online(
     realtime: bool = False,
     lag_s: NotNegative = 0.0,
     sources: Sources = _NONE,
+    listeners: Listeners = _QUIET,
     settings: GpsSettings = _SETTINGS,
 ) -> None:
     """Estimate poses while a video runs; print one line of JSON per frame and per event.
@@ -56,6 +76,7 @@ def online(
         realtime: Play a recording at its own pace instead of as fast as possible.
         lag_s: Write each pose this much later [s], by the fixes and frames that came until then.
         sources: Live sources or other files.
+        listeners: Where poses go.
         settings: Settings.
     """
     options = OnlineOptions(
@@ -67,9 +88,18 @@ def online(
         camera=sources.camera,
         rig=sources.rig,
         lag_s=lag_s,
+        nmea=listeners.nmea,
+        websocket=listeners.websocket,
+        view=_view() if listeners.rerun else None,
     )
     if sources.video is None:
         frames = pose_recording(recording, options, realtime=realtime)
     else:
         frames = pose_live(sources.video, recording, options, delay_s=sources.video_delay)
     print_line(f"{frames} frames{f': {out}' if out else ''}", to_stderr=True)
+
+
+def _view() -> PoseOutput:
+    from vgps.viewer import open_live_view
+
+    return ViewOutput(open_live_view())

@@ -1,11 +1,12 @@
-"""Estimates as JSON lines: one object per line, ``type`` pose or event; unknown numbers are null.
+"""Where estimates go, and estimates as JSON lines: one object per line, ``type`` pose or event.
 
-Every line has a ``schema_version``, so that a reader may start at any line.
+Unknown numbers are null. Every line has a ``schema_version``, so that a reader may start at any line.
 """
 
 import json
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from types import MappingProxyType
 from typing import Any, TextIO
@@ -14,25 +15,23 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.geodesy import heading_deg, to_geodetic
-from vgps.model import FloatArray, GeodeticPoint
+from vgps.model import FloatArray, GeodeticPoint, GrayImage
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 
 SCHEMA_VERSION = 1  # of the lines
 _AXES = "east", "north", "up"
 
 
-class JsonLines:
-    """Writer of estimates as JSON lines, flushed one by one for readers of a pipe.
+class PoseOutput(ABC):
+    """A receiver of estimates.
 
-    Args:
-        stream: Text stream.
-        start_utc: UTC instant of the first frame, if it is known.
+    Attributes:
+        start_utc: UTC instant of the first frame, once it is known.
     """
 
-    def __init__(self, stream: TextIO, start_utc: datetime | None = None) -> None:
-        self._stream = stream
-        self.start_utc = start_utc
+    start_utc: datetime | None = None
 
+    @abstractmethod
     def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
         """Write the events and the pose of a frame.
 
@@ -40,9 +39,57 @@ class JsonLines:
             estimate: The estimate.
             latency_s: Time since the frame's arrival.
         """
+
+    def show(self, t_s: float, gray: GrayImage) -> None:  # noqa: B027  (most outputs show no pictures)
+        """Show the luminance (H, W) of a frame, after its pose."""
+
+    def close(self) -> None:  # noqa: B027  (a stream stays open)
+        """Close what the output has opened."""
+
+
+class Outputs(PoseOutput):
+    """Several outputs as one."""
+
+    def __init__(self, outputs: Sequence[PoseOutput], start_utc: datetime | None) -> None:
+        self._outputs, self.start_utc = outputs, start_utc
+
+    def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
+        """Write to all of them."""
+        for output in self._outputs:
+            output.start_utc = self.start_utc
+            output.write(estimate, latency_s)
+
+    def show(self, t_s: float, gray: GrayImage) -> None:
+        """Show a frame in all of them."""
+        for output in self._outputs:
+            output.show(t_s, gray)
+
+    def close(self) -> None:
+        """Close all of them."""
+        for output in self._outputs:
+            output.close()
+
+
+class JsonMessages(PoseOutput):
+    """Estimates as JSON objects.
+
+    Args:
+        send: Takes the text of each object, without a newline.
+    """
+
+    def __init__(self, send: Callable[[str], None]) -> None:
+        self._send = send
+
+    def write(self, estimate: OnlineEstimate, latency_s: float) -> None:
+        """Send the events and the pose of a frame, an object each."""
+        for record in self._records(estimate, latency_s):
+            line = {**record, "schema_version": SCHEMA_VERSION}
+            self._send(json.dumps(_finite(line), allow_nan=False))
+
+    def _records(self, estimate: OnlineEstimate, latency_s: float) -> Iterator[Mapping[str, Any]]:
         for event in estimate.events:
-            self._line(self._event(event))
-        self._line(
+            yield self._event(event)
+        yield (
             {
                 "type": "pose",
                 "frame": estimate.frame,
@@ -63,9 +110,21 @@ class JsonLines:
             return {"t_s": round(t_s, 6)}
         return {"t_s": round(t_s, 6), "utc": (self.start_utc + timedelta(seconds=t_s)).isoformat()}
 
-    def _line(self, record: Mapping[str, Any]) -> None:
-        line = {**record, "schema_version": SCHEMA_VERSION}
-        self._stream.write(json.dumps(_finite(line), allow_nan=False) + "\n")
+
+class JsonLines(JsonMessages):
+    """Estimates as JSON lines, flushed one by one for readers of a pipe.
+
+    Args:
+        stream: Text stream.
+        start_utc: UTC instant of the first frame, if it is known.
+    """
+
+    def __init__(self, stream: TextIO, start_utc: datetime | None = None) -> None:
+        super().__init__(self._line)
+        self._stream, self.start_utc = stream, start_utc
+
+    def _line(self, text: str) -> None:
+        self._stream.write(text + "\n")
         self._stream.flush()
 
 

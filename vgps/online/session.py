@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TextIO
 
@@ -17,9 +18,10 @@ from vgps.online.delay import DelayedEstimates
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.gps_source import GpsSource
 from vgps.online.live_feed import live_feed, start_utc
-from vgps.online.output import JsonLines
+from vgps.online.output import JsonLines, Outputs, PoseOutput
 from vgps.online.replay import replay
-from vgps.online.run import FeedItem, run_online, stopped_by_signals
+from vgps.online.robot_outputs import NmeaOutput, WebSocketOutput
+from vgps.online.run import FeedItem, TimedImage, run_online, stopped_by_signals
 from vgps.online.smoother import OnlineSmoother
 from vgps.online.video_source import VideoSource
 from vgps.readers.calibration import read_camera, read_rig
@@ -39,6 +41,8 @@ class OnlineOptions:
         imu: IMU's log that replaces that of the recording.
         camera, rig: Files that replace those of the recording.
         lag_s: Delay after which a pose is written, by all that came until then.
+        nmea, websocket: Addresses where poses are sent, too.
+        view: A view of the poses as they come; it is closed at the end.
     """
 
     config: Config
@@ -49,6 +53,9 @@ class OnlineOptions:
     camera: Path | None = None
     rig: Path | None = None
     lag_s: float = 0.0
+    nmea: str | None = None
+    websocket: str | None = None
+    view: PoseOutput | None = None
 
     def check(self) -> None:
         """Check before the session that its result can be written.
@@ -98,8 +105,9 @@ def pose_recording(
     )
     for note in opened.notes:
         smoother.add_note(note)
-    stop, lines = threading.Event(), JsonLines(stream or sys.stdout, opened.rig.video_start_utc)
-    return _run(replay(opened, stop, realtime=realtime), smoother, lines, options, stop)
+    stop = threading.Event()
+    with _opened_outputs(options, stream, opened.rig.video_start_utc) as outputs:
+        return _run(replay(opened, stop, realtime=realtime), smoother, outputs, options, stop)
 
 
 def pose_live(
@@ -140,19 +148,39 @@ def pose_live(
         )
     gps = GpsSource(options.gps) if options.gps is not None else None
     smoother = OnlineSmoother(lens, rig, options.config, keep_all=options.finish, source=Path(video))
-    stop, lines = threading.Event(), JsonLines(stream or sys.stdout)
-    feed = _timed(live_feed(source, gps, rig, stop, delay_s), lines, smoother, source, rig, delay_s)
+    stop = threading.Event()
     try:
-        return _run(feed, smoother, lines, options, stop)
+        with _opened_outputs(options, stream, None) as outputs:
+            feed = _timed(live_feed(source, gps, rig, stop, delay_s), outputs, smoother, source, rig, delay_s)
+            return _run(feed, smoother, outputs, options, stop)
     finally:
         source.close()
         if gps is not None:
             gps.close()
 
 
+@contextlib.contextmanager
+def _opened_outputs(
+    options: OnlineOptions, stream: TextIO | None, start_utc: datetime | None
+) -> Iterator[Outputs]:
+    """Open all outputs, and close them at the end."""
+    with contextlib.ExitStack() as opened:
+        outputs: list[PoseOutput] = [JsonLines(stream or sys.stdout)]
+        if options.nmea is not None:
+            outputs.append(NmeaOutput(options.nmea, options.config.gps))
+            opened.callback(outputs[-1].close)
+        if options.websocket is not None:
+            outputs.append(WebSocketOutput(options.websocket))
+            opened.callback(outputs[-1].close)
+        if options.view is not None:
+            outputs.append(options.view)
+            opened.callback(options.view.close)
+        yield Outputs(outputs, start_utc)
+
+
 def _timed(
     feed: Iterable[FeedItem],
-    lines: JsonLines,
+    outputs: Outputs,
     smoother: OnlineSmoother,
     source: VideoSource,
     rig: Rig,
@@ -160,15 +188,23 @@ def _timed(
 ) -> Iterator[FeedItem]:
     """Yield the same items, and set the UTC of the first frame in lines and result once it is known."""
     for item in feed:
-        if lines.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
-            lines.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
+        if outputs.start_utc is None and source.start_unix_s and (source.live or rig.video_start_utc):
+            outputs.start_utc = smoother.video_start_utc = start_utc(source, rig, delay_s)
         yield item
+
+
+def _shown(feed: Iterable[FeedItem], outputs: Outputs) -> Iterator[FeedItem]:
+    """Yield the same items; outputs see each frame when the next item is asked for, after its pose."""
+    for item in feed:
+        yield item
+        if isinstance(item, TimedImage):
+            outputs.show(item.t_s, item.gray)
 
 
 def _run(
     feed: Iterable[FeedItem],
     smoother: OnlineSmoother,
-    lines: JsonLines,
+    outputs: Outputs,
     options: OnlineOptions,
     stop: threading.Event,
 ) -> int:
@@ -177,7 +213,7 @@ def _run(
     def write(due: Iterable[tuple[OnlineEstimate, float]]) -> None:
         try:
             for estimate, arrival_s in due:
-                lines.write(estimate, time.monotonic() - arrival_s)
+                outputs.write(estimate, time.monotonic() - arrival_s)
         except BrokenPipeError:  # the reader has gone: stop, but write the run folder
             stop.set()
             with contextlib.suppress(OSError):
@@ -187,7 +223,7 @@ def _run(
         write(delayed.add(estimate, time.monotonic() - latency_s))
 
     with stopped_by_signals(stop):
-        frames = run_online(feed, smoother, sink, stop)
+        frames = run_online(_shown(feed, outputs), smoother, sink, stop)
         write(delayed.rest())
         if options.out is not None:
             write_run(smoother.finish(stage_d=options.finish), options.out)

@@ -1,6 +1,7 @@
 """Events of verdicts on fixes: the first verdict on each, and its changes."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,7 +47,10 @@ class VerdictEvents:
             if before.get(number) != verdict:
                 t_s, nominal = float(fixes.t_s[row]), float(assessment.nominal[row])
                 kind = class_of(number)
-                events.append(_event(until_s, t_s, kind, verdict, before.get(number), nominal))
+                event = _event(until_s, t_s, kind, verdict, before.get(number), nominal)
+                position_m = np.round(fixes.world_p_fix[row], 4).tolist()
+                place = dict(zip(("east_m", "north_m", "up_m"), position_m, strict=True))
+                events.append(replace(event, details={**event.details, **place}))
         return events
 
 

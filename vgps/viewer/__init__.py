@@ -1,12 +1,18 @@
 """A run in the rerun viewer: video, scene, factor graph, plots and map on one timeline."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vgps.errors import ViewerError
 from vgps.model import Recording
 from vgps.solution import Solution
 
-__all__ = ["inspect_run"]
+if TYPE_CHECKING:
+    from vgps.viewer.live import LiveView
+
+__all__ = ["inspect_run", "open_live_view"]
 
 
 def inspect_run(
@@ -32,11 +38,30 @@ def inspect_run(
             driver to draw with.
         RunFolderError: A file cannot be written, or has another suffix.
     """
-    try:
+    with _explained():
         from vgps.viewer.rerun_recording import show  # noqa: PLC0415  (importing rerun takes two seconds)
+
+    return show(solution, recording, save, screenshot)
+
+
+def open_live_view() -> "LiveView":
+    """Open a window that shows poses as they come.
+
+    Raises:
+        ViewerError: As :func:`inspect_run`.
+    """
+    with _explained():
+        from vgps.viewer.live import live_window  # noqa: PLC0415
+
+    return live_window()
+
+
+@contextlib.contextmanager
+def _explained() -> Iterator[None]:
+    """Explain that rerun is not installed."""
+    try:
+        yield
     except ModuleNotFoundError as error:
         if error.name != "rerun":
             raise
         raise ViewerError("the viewer is not installed", remedy='pip install "vgps[viewer]"') from error
-
-    return show(solution, recording, save, screenshot)

@@ -23,7 +23,7 @@ ERROR, COUNT, ENERGY, RATIO, SIGMA, SIGMA_ROTATION = (
 )
 MAX_RATIO = 3.0
 """Residual ratios of rejected fixes are clipped to this in the plot; the verdicts state them in full."""
-_AXES = (("east", (255, 90, 90, 255)), ("north", (90, 220, 90, 255)), ("up", (90, 150, 255, 255)))
+AXES = (("east", (255, 90, 90, 255)), ("north", (90, 220, 90, 255)), ("up", (90, 150, 255, 255)))
 
 
 def log_plots(stream: RunStream, solution: Solution, observations: ReprojectedObservations) -> None:
@@ -35,7 +35,7 @@ def log_plots(stream: RunStream, solution: Solution, observations: ReprojectedOb
     _log_line(stream, f"{COUNT}/seen", features, colours.PATH, "features used in stage D")
     terms = video_terms(solution, observations)
     _log_line(stream, f"{ENERGY}/video", terms, colours.PATH, "video: Phi of a frame, Eq. (12)")
-    for k, (name, colour) in enumerate(_AXES):
+    for k, (name, colour) in enumerate(AXES):
         _log_line(stream, f"{SIGMA}/{name}", solution.sigma_position_m[:, k], colour, name)
         sigma = np.degrees(solution.sigma_rotation_rad[:, k])
         _log_line(stream, f"{SIGMA_ROTATION}/{name}", sigma, colour, f"about {name}")

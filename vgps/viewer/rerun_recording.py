@@ -116,7 +116,19 @@ def screenshot_time_s(solution: Solution) -> float:
 
 
 def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, ...]:
-    _check_display()
+    stream = opened_window(_REMEDY)
+    notes = log_run(stream, solution, recording)
+    stream.flush()
+    return notes
+
+
+def opened_window(remedy: str) -> rr.RecordingStream:
+    """Return a stream to a new window.
+
+    Raises:
+        ViewerError: There is no display, or the viewer does not start; the remedy says what to do instead.
+    """
+    _check_display(remedy)
     stream = rr.RecordingStream(_APPLICATION)
     # the SDK installs the viewer in the same environment, which need not be on the PATH
     viewer = shutil.which("rerun", path=sysconfig.get_path("scripts"))
@@ -131,12 +143,10 @@ def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, 
         connect(_PORT)
     except NO_ANSWER as error:
         raise ViewerError(
-            f"the viewer did not start ({str(error).splitlines()[0]})", remedy=_REMEDY
+            f"the viewer did not start ({str(error).splitlines()[0]})", remedy=remedy
         ) from error
     stream.connect_grpc(f"rerun+http://127.0.0.1:{_PORT}/proxy")
-    notes = log_run(stream, solution, recording)
-    stream.flush()
-    return notes
+    return stream
 
 
 def _check_suffix(file: Path | None, suffix: str) -> None:
@@ -144,11 +154,11 @@ def _check_suffix(file: Path | None, suffix: str) -> None:
         raise RunFolderError("has the wrong suffix", file=file, expected=f"a name that ends in {suffix}")
 
 
-def _check_display() -> None:
+def _check_display(remedy: str) -> None:
     """Raise ViewerError if no window can be opened."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ViewerError(
             "no display to open a window on",
             expected="DISPLAY or WAYLAND_DISPLAY to be set",
-            remedy=_REMEDY,
+            remedy=remedy,
         )
