@@ -52,6 +52,7 @@ OUT = {"online": "live", "track": "tracked"}
 ELSEWHERE = {
     "vgps demo": "tests/cli/test_demo.py",
     "vgps compare": "tests/compare/test_methods.py",
+    "vgps join": "tests/pipeline/test_join.py",
     "vgps inspect": "tests/cli/test_inspect.py",
     "vgps calibrate-camera": "tests/cli/test_calibrate_camera.py",
     "vgps calibrate-imu": "tests/gyro_calibration/test_imu.py",

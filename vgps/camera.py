@@ -57,6 +57,12 @@ def distort(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray:
     return np.where((np.hypot(*rays.T) < turning_radius(camera))[:, None], distorted, np.nan)
 
 
+def in_pinhole(uv_px: FloatArray, before: Camera, after: Camera) -> FloatArray:
+    """Return undistorted pixels (N, 2) of one camera as those of the same rays in another."""
+    rays = (uv_px - (before.cx, before.cy)) / (before.fx, before.fy)
+    return np.asarray(rays * (after.fx, after.fy) + (after.cx, after.cy))
+
+
 def project(camera: Camera, camera_p_points: npt.ArrayLike) -> FloatArray:
     """Return the distorted pixels of points in the camera frame; Eq. (4), Kume 2010, in OpenCV's axes.
 

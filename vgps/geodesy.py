@@ -63,6 +63,15 @@ def enu_R_ecef(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> Flo
     return np.stack(columns, axis=-1)
 
 
+def enu_T_enu(new: GeodeticPoint, old: GeodeticPoint) -> FloatArray:
+    """Return the transform (4, 4) from the ENU frame of one origin to that of another, by way of ECEF."""
+    transform = np.eye(4)
+    if new != old:
+        transform[:3, :3] = enu_R_ecef(*new[:2]) @ enu_R_ecef(*old[:2]).T
+        transform[:3, 3] = to_enu(new, *old)
+    return transform
+
+
 def heading_deg(world_R_camera: npt.ArrayLike) -> FloatArray:
     """Return the direction of the camera's forward (z) axis, degrees clockwise from north in [0, 360).
 

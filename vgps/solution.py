@@ -196,3 +196,27 @@ class Solution:
     def fix_times_s(self) -> FloatArray:
         """(M,) times of the fixes: the log's time stamps minus the time offset."""
         return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoinedRuns:
+    """Several runs in one world.
+
+    Attributes:
+        names: Names of the runs.
+        solutions: Each run in the world of the first.
+        landmarks, observations: All landmarks; frames are counted through all runs.
+        ties: (R, R) number of frames of a run (row) that see a place of an earlier one (column).
+        report: Report of the optimiser.
+        warnings: Warnings for the user.
+        seconds: Wall seconds by stage.
+    """
+
+    names: tuple[str, ...]
+    solutions: tuple[Solution, ...]
+    landmarks: Landmarks
+    observations: Observations
+    ties: IntArray
+    report: SolverReport
+    warnings: tuple[str, ...]
+    seconds: Mapping[str, float]

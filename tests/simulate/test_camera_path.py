@@ -11,6 +11,8 @@ from vgps.simulate.motion import center_line
 from vgps.simulate.scene import SceneConfig, on_path
 from vgps.simulate.world import World
 
+HORIZONTAL = np.array([[0.0, 0, 0.1], [1, 0, 0.1], [2, 1, 0.2]])
+
 
 def street_of(laps: float, **changes: float) -> SceneConfig:
     scene = replace(SCENES["drive"], texture_scale=0.05, **changes)
@@ -50,7 +52,7 @@ def test_hills_go_and_the_vehicles_own_motion_stays() -> None:
 
 
 def test_the_path_goes_on_straight_before_its_start_and_after_its_end() -> None:
-    path = CameraPath(10.0, np.array([[0.0, 0, 0.1], [1, 0, 0.1], [2, 1, 0.2]]), np.ones((3, 3)))
+    path = CameraPath(10.0, HORIZONTAL, np.ones((3, 3)), HORIZONTAL)
     t_s, values = path.extended(0.1)
     np.testing.assert_allclose(t_s, [-0.1, 0.0, 0.1, 0.2, 0.3])
     np.testing.assert_allclose(values[[0, -1], :2], [[-1, 0], [3, 2]])
@@ -90,3 +92,14 @@ def test_streets_look_alike_after_the_distance_that_is_asked_for() -> None:
 def test_speed_and_duration_are_those_of_the_poses(climb: float) -> None:
     path = level_path(block_laps(1.0, climb), 10.0)
     assert path.speed_m_s == pytest.approx(5.0, rel=1e-3) and path.duration_s == pytest.approx(48.0)
+
+
+def test_parts_of_a_path_are_in_one_world() -> None:
+    scene = replace(SCENES["drive"], texture_scale=0.05)
+    poses = block_laps(2.0)
+    parts = [on_path(scene, level_path(poses, 10.0, part)) for part in (slice(0, 300), slice(480, 700))]
+    worlds = [build_world(config, np.random.default_rng(5)) for config in parts]
+    np.testing.assert_array_equal(worlds[0].origin, worlds[1].origin)
+    assert [config.frames for config in parts] == [300, 220]
+    late = build_motion(parts[1], np.random.default_rng(1)).poses(np.zeros(1))[0]
+    np.testing.assert_allclose(late[:2, 3], [poses[480, 2, 3], -poses[480, 0, 3]], atol=1e-9)

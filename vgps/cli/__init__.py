@@ -14,7 +14,7 @@ from vgps.errors import VgpsError
 # imported when it is called: nobody waits for what another verb needs
 _VERBS = (
     "demo:demo", "smooth:smooth", "online:online", "evaluate:evaluate", "report:report", "inspect:inspect",
-    "export:export", "survey:survey", "compare:compare", "landmarks:landmarks", "track:track",
+    "export:export", "survey:survey", "compare:compare", "join:join", "landmarks:landmarks", "track:track",
     "calibrate:calibrate_gyro", "calibrate:calibrate_imu",
     "calibrate:calibrate_camera", "simulate:simulate", "config:config", "doctor:doctor",
 )  # fmt: skip

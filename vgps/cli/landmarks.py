@@ -29,7 +29,7 @@ def build(
     """Build a landmark database from one or several runs.
 
     Args:
-        runs: Run folders; their world origins may differ.
+        runs: Run folders, whose world origins may differ, or what vgps join wrote.
         out: Database to write.
         frames: Frames of the video from which templates are taken: all, even or odd. The landmarks'
             positions are always those of the whole run.

@@ -44,7 +44,8 @@ class GivenPath:
         path: Poses as KITTI odometry writes them, twelve numbers a line; they are levelled, since the ground
             is flat. Streets that the path comes back to look as they did.
         path_hz: Poses per second.
-        first_pose: First pose to use, counted from 0.
+        first_pose: First pose to use, counted from 0. The streets are those of the whole path, so that
+            recordings of different parts show one world.
         poses: Number of poses to use; by default all that follow.
         look_alike_m: Distance after which the surroundings repeat, so that different streets look alike.
     """
@@ -76,6 +77,7 @@ def simulate(
     seed: Seed = 0,
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
+    gps_seed: Seed | None = None,
     imu: bool = False,
     shutter: Shutter | None = None,
     given: GivenPath = _OWN_PATH,
@@ -90,6 +92,7 @@ def simulate(
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
+        gps_seed: Seed of the receiver's errors, if not that of the world.
         imu: Also write imu.csv, the gyro and an accelerometer, and their mounting.
         shutter: Frame rate, readout and shaking.
         given: Path and surroundings.
@@ -100,6 +103,7 @@ def simulate(
     name = scene or ("walk" if given.path is None else "drive")
     config = given.applied(scene_with_errors(name, gps_errors, gps_reference))
     config = replace(config, **(shutter or Shutter()).changes())
+    config = replace(config, gps=replace(config.gps, seed=gps_seed))
     if imu:
         config = replace(config, accelerometer=AccelerometerConfig())
     simulate_recording(out, config, seed)

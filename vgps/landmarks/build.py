@@ -22,7 +22,7 @@ from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.readers.recording import open_recording
-from vgps.readers.run_folder import read_run
+from vgps.readers.run_folder import read_run, run_folders
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.solution import Solution
 
@@ -37,7 +37,7 @@ def build_from_runs(
     """Build a database from run folders, in the world of the first.
 
     Args:
-        runs: Run folders.
+        runs: Run folders, or folders of joined runs.
         frames: Frames that give templates and keyframes.
         config: Which landmarks are reliable enough, and what is kept of them.
         recording: Folder of the recording of a single run; by default the one that the run names.
@@ -47,6 +47,7 @@ def build_from_runs(
         LandmarkDatabaseError: As :func:`build_database` and :func:`merge`; or a run names no recording.
         RunFolderError, RecordingError, VideoError, CalibrationError: From the readers.
     """
+    runs = [part for run in runs for part in run_folders(run)]
     if not runs:
         raise LandmarkDatabaseError("no run is given", expected="run folders written by vgps smooth")
     if recording is not None and len(runs) != 1:

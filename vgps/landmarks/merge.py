@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.errors import LandmarkDatabaseError
-from vgps.geodesy import enu_R_ecef, to_enu
+from vgps.geodesy import enu_T_enu
 from vgps.landmarks.model import DatabaseContents, Keyframe, LandmarkViews
 from vgps.model import FloatArray, GeodeticPoint
 
@@ -57,11 +57,7 @@ def _transform(new: GeodeticPoint | None, old: GeodeticPoint | None) -> FloatArr
             "a run without a world origin cannot be merged with another",
             remedy="smooth it with GPS, or give world_origin in rig.yaml",
         )
-    transform = np.eye(4)
-    if new != old:
-        transform[:3, :3] = enu_R_ecef(*new[:2]) @ enu_R_ecef(*old[:2]).T
-        transform[:3, 3] = to_enu(new, *old)
-    return transform
+    return enu_T_enu(new, old)
 
 
 def _in_world(part: DatabaseContents, new_T_old: FloatArray) -> DatabaseContents:

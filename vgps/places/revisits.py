@@ -21,6 +21,8 @@ class PosedVideo:
         points: (L, 3) landmarks.
         observations: Of these landmarks.
         camera: The camera by which they are undistorted.
+        run: (F,) number of the run of each frame, ascending; by default all are of one. Of several runs only
+            frames of different ones are compared.
     """
 
     poses: FloatArray
@@ -28,6 +30,7 @@ class PosedVideo:
     points: FloatArray
     observations: Observations
     camera: Camera
+    run: IntArray | None = None
 
     @cached_property
     def travelled(self) -> FloatArray:
@@ -51,6 +54,8 @@ class PosedVideo:
 def revisits(video: PosedVideo, config: LoopsConfig) -> IntArray:
     """Return pairs (n, 2) of frames, the later one first, that may show the same place on different visits.
 
+    Visits of one video are different if much of the path lies between them.
+
     Pairs are in order of the later frame, and for it the nearest earlier frame comes first.
     """
     frames = spaced_frames(video, config.spacing)
@@ -68,6 +73,8 @@ def revisits(video: PosedVideo, config: LoopsConfig) -> IntArray:
     )
     aligned = np.einsum("ni,ni->n", ahead[late], ahead[early]) > np.cos(np.radians(config.max_angle_deg))
     apart = between > config.apart * np.maximum(video.depth[frames[late]], video.depth[frames[early]])
+    if video.run is not None:
+        apart = video.run[frames[late]] != video.run[frames[early]]
     kept = np.flatnonzero(aligned & apart & (distance < allowed))
     kept = kept[np.lexsort((distance[kept], late[kept]))]
     return np.asarray(frames[np.stack([late[kept], early[kept]], axis=1)], np.int64).reshape(-1, 2)

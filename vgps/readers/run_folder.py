@@ -55,6 +55,8 @@ def read_run(path: Path) -> Solution:
         RunFolderError: One of the three is missing, damaged, of a later schema, or does not fit the others.
     """
     summary = read_summary(path)
+    if parts := _joined(summary):
+        raise RunFolderError("holds several runs", file=path, remedy=f"name one, as {path / parts[0]}")
     file = path / "measurements.npz"
     check_summary(summary, path / "solution.json")
     arrays = _read_arrays(file)
@@ -67,6 +69,22 @@ def read_run(path: Path) -> Solution:
     except (AttributeError, TypeError, ValueError) as error:
         raise RunFolderError(f"is damaged ({error})", file=path, remedy=REMEDY) from error
     return solution
+
+
+def run_folders(path: Path) -> list[Path]:
+    """Return the run folders in a folder of joined runs, or the folder itself.
+
+    Raises:
+        RunFolderError: As :func:`read_summary`.
+    """
+    names = _joined(read_summary(path))
+    return [path] if names is None else [path / name for name in names]
+
+
+def _joined(summary: Mapping[str, Any]) -> list[str] | None:
+    """Return the names of the runs that a summary of joined runs lists; None for one run."""
+    names = summary.get("runs")
+    return names if isinstance(names, list) and names and all(isinstance(one, str) for one in names) else None
 
 
 def read_summary(path: Path) -> dict[str, Any]:

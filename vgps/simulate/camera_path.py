@@ -25,11 +25,13 @@ class CameraPath:
         rate_hz: Poses per second.
         horizontal: (N, 3) east, north [m] and yaw [rad], without jumps of a turn.
         own_motion: (N, 3) height above the mean [m], pitch and roll [rad] of the vehicle's own motion.
+        streets: (S, 3) as ``horizontal``, the whole path of which this one may be a part; streets line it.
     """
 
     rate_hz: float
     horizontal: FloatArray
     own_motion: FloatArray
+    streets: FloatArray
 
     @property
     def duration_s(self) -> float:
@@ -64,24 +66,26 @@ def read_camera_path(
     Args:
         path: File of poses.
         rate_hz: Poses per second.
-        first, count: The part to use; by default all.
+        first, count: The part to use; by default all. The streets are those of the whole path, so that
+            recordings of different parts are of one world.
 
     Raises:
         TrajectoryError: The file cannot be read, or too few poses are left.
     """
     poses = read_kitti_poses(path)
-    part = poses[first:] if count is None else poses[first : first + count]
-    if len(part) < _FEWEST:
+    part = slice(first, None if count is None else first + count)
+    left = len(poses[part])
+    if left < _FEWEST:
         raise TrajectoryError(
-            f"{len(part)} poses from pose {first} on, of {len(poses)}",
+            f"{left} poses from pose {first} on, of {len(poses)}",
             file=path,
             expected=f"at least {_FEWEST}",
             remedy="choose another part with --first-pose and --poses",
         )
-    return level_path(part, rate_hz)
+    return level_path(poses, rate_hz, part)
 
 
-def level_path(world_T_camera: FloatArray, rate_hz: float) -> CameraPath:
+def level_path(world_T_camera: FloatArray, rate_hz: float, part: slice = slice(None)) -> CameraPath:
     """Return the path of poses (N, 4, 4) whose world is that of a level camera, x right, y down, z forward.
 
     A flat ground has no hills: slow changes of height, pitch and roll are taken out.
@@ -95,4 +99,5 @@ def level_path(world_T_camera: FloatArray, rate_hz: float) -> CameraPath:
     roll = np.arctan2(-right[:, 2] / np.cos(pitch), np.sum(right * level, axis=1))
     own = np.stack([p[:, 2], pitch, roll], axis=-1)
     own -= gaussian_filter1d(own, _HILL_S * rate_hz, axis=0, mode="nearest")
-    return CameraPath(rate_hz, np.column_stack([p[:, :2], yaw]), own)
+    horizontal = np.column_stack([p[:, :2], yaw])
+    return CameraPath(rate_hz, horizontal[part], own[part], horizontal)

@@ -7,7 +7,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from vgps.model import FloatArray
-from vgps.simulate.camera_path import EAST_R_CAMERA, CameraPath
+from vgps.simulate.camera_path import EAST_R_CAMERA
 from vgps.simulate.scene import SceneConfig
 
 _GRID_S = 0.005
@@ -87,7 +87,7 @@ def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
 def center_line(config: SceneConfig, before_m: float, after_m: float) -> FloatArray:
     """Return (N, 4) distance, east, north [m], heading [rad] per metre, straight beyond the path's ends."""
     if config.path is not None:
-        return _extended(*_travelled(config.path), before_m, after_m)
+        return _extended(*_travelled(config.path.streets), before_m, after_m)
     t = np.arange(-_MARGIN_S, config.speed[-1][0] + _GRID_S, _GRID_S)
     east, north, heading, speed = _travel(config, t)
     inside = t >= 0
@@ -105,10 +105,10 @@ def _extended(distance: FloatArray, line: FloatArray, before_m: float, after_m: 
     )
 
 
-def _travelled(path: CameraPath) -> tuple[FloatArray, FloatArray]:
-    """Return distances (n,), and east, north, yaw (3, n), of a given path."""
-    steps = np.linalg.norm(np.diff(path.horizontal[:, :2], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)]), path.horizontal.T
+def _travelled(path: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return distances (n,), and east, north, yaw (3, n), of a path (n, 3)."""
+    steps = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)]), path.T
 
 
 def _travel(config: SceneConfig, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

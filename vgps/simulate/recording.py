@@ -61,6 +61,8 @@ def simulate(
     motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
+        if config.gps.seed is not None:
+            gps_rng = np.random.default_rng([config.gps.seed, 2])
         renderer = Renderer(build_world(config, world_rng), motion, config, seed)
         _write_camera(folder / "camera.yaml", config, renderer)
         _write_rig(folder / "rig.yaml", config)

@@ -88,6 +88,7 @@ class GpsConfig:
         outlier_m: Smallest and largest horizontal displacement.
         errors: Error model per class.
         replay: Errors of a real receiver, used for the classes in its log.
+        seed: Seed of the errors if they are to differ from recording to recording in one world.
     """
 
     interval_s: float = 1.0
@@ -98,6 +99,7 @@ class GpsConfig:
     outlier_m: tuple[float, float] = (8.0, 40.0)
     errors: Mapping[FixClass, FixErrors] = field(default_factory=lambda: FIX_ERRORS)
     replay: ErrorSeries | None = field(default=None, repr=False)
+    seed: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
