@@ -22,6 +22,7 @@ DOCUMENTS = (
     "vgps/config/README.md",
     "vgps/simulate/README.md",
     "vgps/evaluation/README.md",
+    "vgps/places/README.md",
     "vgps/writers/README.md",
     "vgps/survey/README.md",
     "vgps/landmarks/README.md",
