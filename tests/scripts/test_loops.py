@@ -13,7 +13,7 @@ from vgps.writers.tum import write_tum
 
 def test_tied_frames_lie_where_the_truth_says(tmp_path: Path) -> None:
     t_s = np.arange(5) / 10
-    poses = make_poses(np.column_stack([3.0 * np.arange(5), np.zeros(5), np.zeros(5)]))
+    poses = make_poses(np.column_stack([3.0 * np.arange(5), np.zeros(5), np.zeros(5)]), np.eye(3))
     write_tum(Trajectory(t_s, poses), tmp_path / "truth.tum")
     tied = replace(make_solution(t_s, poses), loops=np.array([[4, 0], [2, 1]]))
     np.testing.assert_allclose(distances_m(tied, tmp_path), [12.0, 3.0], atol=1e-6)
