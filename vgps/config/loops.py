@@ -30,7 +30,7 @@ class LoopsConfig(SettingsModel):
     slack: Share = 0.1
     """A place may be off by this share of the depth even where the path counts as perfect."""
     candidates: PositiveInt = 4
-    """Earlier frames that a frame is compared with at most, the nearest first."""
+    """Earlier frames that a frame is compared with at most: half of them the nearest, half the most alike."""
     features: PositiveInt = 1000
     """ORB features of a frame."""
     reach_px: PositiveFloat = 12.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.config import Config
+from vgps.errors import GeometryError
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.model import Camera, IntArray
@@ -45,9 +46,11 @@ def optimise_loops(
     progress.stage("optimising everything again, with places seen again")
     poses, points = batch.trajectory.world_T_camera, batch.points
     scene = with_loops(replace(merged.scene, poses=poses, points=points), loops, camera)
-    again = optimise_readout(
-        front_end, replace(merged, scene=scene, assessment=batch.assessment), fixes, config
-    )
+    tied = replace(merged, scene=scene, assessment=batch.assessment)
+    try:
+        again = optimise_readout(front_end, tied, fixes, config)
+    except GeometryError:  # the loops contradict the rest so much that no step lowers the cost
+        return first, none
     kept = np.unique(again[0].loop[again[0].loop >= 0])
     return again, np.array([(loops[k].frame, loops[k].earlier) for k in kept.tolist()]).reshape(-1, 2)
 

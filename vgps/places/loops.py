@@ -10,6 +10,7 @@ from vgps.config.loops import LoopsConfig
 from vgps.model import BoolArray, FloatArray, Frame, IntArray
 from vgps.places.revisits import PosedVideo, revisits
 from vgps.places.view import View, followed, make_view, matched
+from vgps.places.words import WordIndex
 from vgps.tracking.pose import Correspondences, ransac_pose, refine_pose
 
 
@@ -50,21 +51,33 @@ def find_loops(video: PosedVideo, frames: Iterable[Frame], config: LoopsConfig) 
         return ()
     last_use = dict(zip(pairs[:, 1].tolist(), pairs[:, 0].tolist(), strict=True))  # pairs are in this order
     views: dict[int, View] = {}
+    index = WordIndex()
     found: list[Loop] = []
     for frame in frames:
         if frame.index not in wanted:
             continue
         view = make_view(frame.gray, frame.index, video, config)
-        earlier = pairs[pairs[:, 0] == frame.index, 1][: config.candidates]
-        loop = _best([views[k] for k in earlier.tolist()], view, video, config)
+        words = index.words(view.descriptors)
+        earlier = _candidates(pairs[pairs[:, 0] == frame.index, 1], words, index, config.candidates)
+        loop = _best([views[k] for k in earlier], view, video, config)
         found += [] if loop is None else [loop]
         if frame.index in last_use:
             views[frame.index] = view
-        views = {k: one for k, one in views.items() if last_use[k] > frame.index}
+            index.add(frame.index, words)
+        for done in [k for k in views if last_use[k] <= frame.index]:
+            del views[done]
+            index.discard(done)
         if frame.index == wanted[-1]:
             break
     confirmed = _confirmed(found, video, config)
     return tuple(loop for loop, good in zip(found, confirmed.tolist(), strict=True) if good)
+
+
+def _candidates(earlier: IntArray, words: IntArray, index: WordIndex, count: int) -> list[int]:
+    """Return the earlier frames to compare a frame with: the nearest, and of the others the most similar."""
+    nearest, others = earlier[: count // 2].tolist(), earlier[count // 2 :].tolist()
+    alike = np.argsort(-index.similarity(words, others), kind="stable")
+    return [*nearest, *(others[k] for k in alike[: count - len(nearest)].tolist())]
 
 
 def _best(candidates: Sequence[View], view: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
