@@ -1,21 +1,27 @@
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from block_laps import block_laps
-from textured_room import CAMERA
+from textured_room import CAMERA, room_recording
 
 import vgps
 from vgps.config import Config, LoopsConfig
+from vgps.errors import GeometryError
+from vgps.pipeline import loop_closure
 from vgps.pipeline.loop_closure import with_loops
 from vgps.places.loops import Loop
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, simulate
 from vgps.simulate.camera_path import level_path
 from vgps.simulate.scene import on_path
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Observations
 from vgps.writers.run_folder import write_run
 
@@ -35,6 +41,32 @@ def test_loops_add_observations_once() -> None:
     assert made.observations.landmark.tolist() == [0, 1, 1, 1, 0]
     assert made.observations.uv_px[-1].tolist() == [50.0, 60.0]
     assert made.loop is not None and made.loop.tolist() == [-1, -1, -1, -1, 0]
+
+
+def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = SimpleNamespace(world_T_camera=None)
+    first = SimpleNamespace(trajectory=path, points=None, assessment=None)
+    results = iter([(first, None, None)])
+
+    def optimise(*_: object) -> object:
+        try:
+            return next(results)
+        except StopIteration:
+            raise GeometryError("the optimiser made no step") from None
+
+    monkeypatch.setattr(loop_closure, "optimise_readout", optimise)
+    monkeypatch.setattr(loop_closure, "find_loops", lambda *_: ("a loop",))
+    monkeypatch.setattr(loop_closure, "with_loops", lambda scene, *_: scene)
+    monkeypatch.setattr(loop_closure, "_posed_video", lambda *_: None)
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    none: Any = None
+    front_end: Any = SimpleNamespace(recording=room_recording(poses), t_s=np.zeros(2))
+    scene = Scene(np.zeros(2), poses, np.zeros((0, 3)), Observations(none, none, none))
+    merged = MergedMaps(
+        scene=scene, assessment=none, state=(), gray=np.zeros(0), georeferenced=True, warnings=()
+    )
+    result, loops = loop_closure.optimise_loops(front_end, merged, none, Config(), NoProgress())
+    assert result[0] is first and loops.shape == (0, 2)
 
 
 @pytest.mark.slow

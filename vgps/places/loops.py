@@ -1,7 +1,9 @@
 """Loops: frames in which landmarks of an earlier visit are found again."""
 
+import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import IO
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from vgps.camera import undistort
 from vgps.config.loops import LoopsConfig
 from vgps.model import BoolArray, FloatArray, Frame, IntArray
 from vgps.places.revisits import PosedVideo, revisits
-from vgps.places.view import View, followed, make_view, matched
+from vgps.places.view import View, followed, make_view, matched, on_disk
 from vgps.places.words import WordIndex
 from vgps.tracking.pose import Correspondences, ransac_pose, refine_pose
 
@@ -46,31 +48,39 @@ def find_loops(video: PosedVideo, frames: Iterable[Frame], config: LoopsConfig) 
         config: Limits.
     """
     pairs = revisits(video, config)
-    wanted = np.unique(pairs)
     if not len(pairs):
         return ()
+    wanted = set(pairs.ravel().tolist())
+    # images of a long drive through known streets would not fit in memory
+    with tempfile.TemporaryFile(prefix="vgps-places-") as images:
+        found = _matching(video, (frame for frame in frames if frame.index in wanted), pairs, images, config)
+    confirmed = _confirmed(found, video, config)
+    return tuple(loop for loop, good in zip(found, confirmed.tolist(), strict=True) if good)
+
+
+def _matching(
+    video: PosedVideo, frames: Iterable[Frame], pairs: IntArray, images: IO[bytes], config: LoopsConfig
+) -> list[Loop]:
+    """Return the loops that appearance and geometry show; ``pairs`` (n, 2) are the candidates."""
     last_use = dict(zip(pairs[:, 1].tolist(), pairs[:, 0].tolist(), strict=True))  # pairs are in this order
     views: dict[int, View] = {}
     index = WordIndex()
     found: list[Loop] = []
     for frame in frames:
-        if frame.index not in wanted:
-            continue
         view = make_view(frame.gray, frame.index, video, config)
         words = index.words(view.descriptors)
         earlier = _candidates(pairs[pairs[:, 0] == frame.index, 1], words, index, config.candidates)
         loop = _best([views[k] for k in earlier], view, video, config)
         found += [] if loop is None else [loop]
         if frame.index in last_use:
-            views[frame.index] = view
+            views[frame.index] = replace(view, gray=on_disk(frame.gray, images))
             index.add(frame.index, words)
         for done in [k for k in views if last_use[k] <= frame.index]:
             del views[done]
             index.discard(done)
-        if frame.index == wanted[-1]:
+        if frame.index == pairs[-1, 0]:
             break
-    confirmed = _confirmed(found, video, config)
-    return tuple(loop for loop, good in zip(found, confirmed.tolist(), strict=True) if good)
+    return found
 
 
 def _candidates(earlier: IntArray, words: IntArray, index: WordIndex, count: int) -> list[int]:

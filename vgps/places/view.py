@@ -1,6 +1,7 @@
 """A frame as it is compared with others: described features, those beside landmarks with positions."""
 
 from dataclasses import dataclass
+from typing import IO
 
 import cv2
 import numpy as np
@@ -70,6 +71,14 @@ def make_view(gray: GrayImage, frame: int, video: PosedVideo, config: LoopsConfi
         landmark=landmark,
         raw_uv_px=distort(video.camera, observed),
     )
+
+
+def on_disk(gray: GrayImage, file: IO[bytes]) -> GrayImage:
+    """Append an image (H, W) to a file, and return it mapped from there, read-only."""
+    start = file.seek(0, 2)
+    file.write(np.ascontiguousarray(gray).tobytes())
+    file.flush()
+    return np.memmap(file, np.uint8, "r", offset=start, shape=gray.shape)
 
 
 def matched(earlier: View, later: View, ratio: float) -> Correspondences:
