@@ -68,7 +68,7 @@ def optimise_camera(
         if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
         context = front_end.context(used)
-        context = replace(context, camera=camera, estimates_readout=estimates_readout)
+        context = replace(context, camera=camera, estimates_readout=estimates_readout and every is None)
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
@@ -76,8 +76,6 @@ def optimise_camera(
     if refine == "no" or (refine == "auto" and views < _MIN_VIEWS and not guesses):
         return optimise(merged.scene, camera), None
     every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
-    if camera.readout_s:  # the path is drawn through all frames
-        every = 1
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
     return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
 

@@ -50,11 +50,28 @@ def smooth(
     config, progress = config or Config(), progress or NoProgress()
     recording = with_found_camera(recording, config, progress)
     solution = _smoothed(recording, config, progress, checkpoint)
-    if recording.guesses:
-        better = with_gyro_focal(recording, solution)
-        if moved_far(better.camera, recording.camera, config):
-            solution = _smoothed(better, config, progress, None)
+    better, settings = _better(recording, solution, config)
+    if better is not recording:
+        again = _smoothed(better, settings, progress, None)
+        solution = replace(again, config=solution.config)
     return with_gyro_note(solution, recording)
+
+
+def _better(recording: Recording, solution: Solution, config: Config) -> tuple[Recording, Config]:
+    """Return what another run deserves, or the same recording if there is no need of one.
+
+    Stages A to C run again with a camera that is far from the guess, and with a rolling shutter that was
+    found: they took it for a global one. Its readout is improved further.
+    """
+    better, found_s = recording, solution.camera.readout_s
+    if recording.guesses:
+        refined = with_gyro_focal(recording, solution)
+        better = refined if moved_far(refined.camera, recording.camera, config) else recording
+    if not found_s or recording.camera.readout_s is not None:
+        return better, config
+    rolling = config.rolling_shutter.model_copy(update={"estimate": "yes"})
+    better = replace(better, camera=replace(better.camera, readout_s=found_s))
+    return better, config.model_copy(update={"rolling_shutter": rolling})
 
 
 def _smoothed(

@@ -24,14 +24,15 @@ def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, conf
     Raises:
         GeometryError: No step lowers the cost.
     """
-    batch, refined = optimise_camera(front_end, merged, fixes, config)
     given, setting = front_end.recording.camera, config.rolling_shutter
     wanted = setting.estimate == "yes" or (setting.estimate == "auto" and given.readout_s is None)
+    starts_from_one = wanted and bool(given.readout_s)
+    batch, refined = optimise_camera(front_end, merged, fixes, config, starts_from_one)
     if not wanted or len(batch.trajectory) < 2:
         return batch, refined, None
     always = setting.estimate == "yes"
     found = _estimate(batch, refined.camera if refined else given, config)
-    if found is None or not (always or found.is_shown(setting.min_sigmas)):
+    if found is None or starts_from_one or not (always or found.is_shown(setting.min_sigmas)):
         return batch, refined, found
     rolling = replace(given, readout_s=found.readout_s)
     started = replace(front_end, recording=replace(front_end.recording, camera=rolling))
@@ -78,7 +79,8 @@ def with_readout(solution: Solution, found: Readout, readout_s: float | None, co
 
 
 def _estimate(batch: BatchResult, camera: Camera, config: Config) -> Readout | None:
+    as_seen = replace(batch.problem, uv_px=batch.observations.uv_px)
     try:
-        return estimate_readout(batch.problem, batch.trajectory.t_s, camera, config.intrinsics.held_sigmas)
+        return estimate_readout(as_seen, batch.trajectory.t_s, camera, config.intrinsics.held_sigmas)
     except GeometryError:  # undetermined poses, of which the run warns anyway
         return None

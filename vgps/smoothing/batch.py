@@ -21,6 +21,7 @@ from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
+from vgps.smoothing.frame_rates import frame_rates
 from vgps.smoothing.imu_states import start_imu
 from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.row_times import row_times
@@ -70,7 +71,7 @@ def optimise_batch(
             state = state.after(solved.result)
             iterations += solved.result.report.iterations
         if round_ < rounds - 1:
-            context = with_better_readout(context, solved.result.problem, scene.t_s)
+            context, state = _with_rows(context, state, solved)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
@@ -119,6 +120,19 @@ def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, .
     assessed, config = state.assessment.applied(fixes), state.context.config.sensors
     sensors, warnings = update_time_offset(state.sensors, state.scene.trajectory, assessed, config)
     return replace(state, sensors=sensors), warnings
+
+
+def _with_rows(
+    context: SmoothingContext, state: _State, solved: BatchSolution
+) -> tuple[SmoothingContext, _State]:
+    """Return the readout and the frames' rates of a rolling shutter as a round shows them."""
+    problem = solved.result.problem
+    if problem.row_times is None:
+        return context, state
+    rates = frame_rates(problem, context.camera, state.scene.rates)
+    as_seen = replace(problem, uv_px=solved.given.scene.observations.uv_px)
+    context = with_better_readout(context, as_seen, state.scene.t_s)
+    return context, replace(state, scene=replace(state.scene, rates=rates))
 
 
 def _learned(state: _State, fixes: Fixes, config: Config) -> dict[FixClass, LearnedErrors]:

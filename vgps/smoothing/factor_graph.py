@@ -21,6 +21,7 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
+from vgps.smoothing.frame_rates import turned_back
 from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
 from vgps.smoothing.row_times import row_times
@@ -45,6 +46,7 @@ class Scene:
         controls: Observations of control points.
         loop: (N,) number of the loop by which a landmark of an earlier visit was found in a frame, -1 for
             observations of a track; None without loops.
+        rates: (F, 3) angular rates of the frames beyond the path of a rolling shutter, rad/s; None for none.
     """
 
     t_s: FloatArray
@@ -54,6 +56,7 @@ class Scene:
     zero_motions: tuple[ZeroMotion, ...] = ()
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
     loop: IntArray | None = None
+    rates: FloatArray | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -146,7 +149,7 @@ def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
         world_p_landmark=scene.points,
         frame=observations.frame,
         landmark=observations.landmark,
-        uv_px=observations.uv_px,
+        uv_px=turned_back(context.camera, observations.uv_px, observations.frame, scene.rates),
         sigma_px=np.ones(len(observations.frame)),
         row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context),
     )
@@ -183,7 +186,7 @@ def build_problem(
         world_p_landmark=scene.points,
         frame=observations.frame,
         landmark=observations.landmark,
-        uv_px=observations.uv_px,
+        uv_px=turned_back(context.camera, observations.uv_px, observations.frame, scene.rates),
         sigma_px=sigma,
         robust="huber",
         robust_k=robust_k,

@@ -20,6 +20,7 @@ from vgps.model import Camera, FloatArray
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.global_shutter import as_global_shutter
 from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
@@ -129,14 +130,16 @@ def refine_camera(
         prior: Of the calibration.
         optimise: Stage D.
         config: Stopping criteria.
-        every: Step between the frames from which the calibration is estimated.
+        every: Step between the frames from which the calibration is estimated, as of a global shutter.
 
     Raises:
         GeometryError: The video does not determine the calibration.
     """
     given = replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
-    few = scene if every == 1 else _thinned(scene, every)
-    camera, result, step, converged = given, optimise(few, given, every), 0, False
+    few = as_global_shutter(scene, given)
+    few = few if every == 1 else _thinned(few, every)
+    camera = replace(given, readout_s=None)
+    result, step, converged = optimise(few, camera, every), 0, False
     while step < config.iterations and not converged:
         step += 1
         delta, sigma, following = _step(result.problem, camera, prior)
@@ -145,6 +148,7 @@ def refine_camera(
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
+    camera = replace(camera, readout_s=given.readout_s)
     result = optimise(_undistorted_by(camera, given, scene), camera, sigma=sigma)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 

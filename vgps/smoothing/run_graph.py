@@ -117,6 +117,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         **_zero_motion_arrays(given.scene.zero_motions),
         **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
         "controls.sigma_px": given.control_sigma_px,
+        **({} if given.scene.rates is None else {"frame_rates": given.scene.rates}),
         **_imu_arrays(given, end),
     }
 
@@ -151,6 +152,7 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
             solution.observations,
             _zero_motions(graph),
             ControlObservations(**controls),
+            rates=graph.get("frame_rates"),
         ),
         sigma_px=solution.landmarks.sigma_px,
         control_sigma_px=graph["controls.sigma_px"],

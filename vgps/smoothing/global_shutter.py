@@ -1,0 +1,33 @@
+"""Observations of a rolling shutter as a global one would have made them, by the path as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.camera import row_shares
+from vgps.geometry import MIN_DEPTH, project
+from vgps.model import Camera
+from vgps.smoothing.factor_graph import Scene
+from vgps.solver.row_times import RowTimes
+
+
+def as_global_shutter(scene: Scene, camera: Camera) -> Scene:
+    """Return the scene with observations that belong to the frames' times, whatever their rows.
+
+    Each observation moves by as much as its landmark does from the row's pose to that of the frame. The path
+    is drawn through all frames; with this a calibration needs few of them.
+
+    Args:
+        scene: All frames.
+        camera: The camera.
+    """
+    if not camera.readout_s or len(scene.t_s) < 2:
+        return scene
+    observations, shares = scene.observations, row_shares(camera, scene.observations.uv_px)
+    times = RowTimes.of_frames(scene.t_s, observations.frame, shares, camera.readout_s)
+    points = scene.points[observations.landmark][:, None]
+    by_row, row_depth = project(camera.K, times.poses(scene.poses), points)
+    by_frame, depth = project(camera.K, scene.poses[observations.frame], points)
+    ahead = (row_depth > MIN_DEPTH) & (depth > MIN_DEPTH)
+    moved = np.where(ahead, (by_frame - by_row)[:, 0], 0.0)
+    return replace(scene, observations=replace(observations, uv_px=observations.uv_px + moved))
