@@ -6,7 +6,8 @@ from scipy.stats import chi2
 import vgps
 from vgps.model import FixClass
 from vgps.online.fusion import fuse
-from vgps.online.fusion_nodes import VideoPath
+from vgps.online.fusion_equations import OFFSET
+from vgps.online.video_path import VideoPath
 
 CONFIG = vgps.Config()
 
@@ -30,7 +31,7 @@ def test_the_pose_follows_the_video_when_float_follows_fix():
     fixes = drive.fixes(*fixed_then_float(20, 20, offset))
     (*_, last), errors = live(drive, drive.seen(np.random.default_rng(1), share=0.1), fixes)
     assert np.linalg.norm(errors[-1]) < 0.3 * np.linalg.norm(offset)
-    np.testing.assert_allclose(last.state.values[-1, 7:], offset, atol=1.5)
+    np.testing.assert_allclose(last.state.values[-1, OFFSET], offset, atol=1.5)
     # what the receiver hides shows in the sigmas
     sigma = np.sqrt(np.diag(last.covariance_at_end(drive.seen(), CONFIG)))[:3]
     assert np.linalg.norm(errors[-1]) < 3.0 * np.linalg.norm(sigma)

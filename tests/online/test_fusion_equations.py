@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
 
 import vgps
 from vgps.online.fusion import fuse
-from vgps.online.fusion_equations import UNKNOWNS, cost, normal_equations
+from vgps.online.fusion_equations import BIAS, UNKNOWNS, cost, normal_equations
 from vgps.online.fusion_nodes import fusion_nodes
 
 
@@ -41,6 +43,24 @@ def test_the_gradient_is_that_of_the_cost(fit):
             ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
             numeric = (ends[1] - ends[0]) / 2e-6
             assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3)
+
+
+def test_the_gradient_is_that_of_the_cost_with_an_imu_too(fit):
+    rng, count = np.random.default_rng(1), len(fit.nodes.t_s)
+    nodes = replace(
+        fit.nodes, elevation=0.05 * rng.standard_normal((count, 2)), level=np.full((count, 2), 30.0)
+    )
+    prior = replace(fit.prior, information=fit.prior.information.copy())
+    prior.information[BIAS, BIAS] = 1e3 * np.eye(2)
+    state = fit.state.moved(1e-3 * rng.standard_normal((count, UNKNOWNS)))
+    gradient = normal_equations(nodes, state, prior).gradient
+    for node in (0, 4, 7):
+        for unknown in (4, 5, 10, 11):
+            delta = np.zeros((count, UNKNOWNS))
+            delta[node, unknown] = 1e-6
+            ends = [cost(nodes, state.moved(sign * delta), prior) for sign in (-1.0, 1.0)]
+            numeric = (ends[1] - ends[0]) / 2e-6
+            assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3, abs=1e-2)
 
 
 def test_the_minimum_has_no_gradient_and_its_covariance_is_that_of_the_whole_matrix(fit):

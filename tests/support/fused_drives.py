@@ -9,7 +9,7 @@ from synthetic_fixes import fixes_of_size
 from vgps.config import Config
 from vgps.gps.fixes import CLASSES
 from vgps.model import FixClass
-from vgps.online.fusion_nodes import VideoPath
+from vgps.online.video_path import VideoPath
 
 ANTENNA = np.array([0.1, -1.0, 0.3])
 INTERVAL_S, SPEED_M_S = 0.1, 8.0

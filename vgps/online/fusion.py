@@ -6,7 +6,7 @@ with the video, and the offset of the float solution is what is estimated; retur
 once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from vgps.gps.fixes import Fixes
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.fusion_equations import (
+    BIAS,
     OFFSET,
     POSITION,
     ROTATION,
@@ -30,8 +31,11 @@ from vgps.online.fusion_equations import (
     normal_equations,
     squared_deviations,
 )
-from vgps.online.fusion_nodes import SAME_TIME_S, FusionNodes, VideoPath, fusion_nodes, video_drift
+from vgps.online.fusion_nodes import SAME_TIME_S, FusionNodes, fusion_nodes, video_drift
+from vgps.online.gravity import WINDOW_S, Gravity
+from vgps.online.video_path import VideoPath
 
+_NO_BIAS_RAD = 1e-6  # without an IMU the camera itself is level
 _ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
 
 
@@ -43,7 +47,7 @@ class FusedPath:
         nodes: Its nodes.
         state: Their values.
         prior: Of the first node.
-        covariance: (10, 10) of the last node.
+        covariance: (12, 12) of the last node.
         system: The normal equations at these values.
     """
 
@@ -130,7 +134,12 @@ class FusedPath:
 
 
 def fuse(
-    path: VideoPath, fixes: Fixes, camera_p_antenna: FloatArray, config: Config, last: FusedPath | None
+    path: VideoPath,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    last: FusedPath | None,
+    gravity: Gravity | None = None,
 ) -> FusedPath:
     """Return the fit of a path to its fixes.
 
@@ -140,6 +149,7 @@ def fuse(
         camera_p_antenna: (3,) metres.
         config: Errors of fixes, drift, and the prior of a level camera.
         last: The fit of an earlier part of the same path.
+        gravity: The vertical by an IMU, if there is one.
     """
     prior = None
     if last is not None:
@@ -149,8 +159,10 @@ def fuse(
     fixes = fixes.where(fixes.used & inside)
     continued = _continued(fixes, last) if last is not None else None
     nodes = fusion_nodes(path, fixes, camera_p_antenna, config, continued)
+    if gravity is not None:
+        nodes = _levelled(nodes, gravity, path, last)
     state = _start(nodes) if last is None else _continue(nodes, last)
-    prior = prior or _vague_prior(state)
+    prior = prior or _vague_prior(state, _NO_BIAS_RAD if gravity is None else gravity.bias_rad)
     state, system = minimise(nodes, state, prior, config.drift.iterations)
     return FusedPath(
         nodes=nodes, state=state, prior=prior, covariance=system.last_covariance(), system=system
@@ -168,10 +180,25 @@ def _prior_of(last: FusedPath, node: int) -> FirstNodePrior:
     return FirstNodePrior(at, *system.eliminated())
 
 
-def _vague_prior(state: FusionState) -> FirstNodePrior:
+def _levelled(nodes: FusionNodes, gravity: Gravity, path: VideoPath, last: FusedPath | None) -> FusionNodes:
+    """Return the nodes with the elevations that an IMU gives, each for the time since the one before."""
+    scale = np.ones(len(nodes.t_s))
+    if last is not None:
+        scale = np.exp(np.interp(nodes.t_s, last.nodes.t_s, last.state.values[:, SCALE]))
+    up = gravity.up(path, nodes.t_s, scale)
+    share = np.minimum(np.diff(nodes.t_s, prepend=nodes.t_s[0]) / WINDOW_S, 1.0)
+    level = np.sqrt(share) / up.sigma_rad
+    return replace(
+        nodes,
+        elevation=np.einsum("ni,nij->nj", up.direction, nodes.camera[:, :3, [0, 2]]),
+        level=np.stack([level, level], axis=1),
+    )
+
+
+def _vague_prior(state: FusionState, bias_rad: float) -> FirstNodePrior:
     information = np.zeros(UNKNOWNS)
     information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
-    information[ROTATION] = _ANY_ROTATION_RAD**-2
+    information[ROTATION], information[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2
     at = FusionState(state.values[:1], state.world_R_map[:1])
     return FirstNodePrior(at, np.diag(information), np.zeros(UNKNOWNS))
 

@@ -13,11 +13,12 @@ from vgps.geometry import cross_matrices
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion_nodes import FusionNodes
 
-POSITION, SCALE, ROTATION, OFFSET = slice(0, 3), 3, slice(4, 7), slice(7, 10)
-UNKNOWNS = 10
+POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
+UNKNOWNS = 12
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
 _RIDGE = 1e-8  # keeps solvable what nothing determines
+_BIAS_HELD_RAD = 1e-4  # change of the bias from node to node
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class FusionState:
     """Unknowns of the nodes.
 
     Attributes:
-        values: (N, 10) position, log scale, zeros, and offset; increments of the rotation stand at the zeros.
+        values: (N, 12) position, log scale, zeros, offset, and bias of the elevations; increments of the
+            rotation stand at the zeros.
         world_R_map: (N, 3, 3) rotation of the video's axes.
     """
 
@@ -33,7 +35,7 @@ class FusionState:
     world_R_map: FloatArray
 
     def moved(self, step: FloatArray) -> "FusionState":
-        """Return the state moved by increments (N, 10)."""
+        """Return the state moved by increments (N, 12)."""
         values = self.values + step
         values[:, ROTATION] = 0.0
         return FusionState(values, Rotation.from_rotvec(step[:, ROTATION]).as_matrix() @ self.world_R_map)
@@ -48,7 +50,7 @@ class FirstNodePrior:
     vector: FloatArray
 
     def distance(self, state: FusionState) -> FloatArray:
-        """Return d (10,) of a state's first node."""
+        """Return d (12,) of a state's first node."""
         d = state.values[0] - self.at.values[0]
         d[ROTATION] = Rotation.from_matrix(state.world_R_map[0] @ self.at.world_R_map[0].T).as_rotvec()
         return np.asarray(d)
@@ -61,7 +63,7 @@ class FirstNodePrior:
 
 @dataclass(frozen=True)
 class BlockSystem:
-    """Normal equations: blocks (N, 10, 10) of the diagonal and (N - 1, 10, 10) below it, gradient (N, 10)."""
+    """Normal equations: blocks (N, 12, 12) of the diagonal and (N - 1, 12, 12) below it, gradient (N, 12)."""
 
     diagonal: FloatArray
     below: FloatArray
@@ -79,7 +81,7 @@ class BlockSystem:
         return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
 
     def last_covariance(self) -> FloatArray:
-        """Return the covariance (10, 10) of the last node: the last block of the factor belongs to its Schur
+        """Return the covariance (12, 12) of the last node: the last block of the factor belongs to its Schur
         complement."""
         factor, n = self.cholesky(), UNKNOWNS
         last = np.zeros((n, n))
@@ -89,7 +91,7 @@ class BlockSystem:
         return np.asarray(inverse.T @ inverse)
 
     def covariances(self) -> FloatArray:
-        """Return the covariances (N, 10, 10) of all nodes, by elimination forwards and substitution back."""
+        """Return the covariances (N, 12, 12) of all nodes, by elimination forwards and substitution back."""
         out = np.empty_like(self.diagonal)
         information, gains = self.diagonal[0], []
         for k, below in enumerate(self.below):
@@ -102,7 +104,7 @@ class BlockSystem:
         return out
 
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
-        """Return information (10, 10) and vector (10,) of the last node with all others eliminated."""
+        """Return information (12, 12) and vector (12,) of the last node with all others eliminated."""
         information, vector = self.diagonal[0], self.gradient[0]
         for k, below in enumerate(self.below):
             carried = np.linalg.solve(information, np.column_stack([below.T, vector]))
@@ -143,7 +145,7 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
         turn,
         np.stack([away, away + arm], axis=1),
         x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix,
-        axes[:, 2],
+        axes[:, 2] - nodes.elevation - x[:, BIAS],
         axes,
     )
 
@@ -168,6 +170,7 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     tail, heavy = nodes.walk_tail[1:], np.isfinite(nodes.walk_tail[1:])
     total = np.einsum("ni,nij,nj->", r.step, r.step_information, r.step)
     total += np.sum((np.diff(x[:, SCALE]) / drift.scale) ** 2)
+    total += np.sum((np.diff(x[:, BIAS], axis=0) / _BIAS_HELD_RAD) ** 2)
     total += np.sum((r.turn / drift.rotation[:, None]) ** 2)
     total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
     total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
@@ -184,7 +187,7 @@ class _Sum:
         self.gradient = np.zeros((count, UNKNOWNS))
 
     def add_between(self, before: FloatArray, after: FloatArray, W: FloatArray, r: FloatArray) -> None:
-        """Add residuals r (N - 1, m) with information W (N - 1, m, m) and derivatives (N - 1, m, 10)."""
+        """Add residuals r (N - 1, m) with information W (N - 1, m, m) and derivatives (N - 1, m, 12)."""
         B, A = before.transpose(0, 2, 1) @ W, after.transpose(0, 2, 1) @ W
         self.diagonal[:-1] += B @ before
         self.diagonal[1:] += A @ after
@@ -193,7 +196,7 @@ class _Sum:
         self.gradient[1:] += (A @ r[:, :, None])[:, :, 0]
 
     def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
-        """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, 10)."""
+        """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, 12)."""
         weighted = J.transpose(0, 2, 1) * w[:, None, :]
         np.add.at(self.diagonal, node, weighted @ J)
         np.add.at(self.gradient, node, (weighted @ r[:, :, None])[:, :, 0])
@@ -217,7 +220,7 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     total.add_each(J, weight, r.fix, nodes.fixes.node)
     every = np.arange(count)
     level = np.zeros((count, 2, UNKNOWNS))
-    level[:, :, 4], level[:, :, 5] = r.axes[:, 1], -r.axes[:, 0]
+    level[:, :, 4], level[:, :, 5], level[:, :, BIAS] = r.axes[:, 1], -r.axes[:, 0], -np.eye(2)
     total.add_each(level, nodes.level**2, r.elevation, every)
     bound = np.zeros((count, 3, UNKNOWNS))
     bound[:, :, OFFSET] = np.eye(3)
@@ -229,7 +232,7 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
 
 def _add_drift_and_walk(total: _Sum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:
     x, drift = state.values, nodes.drift
-    change = np.column_stack([np.diff(x[:, SCALE]), r.turn, np.diff(x[:, OFFSET], axis=0)])
+    change = np.column_stack([np.diff(x[:, SCALE]), r.turn, np.diff(x[:, OFFSET.start :], axis=0)])
     tail, walk = nodes.walk_tail[1:], _squares(nodes, state, r)[1]
     heavy, robust = np.isfinite(tail), np.ones(len(tail))
     robust[heavy] = (tail[heavy] + 3.0) / (tail[heavy] + walk[heavy])
@@ -238,10 +241,11 @@ def _add_drift_and_walk(total: _Sum, nodes: FusionNodes, state: FusionState, r: 
             drift.scale**-2.0,
             np.tile(drift.rotation[:, None] ** -2.0, 3),
             robust[:, None] / nodes.walk_m[1:] ** 2,
+            np.full((len(tail), 2), _BIAS_HELD_RAD**-2.0),
         ]
     )
     pick = np.tile(np.eye(UNKNOWNS)[3:], (len(tail), 1, 1))
-    total.add_between(-pick, pick, weight[:, :, None] * np.eye(7), change)
+    total.add_between(-pick, pick, weight[:, :, None] * np.eye(9), change)
 
 
 def minimise(

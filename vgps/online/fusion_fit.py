@@ -9,7 +9,8 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion import FusedPath, fuse
-from vgps.online.fusion_nodes import VideoPath
+from vgps.online.gravity import Gravity
+from vgps.online.video_path import VideoPath
 from vgps.solution import Trajectory
 
 _SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
@@ -31,7 +32,7 @@ class FitResult:
 
 @dataclass(frozen=True, kw_only=True)
 class FitInput:
-    """What a fit starts from: the map's path, the fixes, and verdicts on earlier ones."""
+    """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical."""
 
     path: VideoPath
     fixes: Fixes
@@ -39,12 +40,13 @@ class FitInput:
     assessment: FixAssessment
     camera_p_antenna: FloatArray
     last: FusedPath | None
+    gravity: Gravity | None = None
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
     """Return the fit to all fixes but those rejected before."""
     fixes = given.assessment.applied(given.fixes)
-    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last)
+    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last, given.gravity)
     surprising = detects_outliers(config) and (
         given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
     )
@@ -64,4 +66,5 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
         assessment = assessment.updated(found)
     fixes = assessment.applied(given.fixes)
-    return FitResult(fuse(path, fixes, given.camera_p_antenna, config, last), given.number, assessment)
+    fused = fuse(path, fixes, given.camera_p_antenna, config, last, given.gravity)
+    return FitResult(fused, given.number, assessment)

@@ -12,12 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
-from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.video_path import VideoPath
 
 _NODE_S = 1.5  # longest time between nodes
 SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
@@ -27,35 +27,6 @@ SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one 
 _ROTATION_SHARE = 0.3
 _REPLACING_TURN_RAD = 0.35  # a quarter of a usual field of view replaces the features, as a knot does
 _HELD_M = 1e-3  # walk of an offset between nodes without fixes, and error of a step of the video
-
-
-@dataclass(frozen=True, kw_only=True)
-class VideoPath:
-    """Path of a map as the video alone gives it.
-
-    Attributes:
-        t_s: (n,) times of the frames.
-        poses: (n, 4, 4) map_T_camera.
-        moving: (n,) whether the camera moved since the frame before; during a stop nothing drifts.
-    """
-
-    t_s: FloatArray
-    poses: FloatArray
-    moving: BoolArray
-
-    def at(self, t_s: FloatArray) -> FloatArray:
-        """Return the poses at times within the path."""
-        return interpolate_poses(self.t_s, self.poses, t_s)
-
-    def since(self, t_s: float) -> "VideoPath":
-        """Return the path from a time within it on."""
-        first = int(np.searchsorted(self.t_s, t_s, side="right"))
-        begin = np.array([max(t_s, self.t_s[0])])
-        return VideoPath(
-            t_s=np.append(begin, self.t_s[first:]),
-            poses=np.concatenate([self.at(begin), self.poses[first:]]),
-            moving=np.append(False, self.moving[first:]),
-        )
 
 
 @dataclass(frozen=True)
@@ -132,7 +103,8 @@ class FusionNodes:
         walk_m: (N, 3) scale of the offset's step to each node; infinite where it starts anew.
         walk_tail: (N,) degrees of freedom of this step; infinite for a Gaussian.
         starts: (N,) whether a fix there starts a new offset.
-        level: (N, 2) square roots of the information that the camera's x and z axes are level.
+        elevation: (N, 2) sines of the elevation of the camera's x and z axes, but for a bias.
+        level: (N, 2) square roots of the information that they are right.
     """
 
     t_s: FloatArray
@@ -143,6 +115,7 @@ class FusionNodes:
     walk_m: FloatArray
     walk_tail: FloatArray
     starts: BoolArray
+    elevation: FloatArray
     level: FloatArray
 
     def until(self, node: int) -> "FusionNodes":
@@ -159,6 +132,7 @@ class FusionNodes:
             walk_m=self.walk_m[rows],
             walk_tail=self.walk_tail[rows],
             starts=self.starts[rows],
+            elevation=self.elevation[rows],
             level=np.where(last[:, None], 0.0, self.level[rows]),
         )
 
@@ -195,6 +169,7 @@ def fusion_nodes(
         walk_m=walk_m,
         walk_tail=tail,
         starts=begins,
+        elevation=np.zeros((len(t_s), 2)),
         level=np.sqrt(knots)[:, None] / level_rad,
     )
 

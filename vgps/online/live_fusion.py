@@ -13,8 +13,9 @@ from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion import FusedPath
 from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts
-from vgps.online.fusion_nodes import VideoPath
+from vgps.online.gravity import Gravity
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
+from vgps.online.video_path import VideoPath
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.smoothing.drift_correction import move_frames
 
@@ -42,10 +43,11 @@ class LiveFusion:
     Args:
         frame_pipeline: Stages A to C, without fixes in stage C.
         config: Settings, with the GPS model in use.
+        gravity: The vertical by an IMU, if there is one.
     """
 
-    def __init__(self, frame_pipeline: FramePipeline, config: Config) -> None:
-        self._frame_pipeline, self._config = frame_pipeline, config
+    def __init__(self, frame_pipeline: FramePipeline, config: Config, gravity: Gravity | None = None) -> None:
+        self._frame_pipeline, self._config, self._gravity = frame_pipeline, config, gravity
         self._map: LocalMap | None = None
         self._job: _Job | None = None
         self._latest: FitResult | None = None
@@ -199,6 +201,7 @@ class LiveFusion:
             assessment=fix_buffer.assessment.where(rows),
             camera_p_antenna=sensors.prior_antenna,
             last=self._fused,
+            gravity=self._gravity,
         )
         self._seen = len(pipeline.t_s), self._fix_count()
         self._start(fit, given, _FIT_FRAMES)

@@ -17,6 +17,7 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
+from vgps.online.gravity import Gravity
 from vgps.online.live_fusion import LiveFusion
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
@@ -54,7 +55,8 @@ class OnlineSmoother:
         config: Settings; the defaults if none are given.
         keep_all: Whether to keep all observations, which stage D needs.
         source: Name of the recording in the result.
-        imu: Of a recording that is replayed; its gyro predicts the rotation from each frame to the next.
+        imu: Of a recording that is replayed: its gyro predicts the rotation from each frame to the next, and
+            gravity levels the path.
 
     Attributes:
         video_start_utc: UTC of the first frame, if known; initially that of the rig.
@@ -81,7 +83,8 @@ class OnlineSmoother:
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
-        self._fusion = LiveFusion(self._frame_pipeline, config)
+        gravity = None if at_camera is None else Gravity(at_camera, config.imu)
+        self._fusion = LiveFusion(self._frame_pipeline, config, gravity)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []

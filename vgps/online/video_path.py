@@ -1,0 +1,37 @@
+"""The path of a map as the video alone gives it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.geometry import interpolate_poses
+from vgps.model import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoPath:
+    """Path of a map as the video alone gives it.
+
+    Attributes:
+        t_s: (n,) times of the frames.
+        poses: (n, 4, 4) map_T_camera.
+        moving: (n,) whether the camera moved since the frame before; during a stop nothing drifts.
+    """
+
+    t_s: FloatArray
+    poses: FloatArray
+    moving: BoolArray
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return the poses at times within the path."""
+        return interpolate_poses(self.t_s, self.poses, t_s)
+
+    def since(self, t_s: float) -> "VideoPath":
+        """Return the path from a time within it on."""
+        first = int(np.searchsorted(self.t_s, t_s, side="right"))
+        begin = np.array([max(t_s, self.t_s[0])])
+        return VideoPath(
+            t_s=np.append(begin, self.t_s[first:]),
+            poses=np.concatenate([self.at(begin), self.poses[first:]]),
+            moving=np.append(False, self.moving[first:]),
+        )
