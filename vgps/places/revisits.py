@@ -10,6 +10,8 @@ from vgps.config.loops import LoopsConfig
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.solution import Observations
 
+_MOST = 1000  # earlier frames among which the index of words chooses, the nearest; bounds time and memory
+
 
 @dataclass(frozen=True, kw_only=True)
 class PosedVideo:
@@ -61,23 +63,39 @@ def revisits(video: PosedVideo, config: LoopsConfig) -> IntArray:
     frames = spaced_frames(video, config.spacing)
     if len(frames) < 2:
         return np.zeros((0, 2), np.int64)
-    centre, ahead = video.poses[frames, :3, 3], video.poses[frames, :3, 2]
-    reach = config.reach * video.depth[frames] + config.path_sigmas * video.sigma_m[frames]
-    tree = cKDTree(centre)
-    pairs = np.sort(tree.query_pairs(2.0 * float(reach.max()), output_type="ndarray"), axis=1)
-    early, late = pairs[:, 0], pairs[:, 1]
-    distance = np.linalg.norm(centre[late] - centre[early], axis=1)
-    between = video.travelled[frames[late]] - video.travelled[frames[early]]
-    allowed = config.reach * video.depth[frames[late]] + config.path_sigmas * np.hypot(
-        video.sigma_m[frames[late]], video.sigma_m[frames[early]]
-    )
-    aligned = np.einsum("ni,ni->n", ahead[late], ahead[early]) > np.cos(np.radians(config.max_angle_deg))
-    apart = between > config.apart * np.maximum(video.depth[frames[late]], video.depth[frames[early]])
-    if video.run is not None:
-        apart = video.run[frames[late]] != video.run[frames[early]]
-    kept = np.flatnonzero(aligned & apart & (distance < allowed))
-    kept = kept[np.lexsort((distance[kept], late[kept]))]
-    return np.asarray(frames[np.stack([late[kept], early[kept]], axis=1)], np.int64).reshape(-1, 2)
+    tree = cKDTree(video.poses[frames, :3, 3])
+    found = [_candidates(video, frames, tree, late, config) for late in range(len(frames))]
+    late = np.repeat(np.arange(len(frames)), [len(early) for early in found])
+    return np.stack([frames[late], np.concatenate(found)], axis=1)
+
+
+def _candidates(
+    video: PosedVideo, frames: IntArray, tree: cKDTree, late: int, config: LoopsConfig
+) -> IntArray:
+    """Return the earlier frames (n,) that may show what a frame shows, the nearest first.
+
+    Args:
+        video: Poses and their standard deviations.
+        frames: (k,) the frames that are compared.
+        tree: Their positions.
+        late: Row of the frame in ``frames``.
+        config: Limits.
+    """
+    frame, sigma_m = int(frames[late]), video.sigma_m
+    reach = config.reach * video.depth[frame]
+    most = reach + config.path_sigmas * float(np.hypot(sigma_m[frame], sigma_m[frames].max()))
+    rows = np.array(tree.query_ball_point(video.poses[frame, :3, 3], most), dtype=np.int64)
+    early = frames[rows[rows < late]]
+    distance = np.linalg.norm(video.poses[early, :3, 3] - video.poses[frame, :3, 3], axis=1)
+    near = distance < reach + config.path_sigmas * np.hypot(sigma_m[frame], sigma_m[early])
+    aligned = video.poses[early, :3, 2] @ video.poses[frame, :3, 2] > np.cos(np.radians(config.max_angle_deg))
+    if video.run is None:
+        between = video.travelled[frame] - video.travelled[early]
+        apart = between > config.apart * np.maximum(video.depth[frame], video.depth[early])
+    else:
+        apart = video.run[early] != video.run[frame]
+    kept = np.flatnonzero(near & aligned & apart)
+    return np.asarray(early[kept[np.argsort(distance[kept], kind="stable")][:_MOST]])
 
 
 def spaced_frames(video: PosedVideo, spacing: float) -> IntArray:
