@@ -99,7 +99,7 @@ class LiveRun:
 
 def run_live(recording: Recording, seed: int) -> LiveRun:
     """Return the estimates of a run."""
-    smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed))
+    smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed), imu=recording.imu)
     delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], []), threading.Event()
 
     def sink(estimate: OnlineEstimate, _: float) -> None:
@@ -177,11 +177,12 @@ def one_run(folder: Path, gps: str, given: argparse.Namespace, seed: int) -> dic
     Raises:
         VgpsError: The recording or its truth cannot be read.
     """
-    recording = vgps.open_recording(folder, gps=gps)
+    recording = vgps.open_recording(folder, gps=gps, imu=given.imu, rig=given.rig)
     found = score(recording, truth_of(recording), run_live(recording, seed))
     if given.offline:
         found["offline_mean_m"] = offline_mean_m(recording, seed)
-    return {"log": f"{folder.name} {Path(gps).stem}", "seed": seed, **found}
+    imu = " with IMU" if recording.imu is not None else ""
+    return {"log": f"{folder.name} {Path(gps).stem}{imu}", "seed": seed, **found}
 
 
 def main() -> None:
@@ -191,6 +192,8 @@ def main() -> None:
     parser.add_argument(
         "--logs", nargs="+", help="paths, or names inside the recordings; all of their gps*.nmea if not given"
     )
+    parser.add_argument("--imu", help="log of an IMU; a path, or a name inside the recordings")
+    parser.add_argument("--rig", help="rig.yaml with its mounting; likewise")
     parser.add_argument("--offline", action="store_true", help="run `vgps smooth` too")
     add_seeds(parser, 1)
     given = parser.parse_args()
