@@ -121,13 +121,32 @@ class SensorReport:
 
 
 @dataclass(frozen=True)
+class SubmapReport:
+    """Submaps of stage D.
+
+    Attributes:
+        places: Frames, and states that stand between them, of each submap.
+        separators: Those of each submap that tracks and factors couple with the one before; 0 for the first.
+        peak_memory_mb: Most memory that the process held until stage D ended; NaN where it is not known.
+    """
+
+    places: tuple[int, ...]
+    separators: tuple[int, ...]
+    peak_memory_mb: float
+
+
+@dataclass(frozen=True)
 class SolverReport:
-    """Optimisation of stage D: cost per term before and after, iterations, and reason for stopping."""
+    """Optimisation of stage D: cost per term before and after, iterations, and reason for stopping.
+
+    ``submaps`` is None if everything was solved at once.
+    """
 
     cost_before: Mapping[str, float]
     cost_after: Mapping[str, float]
     iterations: int
     stop_reason: str
+    submaps: SubmapReport | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

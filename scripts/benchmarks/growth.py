@@ -15,11 +15,11 @@ from pathlib import Path
 import vgps
 from scripts.common.command import ScriptParser
 from scripts.common.markdown import growth_table
-from scripts.common.memory import peak_mb
 from scripts.common.ping_pong import PingPong
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.model import Frame
+from vgps.runtime.memory import peak_memory_mb
 from vgps.runtime.progress import NoProgress
 
 Figures = dict[str, float]  # by name with unit
@@ -35,18 +35,18 @@ class PeakBeforeBatch(NoProgress):
         """As in :class:`vgps.runtime.progress.Progress`."""
         for frame in frames:
             if frame.index % 1000 == 0:
-                print(f"frame {frame.index} of {total}, {peak_mb():.0f} MB", file=sys.stderr)
+                print(f"frame {frame.index} of {total}, {peak_memory_mb():.0f} MB", file=sys.stderr)
             yield frame
 
     def stage(self, name: str) -> None:
         """As in :class:`vgps.runtime.progress.Progress`; the last stage announced is D."""
-        self.front_mb = peak_mb()
+        self.front_mb = peak_memory_mb()
 
 
 def one_length(given: argparse.Namespace, frames: int) -> Figures:
     """Smooth so many frames in this process; return seconds, memory and counts."""
     source = PingPong(vgps.open_recording(given.recording, gps=given.gps), given.section)
-    recording, progress, before_mb = source.recording(frames), PeakBeforeBatch(), peak_mb()
+    recording, progress, before_mb = source.recording(frames), PeakBeforeBatch(), peak_memory_mb()
     with stopwatch() as elapsed:
         solution = vgps.smooth(recording, progress=progress)
     seconds = {f"{stage} [s]": s for stage, s in solution.seconds.items() if stage != "decode"}
@@ -58,7 +58,7 @@ def one_length(given: argparse.Namespace, frames: int) -> Figures:
         "wall per frame [s]": elapsed.wall_s / frames,
         "memory before [MB]": before_mb,
         "memory, stages A to C [MB]": progress.front_mb,
-        "memory, all stages [MB]": peak_mb(),
+        "memory, all stages [MB]": peak_memory_mb(),
         "landmarks": len(solution.landmarks.sigma_px),
         "observations": len(solution.observations.frame),
         "iterations of D": solution.report.iterations,

@@ -17,7 +17,6 @@ import numpy as np
 
 from scripts.common.command import ScriptParser
 from scripts.common.markdown import growth_table
-from scripts.common.memory import peak_mb
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.gps.fixes import Fixes
@@ -26,6 +25,7 @@ from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.readers.run_folder import read_run
+from vgps.runtime.memory import peak_memory_mb
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_problem import BatchInput
 from vgps.smoothing.factor_graph import Scene
@@ -98,7 +98,7 @@ def one_length(given: argparse.Namespace, times: int) -> Figures:
     batch = config.batch.model_copy(update={"iterations": given.iterations})
     context = replace(long.context, config=config.model_copy(update={"batch": batch}))
     prior = Sensors.from_config(antenna, config.sensors)
-    before_mb = peak_mb()
+    before_mb = peak_memory_mb()
     with stopwatch() as outliers:
         detect_outliers(scene.trajectory, fixes, antenna, config)
     with stopwatch() as time_offset:
@@ -115,7 +115,7 @@ def one_length(given: argparse.Namespace, times: int) -> Figures:
         "stage D, wall [s]": whole.wall_s,
         "iterations of D": result.report.iterations,
         "memory before [MB]": before_mb,
-        "memory, peak [MB]": peak_mb(),
+        "memory, peak [MB]": peak_memory_mb(),
         "cost after": sum(result.report.cost_after.values()),
     }
 

@@ -1,7 +1,6 @@
 """Memory of this process."""
 
 import resource
-import sys
 from pathlib import Path
 
 
@@ -11,9 +10,3 @@ def resident_mb() -> float:
     if pages.exists():
         return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # macOS counts bytes
-
-
-def peak_mb() -> float:
-    """Return the most memory that the process has held, MB."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (2**20 if sys.platform == "darwin" else 2**10)  # macOS counts bytes

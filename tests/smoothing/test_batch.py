@@ -6,6 +6,7 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, scene
 
 from vgps.config import BatchConfig, Config, SensorsConfig
+from vgps.config.submaps import SubmapsConfig
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
@@ -89,3 +90,24 @@ def test_both_weightings_of_frames_converge(weight):
     config = CONFIG.model_copy(update={"batch": BatchConfig(weight=weight, video_sigma_scale=1.0)})
     found = optimise_batch(made, fixes, SENSORS, context(config))
     assert away(found.trajectory.world_T_camera, true) < 0.05
+
+
+def test_submaps_that_cannot_be_cut_are_said_and_others_are_reported():
+    made, _, fixes = whole(disturbed=0.2)
+    observations = made.observations
+    first = np.full(len(made.points), len(made.t_s))
+    np.minimum.at(first, observations.landmark, observations.frame)
+    short = observations.frame - first[observations.landmark] < 4
+    cases = {"long": made, "short": made.with_observations(short)}
+    config = CONFIG.model_copy(update={"submaps": SubmapsConfig(frames=20)})
+    found = {name: optimise_batch(one, fixes, SENSORS, context(config)) for name, one in cases.items()}
+    assert found["long"].report.submaps is None
+    assert any("not in submaps of 20 frames" in warning for warning in found["long"].warnings)
+    submaps = found["short"].report.submaps
+    alone = optimise_batch(cases["short"], fixes, SENSORS, context(CONFIG))
+    assert submaps is not None and len(submaps.places) >= 2 and max(submaps.separators) < 10
+    assert not any("submaps" in warning for warning in found["short"].warnings)
+    np.testing.assert_allclose(
+        found["short"].trajectory.world_T_camera, alone.trajectory.world_T_camera, atol=1e-9
+    )
+    np.testing.assert_allclose(found["short"].covariance, alone.covariance, rtol=1e-4, atol=1e-12)

@@ -23,6 +23,7 @@ from vgps.solution import (
     SensorReport,
     Solution,
     SolverReport,
+    SubmapReport,
     Verdict,
 )
 
@@ -219,7 +220,11 @@ def distinct_values() -> Solution:
         ),
         sensors=SensorReport(0.125, NAN, (0.01, 0.02, NAN)),
         report=SolverReport(
-            {"video": 12.5, "gps": 3.0}, {"video": 1.25, "gps": NAN}, 7, "cost no longer decreases"
+            {"video": 12.5, "gps": 3.0},
+            {"video": 1.25, "gps": NAN},
+            7,
+            "cost no longer decreases",
+            SubmapReport((2, 3), (0, 1), 99.5),
         ),
         seconds={"tracking": 1.5, "batch": 0.25},
         warnings=("frame 1 has too few features; für Frame 1 gilt die Brücke",),

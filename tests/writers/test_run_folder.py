@@ -68,6 +68,8 @@ def test_solution_json_is_strict_json_and_sums_the_run_up(solution: Solution, tm
         "frames_bridged": 1,
         "landmarks": 3,
         "observations": 4,
+        "submaps": 2,
+        "loops": 0,
         "fixes": 2,
         "fixes_used": 1,
         "fixes_unused": 1,

@@ -25,6 +25,7 @@ from vgps.config.smoothing import (
     SensorsConfig,
     WindowConfig,
 )
+from vgps.config.submaps import SubmapsConfig
 from vgps.config.survey import SurveyConfig
 from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 
@@ -57,6 +58,7 @@ class Config(SettingsModel):
     drift: DriftConfig = DriftConfig()
     motion: MotionConfig = MotionConfig()
     batch: BatchConfig = BatchConfig()
+    submaps: SubmapsConfig = SubmapsConfig()
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     rolling_shutter: RollingShutterConfig = RollingShutterConfig()
     imu: ImuConfig = ImuConfig()

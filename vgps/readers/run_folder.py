@@ -26,6 +26,7 @@ from vgps.solution import (
     SensorReport,
     Solution,
     SolverReport,
+    SubmapReport,
     Verdict,
 )
 
@@ -246,4 +247,9 @@ def _report(summary: Mapping[str, Any]) -> SolverReport:
         {term: math.nan if cost is None else cost for term, cost in summary["energy"][when]["terms"].items()}
         for when in ("before", "after")
     )
-    return SolverReport(before, after, summary["iterations"], summary["stop_reason"])
+    found = summary.get("submaps")
+    submaps = None
+    if found is not None:
+        peak_mb = math.nan if found["peak_memory_mb"] is None else found["peak_memory_mb"]
+        submaps = SubmapReport(tuple(found["places"]), tuple(found["separators"]), peak_mb)
+    return SolverReport(before, after, summary["iterations"], summary["stop_reason"], submaps)

@@ -135,9 +135,16 @@ def report_with_warnings(
             f"stage D raised the cost from {total_before:.6g} to {total_after:.6g} when it removed outliers: "
             "check the poses and the verdicts on the fixes"
         ]
+    frames = after.submap_frames
+    if frames is not None and len(start.t_s) > 2 * frames and result.report.submaps is None:
+        warnings += [
+            f"stage D was solved whole, not in submaps of {frames} frames: tracks or loops span too much "
+            "of one; give submaps.frames a larger number"
+        ]
     if not result.converged:
         warnings += [f"stage D did not converge ({reason}): the poses may improve with more batch.iterations"]
-    return SolverReport(before, cost_after, iterations, reason), tuple(warnings)
+    report = replace(result.report, cost_before=before, cost_after=cost_after, iterations=iterations)
+    return report, tuple(warnings)
 
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:

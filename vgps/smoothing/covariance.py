@@ -21,6 +21,7 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import gtsam
 import numpy as np
@@ -35,7 +36,7 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import linearise_pinhole
 from vgps.smoothing.loop_ties import loop_gradient
 from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
@@ -46,6 +47,8 @@ from vgps.solver.schur_complement import pose_scores
 # changes log scale by 0.010 and 0.012 (kitti03, kitti07; simulated walk 0.003) and turns about each axis by
 # 0.04 and 0.06 degrees (0.004), where the settings expect 0.05 and 0.3 degrees; its changes have heavy tails.
 _DRIFT_SHARE = 0.3
+_STEPS_AT_ONCE = 2**23  # numbers of the draws' steps, in submaps
+_SIGNS_AT_ONCE = 2**22
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,41 +95,77 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         values = all_pose_values(problem)
         linear = linearise(problem, values, structure)
         factor, gradient = factorise_pose_system(linear, structure)
-        size = POSE_DIM * structure.n_free
-        right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
-        right[:size] += _track_draws(linear, structure, draws, rng)
-        camera = linearise_pinhole(problem, linear, structure)
-        right[:size] += camera.coupling @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
-        drift = _drift_draws(problem, structure, sources.drift, draws, rng)
-        right -= J.T @ (J[:, :size] @ drift)
-        if sources.loop is not None:
-            right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
-        shared: FloatArray = np.zeros((0, draws))
-        steps = factor.solve(right[:size])
-        if problem.shared:
-            _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
-            rest = right[size:] - linear.border.coupling.T @ steps
-            shared = np.linalg.solve(complement, rest).astype(np.float64)
-            steps = steps - by_shared @ shared
-    moved = (steps + drift).reshape(structure.n_free, POSE_DIM, draws)
-    blocks = moved @ moved.transpose(0, 2, 1) / draws
-    return split_covariances(problem, structure, blocks, shared @ shared.T / draws)
+        camera = linearise_pinhole(problem, linear, structure).coupling
+        system = _System(problem, values, structure, linear, factor, gradient, camera)
+        at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
+        blocks: FloatArray = np.zeros((structure.n_free, POSE_DIM, POSE_DIM))
+        shared: FloatArray = np.zeros((0, 0))
+        for begin in range(0, draws, at_once):
+            moved, change = _moved_by_errors(system, sources, min(at_once, draws - begin), rng)
+            blocks += moved @ moved.transpose(0, 2, 1)
+            shared = change @ change.T + (shared if begin else 0.0)
+    return split_covariances(problem, structure, blocks / draws, shared / draws)
+
+
+class _System(NamedTuple):
+    """The linearised problem, its factor, reduced gradient, and coupling (6 n_free, 4) with the camera."""
+
+    problem: BundleProblem
+    values: gtsam.Values
+    structure: SparsityStructure
+    linear: Linearisation
+    factor: PoseFactor
+    gradient: FloatArray
+    camera: FloatArray
+
+
+def _drawn_at_once(places: int) -> int:
+    """Return a number of draws whose steps take little memory beside a submap."""
+    return max(1, _STEPS_AT_ONCE // (POSE_DIM * places))
+
+
+def _moved_by_errors(
+    system: _System, sources: ErrorSources, draws: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return movements of poses and states (n_free, 6, K) and of shared vectors (s, K) by drawn errors."""
+    problem, values, structure, linear, factor, gradient, camera = system
+    size = POSE_DIM * structure.n_free
+    right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
+    right[:size] += _track_draws(linear, structure, draws, rng)
+    right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
+    drift = _drift_draws(problem, structure, sources.drift, draws, rng)
+    right -= J.T @ (J[:, :size] @ drift)
+    if sources.loop is not None:
+        right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
+    shared: FloatArray = np.zeros((0, draws))
+    steps = factor.solve(right[:size])
+    if problem.shared:
+        _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
+        rest = right[size:] - linear.border.coupling.T @ steps
+        shared = np.linalg.solve(complement, rest).astype(np.float64)
+        steps = steps - by_shared @ shared
+    return (steps + drift).reshape(structure.n_free, POSE_DIM, draws), shared
 
 
 def _track_draws(
     linear: Linearisation, structure: SparsityStructure, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return gradients (6 n_free, K) with the residuals of every track multiplied by a random sign."""
-    signs = rng.choice([-1.0, 1.0], (linear.landmarks, draws))
+    signs = np.empty((linear.landmarks, draws), dtype=np.int8)
+    for rows in np.array_split(signs, 1 + signs.size // _SIGNS_AT_ONCE):
+        rows[:] = rng.choice([-1, 1], rows.shape)
     total = np.zeros((POSE_DIM * structure.n_free, draws))
     for part in linear.chunks:
         chunk, score = part.chunk, pose_scores(part)
         row = structure.free[chunk.first_frame + chunk.coupled.frame]
         free = row >= 0
-        index = (POSE_DIM * row[free] + np.arange(POSE_DIM)[:, None]).ravel()
+        if not free.any():
+            continue
+        first, last = int(row[free].min()), int(row.max())
+        index = (POSE_DIM * (row[free] - first) + np.arange(POSE_DIM)[:, None]).ravel()
         entries = (score[:, free].ravel(), (index, np.tile(chunk.coupled.landmark[free], POSE_DIM)))
-        by_track = sparse.csr_array(entries, shape=(len(total), len(chunk.landmarks)))
-        total += by_track @ signs[chunk.landmarks]
+        by_track = sparse.csr_array(entries, shape=(POSE_DIM * (last + 1 - first), len(chunk.landmarks)))
+        total[POSE_DIM * first : POSE_DIM * (last + 1)] += by_track @ signs[chunk.landmarks]
     return total
 
 

@@ -12,10 +12,11 @@ from typing import Literal
 import numpy as np
 
 from vgps.errors import GeometryError
+from vgps.runtime.memory import peak_memory_mb
 from vgps.runtime.threads import one_blas_thread
-from vgps.solution import SolverReport
+from vgps.solution import SolverReport, SubmapReport
 from vgps.solver.cost import cost_terms
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_backend import solve_with_gtsam
 from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.problem import BundleProblem
@@ -79,11 +80,21 @@ def solve(
         solved, end = solve_with_gtsam(problem, settings)
     return BundleResult(
         problem=solved,
-        report=SolverReport(before, cost_terms(solved), end.iterations, end.reason),
+        report=SolverReport(before, cost_terms(solved), end.iterations, end.reason, _submaps(structure)),
         solver=solver,
         converged=end.converged,
         stuck=end.stuck,
         seconds=time.perf_counter() - begin,
+    )
+
+
+def _submaps(structure: SparsityStructure | None) -> SubmapReport | None:
+    """Return what the run says of its submaps."""
+    layout = None if structure is None else structure.submaps
+    if layout is None:
+        return None
+    return SubmapReport(
+        tuple(np.diff(layout.first).tolist()), tuple(layout.separator.tolist()), peak_memory_mb()
     )
 
 

@@ -1,11 +1,13 @@
 """The cost of a bundle problem: reprojection errors, robust losses, and the error of the pose factors."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray
 from vgps.solver.problem import BundleProblem, pose_values
+
+_AT_ONCE = 2**19  # observations
 
 
 def whitened_robust_k(k: float, pixel_sigma_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
@@ -93,14 +95,30 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
 
 def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
     """Return projected minus observed pixels (N, 2), and (N,) which landmarks lie behind the camera."""
-    errors, behind = pixel_errors(problem, camera_points(problem))
-    return errors.T, behind
+    errors, behind = np.empty((len(problem.frame), 2)), np.empty(len(problem.frame), dtype=bool)
+    for rows, part in _parts(problem):
+        found, behind[rows] = pixel_errors(part, camera_points(part))
+        errors[rows] = found.T
+    return errors, behind
 
 
 def observation_costs(problem: BundleProblem) -> FloatArray:
     """Return the cost of each observation (N,)."""
-    errors, _ = pixel_errors(problem, camera_points(problem))
-    return robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)
+    costs = np.empty(len(problem.frame))
+    for rows, part in _parts(problem):
+        errors, _ = pixel_errors(part, camera_points(part))
+        costs[rows] = robust_loss(part, np.sum(errors**2, axis=0) / part.sigma_px**2)
+    return costs
+
+
+def _parts(problem: BundleProblem) -> Iterator[tuple[slice, BundleProblem]]:
+    """Yield the observations of a large problem a part at a time, for the sake of memory."""
+    if len(problem.frame) <= _AT_ONCE:
+        yield slice(None), problem
+        return
+    for begin in range(0, len(problem.frame), _AT_ONCE):
+        rows = slice(begin, min(begin + _AT_ONCE, len(problem.frame)))
+        yield rows, problem.select_observations(np.arange(rows.start, rows.stop))
 
 
 def video_cost(problem: BundleProblem) -> float:

@@ -4,6 +4,7 @@ The reduced matrix is stored as a band or, where places are revisited, in sparse
 structure of a problem stays the same while its poses and landmarks move, so it is analysed once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -14,13 +15,22 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, BandMatrix
 from vgps.solver.block_layout import BlockLayout, layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
-from vgps.solver.landmark_groups import Chunk, couple, group_by_blocks, group_by_track, split_into_chunks
+from vgps.solver.landmark_groups import (
+    Chunk,
+    couple,
+    group_by_blocks,
+    group_by_track,
+    split_into_chunks,
+    track_ends,
+)
 from vgps.solver.problem import BundleProblem
+from vgps.solver.submap_matrix import SubmapFactor, SubmapLayout, SubmapMatrix, cut_into_submaps
 from vgps.solver.unknowns import Unknowns, number_unknowns
 
-__all__ = ["Chunk", "PoseMatrix", "SparsityStructure", "analyse_sparsity"]
+__all__ = ["Chunk", "PoseFactor", "PoseMatrix", "SparsityStructure", "analyse_sparsity"]
 
-PoseMatrix = BandMatrix | BlockSparseMatrix
+PoseMatrix = BandMatrix | BlockSparseMatrix | SubmapMatrix
+PoseFactor = BandMatrix | BlockSparseMatrix | SubmapFactor
 
 _CHEAP_BAND_FLOPS = 5e9  # a band that takes fewer operations is used without comparing it with blocks
 _BLOCK_SLOWDOWN = 4.0  # measured time of an operation in blocks relative to one in a band
@@ -34,11 +44,13 @@ class SparsityStructure(Unknowns):
         chunks: The observations, each in one chunk.
         half_bandwidth: Number of subdiagonals of the reduced matrix.
         blocks: Layout of the reduced matrix in blocks; None if it is stored as a band.
+        submaps: Where the band is cut into submaps; None if it is whole.
     """
 
-    chunks: tuple[Chunk, ...]
+    chunks: Sequence[Chunk]
     half_bandwidth: int
     blocks: BlockLayout | None = None
+    submaps: SubmapLayout | None = None
 
     @cached_property
     def rows(self) -> int:
@@ -56,22 +68,26 @@ class SparsityStructure(Unknowns):
 
     @property
     def bytes(self) -> float:
-        """Memory of the matrix, its factor, and the largest chunk's buffer."""
-        band = POSE_DIM * self.n_free * (self.rows + self.half_bandwidth)
+        """Memory of the matrix, its factor, and the largest chunk's buffer; of the largest submap alone."""
+        places = self.n_free if self.submaps is None else int(np.diff(self.submaps.first).max())
+        band = POSE_DIM * places * (self.rows + self.half_bandwidth)
         matrix = band if self.blocks is None else 2 * self.blocks.size
         return 8.0 * (matrix + max((chunk.size for chunk in self.chunks), default=0))
 
     def fits(self, max_flops: float, max_bytes: float) -> bool:
-        """Return whether one iteration stays within these limits."""
-        return self.flops <= max_flops and self.bytes <= max_bytes
+        """Return whether one iteration, of a submap if there are any, stays within these limits."""
+        submaps = 1 if self.submaps is None else len(self.submaps.first) - 1
+        return self.flops <= max_flops * submaps and self.bytes <= max_bytes
 
     def empty(self) -> PoseMatrix:
         """Return a zero matrix over free poses and states."""
         if self.blocks is not None:
             return BlockSparseMatrix.zeros(self.blocks)
+        if self.submaps is not None:
+            return SubmapMatrix.zeros(self.submaps, self.rows)
         return BandMatrix.zeros(POSE_DIM * self.n_free, self.rows)
 
-    def cholesky(self, matrix: PoseMatrix, min_pivot: FloatArray | float = 0.0) -> PoseMatrix:
+    def cholesky(self, matrix: PoseMatrix, min_pivot: FloatArray | float = 0.0) -> PoseFactor:
         """Return the Cholesky factor of a matrix.
 
         Raises:
@@ -95,7 +111,7 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     unknowns = number_unknowns(problem)
     cliques = _places_of_factors(problem, unknowns)
     band = _band_structure(problem, unknowns, cliques)
-    if band.flops <= _CHEAP_BAND_FLOPS:
+    if band.flops <= _CHEAP_BAND_FLOPS or band.submaps is not None:
         return band
     blocks = _block_structure(problem, unknowns, cliques)
     return blocks if _BLOCK_SLOWDOWN * blocks.flops < band.flops else band
@@ -106,11 +122,32 @@ def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[In
     coupled = couple(problem, problem.landmark)
     span, group = group_by_track(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
     spans = [int(np.ptp(places)) + 1 for places in cliques]
+    submaps = None
+    if problem.submap_frames is not None:
+        first, last = track_ends(free[coupled.frame], coupled.landmark, len(group))
+        submaps = _submaps(unknowns, (first, last), cliques, problem.submap_frames)
+    if submaps is not None:  # a submap's landmarks after those of the one before
+        number = np.searchsorted(submaps.first, np.minimum(first, unknowns.n_free - 1), side="right")
+        _, group = np.unique(number * len(group) + group, return_inverse=True)
     return SparsityStructure(
         **vars(unknowns),
-        chunks=split_into_chunks(problem, free, group),
+        chunks=split_into_chunks(problem, free, group, on_disk=submaps is not None),
         half_bandwidth=max(POSE_DIM * max(span, *spans, 0), POSE_DIM) - 1,
+        submaps=submaps,
     )
+
+
+def _submaps(
+    unknowns: Unknowns, tracks: tuple[IntArray, IntArray], cliques: list[IntArray], frames: int
+) -> SubmapLayout | None:
+    """Return where the band is cut, by first and last places of tracks (L,); None if it stays whole."""
+    last = np.arange(unknowns.n_free)
+    seen = tracks[1] >= 0
+    np.maximum.at(last, tracks[0][seen], tracks[1][seen])
+    for places in cliques:
+        last[places.min()] = max(last[places.min()], places.max())
+    layout = cut_into_submaps(unknowns.n_free, last, frames)
+    return layout if len(layout.first) > 2 else None
 
 
 def _block_structure(

@@ -5,19 +5,27 @@ in nearly the same frames are eliminated together; the empty entries of their co
 separate bookkeeping. Groups are processed in chunks whose arrays stay in the processor's cache.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import blas
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM, BandMatrix
+from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_layout import BLOCK_FRAMES
-from vgps.solver.block_matrix import BlockSparseMatrix
+from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.problem import BundleProblem
 
 CHUNK_OBSERVATIONS = 12000  # observations processed at a time: their arrays stay in the processor's cache
+
+
+class _Squares(Protocol):
+    """A matrix to which squares over frames are added."""
+
+    def add_square(self, frames: IntArray, square: FloatArray) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ class LandmarkGroup:
         """Whether the frames follow each other without a gap."""
         return int(self.frames[-1] - self.frames[0]) + 1 == len(self.frames)
 
-    def subtract_square(self, buffer: FloatArray, matrix: BandMatrix | BlockSparseMatrix) -> None:
+    def subtract_square(self, buffer: FloatArray, matrix: _Squares) -> None:
         """Subtract Z^T Z from the matrix."""
         Z = buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
         matrix.add_square(self.frames, blas.dsyrk(-1.0, Z.T, lower=1))
@@ -120,6 +128,21 @@ def couple(problem: BundleProblem, landmark: IntArray) -> Coupling:
     return Coupling(pairs % base, pairs // base, pair.reshape(knots.shape))
 
 
+def track_ends(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[IntArray, IntArray]:
+    """Return first and last place (L,) of each track; the largest integer and -1 in no free frame.
+
+    Args:
+        free: (N,) place of each observation's frame, -1 if it is held.
+        landmark: (N,) landmark of each observation.
+        landmarks: L.
+    """
+    observed = free >= 0
+    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
+    np.minimum.at(first, landmark[observed], free[observed])
+    np.maximum.at(last, landmark[observed], free[observed])
+    return first, last
+
+
 def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
     """Group landmarks by length and first frame of their tracks.
 
@@ -134,10 +157,7 @@ def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[
     Returns:
         Longest span of a track in places, and (L,) the group of each landmark, 0 for those in no free frame.
     """
-    observed = free >= 0
-    first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
-    np.minimum.at(first, landmark[observed], free[observed])
-    np.maximum.at(last, landmark[observed], free[observed])
+    first, last = track_ends(free, landmark, landmarks)
     tracked = last >= 0
     length = (last - first + 1)[tracked]
     exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
@@ -171,17 +191,42 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
     return group[:-1]
 
 
-def split_into_chunks(problem: BundleProblem, free: IntArray, group: IntArray) -> tuple[Chunk, ...]:
+def split_into_chunks(
+    problem: BundleProblem, free: IntArray, group: IntArray, on_disk: bool = False
+) -> Sequence[Chunk]:
     """Split all observations into chunks of whole groups.
 
     Args:
         problem: The observations.
         free: (F,) place of each frame, -1 if it is held.
         group: (L,) group of each landmark.
+        on_disk: Whether the chunks are kept on disk.
     """
     order = np.lexsort((problem.frame, problem.landmark, group[problem.landmark]))
     parts = _split_between_groups(group[problem.landmark[order]], order)
-    return tuple(_chunk(problem, free, group, part) for part in parts)
+    chunks = (_chunk(problem, free, group, part) for part in parts)
+    return stored(chunks, _on_disk) if on_disk else tuple(chunks)
+
+
+def _on_disk(chunk: Chunk, arrays: DiskArrays) -> Chunk:
+    """Return the chunk with its observations on disk."""
+    problem, kept = chunk.problem, arrays.kept
+    return replace(
+        chunk,
+        problem=replace(
+            problem,
+            frame=kept(problem.frame),
+            landmark=kept(problem.landmark),
+            uv_px=kept(problem.uv_px),
+            sigma_px=kept(problem.sigma_px),
+            robust_k=None if problem.robust_k is None else kept(problem.robust_k),
+        ),
+        landmark=kept(chunk.landmark),
+        frame=kept(chunk.frame),
+        coupled=Coupling(*(kept(part) for part in vars(chunk.coupled).values())),
+        free_rows=kept(chunk.free_rows),
+        entry=kept(chunk.entry),
+    )
 
 
 def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:

@@ -10,7 +10,7 @@ from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
-from vgps.solver.elimination import PoseMatrix, SparsityStructure, analyse_sparsity
+from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import reduce_to_poses
@@ -90,7 +90,7 @@ def shared_blocks(problem: BundleProblem, covariance: FloatArray) -> dict[int, F
 
 def factorise_pose_system(
     linear: Linearisation, structure: SparsityStructure
-) -> tuple[PoseMatrix, FloatArray]:
+) -> tuple[PoseFactor, FloatArray]:
     """Return the Cholesky factor of the undamped matrix of poses and states, and the reduced gradient.
 
     Raises:

@@ -5,7 +5,8 @@ which GTSAM linearises, add up with the observations. Arrays over observations h
 last axis, so that arithmetic runs along contiguous memory.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -14,6 +15,7 @@ from scipy import sparse
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
+from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.elimination import Chunk, SparsityStructure
 from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
@@ -33,7 +35,7 @@ class Linearisation:
         border: Normal equations of the shared vectors.
     """
 
-    chunks: tuple[LinearisedChunk, ...]
+    chunks: Sequence[LinearisedChunk]
     hessian: sparse.coo_array
     gradient: FloatArray
     landmarks: int
@@ -59,29 +61,38 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
         values: Its poses, states and shared vectors, for the pose factors.
         structure: Structure of the problem.
     """
-    chunks: list[LinearisedChunk] = []
     rolling = problem.row_times is not None
     blocks = np.zeros((len(LOWER), len(structure.free)))
     gradient = np.zeros((POSE_DIM, len(structure.free)))
-    for chunk in structure.chunks:
-        part = linearise_chunk(problem, chunk)
-        frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
-        if not rolling:
-            blocks[:, frames] += pose_blocks(part)
-        gradient[:, frames] += part.pose_gradient(part.r)
-        chunks.append(part)
+
+    def parts() -> Iterator[LinearisedChunk]:
+        for chunk in structure.chunks:
+            part = linearise_chunk(problem, chunk)
+            frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
+            if not rolling:
+                blocks[:, frames] += pose_blocks(part)
+            gradient[:, frames] += part.pose_gradient(part.r)
+            yield part
+
+    on_disk = structure.submaps is not None
+    chunks = stored(parts(), _on_disk, structure.chunks) if on_disk else tuple(parts())
     hessian, factor_gradient, border = linearise_pose_graph(problem, values, structure)
     if rolling:
         blocks, between = rolling_blocks(chunks, structure)
         hessian = hessian + between
     total = (hessian + _block_diagonal(blocks, problem, structure)).tocoo()
     return Linearisation(
-        chunks=tuple(chunks),
+        chunks=chunks,
         hessian=total,
         gradient=structure.to_columns(gradient.T) + factor_gradient,
         landmarks=len(problem.world_p_landmark),
         border=border,
     )
+
+
+def _on_disk(part: LinearisedChunk, arrays: DiskArrays) -> LinearisedChunk:
+    """Return the chunk's linearisation with its Jacobians on disk."""
+    return replace(part, jp=arrays.kept(part.jp), jl=arrays.kept(part.jl), r=arrays.kept(part.r))
 
 
 def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import PoseMatrix, SparsityStructure
+from vgps.solver.elimination import PoseFactor, SparsityStructure
 from vgps.solver.problem import BundleProblem
 
 MIN_DIAGONAL = 1e-6  # smaller diagonals are damped as if they had this value, GTSAM's default
@@ -50,7 +50,7 @@ class Border:
         """(s,) diagonal by which damping is scaled."""
         return np.maximum(np.diagonal(self.hessian), MIN_DIAGONAL)
 
-    def eliminate(self, factor: PoseMatrix, gradient: FloatArray, damping: float) -> BorderedSolution:
+    def eliminate(self, factor: PoseFactor, gradient: FloatArray, damping: float) -> BorderedSolution:
         """Solve for poses, states and shared vectors together.
 
         Args:

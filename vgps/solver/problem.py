@@ -77,6 +77,7 @@ class BundleProblem:
             cost grows linearly with their number.
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
         row_times: Times (N,) of the observations, for a rolling shutter.
+        submap_frames: Frames of a submap, if the problem is to be solved in submaps on disk.
 
     Raises:
         ValueError: Shapes or indices are inconsistent, a sigma is not positive, or a key is used twice.
@@ -97,6 +98,7 @@ class BundleProblem:
     states: Mapping[int, StateVector] = field(default_factory=dict)
     pose_keys: IntArray | None = None
     row_times: RowTimes | None = None
+    submap_frames: int | None = None
 
     def __post_init__(self) -> None:
         n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)

@@ -1,0 +1,119 @@
+"""Arrays on disk, mapped into memory: what a long problem needs one part after the other."""
+
+import mmap
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar, overload
+
+import numpy as np
+import numpy.typing as npt
+
+Item = TypeVar("Item")
+
+_SEGMENT = 2**26  # bytes reserved on disk at a time
+_RESIDENT = 2**27  # bytes that are passed over before the pages are given back
+
+
+class DiskArrays:
+    """Arrays in temporary files that end with them; they count as memory only while they are in use.
+
+    The files are in the folder that ``TMPDIR`` names. Space is reserved first: a full disk is an error here
+    and nothing worse later.
+    """
+
+    def __init__(self) -> None:
+        self._maps: list[mmap.mmap] = []
+        self._used = 0  # bytes of the last map
+        self.size = 0  # bytes of all arrays
+        self._passed = 0
+
+    def empty(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+        """Return an array of zeros in Fortran order.
+
+        Raises:
+            OSError: The disk is full.
+        """
+        kind = np.dtype(dtype)
+        size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
+        if not size:
+            return np.zeros(shape, kind, order="F")
+        if not self._maps or self._used + size > len(self._maps[-1]):
+            self._maps.append(_mapped(max(size, _SEGMENT)))
+            self._used = 0
+        array: npt.NDArray[Any] = np.ndarray(shape, kind, self._maps[-1], self._used, order="F")
+        self._used += -(-size // 64) * 64
+        self.size += size
+        return array
+
+    def kept(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return a copy on disk, with the order of the array's axes in memory."""
+        plain = np.ascontiguousarray(array)
+        copy = self.empty((plain.size,), plain.dtype).reshape(plain.shape)
+        copy[...] = plain
+        self.passed(plain.nbytes)
+        return copy
+
+    def passed(self, size: int) -> None:
+        """Say that so many bytes were in use and may leave the memory."""
+        self._passed += size
+        if self._passed > _RESIDENT:
+            self._passed = 0
+            for one in self._maps:
+                one.madvise(mmap.MADV_DONTNEED)  # of a shared map: what was written stays
+
+
+def _mapped(size: int) -> mmap.mmap:
+    with tempfile.TemporaryFile(prefix="vgps-") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            file.truncate(size)
+        return mmap.mmap(file.fileno(), size)
+
+
+class DiskSequence(Sequence[Item]):
+    """Items whose arrays are on disk; passing over them gives their memory back.
+
+    Args:
+        items: The items.
+        sizes: Bytes of each.
+        arrays: Where their arrays are.
+    """
+
+    def __init__(self, items: Sequence[Item], sizes: Sequence[int], *arrays: DiskArrays) -> None:
+        self._items, self._sizes, self.arrays = items, sizes, arrays
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    @overload
+    def __getitem__(self, index: int) -> Item: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Item]: ...
+    def __getitem__(self, index: int | slice) -> Item | Sequence[Item]:
+        return self._items[index]
+
+    def __iter__(self) -> Iterator[Item]:
+        for item, size in zip(self._items, self._sizes, strict=True):
+            yield item
+            for one in self.arrays:
+                one.passed(size)
+
+
+def stored(
+    items: Iterable[Item], store: Callable[[Item, DiskArrays], Item], beside: Sequence[Any] = ()
+) -> DiskSequence[Item]:
+    """Return items with their arrays on disk.
+
+    Args:
+        items: The items, taken one by one.
+        store: Returns an item with its arrays among those given.
+        beside: Items that are used with these ones, and give their memory back too if they are on disk.
+    """
+    arrays, kept, sizes = DiskArrays(), [], []
+    for item in items:
+        before = arrays.size
+        kept.append(store(item, arrays))
+        sizes.append(arrays.size - before)
+    return DiskSequence(kept, sizes, arrays, *(beside.arrays if isinstance(beside, DiskSequence) else ()))
