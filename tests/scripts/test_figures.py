@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scripts.benchmarks.growth import as_markdown as growth_table
+from scripts.common.markdown import growth_table
 from scripts.experiments.matsuda.rates import as_markdown as rates_table
 from scripts.experiments.matsuda.tracking_errors import errors_of
 from scripts.experiments.nees import figures
