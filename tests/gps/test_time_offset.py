@@ -2,12 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import best_time_offset, min_gain, neighbour_pairs, update_time_offset
+from vgps.gps.time_offset import best_time_offset, knot_weights, min_gain, neighbour_pairs, update_time_offset
 
 BELIEVED = TimeOffset(0.0, 0.5)
 NONE = np.zeros(3)
@@ -137,3 +139,11 @@ def test_a_few_fixes_give_no_spurious_time_offset():
         offset = np.cumsum(np.random.default_rng(seed).normal(0, 0.05, (len(fixes_s), 3)), axis=0)
         fixes = fixes_that_lie(fixes_s, place(fixes_s) + offset)
         assert no_offset_is_found(trajectory(place(t_s), t_s), fixes)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 12), st.lists(st.floats(-5.0, 30.0), min_size=1, max_size=20))
+def test_weights_of_knots_are_those_of_linear_interpolation(knots, at_s):
+    knots_s = np.linspace(1.0, 22.5, knots)
+    expected = np.stack([np.interp(at_s, knots_s, row) for row in np.eye(knots)], axis=1)
+    np.testing.assert_allclose(knot_weights(np.array(at_s), knots_s).toarray(), expected, atol=1e-12)

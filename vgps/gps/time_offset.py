@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
+from scipy.linalg import solveh_banded
 from scipy.special import ndtr, stdtrit
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
@@ -148,9 +150,7 @@ class NeighbourPairs:
         t_s = path.t_s
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
-        at_s = fixes.t_s[self._rows]
-        # (n, K) weight of each knot for each pair
-        self._knot_weight = np.stack([np.interp(at_s, knots, row) for row in np.eye(len(knots))], axis=1)
+        self._knot_weight = knot_weights(fixes.t_s[self._rows], knots)
 
     @property
     def count(self) -> int:
@@ -182,12 +182,11 @@ class NeighbourPairs:
         by_time_offset = (
             (self._camera_displacement(time_offset_s + _DELTA_S) - fit.displacement)
             / _DELTA_S
-            * (self._knot_weight @ fit.factor)
+            * self._at_pairs(fit.factor)
         )
         weight = _weight(fit.difference, self.config.robust_spreads)
-        hessian, A = self._normal(fit.displacement, weight)
-        shared = A.conj().T @ (weight * by_time_offset)
-        absorbed = np.vdot(shared, np.linalg.solve(hessian, shared)).real  # by the factors
+        shared = self._by_knot(weight * fit.displacement.conj() * by_time_offset)
+        absorbed = np.vdot(shared, self._solved(fit.displacement, weight, shared)).real  # by the factors
         information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
         # the gradient of the factors is zero at their optimum
         gradient = (
@@ -220,18 +219,38 @@ class NeighbourPairs:
         factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
         for _ in range(_REWEIGHTINGS):
             weight = _weight(
-                displacement * (self._knot_weight @ factor) - self._displacement, self.config.robust_spreads
+                displacement * self._at_pairs(factor) - self._displacement, self.config.robust_spreads
             )
-            hessian, A = self._normal(displacement, weight)
-            right = A.conj().T @ (weight * self._displacement) + self.config.factor_sigma**-2
-            factor = np.asarray(np.linalg.solve(hessian, right), np.complex128)
-        return _Fitted(displacement, factor, displacement * (self._knot_weight @ factor) - self._displacement)
+            right = self._by_knot(weight * displacement.conj() * self._displacement)
+            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
+        return _Fitted(displacement, factor, displacement * self._at_pairs(factor) - self._displacement)
 
-    def _normal(self, displacement: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the Hessian (K, K) of the factors, and the derivatives (n, K) of the displacements by
-        them."""
-        A = self._knot_weight * displacement[:, None]
-        return A.conj().T @ (weight[:, None] * A) + np.eye(A.shape[1]) / self.config.factor_sigma**2, A
+    def _at_pairs(self, factor: ComplexArray) -> ComplexArray:
+        """Return the factors (n,) at the pairs from those (K,) at the knots."""
+        return np.asarray(self._knot_weight @ factor)
+
+    def _by_knot(self, values: ComplexArray) -> ComplexArray:
+        """Return the sums (K,) of values (n,) with the weights of the knots."""
+        return np.asarray(self._knot_weight.T @ values)
+
+    def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
+        """Return the solution (K,) of the factors' normal equations, which are tridiagonal and real."""
+        squared = self._knot_weight.T @ sparse.diags_array(weight * np.abs(displacement) ** 2)
+        hessian = squared @ self._knot_weight
+        band = np.zeros((2, hessian.shape[0]))
+        band[0, 1:] = hessian.diagonal(1)
+        band[1] = hessian.diagonal() + self.config.factor_sigma**-2
+        return np.asarray(solveh_banded(band, right), np.complex128)
+
+
+def knot_weights(at_s: FloatArray, knots_s: FloatArray) -> sparse.csr_array:
+    """Return the weights (n, K) of evenly spaced knots at some times, those of linear interpolation."""
+    share = np.clip((at_s - knots_s[0]) / (knots_s[1] - knots_s[0]), 0.0, len(knots_s) - 1.0)
+    before = np.minimum(share.astype(np.int64), len(knots_s) - 2)
+    after_weight, row = share - before, np.arange(len(at_s))
+    entries = np.concatenate([1.0 - after_weight, after_weight])
+    index = (np.tile(row, 2), np.concatenate([before, before + 1]))
+    return sparse.csr_array((entries, index), shape=(len(at_s), len(knots_s)))
 
 
 class _Fitted(NamedTuple):

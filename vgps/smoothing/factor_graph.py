@@ -125,7 +125,7 @@ def select_observations(
     problem = _bare_problem(scene, context)
     error, behind = reprojection_errors(problem)
     good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
-    good &= np.abs(scene.points[scene.observations.landmark]).max(axis=1) < _POSITION_LIMIT
+    good &= (np.abs(scene.points).max(axis=1) < _POSITION_LIMIT)[scene.observations.landmark]
     tracked = np.ones_like(good)
     if scene.loop is not None:
         good, tracked = fitting_loops(good, ~behind, scene.loop, tolerance > 1.0), scene.loop < 0
