@@ -11,7 +11,7 @@ from gpmf_bytes import doppler_speeds
 from textured_room import CAMERA, CONFIG, path, room_control_points, room_gps_log, room_recording
 
 import vgps
-from vgps.config import IntrinsicsConfig
+from vgps.config import Config, IntrinsicsConfig, WindowConfig
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass
@@ -282,3 +282,13 @@ def test_gopro_walk_holds_one_map(data_dir):
     t_s, speed = doppler_speeds(read_gpmf(data_dir / "gopro_walk/video.mp4"))
     length_m = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1).sum()
     assert length_m == pytest.approx(np.trapezoid(speed[:, 1], t_s), rel=0.15)
+
+
+@pytest.mark.slow
+def test_kitti07_with_isam2_in_front(data_dir):
+    folder = data_dir / "kitti07"
+    config = Config(window=WindowConfig(solver="isam2"))
+    solution = vgps.smooth(vgps.open_recording(folder, gps="gps_float.nmea"), config)
+    assert errors(solution, folder).camera_position_m.mean < 0.15
+    assert not [text for text in solution.warnings if "iSAM2" in text]
+    assert Verdict.REJECTED not in solution.fixes.verdict

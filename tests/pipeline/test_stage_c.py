@@ -8,6 +8,7 @@ from synthetic_map import away, context, map_of, moved, scene
 
 from vgps.config import Config, WindowConfig
 from vgps.gps.fix_buffer import FixBuffer
+from vgps.mapping.map_update import MapUpdate
 from vgps.pipeline.stage_c import StageC
 from vgps.runtime.timing import CONCURRENT, StageTimer
 
@@ -53,3 +54,16 @@ def test_a_map_outside_the_world_is_not_compared_with_fixes():
     before = local_map.poses.copy()
     run(local_map, away_from_it)
     np.testing.assert_array_equal(local_map.poses[:40], before[:40])
+
+
+def test_isam2_goes_on_where_fixes_contradict_its_map(monkeypatch):
+    """Its past is no truth: only the first windows, before it has a state, need drift correction."""
+    local_map, _, fixes = true_map(49)
+    config = Config(window=WindowConfig(length_frames=20, solver="isam2"))
+    stage_c = StageC(context(config), StageTimer())
+    contradicted, corrected = [], []
+    monkeypatch.setattr("vgps.pipeline.stage_c.contradicts", lambda *_: contradicted.append(1) or True)
+    monkeypatch.setattr("vgps.pipeline.stage_c.correct_drift", lambda *_: corrected.append(1) or MapUpdate())
+    for _ in range(3):
+        assert not stage_c.run(local_map, FixBuffer(fixes, ANTENNA, CONFIG))
+    assert len(corrected) == 2 and len(contradicted) == 5 and stage_c.failures == 0

@@ -33,6 +33,7 @@ GONE = {
     "benchmarks.imu": ("{gone}", "--logs", "gps.nmea", "--imu", "imu.csv", "--rig", "rig.yaml"),
     "benchmarks.online": ("{gone}",),
     "benchmarks.receivers.__main__": ("--recordings", "{gone}"),
+    "benchmarks.stage_c": ("{gone}", "--logs", "gps.nmea"),
     "benchmarks.sky_view": ("--recording", "{gone}"),
     "benchmarks.tracker": ("{gone}", "--landmarks", "street.vgps"),
     "benchmarks.window.__main__": ("{gone}",),

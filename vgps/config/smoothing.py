@@ -14,8 +14,10 @@ from vgps.model import FloatArray
 class WindowConfig(SettingsModel):
     """Stage C, Kume 2010: optimise the last frames every few frames."""
 
-    basic: ClassVar[tuple[str, ...]] = ("every_frames", "length_frames")
+    basic: ClassVar[tuple[str, ...]] = ("solver", "every_frames", "length_frames")
 
+    solver: Literal["schur", "isam2"] = "schur"
+    """Stage C holds older frames (schur), or marginalises them by iSAM2 (not with a rolling shutter)."""
     every_frames: PositiveInt = 15
     """Frames from one optimisation of the window to the next."""
     length_frames: PositiveInt = 60

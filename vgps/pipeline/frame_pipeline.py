@@ -86,6 +86,11 @@ class FramePipeline:
         """The map that the newest frames belong to, once it has started."""
         return self._current.local_map if self._current is not None and self._current.started else None
 
+    @property
+    def window_failures(self) -> int:
+        """Number of windows that iSAM2 could not solve, and the other solver did."""
+        return self._worker.failures
+
     def add_fixes(self, fixes: Fixes) -> None:
         """Add fixes, in any order and late if need be; each counts at its own time."""
         self.fix_buffer.add(fixes, float(self.t_s[-1]) if len(self._times) else -np.inf)

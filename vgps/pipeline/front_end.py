@@ -120,9 +120,21 @@ def front_end_of(
         fixes=frame_pipeline.fix_buffer.fixes,
         sensors=_sensors(frame_pipeline, recording),
         controls=controls,
-        warnings=(*recording.notes, *getattr(recording.video, "warnings", ()), *frame_pipeline.warnings),
+        warnings=(
+            *recording.notes,
+            *getattr(recording.video, "warnings", ()),
+            *frame_pipeline.warnings,
+            *_failures(frame_pipeline),
+        ),
         seconds=dict(frame_pipeline.timer.by_stage),
     )
+
+
+def _failures(frame_pipeline: FramePipeline) -> tuple[str, ...]:
+    count = frame_pipeline.window_failures
+    if not count:
+        return ()
+    return (f"windows that iSAM2 could not solve: {count}; window.solver schur took their place",)
 
 
 def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:

@@ -8,6 +8,7 @@ from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.drift_correction import correct_drift, restore_odometry
+from vgps.smoothing.incremental_window import IncrementalWindow
 from vgps.smoothing.window import contradicts, optimise_window
 
 
@@ -24,7 +25,13 @@ class StageC:
 
     def __init__(self, context: SmoothingContext, timer: StageTimer) -> None:
         self._context, self._timer = context, timer
+        self._isam2 = IncrementalWindow(context) if context.config.window.solver == "isam2" else None
         self.used_until_s = -np.inf
+
+    @property
+    def failures(self) -> int:
+        """Number of windows that iSAM2 could not solve."""
+        return 0 if self._isam2 is None else self._isam2.failures
 
     def run(self, local_map: LocalMap, fix_buffer: FixBuffer, suffix: str = "") -> tuple[str, ...]:
         """Correct drift if fixes contradict the frames that the window will hold, then optimise the window.
@@ -48,7 +55,10 @@ class StageC:
         with self._timer.measure("window" + suffix):
             fixes, antenna = fix_buffer.usable(until_s), fix_buffer.sensors.prior_antenna
             tolerance = self._context.config.window.corrected_tolerance if corrected else 1.0
-            result = optimise_window(local_map, fixes, antenna, self._context, tolerance)
+            if self._isam2 is not None:
+                result = self._isam2.optimise(local_map, fixes, antenna, tolerance)
+            else:
+                result = optimise_window(local_map, fixes, antenna, self._context, tolerance)
             local_map.apply(result.update)
         self.used_until_s = until_s
         if result.converged:
@@ -68,6 +78,8 @@ class StageC:
         if not contradicted():
             return False
         rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self.used_until_s)
+        if self._isam2 is not None and self._isam2.continues(local_map):
+            return False  # its past is no truth and gives way; a fix found wrong leaves its graph
         if rejected_s < until_s:
             local_map.apply(restore_odometry(local_map, rejected_s - config.window.bend_s))
         if not contradicted():

@@ -53,6 +53,11 @@ class WindowWorker:
         return self._job is not None
 
     @property
+    def failures(self) -> int:
+        """Number of windows that iSAM2 could not solve."""
+        return self._stage_c.failures
+
+    @property
     def used_until_s(self) -> float:
         """Time of the newest frame that stage C has optimised."""
         return self._stage_c.used_until_s

@@ -228,15 +228,17 @@ def other_pose_factors(
     if imu is not None:
         unseen[imu.frame] = False
     motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
-    level = gtsam.NonlinearFactorGraph() if imu is not None else _upright_priors(len(scene.t_s), config)
+    level = (
+        gtsam.NonlinearFactorGraph() if imu is not None else level_priors(np.arange(len(scene.t_s)), config)
+    )
     return joined(sensors.priors(), motion, level)
 
 
-def _upright_priors(frames: int, config: Config) -> gtsam.NonlinearFactorGraph:
-    """Return the prior of a level camera, spread over some frames with the total weight of one."""
+def level_priors(frames: IntArray, config: Config) -> gtsam.NonlinearFactorGraph:
+    """Return the prior of a level camera, spread over some of the frames with the total weight of one."""
     graph = gtsam.NonlinearFactorGraph()
-    rows = np.unique(np.linspace(0, frames - 1, _LEVEL_FRAMES).astype(int))
+    rows = np.unique(np.linspace(0, len(frames) - 1, _LEVEL_FRAMES).astype(int))
     sigmas = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg]) * np.sqrt(len(rows))
-    for row in rows.tolist():
-        graph.push_back(level_factor(X(row), float(sigmas[0]), float(sigmas[1])))
+    for frame in frames[rows].tolist():
+        graph.push_back(level_factor(X(frame), float(sigmas[0]), float(sigmas[1])))
     return graph

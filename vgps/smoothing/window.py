@@ -11,7 +11,7 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import (
     build_problem,
@@ -22,6 +22,8 @@ from vgps.smoothing.factor_graph import (
 from vgps.smoothing.motion_factors import motion_factors
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
+
+_HELD_SIGMA = 1e-4  # rad and map units: a frame that iSAM2 holds
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,25 @@ def _typical_speed(path: Trajectory) -> float:
     return float(max(path.length_m / max(path.t_s[-1] - path.t_s[0], 1e-9), 1e-6))
 
 
-def _loose_prior(pose: FloatArray) -> gtsam.PriorFactorPose3:
+def start_priors(frames: IntArray, poses: FloatArray, aligned: bool) -> gtsam.NonlinearFactorGraph:
+    """Return what holds a map whose first frame is in the window, as :func:`optimise_window` holds it.
+
+    Args:
+        frames: (F,) frames of the window.
+        poses: (F, 4, 4) their poses.
+        aligned: Whether fixes tie the map to the world; else two frames are held.
+    """
+    graph = gtsam.NonlinearFactorGraph()
+    if aligned:
+        graph.push_back(_loose_prior(poses[0], int(frames[0])))
+        return graph
+    held = gtsam.noiseModel.Isotropic.Sigma(6, _HELD_SIGMA)
+    for row in (0, _farthest_of_first_views(poses)):
+        graph.addPriorPose3(X(int(frames[row])), gtsam.Pose3(poses[row]), held)
+    return graph
+
+
+def _loose_prior(pose: FloatArray, frame: int = 0) -> gtsam.PriorFactorPose3:
     # on a straight path fixes do not determine the roll; this keeps the system positive definite
     sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0])
-    return gtsam.PriorFactorPose3(X(0), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+    return gtsam.PriorFactorPose3(X(frame), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
