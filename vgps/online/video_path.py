@@ -23,8 +23,14 @@ class VideoPath:
     moving: BoolArray
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """Return the poses at times within the path."""
-        return interpolate_poses(self.t_s, self.poses, t_s)
+        """Return the poses (N, 4, 4) at times (N,); those outside the path are clamped."""
+        if not len(t_s):
+            return np.zeros((0, 4, 4))
+        # of many frames few are asked for, mostly the newest
+        first = int(np.searchsorted(self.t_s, t_s.min(), side="right")) - 1
+        first = min(max(first, 0), len(self.t_s) - 2)
+        rows = slice(first, max(int(np.searchsorted(self.t_s, t_s.max())) + 1, first + 2))
+        return interpolate_poses(self.t_s[rows], self.poses[rows], t_s)
 
     def since(self, t_s: float) -> "VideoPath":
         """Return the path from a time within it on."""
