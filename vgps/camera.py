@@ -121,9 +121,13 @@ def centred_camera(
 
 
 def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:
-    """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row."""
-    v = distort(camera, uv_px)[:, 1]
-    share = np.where(np.isfinite(v), v, uv_px[:, 1]) / max(camera.height - 1.0, 1.0) - 0.5
+    """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row.
+
+    Rows are the columns of a picture whose ``readout_axis`` they are.
+    """
+    axis, size = (0, camera.width) if camera.readout_axis == "columns" else (1, camera.height)
+    v = distort(camera, uv_px)[:, axis]
+    share = np.where(np.isfinite(v), v, uv_px[:, axis]) / max(size - 1.0, 1.0) - 0.5
     return np.asarray(np.clip(share, -0.5, 0.5))
 
 
@@ -137,6 +141,8 @@ def camera_fields(camera: Camera) -> dict[str, Any]:
         fields["pixel_mm"] = list(camera.pixel_mm)
     if camera.readout_s is not None:
         fields["readout_s"] = camera.readout_s
+    if camera.readout_axis != "rows":
+        fields["readout_axis"] = camera.readout_axis
     return fields
 
 

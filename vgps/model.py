@@ -55,7 +55,8 @@ class Camera:
 
     ``readout_s``: time from the exposure of the first row to that of the last, 0 for a global shutter,
     negative if the last row comes first, None if unknown. A frame's time stamp and pose are those of its
-    middle row.
+    middle row. With ``readout_axis`` ``columns``, as of a picture turned upright by a quarter, it is from the
+    left column to the right one.
     """
 
     model: LensModel
@@ -68,6 +69,7 @@ class Camera:
     distortion: tuple[float, ...] = ()
     pixel_mm: tuple[float, float] | None = None
     readout_s: float | None = None
+    readout_axis: Literal["rows", "columns"] = "rows"
 
     @property
     def K(self) -> FloatArray:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from gpmf_bytes import device, encode, text
 
-from vgps.camera import project
+from vgps.camera import centred_camera, project, row_shares
 from vgps.readers import gopro_lens
-from vgps.readers.gopro_lens import gopro_guess, gopro_readout_s, gopro_settings
+from vgps.readers.gopro_lens import gopro_guess, gopro_readout_s, gopro_settings, with_readout
 from vgps.readers.gpmf import Block, Telemetry, read_gpmf
 
 SIZE = (1920, 1080)
@@ -97,6 +97,25 @@ def test_the_readout_counts_where_the_pictures_are_not_stabilised(
     telemetry = Telemetry(tmp_path / "GH010042.MP4", sensors={"SROT": blocks})
     assert gopro_readout_s(telemetry) == pytest.approx(expected)
     assert gopro_readout_s(replace(telemetry, sensors={})) is None
+
+
+@pytest.mark.parametrize(
+    ("turns", "axis", "expected"),
+    [(0, "rows", 0.008), (1, "columns", 0.008), (2, "rows", -0.008), (3, "columns", -0.008)],
+)
+def test_the_readout_turns_with_the_picture(monkeypatch, tmp_path, turns, axis, expected):
+    monkeypatch.setattr(gopro_lens, "read_box", lambda *names: device("Global Settings", text("EISE", "N")))
+    blocks = [Block(stamp_s=0.0, samples=np.full((30, 1), 8.0))]
+    telemetry = Telemetry(tmp_path / "GH010042.MP4", sensors={"SROT": blocks})
+    size = (640, 480) if turns % 2 == 0 else (480, 640)
+    camera = with_readout(centred_camera("opencv", size, 500.0), telemetry, turns)
+    assert camera.readout_axis == axis and camera.readout_s == pytest.approx(expected)
+    sensor_rows = np.tile(np.arange(480.0)[:, None], (1, 640))
+    v, u = (index.ravel()[::997] for index in np.indices(size[::-1]))
+    share = row_shares(camera, np.column_stack([u, v]).astype(float)) * np.sign(expected)
+    np.testing.assert_allclose(share, np.rot90(sensor_rows, turns)[v, u] / 479 - 0.5, atol=1e-12)
+    given = with_readout(replace(camera, readout_s=0.02, readout_axis="rows"), telemetry, turns)
+    assert given.readout_s == 0.02 and given.readout_axis == axis
 
 
 def test_the_readout_of_a_stabilised_hero7_is_not_used(data_dir):

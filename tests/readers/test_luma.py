@@ -122,4 +122,5 @@ def test_what_is_not_upright_after_quarter_turns_is_refused(tmp_path, rows, foun
     with pytest.raises(VideoError, match=f"{found}; expected none, or one of quarter turns; encode it again"):
         VideoFile(with_display_matrix(clip, tmp_path / "other.mp4", rows))
     half_turn = [(-1, 0, 0), (0, -1, 0), (64, 48, 1)]
-    assert VideoFile(with_display_matrix(clip, tmp_path / "half.mp4", half_turn)).width == 64
+    half = VideoFile(with_display_matrix(clip, tmp_path / "half.mp4", half_turn))
+    assert half.width == 64 and half.quarter_turns == 2 and VideoFile(clip).quarter_turns == 1

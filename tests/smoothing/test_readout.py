@@ -26,6 +26,9 @@ def test_rows_lie_in_the_distorted_picture() -> None:
     np.testing.assert_allclose(row_shares(CAMERA, uv), [0.0, -0.5, 0.5, 0.5], atol=1e-12)
     middle, first, last, beyond = row_shares(lens, uv)
     assert abs(middle) < 1e-6 and -0.5 < first < -0.47 and 0.47 < last < 0.5 and beyond == 0.5
+    turned = replace(CAMERA, readout_axis="columns")
+    across = np.array([[0.0, 100.0], [319.5, 0.0], [639.0, 200.0]])
+    np.testing.assert_allclose(row_shares(turned, across), [-0.5, 0.0, 0.5], atol=1e-12)
 
 
 def test_the_readout_is_found_from_a_global_shutter_and_from_itself() -> None:

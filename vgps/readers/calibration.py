@@ -59,6 +59,7 @@ class _CameraFields(_Fields):
     distortion: tuple[FiniteFloat, ...] = ()
     pixel_mm: tuple[Positive, Positive] | None = None
     readout_s: Readout | None = None
+    readout_axis: Literal["rows", "columns"] = "rows"
 
     def camera(self) -> Camera:
         return Camera(**self.model_dump())

@@ -5,13 +5,13 @@ in the corner and multiplied by ZMPL (https://github.com/gopro/gpmf-parser/issue
 ZFOV, the angle from corner to corner [deg]. Before that VFOV, the name of the field of view.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vgps.camera import centred_camera
-from vgps.model import CameraGuess, FloatArray
+from vgps.model import Camera, CameraGuess, FloatArray
 from vgps.readers.gpmf import Entry, Telemetry, first_number, numbers, parse
 from vgps.readers.mp4_boxes import read_box
 
@@ -76,6 +76,20 @@ def gopro_readout_s(telemetry: Telemetry) -> float | None:
     if not blocks or _text(gopro_settings(telemetry.path), "EISE") != "N":
         return None
     return 1e-3 * float(np.median(np.concatenate([block.samples.ravel() for block in blocks])))
+
+
+def with_readout(camera: Camera, telemetry: Telemetry, quarter_turns: int) -> Camera:
+    """Return the camera with a GoPro's readout, if it has none, and with its axis in the upright picture.
+
+    After 1, 2 and 3 counterclockwise quarter turns the sensor's first row is the left column, the last row
+    and the right column.
+    """
+    if quarter_turns % 2:
+        camera = replace(camera, readout_axis="columns")
+    found_s = gopro_readout_s(telemetry) if camera.readout_s is None else None
+    if found_s is None:
+        return camera
+    return replace(camera, readout_s=-found_s if quarter_turns >= 2 else found_s)
 
 
 @dataclass(frozen=True, kw_only=True)

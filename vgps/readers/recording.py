@@ -22,7 +22,7 @@ from vgps.readers.gopro import (
     read_gopro_gyro,
     read_gopro_imu,
 )
-from vgps.readers.gopro_lens import gopro_readout_s
+from vgps.readers.gopro_lens import with_readout
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
@@ -86,8 +86,7 @@ def open_recording(
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
     lens = lens or guesses[0].camera
-    if lens.readout_s is None:
-        lens = replace(lens, readout_s=gopro_readout_s(telemetry))
+    lens = with_readout(lens, telemetry, getattr(video, "quarter_turns", 0))
     rig_file = _given(folder, rig, "rig.yaml")
     mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
     if mount.video_start_s == 0.0 and video.start_s != 0.0:

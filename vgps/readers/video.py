@@ -13,7 +13,7 @@ from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, RgbImage
 from vgps.readers.container import check_size, open_container
 from vgps.readers.frame_times import FrameTimes, read_frame_times
-from vgps.readers.luma import ahead, check_upright, colours, luma, upright_size
+from vgps.readers.luma import ahead, check_upright, colours, luma, quarter_turns, upright_size
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +64,7 @@ class VideoFile:
             raise VideoError("no frame can be decoded", file=self.path, expected="a video with frames")
         check_upright(first, self.path)
         self.width, self.height = upright_size(first)
+        self.quarter_turns = quarter_turns(first)
         self.start_s = float(times.t_s[0]) if times is not None else 0.0
 
     @property
