@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from vgps.pipeline.join_folders import join_folders
+
 
 def test_a_mistake_is_one_line(vgps_verb, tmp_path: Path) -> None:
     for words in (
@@ -23,3 +25,30 @@ def test_a_run_joined_with_itself_keeps_its_poses(vgps_verb, smoothed: Path, tmp
     assert code == 0, err
     assert "frames of again see places of run" in out and "frames of 2 runs in one world" in out
     assert (tmp_path / "out/again/poses.tum").is_file() and (tmp_path / "out/points.ply").is_file()
+
+
+@pytest.mark.slow
+def test_an_interrupted_join_goes_on_from_the_places_and_a_worker_gives_the_same(
+    vgps_verb, smoothed: Path, tmp_path: Path, monkeypatch
+) -> None:
+    pytest.importorskip("distributed")
+    shutil.copytree(smoothed, tmp_path / "again")
+    runs = ["join", smoothed, tmp_path / "again", "--out"]
+    assert vgps_verb(*runs, tmp_path / "whole")[0] == 0
+    with monkeypatch.context() as patched:  # ends while it writes, after the places are found
+        patched.setattr("vgps.pipeline.join_folders.write_joined", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            join_folders([smoothed, tmp_path / "again"], tmp_path / "out")
+    assert not (tmp_path / "out").exists() and (tmp_path / ".out.resume/places.npz").is_file()
+    with monkeypatch.context() as patched:
+        patched.setattr("vgps.pipeline.join.find_loops", interrupted)  # not searched again
+        assert vgps_verb(*runs, tmp_path / "out", "--resume")[0] == 0
+    assert vgps_verb(*runs, tmp_path / "there", "--scheduler", "local")[0] == 0
+    for name in ("again/poses.tum", "again/poses.csv", "points.ply"):
+        whole = (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "out" / name).read_bytes() == whole == (tmp_path / "there" / name).read_bytes()
+    assert not list(tmp_path.glob(".*.resume"))
+
+
+def interrupted(*_args, **_options):
+    raise KeyboardInterrupt

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from vgps.cluster.job import JobReport, SmoothJob, reported
 from vgps.errors import ClusterError
@@ -11,6 +11,9 @@ from vgps.runtime.versions import versions
 
 if TYPE_CHECKING:
     from distributed import Client
+
+Job = TypeVar("Job")
+Report = TypeVar("Report")
 
 LOCAL = "local"
 _CONNECT_S = 30.0  # to reach the scheduler, and until it has a worker
@@ -46,6 +49,29 @@ def run_on_cluster(
                 yield future.result()
             else:
                 yield JobReport(recording=job.recording, out=job.out, error=_lost(error))
+
+
+def run_one(
+    work: Callable[[Job], Report], job: Job, scheduler: str, announce: Callable[[str], None]
+) -> Report:
+    """Do one job on a worker and return its report.
+
+    Args:
+        work: What to do, a function of a module.
+        job: What it takes.
+        scheduler, announce: As in :func:`run_on_cluster`.
+
+    Raises:
+        ClusterError: As in :func:`run_on_cluster`, or its workers were lost.
+    """
+    with _connected(scheduler, 1) as client:
+        announce(f"workers: {_checked_workers(client)}, dashboard: {client.dashboard_link}")
+        future = client.submit(work, job, pure=False)
+        error = future.exception()  # type: ignore[no-untyped-call]
+        if error is not None:
+            raise ClusterError(_lost(error), place="--scheduler")
+        report: Report = future.result()
+        return report
 
 
 def _lost(error: BaseException) -> str:

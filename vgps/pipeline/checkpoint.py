@@ -116,7 +116,7 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "camera": repr(recording.camera),
         "rig": repr(recording.rig),
         "times": _digest(recording.video.times_s),
-        "video": _stamp(recording.video.path),
+        "video": stamp(recording.video.path),
         "gps": None if gps is None else _digest_fields(gps),
         "imu": None if recording.imu is None else _digest_fields(recording.imu),
         "points": None if points is None else _digest_fields(points),
@@ -132,7 +132,7 @@ def _digest(values: np.ndarray | tuple[str, ...]) -> str:
     return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
 
 
-def _stamp(path: Path) -> list[Any]:
+def stamp(path: Path) -> list[Any]:
     """Return what changes when a file does: name, size and time of change."""
     try:
         about = path.stat()

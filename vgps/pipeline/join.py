@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from vgps.errors import RunFolderError
 from vgps.geodesy import enu_T_enu
 from vgps.gps.sensors import Sensors
 from vgps.model import Frame, IntArray, Recording
+from vgps.pipeline.join_checkpoint import JoinCheckpoint
 from vgps.pipeline.loop_closure import with_loops
 from vgps.pipeline.run_parts import all_landmarks, part_of_run
 from vgps.places.common_camera import seen_by
@@ -36,7 +38,10 @@ class Run:
 
 
 def join_runs(
-    runs: Sequence[Run], config: Config | None = None, progress: Progress | None = None
+    runs: Sequence[Run],
+    config: Config | None = None,
+    progress: Progress | None = None,
+    checkpoint: JoinCheckpoint | None = None,
 ) -> JoinedRuns:
     """Return runs of one area as one adjustment gives them: fixes of all, and places seen by several.
 
@@ -46,6 +51,7 @@ def join_runs(
         runs: At least two, each georeferenced.
         config: Settings; by default those of the first run.
         progress: Progress display.
+        checkpoint: Where an interrupted adjustment goes on.
 
     Raises:
         RunFolderError: A run is not georeferenced or holds no graph of stage D, or shutters roll that cannot
@@ -61,7 +67,8 @@ def join_runs(
     with one_blas_thread():
         with timer.measure("places"):
             frames = progress.track(_frames(runs, joint), len(joint.scene.t_s))
-            loops = find_loops(_posed_video(runs, joint), frames, config.loops)
+            find = partial(find_loops, _posed_video(runs, joint), frames, config.loops)
+            loops = find() if checkpoint is None else checkpoint.loops(find)
         scene = with_loops(joint.scene, loops, joint.camera) if loops else joint.scene
         progress.stage("optimising all runs (D)")
         with timer.measure("batch"):

@@ -8,6 +8,7 @@ from vgps.config import Config
 from vgps.errors import RunFolderError, VgpsError
 from vgps.model import Recording
 from vgps.pipeline.join import Run, join_runs
+from vgps.pipeline.join_checkpoint import JoinCheckpoint
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
 from vgps.runtime.progress import Progress
@@ -20,7 +21,12 @@ _MIN_RUNS = 2
 
 
 def join_folders(
-    runs: Sequence[Path], out: Path, config: Config | None = None, progress: Progress | None = None
+    runs: Sequence[Path],
+    out: Path,
+    config: Config | None = None,
+    progress: Progress | None = None,
+    *,
+    resume: bool = False,
 ) -> JoinedRuns:
     """Join run folders and write the result.
 
@@ -29,6 +35,7 @@ def join_folders(
         out: Folder to write.
         config: Settings; by default those of the first run.
         progress: Progress display.
+        resume: Whether to go on where an interrupted adjustment of the same runs left off.
 
     Raises:
         RunFolderError: Too few runs, two of one name, a run that cannot be joined, or ``out`` cannot be
@@ -44,8 +51,10 @@ def join_folders(
             opened.append(
                 Run(name=path.resolve().name, solution=solution, recording=_recording(path, solution))
             )
-        joined = join_runs(opened, config, progress)
+        checkpoint = JoinCheckpoint(out, runs, config, resume=resume)
+        joined = join_runs(opened, config, progress, checkpoint)
         write_joined(joined, out)
+        checkpoint.remove()
     return joined
 
 

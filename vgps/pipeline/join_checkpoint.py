@@ -1,0 +1,69 @@
+"""A checkpoint of joined runs: the places that they share, from which an interrupted adjustment goes on."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from vgps.config import Config
+from vgps.errors import RunFolderError
+from vgps.pipeline.checkpoint import checkpoint_folder, stamp
+from vgps.places.loops import Loop
+from vgps.runtime.state_file import read_state, write_state
+
+
+class JoinCheckpoint:
+    """The places that runs share, in a hidden folder beside the joined runs.
+
+    Args:
+        out: Folder of the joined runs.
+        runs: Run folders.
+        config: Settings that replace those of the first run.
+        resume: Whether to take over the places that are there; else they are replaced.
+    """
+
+    def __init__(self, out: Path, runs: Sequence[Path], config: Config | None, *, resume: bool) -> None:
+        self._file = checkpoint_folder(out) / "places.npz"
+        self._runs, self._resume = _fingerprint(runs, config), resume
+
+    def loops(self, find: Callable[[], tuple[Loop, ...]]) -> tuple[Loop, ...]:
+        """Return the loops of the checkpoint; without one, find and store them.
+
+        Raises:
+            RunFolderError: The checkpoint is damaged, or of other runs; or it cannot be written.
+        """
+        if self._resume and self._file.is_file():
+            state = read_state(self._file, (Loop,))
+            if state.get("runs") != self._runs:
+                raise RunFolderError(
+                    "the interrupted adjustment has other runs, settings or another version of vgps",
+                    file=self._file,
+                    remedy="join as before, or without --resume",
+                )
+            return tuple(state["loops"])
+        loops = find()
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            write_state({"runs": self._runs, "loops": loops}, self._file, (Loop,))
+        except OSError as error:
+            self.remove()
+            raise RunFolderError(
+                f"cannot be written ({error.strerror})", file=self._file, remedy="check the free space"
+            ) from error
+        return loops
+
+    def remove(self) -> None:
+        """Remove the checkpoint, after the joined runs are written."""
+        shutil.rmtree(self._file.parent, ignore_errors=True)
+
+
+def _fingerprint(runs: Sequence[Path], config: Config | None) -> str:
+    """Return a digest of what decides the places that runs share."""
+    parts = {
+        "version": version("vgps"),
+        "config": None if config is None else config.model_dump(mode="json"),
+        "runs": [stamp(path.resolve() / "measurements.npz") for path in runs],
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
