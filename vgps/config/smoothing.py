@@ -17,7 +17,7 @@ class WindowConfig(SettingsModel):
     basic: ClassVar[tuple[str, ...]] = ("solver", "every_frames", "length_frames")
 
     solver: Literal["schur", "isam2"] = "schur"
-    """Stage C holds older frames (schur), or marginalises them by iSAM2 (experimental; no rolling shutter)."""
+    """Stage C holds older frames (schur), or marginalises them by iSAM2 (on trial; no rolling shutter)."""
     every_frames: PositiveInt = 15
     """Frames from one optimisation of the window to the next."""
     length_frames: PositiveInt = 60
