@@ -1,9 +1,11 @@
 """Is anything half-written after a kill at any moment, and is a resumed run that of an undisturbed one?
 
-``smooth --resume``, ``landmarks build`` and ``online`` run on a small simulated recording and are ended after
-a random time by SIGKILL, SIGTERM or SIGINT. After each kill the output is absent or complete, and no other
-file has appeared beside it, but for hidden ones, which the next run removes. After every few kills a run may
-end, and its files are compared with those of an undisturbed one: all bytes but the seconds must be equal.
+``smooth --resume``, ``landmarks build``, ``join --resume`` and ``online`` run on a small simulated
+recording and are ended after a random time by SIGKILL, SIGTERM or SIGINT. After each kill the output is
+absent or complete, and no other file has appeared beside it, but for hidden ones, which the next run
+removes. After every few kills a run may end, and its files are compared with those of an undisturbed
+one: all bytes but the seconds must be equal. Ctrl-C before the first line of vgps gives the traceback of
+Python's own start.
 """
 
 import json
@@ -22,7 +24,7 @@ from typing import Any
 
 from scripts.common.command import ScriptParser
 from vgps.landmarks.info import database_info
-from vgps.readers.run_folder import read_run
+from vgps.readers.run_folder import read_run, run_folders
 from vgps.simulate import SCENES, GpsConfig, simulate
 
 _SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
@@ -57,13 +59,14 @@ class Verb:
     reference: dict[str, bytes] = field(default_factory=dict)
 
 
-def verbs(recording: Path, run: Path) -> list[Verb]:
-    """Return the verbs that run for long."""
+def verbs(recording: Path, run: Path, again: Path) -> list[Verb]:
+    """Return the verbs that run for long, on a recording, its run and a copy of this run."""
     return [
         Verb(name="smooth", words=("smooth", str(recording), "--resume"), out="run", check=read_run),
         Verb(
             name="landmarks build", words=("landmarks", "build", str(run)), out="db.vgps", check=database_info
         ),
+        Verb(name="join", words=("join", str(run), str(again), "--resume"), out="joined", check=read_joined),
         Verb(
             name="online",
             words=("online", str(recording), "--finish"),
@@ -80,13 +83,20 @@ def started(verb: Verb, folder: Path) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
+def read_joined(out: Path) -> None:
+    """Read the runs of a folder of joined runs."""
+    for folder in run_folders(out):
+        read_run(folder)
+
+
 def contents(path: Path) -> dict[str, bytes]:
     """Return the bytes of an output, without the seconds, which vary."""
     if path.is_file():
         return {path.name: path.read_bytes()}
-    found = {file.name: file.read_bytes() for file in sorted(path.iterdir())}
-    summary = json.loads(found["solution.json"])
-    found["solution.json"] = json.dumps({**summary, "seconds": None}).encode()
+    files = [file for file in sorted(path.rglob("*")) if file.is_file()]
+    found = {str(file.relative_to(path)): file.read_bytes() for file in files}
+    for name in [name for name in found if Path(name).name == "solution.json"]:
+        found[name] = json.dumps({**json.loads(found[name]), "seconds": None}).encode()
     return found
 
 
@@ -95,7 +105,8 @@ def faults_after(verb: Verb, folder: Path, code: int, stderr: str) -> list[str]:
     faults = []
     if code not in _EXPECTED and not (verb.ends_early and code == _BAD_INPUT):
         faults.append(f"exit code {code}: {stderr[-200:]}")
-    if "Traceback" in stderr:
+    begun = code != -signal.SIGINT or ", in main\n" in stderr
+    if "Traceback" in stderr and begun:
         faults.append(f"traceback: {stderr[-200:]}")
     visible = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
     if visible - {verb.out}:
@@ -147,13 +158,15 @@ def main() -> None:
     results = parser.results(given)
     rng, wrong = random.Random(given.seed), 0
     with tempfile.TemporaryDirectory() as scratch:
-        recording, run = Path(scratch) / "recording", Path(scratch) / "run"
+        recording, run, again = (Path(scratch) / name for name in ("recording", "run", "again"))
         small = replace(SCENES["demo"], width=320, height=240, focal_px=260.0, gps=GpsConfig(fix_share=0.5))
         simulate(recording, small, seed=3)
-        if started(verbs(recording, run)[0], Path(scratch)).wait() != 0:
+        every = verbs(recording, run, again)
+        if started(every[0], Path(scratch)).wait() != 0:
             raise SystemExit("the recording cannot be smoothed")
-        for verb in verbs(recording, run):
-            row = _kill_often(verb, Path(scratch) / f"{verb.name} killed", given.kills // 3 + 1, rng)
+        shutil.copytree(run, again)
+        for verb in every:
+            row = _kill_often(verb, Path(scratch) / f"{verb.name} killed", given.kills // len(every), rng)
             wrong += len(row["faults"])
             results.add(**{**row, "faults": len(row["faults"])})
             print(f"{verb.name:16} {row}", flush=True)
