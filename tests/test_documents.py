@@ -65,6 +65,7 @@ def test_readme_quotes_the_measured_accuracy() -> None:
     cells = [
         (row["log"], f"{row['mean_m']:.3f}", f"{row['max_m']:.2f}", str(row["rejected"]))
         for row in measured["rows"]
+        if row["seed"] == 0
     ]
     assert re.findall(r"^\| `(gps_\w+)`[^|]*\| (\S+) \| (\S+) \| (\d+) \|$", README, re.MULTILINE) == cells
     assert len(cells) == 5 and not measured["dirty"]
