@@ -150,19 +150,15 @@ def test_the_walk_within_the_interval_of_an_offset_is_noise():
     errors = CONFIG.offset_errors(FixClass.RTK_FLOAT)
     apart = float(np.hypot(errors.noise_m, errors.walk_m * 0.1 ** (1 / errors.tail)))
     for k, scale_m in enumerate([apart, errors.noise_m, apart]):
-        robust = gtsam.noiseModel.Robust  # Student's t as Cauchy's loss
-        model = noise.at(k).noiseModel()
-        assert isinstance(model, robust)
-        np.testing.assert_allclose(
-            model.noise().sigmas(), student(errors, scale_m).noise_model().noise().sigmas()
-        )
+        found, expected = noise.at(k).noiseModel(), student(errors, scale_m).noise_model()
+        assert isinstance(found, gtsam.noiseModel.Robust)  # Student's t as Cauchy's loss
+        np.testing.assert_allclose(found.noise().sigmas(), expected.noise().sigmas())
 
 
 def test_steps_lead_as_far_as_a_rate_that_lasts():
     errors = CONFIG.offset_errors(FixClass.RTK_FLOAT)
-    scale_m = errors.walk_m * np.sqrt(
-        errors.rate_lasts_s
-    )  # n steps of it lead n walks far, n being rate_lasts_s
+    # n steps of it lead n walks far, n being rate_lasts_s
+    scale_m = errors.walk_m * np.sqrt(errors.rate_lasts_s)
     step = term(fixes([0, 1])).noise.at(2).noiseModel().noise().sigmas()
     np.testing.assert_allclose(step, student(errors, scale_m).noise_model().noise().sigmas())
 

@@ -106,6 +106,9 @@ def close_calls(assessment: FixAssessment, t_s: FloatArray) -> tuple[str, ...]:
 def contradictions(table: FixTable, fix_class: Sequence[FixClass]) -> tuple[str, ...]:
     """Return a warning for each class whose fixes are mostly not what the class says.
 
+    Distances of down-classed fixes are in regions of the class below. An error that all fixes share, as of
+    the height or the datum, moves the path with it and contradicts nothing.
+
     Args:
         table: Verdicts, residuals and regions of the fixes (M,).
         fix_class: (M,) their classes.
@@ -122,9 +125,9 @@ def contradictions(table: FixTable, fix_class: Sequence[FixClass]) -> tuple[str,
         if many >= _LEAST_FIXES and outside > _MOST_BEYOND * many:
             found.append(
                 f"the log contradicts its class {name}: {outside} of {many} fixes are not within the region "
-                f"of the class, {times:.1f} times as far in the median; a wrong lever "
-                "arm, clock, datum or height would do that, or a receiver that is worse than its class: see "
-                "gps.csv, check rig.yaml, or make a --survey of the receiver"
+                f"of the class, {times:.1f} times as far in the median; a wrong lever arm or clock would do "
+                "that, or a receiver that is worse than its class: see gps.csv, check rig.yaml, or make a "
+                "--survey of the receiver"
             )
     return tuple(found)
 
