@@ -9,7 +9,7 @@ from gtsam.symbol_shorthand import L
 from synthetic_bundle import TIGHT, held_frames, total_cost, with_loss
 from synthetic_rows import path_error, rolling_drive
 
-from vgps.solver import landmark_groups
+from vgps.solver import chunks
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
@@ -43,7 +43,7 @@ def gtsam_system(problem: BundleProblem) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("held", [False, True])
 def test_the_reduced_system_equals_that_of_gtsam(held: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(landmark_groups, "CHUNK_OBSERVATIONS", 60)
+    monkeypatch.setattr(chunks, "CHUNK_OBSERVATIONS", 60)
     problem = small(held)
     H, g = gtsam_system(problem)
     structure = analyse_sparsity(problem)

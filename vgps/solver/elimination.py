@@ -15,19 +15,11 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, BandMatrix
 from vgps.solver.block_layout import BlockLayout, layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
-from vgps.solver.landmark_groups import (
-    Chunk,
-    couple,
-    group_by_blocks,
-    group_by_track,
-    split_into_chunks,
-    track_ends,
-)
+from vgps.solver.chunks import Chunk, couple, split_into_chunks
+from vgps.solver.landmark_groups import group_by_blocks, group_by_track, track_ends
 from vgps.solver.problem import BundleProblem
 from vgps.solver.submap_matrix import SubmapFactor, SubmapLayout, SubmapMatrix, cut_into_submaps
 from vgps.solver.unknowns import Unknowns, number_unknowns
-
-__all__ = ["Chunk", "PoseFactor", "PoseMatrix", "SparsityStructure", "analyse_sparsity"]
 
 PoseMatrix = BandMatrix | BlockSparseMatrix | SubmapMatrix
 PoseFactor = BandMatrix | BlockSparseMatrix | SubmapFactor

@@ -9,9 +9,9 @@ gain.
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solver.chunks import Chunk, couple
 from vgps.solver.cost import observation_costs
 from vgps.solver.elimination import SparsityStructure
-from vgps.solver.landmark_groups import Chunk, couple
 from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import factorise_landmarks

@@ -10,7 +10,7 @@ import numpy as np
 
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.landmark_groups import Chunk
+from vgps.solver.chunks import Chunk
 from vgps.solver.pose_equations import MIN_DIAGONAL
 
 # image coordinates (u, v) that each pose coordinate moves

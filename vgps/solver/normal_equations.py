@@ -14,9 +14,10 @@ from scipy import sparse
 
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.chunks import Chunk
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.disk_arrays import DiskArrays, stored
-from vgps.solver.elimination import Chunk, SparsityStructure
+from vgps.solver.elimination import SparsityStructure
 from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
