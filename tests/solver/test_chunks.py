@@ -4,7 +4,7 @@ from synthetic_bundle import drive, keep_observations
 
 from vgps.solver.band_matrix import BandMatrix
 from vgps.solver.chunks import Chunk, LandmarkGroup, split_into_chunks
-from vgps.solver.landmark_groups import group_by_track
+from vgps.solver.landmark_groups import group_by_track, track_ends
 
 
 @pytest.mark.parametrize("frames", [[2, 3, 4], [0, 3, 9]])
@@ -26,7 +26,7 @@ def chunks(monkeypatch: pytest.MonkeyPatch) -> tuple[Chunk, ...]:
     problem, _ = drive(frames=20, landmarks=150)
     free = np.full(20, -1)
     free[np.setdiff1d(np.arange(20), [2, 5])] = np.arange(18)
-    _, group = group_by_track(free[problem.frame], problem.landmark, 150)
+    _, group = group_by_track(*track_ends(free[problem.frame], problem.landmark, 150))
     return split_into_chunks(problem, free, group)
 
 

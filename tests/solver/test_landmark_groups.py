@@ -1,14 +1,14 @@
 import numpy as np
 
 from vgps.solver.block_layout import BLOCK_FRAMES
-from vgps.solver.landmark_groups import group_by_blocks, group_by_track
+from vgps.solver.landmark_groups import group_by_blocks, group_by_track, track_ends
 
 
 def test_landmarks_of_similar_tracks_form_a_group() -> None:
     # tracks 0 and 1 have lengths 8 and 7 from frames 0 and 1; 2 comes later; 3 is longer; 4 is in held frames
     tracks = [range(8), range(1, 8), range(20, 28), range(12), [-1, -1]]
     landmark = np.repeat(np.arange(5), [len(track) for track in tracks])
-    span, group = group_by_track(np.concatenate([list(track) for track in tracks]), landmark, 6)
+    span, group = group_by_track(*track_ends(np.concatenate([list(track) for track in tracks]), landmark, 6))
     assert span == 12
     assert group[0] == group[1]
     assert len({group[0], group[2], group[3]}) == 3
@@ -16,8 +16,8 @@ def test_landmarks_of_similar_tracks_form_a_group() -> None:
 
 
 def test_span_of_a_track_counts_the_gap() -> None:
-    assert group_by_track(np.array([3, 40]), np.array([0, 0]), 1)[0] == 38
-    assert group_by_track(np.zeros(0, int), np.zeros(0, int), 2)[0] == 0
+    assert group_by_track(*track_ends(np.array([3, 40]), np.array([0, 0]), 1))[0] == 38
+    assert group_by_track(*track_ends(np.zeros(0, int), np.zeros(0, int), 2))[0] == 0
 
 
 def test_landmarks_in_the_same_blocks_form_a_group() -> None:

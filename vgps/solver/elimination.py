@@ -112,11 +112,11 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
 def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]) -> SparsityStructure:
     free = unknowns.free
     coupled = couple(problem, problem.landmark)
-    span, group = group_by_track(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
+    first, last = track_ends(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
+    span, group = group_by_track(first, last)
     spans = [int(np.ptp(places)) + 1 for places in cliques]
     submaps = None
     if problem.submap_frames is not None:
-        first, last = track_ends(free[coupled.frame], coupled.landmark, len(group))
         submaps = _submaps(unknowns, (first, last), cliques, problem.submap_frames)
     if submaps is not None:  # a submap's landmarks after those of the one before
         number = np.searchsorted(submaps.first, np.minimum(first, unknowns.n_free - 1), side="right")

@@ -26,26 +26,23 @@ def track_ends(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[IntA
     return first, last
 
 
-def group_by_track(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[int, IntArray]:
+def group_by_track(first: IntArray, last: IntArray) -> tuple[int, IntArray]:
     """Group landmarks by length and first frame of their tracks.
 
     Lengths are binned by powers of two from 8, first frames by a quarter of a length; of the binnings tried
     this one balances empty entries against the number of groups best.
 
     Args:
-        free: (N,) place of each observation's frame, -1 if it is held.
-        landmark: (N,) landmark of each observation.
-        landmarks: L.
+        first, last: (L,) from :func:`track_ends`.
 
     Returns:
         Longest span of a track in places, and (L,) the group of each landmark, 0 for those in no free frame.
     """
-    first, last = track_ends(free, landmark, landmarks)
     tracked = last >= 0
     length = (last - first + 1)[tracked]
     exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
-    code = np.full(landmarks, -1)
-    code[tracked] = exponent * (free.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
+    code = np.full(len(last), -1)
+    code[tracked] = exponent * (last.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
     _, group = np.unique(np.append(code, -1), return_inverse=True)
     return int(length.max(initial=0)), group[:-1]
 
