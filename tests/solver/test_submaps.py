@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_bundle import TIGHT, drive, interrupted_tracks, with_loss
+from synthetic_bundle import TIGHT, drive, interrupted_tracks, keep_observations, with_loss
 from synthetic_states import drive_with_states
 
 from vgps.solver.bundle_adjustment import solve
@@ -18,14 +18,7 @@ def short_tracks(problem: BundleProblem, frames: int) -> BundleProblem:
     first = np.full(len(problem.world_p_landmark), len(problem.world_T_camera))
     np.minimum.at(first, problem.landmark, problem.frame)
     rows = np.flatnonzero(problem.frame - first[problem.landmark] < frames)
-    return replace(
-        problem,
-        frame=problem.frame[rows],
-        landmark=problem.landmark[rows],
-        uv_px=problem.uv_px[rows],
-        sigma_px=problem.sigma_px[rows],
-        robust_k=None if problem.robust_k is None else problem.robust_k[rows],
-    )
+    return keep_observations(problem, rows)
 
 
 CASES = {

@@ -141,8 +141,13 @@ def total_cost(problem: BundleProblem) -> float:
 
 
 def keep_observations(problem: BundleProblem, keep: FloatArray) -> BundleProblem:
-    """Return the problem with some of its observations and all of its pose factors."""
-    return replace(problem.select_observations(keep), pose_graph=problem.pose_graph, shared=problem.shared)
+    """Return the problem with some of its observations and all of its pose factors and vectors."""
+    return replace(
+        problem.select_observations(keep),
+        pose_graph=problem.pose_graph,
+        shared=problem.shared,
+        states=problem.states,
+    )
 
 
 def with_loss(problem: BundleProblem, loss: RobustLoss, k: float = 1.0) -> BundleProblem:

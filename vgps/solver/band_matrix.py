@@ -26,6 +26,21 @@ class NotPositiveDefiniteError(ArithmeticError):
         super().__init__(f"the pivot of column {column} is not positive")
 
 
+def entries_in_band(
+    frames: IntArray, square: FloatArray, stored: int
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return rows, columns and values of a block (6 s, 6 s) over frames (s,), on and below the diagonal.
+
+    Entries beyond the stored rows of a band are zero, since no track is longer than the band, and are left
+    out.
+    """
+    rows, columns = np.tril_indices(len(square))
+    index = (POSE_DIM * frames[:, None] + np.arange(POSE_DIM)).ravel()
+    i, j = index[rows], index[columns]
+    inside = i - j < stored
+    return i[inside], j[inside], square[rows[inside], columns[inside]]
+
+
 @dataclass(frozen=True)
 class BandMatrix:
     """The lower triangle of a symmetric (n, n) matrix, or its Cholesky factor.
@@ -59,18 +74,11 @@ class BandMatrix:
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
     def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal.
-
-        Entries beyond the band are zero, since no track is longer than the band, and are skipped.
-        """
+        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
         if frames[-1] - frames[0] + 1 == len(frames):
             self.add_lower(POSE_DIM * int(frames[0]), square)
-            return
-        rows, columns = np.tril_indices(len(square))
-        index = (POSE_DIM * frames[:, None] + np.arange(POSE_DIM)).ravel()
-        i, j = index[rows], index[columns]
-        stored = i - j < len(self.ab)
-        self.add_entries(i[stored], j[stored], square[rows[stored], columns[stored]])
+        else:
+            self.add_entries(*entries_in_band(frames, square, len(self.ab)))
 
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal.

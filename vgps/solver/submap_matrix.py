@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM, BandMatrix, NotPositiveDefiniteError
+from vgps.solver.band_matrix import POSE_DIM, BandMatrix, NotPositiveDefiniteError, entries_in_band
 from vgps.solver.disk_arrays import DiskArrays
 
 
@@ -82,12 +82,8 @@ class SubmapMatrix:
         """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
         if frames[-1] - frames[0] + 1 == len(frames):
             self._add_lower(POSE_DIM * int(frames[0]), square)
-            return
-        rows, columns = np.tril_indices(len(square))
-        index = (POSE_DIM * frames[:, None] + np.arange(POSE_DIM)).ravel()
-        i, j = index[rows], index[columns]
-        stored = i - j < len(self.parts[0].ab)
-        self.add_entries(i[stored], j[stored], square[rows[stored], columns[stored]])
+        else:
+            self.add_entries(*entries_in_band(frames, square, len(self.parts[0].ab)))
 
     def _add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal."""
