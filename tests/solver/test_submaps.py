@@ -9,6 +9,7 @@ from synthetic_states import drive_with_states
 
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.levenberg_marquardt import SolverSettings
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 
@@ -46,6 +47,12 @@ def test_minimum_and_covariances_are_those_of_the_whole(case: str) -> None:
     for name in ("shared", "states"):
         for key, block in getattr(expected, name).items():
             np.testing.assert_allclose(getattr(found, name)[key], block, rtol=1e-6, atol=1e-12)
+
+
+def test_what_gtsam_solves_has_no_submaps() -> None:
+    problem = replace(drive(frames=160, landmarks=900)[0], submap_frames=52)
+    found = solve(problem, SolverSettings(max_flops=0.0, max_iterations=1))
+    assert (found.solver, found.report.submaps) == ("gtsam", None)
 
 
 def test_a_full_disk_is_an_error_of_the_system(monkeypatch: pytest.MonkeyPatch) -> None:

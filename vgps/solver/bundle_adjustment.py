@@ -76,7 +76,7 @@ def solve(
         with one_blas_thread():
             solved, end = minimise(problem, structure, settings)
     else:
-        solver = "gtsam"
+        solver, structure = "gtsam", None
         solved, end = solve_with_gtsam(problem, settings)
     return BundleResult(
         problem=solved,
