@@ -18,8 +18,8 @@ _RESIDENT = 2**27  # bytes that are passed over before the pages are given back
 class DiskArrays:
     """Arrays in temporary files that end with them; they count as memory only while they are in use.
 
-    The files are in the folder that ``TMPDIR`` names. Space is reserved first: a full disk is an error here
-    and nothing worse later.
+    The files are in the folder that ``TMPDIR`` names. On Linux space is reserved first: a full disk is an
+    error here and nothing worse later.
     """
 
     def __init__(self) -> None:
@@ -47,11 +47,10 @@ class DiskArrays:
         return array
 
     def kept(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return a copy on disk, with the order of the array's axes in memory."""
-        plain = np.ascontiguousarray(array)
-        copy = self.empty((plain.size,), plain.dtype).reshape(plain.shape)
-        copy[...] = plain
-        self.passed(plain.nbytes)
+        """Return a copy on disk, in C order."""
+        copy = self.empty(array.shape[::-1], array.dtype).T
+        copy[...] = array
+        self.passed(copy.nbytes)
         return copy
 
     def passed(self, size: int) -> None:
