@@ -99,11 +99,11 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         system = _System(problem, values, structure, linear, factor, gradient, camera)
         at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
         blocks: FloatArray = np.zeros((structure.n_free, POSE_DIM, POSE_DIM))
-        shared: FloatArray = np.zeros((0, 0))
+        shared = np.zeros_like(linear.border.hessian)
         for begin in range(0, draws, at_once):
             moved, change = _moved_by_errors(system, sources, min(at_once, draws - begin), rng)
             blocks += moved @ moved.transpose(0, 2, 1)
-            shared = change @ change.T + (shared if begin else 0.0)
+            shared += change @ change.T
     return split_covariances(problem, structure, blocks / draws, shared / draws)
 
 
