@@ -37,9 +37,7 @@ def run_on_cluster(
         ClusterError: The extra is not installed, the scheduler cannot be reached, or a worker has other
             versions.
     """
-    with _connected(scheduler, len(jobs)) as client:
-        workers = _checked_workers(client)
-        announce(f"workers: {workers}, dashboard: {client.dashboard_link}")
+    with _connected(scheduler, len(jobs), announce) as client:
         from distributed import as_completed  # noqa: PLC0415  (an extra)
 
         job_of = {client.submit(reported, job, pure=False): job for job in jobs}
@@ -64,8 +62,7 @@ def run_one(
     Raises:
         ClusterError: As in :func:`run_on_cluster`, or its workers were lost.
     """
-    with _connected(scheduler, 1) as client:
-        announce(f"workers: {_checked_workers(client)}, dashboard: {client.dashboard_link}")
+    with _connected(scheduler, 1, announce) as client:
         future = client.submit(work, job, pure=False)
         error = future.exception()  # type: ignore[no-untyped-call]
         if error is not None:
@@ -84,8 +81,8 @@ def _lost(error: BaseException) -> str:
 
 
 @contextmanager
-def _connected(scheduler: str, jobs: int) -> "Iterator[Client]":
-    """Yield a client of a scheduler, or of one that is started and ended here."""
+def _connected(scheduler: str, jobs: int, announce: Callable[[str], None]) -> "Iterator[Client]":
+    """Yield a client of a scheduler, or of one that is started and ended here, and announce its workers."""
     try:
         from distributed import Client  # noqa: PLC0415  (an extra)
     except ImportError:
@@ -106,6 +103,7 @@ def _connected(scheduler: str, jobs: int) -> "Iterator[Client]":
             remedy="start one with: dask scheduler",
         ) from error
     with client:
+        announce(f"workers: {_checked_workers(client)}, dashboard: {client.dashboard_link}")
         yield client
 
 
