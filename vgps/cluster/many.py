@@ -103,9 +103,9 @@ def _write_runs(jobs: Sequence[SmoothJob], ended: Sequence[JobReport], out: Path
     runs = []
     for job in jobs:
         report = by_name.get(job.out.name)
-        state = "waiting" if report is None else "done" if report.done else "failed"
         if report is None and job.finished is not None:  # as far as is known
-            report, state = JobReport(recording=job.recording, out=job.out, digest=job.finished), "done"
+            report = JobReport(recording=job.recording, out=job.out, digest=job.finished)
+        state = "waiting" if report is None else "done" if report.done else "failed"
         row = {"run": job.out.name, "recording": str(job.recording), "state": state}
         row |= {"digest": report.digest} if report is not None and report.digest else {}
         row |= {"error": report.error} if report is not None and report.error else {}
