@@ -6,23 +6,18 @@ stage D, and at the end. Decoding is not in the times. What is linear grows by t
 """
 
 import argparse
-import json
-import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import vgps
 from scripts.common.command import ScriptParser
-from scripts.common.markdown import growth_table
+from scripts.common.lengths import Figures, measure_lengths
 from scripts.common.ping_pong import PingPong
 from scripts.common.stopwatch import stopwatch
-from vgps.errors import RunFolderError
 from vgps.model import Frame
 from vgps.runtime.memory import peak_memory_mb
 from vgps.runtime.progress import NoProgress
-
-Figures = dict[str, float]  # by name with unit
 
 
 class PeakBeforeBatch(NoProgress):
@@ -65,39 +60,14 @@ def one_length(given: argparse.Namespace, frames: int) -> Figures:
     }
 
 
-def in_its_own_process(given: argparse.Namespace, frames: int) -> Figures:
-    """Run :func:`one_length` in a new process.
-
-    Raises:
-        RunFolderError: It failed; it has said why.
-    """
-    words = [sys.executable, "-m", "scripts.benchmarks.growth", str(given.recording), "--gps", given.gps]
-    words += ["--section", str(given.section), "--one", str(frames)]
-    done = subprocess.run(words, check=False, stdout=subprocess.PIPE, text=True)
-    if done.returncode:
-        raise RunFolderError(f"the run of {frames} frames ended with exit code {done.returncode}")
-    figures: Figures = json.loads(done.stdout.splitlines()[-1])
-    return figures
-
-
 def main() -> None:
-    """Print the table, again after every length, for the last may take long."""
+    """Measure every length."""
     parser = ScriptParser("benchmarks.growth", __doc__)
     parser.add_argument("recording", type=Path)
     parser.add_argument("--gps", default="gps_fix.nmea", help="a path, or a name inside the recording")
     parser.add_argument("--frames", type=int, nargs="+", default=[800, 3200, 12800], help="lengths")
     parser.add_argument("--section", type=int, default=400, help="frames that are played to and fro")
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    with parser.refusals():
-        if given.one:
-            print(json.dumps(one_length(given, given.one)))
-            return
-        results, runs = parser.results(given), []
-        for frames in given.frames:
-            runs.append(in_its_own_process(given, frames))
-            results.add(**runs[-1])
-            print(growth_table(runs) + "\n", flush=True)
+    measure_lengths(parser, "frames", one_length)
 
 
 if __name__ == "__main__":

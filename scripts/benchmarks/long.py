@@ -7,16 +7,13 @@ the first row.
 """
 
 import argparse
-import json
-import subprocess
-import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from scripts.common.command import ScriptParser
-from scripts.common.markdown import growth_table
+from scripts.common.lengths import Figures, measure_lengths
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.gps.fixes import Fixes
@@ -32,7 +29,6 @@ from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.run_graph import batch_input
 from vgps.solution import Observations
 
-Figures = dict[str, float]  # by name with unit
 _START_M = 0.05  # standard deviation of the start of poses and landmarks about the run's
 
 
@@ -52,7 +48,8 @@ def repeated(given: BatchInput, times: int) -> BatchInput:
 
 def _observations(scene: Scene, times: int) -> tuple[Observations, FloatArray]:
     """Return the observations of all passes, without the frames at turns twice, and their landmarks."""
-    frame, landmark, uv_px = (getattr(scene.observations, one) for one in ("frame", "landmark", "uv_px"))
+    seen = scene.observations
+    frame, landmark, uv_px = seen.frame, seen.landmark, seen.uv_px
     last, count = len(scene.t_s) - 1, len(scene.points)
     views = np.bincount(landmark, minlength=count)
     at_turn = [_seen_in(scene, edge) & (views <= np.median(views)) for edge in (0, last)]
@@ -120,38 +117,13 @@ def one_length(given: argparse.Namespace, times: int) -> Figures:
     }
 
 
-def in_its_own_process(given: argparse.Namespace, times: int) -> Figures:
-    """Run :func:`one_length` in a new process.
-
-    Raises:
-        RunFolderError: It failed; it has said why.
-    """
-    words = [sys.executable, "-m", "scripts.benchmarks.long", str(given.run), "--one", str(times)]
-    words += ["--iterations", str(given.iterations)]
-    done = subprocess.run(words, check=False, stdout=subprocess.PIPE, text=True)
-    if done.returncode:
-        raise RunFolderError(f"{times} passes ended with exit code {done.returncode}")
-    figures: Figures = json.loads(done.stdout.splitlines()[-1])
-    return figures
-
-
 def main() -> None:
-    """Print the table, again after every length, for the last may take long."""
+    """Measure every length."""
     parser = ScriptParser("benchmarks.long", __doc__)
     parser.add_argument("run", type=Path, help="run folder")
     parser.add_argument("--times", type=int, nargs="+", default=[5, 20, 80], help="passes")
     parser.add_argument("--iterations", type=int, default=4, help="of a round of stage D at most")
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    with parser.refusals():
-        if given.one:
-            print(json.dumps(one_length(given, given.one)))
-            return
-        results, runs = parser.results(given), []
-        for times in given.times:
-            runs.append(in_its_own_process(given, times))
-            results.add(**runs[-1])
-            print(growth_table(runs) + "\n", flush=True)
+    measure_lengths(parser, "times", one_length)
 
 
 if __name__ == "__main__":
