@@ -226,7 +226,6 @@ class JoinedRuns:
         solutions: Each run in the world of the first.
         landmarks, observations: All landmarks; frames are counted through all runs.
         ties: (R, R) number of frames of a run (row) that see a place of an earlier one (column).
-        report: Report of the optimiser.
         warnings: Warnings for the user.
         seconds: Wall seconds by stage.
     """
@@ -236,6 +235,5 @@ class JoinedRuns:
     landmarks: Landmarks
     observations: Observations
     ties: IntArray
-    report: SolverReport
     warnings: tuple[str, ...]
     seconds: Mapping[str, float]

@@ -87,7 +87,6 @@ def join_runs(
         landmarks=landmarks,
         observations=observations,
         ties=ties,
-        report=batch.report,
         warnings=(*warnings, *batch.warnings),
         seconds=dict(timer.by_stage),
     )

@@ -1,6 +1,5 @@
 """The folder of joined runs: a run folder for each, all landmarks, and a summary."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.solution import JoinedRuns
 from vgps.writers.atomic import new_folder
 from vgps.writers.ply import write_ply
-from vgps.writers.run_folder import summarise, write_run
+from vgps.writers.run_folder import summarise, write_run, write_summary
 
 POINTS, SUMMARY = "points.ply", "solution.json"
 
@@ -24,8 +23,7 @@ def write_joined(joined: JoinedRuns, out: Path) -> None:
         for name, solution in zip(joined.names, joined.solutions, strict=True):
             write_run(solution, folder / name)
         write_ply(joined.landmarks, joined.observations, first.world_origin, folder / POINTS)
-        text = json.dumps(_summary(joined), indent=2, ensure_ascii=False, allow_nan=False)
-        (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        write_summary(_summary(joined), folder / SUMMARY)
 
 
 def _summary(joined: JoinedRuns) -> dict[str, Any]:
@@ -36,9 +34,11 @@ def _summary(joined: JoinedRuns) -> dict[str, Any]:
         "runs": len(parts),
         "landmarks": len(joined.landmarks.sigma_px),
         "observations": len(joined.observations.frame),
+        "submaps": parts[0]["counts"]["submaps"],
         "ties": int(joined.ties.sum()),
     }
-    kept = ("world_origin", "energy", "iterations", "stop_reason", "datum", "versions")
+    # the adjustment, which the runs share
+    kept = ("world_origin", "energy", "iterations", "stop_reason", "submaps", "datum", "versions")
     names = joined.names
     return {
         "schema_version": SCHEMA_VERSION,

@@ -53,12 +53,15 @@ def write_run(solution: Solution, out: Path) -> None:
         write_measurements(solution, folder / "measurements.npz")
         config = yaml.safe_dump(_plain(solution.config), sort_keys=False, allow_unicode=True)
         (folder / "config.yaml").write_text(config, encoding="utf-8")
-        summary = json.dumps(
-            _finite(_plain(summarise(solution))), indent=2, ensure_ascii=False, allow_nan=False
-        )
-        (folder / "solution.json").write_text(summary + "\n", encoding="utf-8")
+        write_summary(summarise(solution), folder / "solution.json")
         if solution.sensors.camera_sigma:
             write_camera(solution, folder / CAMERA_FILE)
+
+
+def write_summary(summary: Mapping[str, Any], file: Path) -> None:
+    """Write a summary as JSON; numbers that are not finite become null."""
+    text = json.dumps(_finite(_plain(summary)), indent=2, ensure_ascii=False, allow_nan=False)
+    file.write_text(text + "\n", encoding="utf-8")
 
 
 def summarise(solution: Solution) -> dict[str, Any]:
