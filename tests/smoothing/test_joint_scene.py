@@ -58,8 +58,9 @@ def test_worlds_clocks_cameras_and_lever_arms_become_those_of_the_first() -> Non
     east[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # a quarter turn about up
     east[:3, 3] = [100.0, 0.0, 0.0]
     levers = np.array([0.1, 0.2, 0.3]), np.array([0.0, -0.5, 0.0])
-    joint = joint_scene([run(WIDE, levers[0]), run(LONG, levers[1])], [np.eye(4), east])
-    assert joint.frames.tolist() == [0, 2, 4] and joint.landmarks.tolist() == [0, 1, 2]
+    joint = joint_scene([run(WIDE, levers[0]), run(LONG, levers[1])], np.stack([np.eye(4), east]))
+    assert joint.frames.tolist() == [0, 2, 4]
+    assert joint.scene.observations.landmark.tolist() == [0, 0, 1, 1]
     assert joint.run.tolist() == [0, 0, 1, 1]
     np.testing.assert_allclose(joint.scene.poses[3, :3, 3], [100.0, 1.0, 0.0])
     np.testing.assert_allclose(joint.scene.points[1], [100.0, 0.0, 5.0])

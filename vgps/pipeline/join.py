@@ -63,7 +63,7 @@ def join_runs(
     _check_shutters(runs)
     config = _joint_config(config or inputs[0].context.config)
     origins = [run.solution.world_origin for run in runs if run.solution.world_origin is not None]
-    joint = joint_scene(inputs, [enu_T_enu(origins[0], one) for one in origins])
+    joint = joint_scene(inputs, np.stack([enu_T_enu(origins[0], one) for one in origins]))
     with one_blas_thread():
         with timer.measure("places"):
             frames = progress.track(_frames(runs, joint), len(joint.scene.t_s))

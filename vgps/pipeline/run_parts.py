@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.camera import in_pinhole
-from vgps.geodesy import enu_T_enu
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import antenna_at, place
 from vgps.model import BoolArray, ControlPoints, FloatArray
@@ -40,13 +39,10 @@ def part_of_run(
     landmarks, observations = _landmarks(runs, batch, mine)
     own_pixels = in_pinhole(observations.uv_px, joint.camera, camera)
     scale = camera.fx / joint.camera.fx
-    origin = runs[0].world_origin
-    first_T_run = (
-        np.eye(4) if origin is None or run.world_origin is None else enu_T_enu(origin, run.world_origin)
-    )
+    first_T_run = joint.world_T_runs[number]
     return replace(
         run,
-        world_origin=origin,
+        world_origin=runs[0].world_origin,
         world_T_camera=poses,
         sigma_rotation_rad=rotation_sigma,
         sigma_position_m=position_sigma,

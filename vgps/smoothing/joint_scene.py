@@ -26,8 +26,8 @@ class JointScene:
         fixes: All fixes, as if every antenna stood where the first run's does.
         camera: The first run's camera as a pinhole.
         camera_p_antenna: (3,) the first run's lever arm.
-        frames, landmarks: (R + 1,) rows at which the frames and the landmarks of each run begin.
-        shift_s: (R,) added to the times of each run.
+        frames: (R + 1,) rows at which the frames of each run begin.
+        world_T_runs: (R, 4, 4) from the world of each run to that of the first.
     """
 
     scene: Scene
@@ -35,26 +35,24 @@ class JointScene:
     camera: Camera
     camera_p_antenna: FloatArray
     frames: IntArray
-    landmarks: IntArray
-    shift_s: FloatArray
+    world_T_runs: FloatArray
 
     @property
     def run(self) -> IntArray:
         """(F,) number of the run of each frame."""
-        return np.repeat(np.arange(len(self.shift_s)), np.diff(self.frames))
+        return np.repeat(np.arange(len(self.world_T_runs)), np.diff(self.frames))
 
 
-def joint_scene(inputs: Sequence[BatchInput], world_T_runs: Sequence[FloatArray]) -> JointScene:
+def joint_scene(inputs: Sequence[BatchInput], world_T_runs: FloatArray) -> JointScene:
     """Return runs as one scene, in the world of the first.
 
     Args:
         inputs: What stage D minimised last for each run, at its end.
-        world_T_runs: (4, 4) from the world of each run to that of the first.
+        world_T_runs: (R, 4, 4) from the world of each run to that of the first.
     """
     camera = inputs[0].context.camera
     camera = replace(camera, model="pinhole", distortion=())
     frames = np.cumsum([0, *(len(one.scene.t_s) for one in inputs)])
-    landmarks = np.cumsum([0, *(len(one.scene.points) for one in inputs)])
     shift_s, end_s = [], 0.0
     for one in inputs:
         shift_s.append(end_s - float(one.scene.t_s[0]))
@@ -66,13 +64,12 @@ def joint_scene(inputs: Sequence[BatchInput], world_T_runs: Sequence[FloatArray]
         lever = inputs[0].sensors.camera_p_antenna - one.sensors.camera_p_antenna
         fixes.append(_moved_fixes(one.fixes, scene, T, lever, shift_s[k]))
     return JointScene(
-        scene=_stacked(scenes, landmarks, np.array(shift_s)),
+        scene=_stacked(scenes, shift_s),
         fixes=_stacked_fixes(fixes),
         camera=camera,
         camera_p_antenna=inputs[0].sensors.camera_p_antenna,
         frames=frames,
-        landmarks=landmarks,
-        shift_s=np.array(shift_s),
+        world_T_runs=world_T_runs,
     )
 
 
@@ -114,19 +111,19 @@ def _moved_fixes(
     return replace(fixes, world_p_fix=position, t_s=fixes.t_s + shift_s)
 
 
-def _stacked(scenes: Sequence[Scene], landmarks: IntArray, shift_s: FloatArray) -> Scene:
+def _stacked(scenes: Sequence[Scene], shift_s: Sequence[float]) -> Scene:
     def rows(name: str) -> FloatArray:
         return np.concatenate([getattr(one.controls, name) for one in scenes])
 
     observations = [one.observations for one in scenes]
-    numbers = [one.landmark + first for one, first in zip(observations, landmarks, strict=False)]
+    first = np.cumsum([0, *(len(one.points) for one in scenes[:-1])])  # landmark of each run
     return Scene(
         t_s=np.concatenate([one.t_s + shift for one, shift in zip(scenes, shift_s, strict=True)]),
         poses=np.concatenate([one.poses for one in scenes]),
         points=np.concatenate([one.points for one in scenes]),
         observations=Observations(
             np.concatenate([one.frame for one in observations]),
-            np.concatenate(numbers),
+            np.concatenate([one.landmark + begin for one, begin in zip(observations, first, strict=True)]),
             np.concatenate([one.uv_px for one in observations]),
         ),
         zero_motions=tuple(held for one in scenes for held in one.zero_motions),
