@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import sparse
 
-from vgps.geometry import cross_matrices
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.solver.cost import camera_points, pixel_errors, robust_weight
+from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.elimination import SparsityStructure
+from vgps.solver.normal_equations import projection_jacobians, whitening
 from vgps.solver.problem import BundleProblem
 
 _PART = 12000  # observations whose products with all draws are in memory at once
@@ -50,11 +50,18 @@ def loop_gradient(
     total = np.zeros_like(drift)
     for rows in _by_landmark(problem, loop):
         part, again = problem.select_observations(rows), loop[rows] >= 0
-        by_pose, by_point, blocks = _jacobians(part, structure)
-        follow = -(_inverse(blocks, part, ~again) @ (_kept(by_point, ~again).T @ (by_pose @ drift)))
+        landmarks, landmark = np.unique(part.landmark, return_inverse=True)
+        pose, point = _jacobians(part)
+        by_pose = _sparse(pose, structure.free[part.frame], structure.n_free)
+        by_point = _sparse(point, landmark, len(landmarks))
+        blocks = point.swapaxes(1, 2) @ point
+        tracks: FloatArray = np.zeros((len(landmarks), 3, 3))
+        np.add.at(tracks, landmark[~again], blocks[~again])
+        whole = tracks.copy()
+        np.add.at(whole, landmark[again], blocks[again])
+        follow = -(_inverse(tracks) @ (_kept(by_point, ~again).T @ (by_pose @ drift)))
         r = _kept(by_pose, again) @ drift + _kept(by_point, again) @ follow
-        absorbed = by_point @ (_inverse(blocks, part, again | ~again) @ (by_point.T @ r))
-        total += by_pose.T @ (r - absorbed)
+        total += by_pose.T @ (r - by_point @ (_inverse(whole) @ (by_point.T @ r)))
     return total
 
 
@@ -67,30 +74,13 @@ def _by_landmark(problem: BundleProblem, loop: IntArray) -> Iterator[IntArray]:
     yield from np.split(rows, cuts)
 
 
-def _jacobians(
-    part: BundleProblem, structure: SparsityStructure
-) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray]:
-    """Return the whitened Jacobians to the poses (2 n, 6 n_free) and to the landmarks (2 n, 3 m), and (n, 3,
-    3) the products of the latter."""
-    fx, fy, _, _ = part.K
+def _jacobians(part: BundleProblem) -> tuple[FloatArray, FloatArray]:
+    """Return the whitened Jacobians of observations to poses (n, 2, 6) and to landmarks (n, 2, 3)."""
     camera_p = camera_points(part)
-    error, _ = pixel_errors(part, camera_p)
-    x, y, z = camera_p
-    zero = np.zeros_like(z)
-    by_camera = np.stack(
-        [np.stack([fx / z, zero, -fx * x / z**2], 1), np.stack([zero, fy / z, -fy * y / z**2], 1)], 1
-    )
-    weight = robust_weight(part, np.sum(error**2, axis=0) / part.sigma_px**2)
-    by_camera *= (np.sqrt(weight) / part.sigma_px)[:, None, None]
-    eye = np.tile(np.eye(3), (len(z), 1, 1))
-    pose = by_camera @ np.concatenate([cross_matrices(camera_p.T), -eye], axis=2)
-    point = by_camera @ part.world_T_camera[part.frame, :3, :3].swapaxes(1, 2)
-    _, landmark = np.unique(part.landmark, return_inverse=True)
-    return (
-        _sparse(pose, structure.free[part.frame], structure.n_free),
-        _sparse(point, landmark, int(landmark.max()) + 1),
-        point.swapaxes(1, 2) @ point,
-    )
+    error, behind = pixel_errors(part, camera_p)
+    scale = np.where(behind, 0.0, whitening(part, error))
+    pose, point = projection_jacobians(part, camera_p, scale)
+    return pose.transpose(2, 0, 1), point.transpose(2, 0, 1)
 
 
 def _sparse(blocks: FloatArray, place: IntArray, places: int) -> sparse.csr_array:
@@ -108,10 +98,7 @@ def _kept(matrix: sparse.csr_array, rows: BoolArray) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array(np.repeat(rows.astype(float), 2)) @ matrix)
 
 
-def _inverse(blocks: FloatArray, part: BundleProblem, rows: BoolArray) -> sparse.csr_array:
-    """Return the inverse (3 m, 3 m) of the landmarks' normal equations over some observations (n,)."""
-    _, landmark = np.unique(part.landmark, return_inverse=True)
-    V = np.zeros((int(landmark.max()) + 1, 3, 3))
-    np.add.at(V, landmark[rows], blocks[rows])
-    V += _DAMPING * np.trace(V, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    return sparse.csr_array(sparse.block_diag(list(np.linalg.inv(V)), format="csr"))
+def _inverse(blocks: FloatArray) -> sparse.csr_array:
+    """Return the inverse (3 m, 3 m) of the landmarks' normal equations, blocks (m, 3, 3)."""
+    damping = _DAMPING * np.trace(blocks, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return sparse.csr_array(sparse.block_diag(list(np.linalg.inv(blocks + damping)), format="csr"))

@@ -103,7 +103,7 @@ def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = whitening(here, error)
-    jp, jl = _jacobians(here, camera_p, np.where(behind, 0.0, scale))
+    jp, jl = projection_jacobians(here, camera_p, np.where(behind, 0.0, scale))
     r = error * scale
     size = len(chunk.landmarks)
     at = chunk.landmark
@@ -123,12 +123,13 @@ def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(weight) / problem.sigma_px)
 
 
-def _jacobians(
+def projection_jacobians(
     problem: BundleProblem, camera_p: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the Jacobians of the projection times ``scale``, which is zero behind the camera.
+    """Return the Jacobians of the projection to poses (2, 6, n) and to landmarks (2, 3, n), times ``scale``.
 
-    A landmark p in the camera frame moves by ``[p]_x rotation - translation + R^T d(landmark)``.
+    The scale (n,) is zero behind the camera. A landmark p in the camera frame moves by ``[p]_x rotation -
+    translation + R^T d(landmark)``.
     """
     fx, fy, _, _ = problem.K
     depth = np.where(camera_p[2] > 0.0, camera_p[2], 1.0)
