@@ -11,12 +11,13 @@ from vgps.camera import distort, undistort
 from vgps.config.loops import LoopsConfig
 from vgps.geometry import project, rays
 from vgps.landmarks.descriptors import Descriptors, describe
-from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
+from vgps.model import FloatArray, GrayImage, IntArray
 from vgps.places.revisits import PosedVideo
+from vgps.tracking.matching import pyramidal_flow
 from vgps.tracking.pose import Correspondences
 
-_LK_WINDOW = (21, 21)
-_LK_LEVELS = 2
+_LK_WINDOW_PX = 21
+_LK_LEVELS = 3
 _LK_RETURN_PX = 0.5  # a landmark that is not found again where it came from is lost
 
 
@@ -111,22 +112,7 @@ def followed(
     if not len(rows):
         return rows, np.zeros((0, 2))
     before, guess = (x[rows].astype(np.float32)[:, None] for x in (earlier.raw_uv_px, start))
-    there, found = _flow((earlier.gray, gray), before, guess)
-    back, again = _flow((gray, earlier.gray), there, before)
+    there, found, _ = pyramidal_flow((earlier.gray, gray), before, guess, _LK_WINDOW_PX, _LK_LEVELS)
+    back, again, _ = pyramidal_flow((gray, earlier.gray), there, before, _LK_WINDOW_PX, _LK_LEVELS)
     good = found & again & (np.linalg.norm(back - before, axis=2)[:, 0] < _LK_RETURN_PX)
     return rows, np.where(good[:, None], there[:, 0].astype(np.float64), np.nan)
-
-
-def _flow(
-    images: tuple[GrayImage, GrayImage], start: Float32Array, guess: Float32Array
-) -> tuple[Float32Array, BoolArray]:
-    """Return where points (n, 1, 2) of the first image are in the second, and whether they are found."""
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
-        *images,
-        start,
-        guess.copy(),
-        winSize=_LK_WINDOW,
-        maxLevel=_LK_LEVELS,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-    )
-    return np.asarray(there, np.float32), np.asarray(found)[:, 0] > 0

@@ -63,20 +63,33 @@ class LucasKanade:
         side = self._config.window_px
         start = uv_px.astype(np.float32)[:, None]
         guess = predicted_uv_px.astype(np.float32)[:, None]
-        end, ok, error = _pyramidal_flow((previous, current), start, guess, side, levels)
+        end, ok, error = pyramidal_flow((previous, current), start, guess, side, levels)
         found = ok & (error < self._config.max_match_error) & _inside(end[:, 0], current.shape)
         kept = np.flatnonzero(found)
         if len(kept):
             # backward search from the first position, at full resolution only
-            back, ok, _ = _pyramidal_flow((current, previous), end[kept], start[kept], side, levels=1)
+            back, ok, _ = pyramidal_flow((current, previous), end[kept], start[kept], side, levels=1)
             distance = np.linalg.norm(back[:, 0] - start[kept, 0], axis=1)
             found[kept] = ok & (distance < self._config.forward_backward_px)
         return Match(end[:, 0].astype(np.float64), found)
 
 
-def _pyramidal_flow(
+def pyramidal_flow(
     images: tuple[GrayImage, GrayImage], start: Float32Array, guess: Float32Array, side: int, levels: int
 ) -> tuple[Float32Array, BoolArray, Float32Array]:
+    """Find points of one image in another, by Lucas and Kanade's method from coarse to fine.
+
+    Args:
+        images: Both images.
+        start: (n, 1, 2) pixels in the first.
+        guess: (n, 1, 2) where to begin in the second.
+        side: Width of the window, pixels.
+        levels: Levels of the pyramid; 1 for the full resolution only.
+
+    Returns:
+        (n, 1, 2) the pixels in the second, and (n,) whether each is found and its mean difference of gray
+        values.
+    """
     end, ok, error = cv2.calcOpticalFlowPyrLK(
         *images,
         start,
