@@ -6,10 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from vgps.camera import distort, in_pinhole
-from vgps.model import Camera, Float32Array, Frame, GrayImage
-
-_OUTSIDE = -1e4  # OpenCV's maps take no NaN
+from vgps.landmarks.rectify import pinhole_maps
+from vgps.model import Camera, Frame
 
 
 def seen_by(camera: Camera, source: Camera, frames: Iterable[Frame], first: int) -> Iterator[Frame]:
@@ -21,18 +19,7 @@ def seen_by(camera: Camera, source: Camera, frames: Iterable[Frame], first: int)
         frames: The frames.
         first: Number of the first one.
     """
-    maps = _maps(camera, source)
+    maps = pinhole_maps(camera, source)
     for frame in frames:
-        yield replace(frame, index=first + frame.index, gray=_shown(frame.gray, maps), mask=None)
-
-
-def _maps(camera: Camera, source: Camera) -> tuple[Float32Array, Float32Array]:
-    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    pixels = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
-    there = distort(source, in_pinhole(pixels, camera, source))
-    x, y = np.nan_to_num(there, nan=_OUTSIDE).astype(np.float32).T.reshape(2, *u.shape)
-    return x.copy(), y.copy()
-
-
-def _shown(gray: GrayImage, maps: tuple[Float32Array, Float32Array]) -> GrayImage:
-    return np.asarray(cv2.remap(gray, *maps, cv2.INTER_LINEAR), np.uint8)
+        shown = np.asarray(cv2.remap(frame.gray, *maps, cv2.INTER_LINEAR), np.uint8)
+        yield replace(frame, index=first + frame.index, gray=shown, mask=None)
