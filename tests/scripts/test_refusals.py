@@ -37,7 +37,6 @@ GONE = {
     "benchmarks.stage_c": ("{gone}", "--logs", "gps.nmea"),
     "benchmarks.sky_view": ("--recording", "{gone}"),
     "benchmarks.tracker": ("{gone}", "--landmarks", "street.vgps"),
-    "benchmarks.window.__main__": ("{gone}",),
     "experiments.fault_matrix.__main__": ("--recording", "{gone}", "--out", "{gone}/out"),
     "experiments.kume_table6.__main__": ("--recording", "{gone}"),
     "experiments.matsuda.table1": ("{gone}", "--landmarks", "street.vgps", "--out", "{gone}/out"),

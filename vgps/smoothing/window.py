@@ -44,10 +44,10 @@ def optimise_window(
     """Optimise the poses of the last frames and the features observed in them.
 
     Older frames that share features with the window are held as if they were exact; they alone carry earlier
-    information, mainly scale and position, into the window. Compared with iSAM2 and a fixed-lag smoother this
-    is faster and as accurate (``scripts.benchmarks.window``), but held frames may be wrong, for which
-    :func:`contradicts` tests the fixes. A map that begins in the window is constrained by GPS if it is
-    aligned, else by holding its first posed frame and the farthest of the next few.
+    information, mainly scale and position, into the window. This is faster than iSAM2
+    (``scripts.benchmarks.stage_c``), but held frames may be wrong, for which :func:`contradicts` tests the
+    fixes. A map that begins in the window is constrained by GPS if it is aligned, else by holding its first
+    posed frame and the farthest of the next few.
 
     Args:
         local_map: The map; it is not changed.

@@ -1,1 +1,0 @@
-"""Stage C's window beside iSAM2 and its fixed-lag smoother."""
