@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vgps.geometry import interpolate_poses
+from vgps.geometry import interpolate_poses, interpolate_vectors
 
 T_S = np.array([0.0, 1.0, 3.0])
 
@@ -20,6 +20,13 @@ def test_halfway_is_half_the_distance_and_half_the_rotation():
     np.testing.assert_allclose(found[:, :3, 3], [[0.5, 1.0, 0.0], [1.0, 2.0, 2.0]])
     half = Rotation.from_rotvec([0.0, 0.0, np.radians(45)]).as_matrix()
     np.testing.assert_allclose(found[0, :3, :3], half, atol=1e-12)
+
+
+def test_vectors_are_linear_between_samples_and_clamped_outside():
+    found = interpolate_vectors(
+        T_S, np.array([[0.0, 1.0], [2.0, 1.0], [2.0, 5.0]]), np.array([-1.0, 0.5, 2.0, 9.0])
+    )
+    np.testing.assert_allclose(found, [[0.0, 1.0], [1.0, 1.0], [2.0, 3.0], [2.0, 5.0]])
 
 
 @given(st.floats(-10, 10))

@@ -1,7 +1,7 @@
-"""Vectorised geometry: projection, triangulation, pose interpolation, angular rates."""
+"""Vectorised geometry: projection, triangulation, interpolation, angular rates."""
 
 from vgps.geometry.cross_product import cross_matrices
-from vgps.geometry.interpolation import interpolate_poses
+from vgps.geometry.interpolation import interpolate_poses, interpolate_vectors
 from vgps.geometry.projection import (
     MIN_DEPTH,
     largest_angle_rad,
@@ -18,6 +18,7 @@ __all__ = [
     "MIN_DEPTH",
     "cross_matrices",
     "interpolate_poses",
+    "interpolate_vectors",
     "largest_angle_rad",
     "linearise_projection",
     "project",

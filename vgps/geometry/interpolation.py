@@ -1,9 +1,14 @@
-"""Poses at times between frames: linear in position, slerp in rotation."""
+"""Vectors and poses at times between samples: linear in position, slerp in rotation."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from vgps.model import FloatArray
+
+
+def interpolate_vectors(t_s: FloatArray, vectors: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return vectors (M, k) at (M,) from vectors (N, k) at ``t_s`` (N,); times outside are clamped."""
+    return np.stack([np.interp(at_s, t_s, column) for column in vectors.T], axis=1)
 
 
 def interpolate_poses(t_s: FloatArray, poses: FloatArray, at_s: FloatArray) -> FloatArray:
@@ -12,7 +17,6 @@ def interpolate_poses(t_s: FloatArray, poses: FloatArray, at_s: FloatArray) -> F
     out = np.tile(np.eye(4), (len(at_s), 1, 1))
     if len(at_s) == 0:
         return out
-    for axis in range(3):
-        out[:, axis, 3] = np.interp(at_s, t_s, poses[:, axis, 3])
+    out[:, :3, 3] = interpolate_vectors(t_s, poses[:, :3, 3], at_s)
     out[:, :3, :3] = Slerp(t_s, Rotation.from_matrix(poses[:, :3, :3]))(at_s).as_matrix()
     return out

@@ -8,6 +8,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import ImuConfig
+from vgps.geometry import interpolate_vectors
 from vgps.imu.camera_imu import CameraImu
 from vgps.imu.states import ImuStates, as_bias, bias_key, velocity_key
 from vgps.model import FloatArray
@@ -57,7 +58,9 @@ def preintegrate(
     between = imu.t_s[(imu.t_s > start_s) & (imu.t_s < end_s)]
     edges = np.concatenate([[start_s], between, [end_s]])
     middle, step_s = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
-    rate, force = (_interpolated(middle, imu.t_s, samples) for samples in (imu.rate_rad_s, imu.force_m_s2))
+    rate, force = (
+        interpolate_vectors(imu.t_s, samples, middle) for samples in (imu.rate_rad_s, imu.force_m_s2)
+    )
     rotation = float(np.linalg.norm(step_s @ (rate - bias[3:])))
     change = float(np.linalg.norm(step_s @ (force - imu.force_m_s2.mean(axis=0))))
     density = np.array([imu.gyro_density, imu.accelerometer_density])
@@ -70,10 +73,6 @@ def preintegrate(
     for f, w, dt in zip(force, rate, step_s.tolist(), strict=True):
         measured.integrateMeasurement(f, w, dt)
     return measured
-
-
-def _interpolated(at_s: FloatArray, t_s: FloatArray, samples: FloatArray) -> FloatArray:
-    return np.stack([np.interp(at_s, t_s, axis) for axis in samples.T], axis=1)
 
 
 def _six(of_force: float, of_rates: float) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
-from vgps.geometry import cross_matrices
+from vgps.geometry import cross_matrices, interpolate_vectors
 from vgps.gps.fixes import Fixes
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -223,7 +223,7 @@ def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
     """Return the last fit at the new nodes; beyond it the path goes on with the video, and a new offset is
     what the fixes differ from that."""
     before, t_s = last.nodes.t_s, nodes.t_s
-    values = np.stack([np.interp(t_s, before, column) for column in last.state.values.T], axis=1)
+    values = interpolate_vectors(before, last.state.values, t_s)
     node = np.clip(np.searchsorted(before, t_s + SAME_TIME_S) - 1, 0, None)
     R = last.state.world_R_map[node]
     new = int(np.searchsorted(t_s, before[-1] + SAME_TIME_S))

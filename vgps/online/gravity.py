@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import ImuConfig
-from vgps.geometry import interpolate_poses
+from vgps.geometry import interpolate_vectors
 from vgps.imu.camera_imu import CameraImu
 from vgps.model import BoolArray, FloatArray
 from vgps.online.video_path import VideoPath
@@ -60,7 +60,8 @@ class Gravity:
         known = (span_s >= _SHORTEST_S) & self._imu.covers(start_s, end_s)
         span_s = np.where(known, span_s, 1.0)
         integral = self._force_in_map(path)
-        force = _at(path.t_s, integral, end_s) - _at(path.t_s, integral, start_s)
+        force = interpolate_vectors(path.t_s, integral, end_s)
+        force -= interpolate_vectors(path.t_s, integral, start_s)
         change = scale[:, None] * (_velocity(path, end_s, known) - _velocity(path, start_s, known))
         up = (force - change) / span_s[:, None]
         length = np.maximum(np.linalg.norm(up, axis=1), 1e-9)
@@ -70,19 +71,15 @@ class Gravity:
 
     def _force_in_map(self, path: VideoPath) -> FloatArray:
         """Return the integral (n, 3) of the specific force in the map's axes since the path's first frame."""
-        at_frames = _at(self._imu.t_s, self._sum, path.t_s)
+        at_frames = interpolate_vectors(self._imu.t_s, self._sum, path.t_s)
         R = path.poses[:, :3, :3]
         steps = 0.5 * (R[1:] + R[:-1]) @ np.diff(at_frames, axis=0)[:, :, None]
         return np.concatenate([np.zeros((1, 3)), np.cumsum(steps[:, :, 0], axis=0)])
 
 
-def _at(t_s: FloatArray, values: FloatArray, when_s: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) at times (n,), interpolated at others (N,)."""
-    return np.stack([np.interp(when_s, t_s, column) for column in values.T], axis=1)
-
-
 def _velocity(path: VideoPath, t_s: FloatArray, known: BoolArray) -> FloatArray:
     """Return the velocity (N, 3) in the map at times (N,); zero where it is not asked for."""
     inside = np.where(known, t_s, 0.5 * (path.t_s[0] + path.t_s[-1]))
-    ends = [interpolate_poses(path.t_s, path.poses, inside + sign * _HALF_S)[:, :3, 3] for sign in (-1, 1)]
-    return np.where(known[:, None], (ends[1] - ends[0]) / (2.0 * _HALF_S), 0.0)
+    centres = path.poses[:, :3, 3]
+    before, after = (interpolate_vectors(path.t_s, centres, inside + d_s) for d_s in (-_HALF_S, _HALF_S))
+    return np.where(known[:, None], (after - before) / (2.0 * _HALF_S), 0.0)

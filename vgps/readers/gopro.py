@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.errors import GpsLogError, GyroLogError, ImuLogError, RecordingError, VgpsError
+from vgps.geometry import interpolate_vectors
 from vgps.model import FixClass, FloatArray, GyroLog, ImuLog
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
 from vgps.readers.gpmf import Block, Telemetry, first_number
@@ -99,7 +100,7 @@ def read_gopro_imu(telemetry: Telemetry) -> ImuLog | None:
         return None
     t_s, rates = _vectors(telemetry, "GYRO", ImuLogError)
     force_t_s, force = _vectors(telemetry, "ACCL", ImuLogError)
-    at_rates = np.stack([np.interp(t_s, force_t_s, axis) for axis in force.T], axis=1)
+    at_rates = interpolate_vectors(force_t_s, force, t_s)
     inside = (t_s >= force_t_s[0]) & (t_s <= force_t_s[-1])
     if inside.sum() < _MIN_SAMPLES:
         return None
