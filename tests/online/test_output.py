@@ -14,7 +14,9 @@ POSE = np.array([[0.0, 0.0, 1.0, 1.0], [-1.0, 0.0, 0.0, 2.0], [0.0, -1.0, 0.0, 3
 
 def written(estimate: OnlineEstimate) -> list[dict]:
     stream = io.StringIO()
-    JsonLines(stream, datetime(2020, 1, 1, tzinfo=UTC)).write(estimate, latency_s=0.25)
+    lines = JsonLines(stream)
+    lines.start_utc = datetime(2020, 1, 1, tzinfo=UTC)
+    lines.write(estimate, latency_s=0.25)
 
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} is not JSON")

@@ -90,7 +90,7 @@ def online(
         lag_s=lag_s,
         nmea=listeners.nmea,
         websocket=listeners.websocket,
-        view=_view() if listeners.rerun else None,
+        open_view=_live_view if listeners.rerun else None,
     )
     if sources.video is None:
         frames = pose_recording(recording, options, realtime=realtime)
@@ -99,7 +99,7 @@ def online(
     print_line(f"{frames} frames{f': {out}' if out else ''}", to_stderr=True)
 
 
-def _view() -> PoseOutput:
+def _live_view() -> PoseOutput:
     from vgps.viewer import open_live_view
 
     return ViewOutput(open_live_view())

@@ -64,11 +64,6 @@ class Outputs(PoseOutput):
         for output in self._outputs:
             output.show(t_s, gray)
 
-    def close(self) -> None:
-        """Close all of them."""
-        for output in self._outputs:
-            output.close()
-
 
 class JsonMessages(PoseOutput):
     """Estimates as JSON objects.
@@ -89,17 +84,15 @@ class JsonMessages(PoseOutput):
     def _records(self, estimate: OnlineEstimate, latency_s: float) -> Iterator[Mapping[str, Any]]:
         for event in estimate.events:
             yield self._event(event)
-        yield (
-            {
-                "type": "pose",
-                "frame": estimate.frame,
-                **self._time(estimate.t_s),
-                "state": str(estimate.state),
-                "global": _pose(estimate.global_T_camera, estimate.world_origin, _sigmas(estimate)),
-                "local": _pose(estimate.local_T_camera, estimate.world_origin),
-                "latency_s": round(latency_s, 4),
-            }
-        )
+        yield {
+            "type": "pose",
+            "frame": estimate.frame,
+            **self._time(estimate.t_s),
+            "state": str(estimate.state),
+            "global": _pose(estimate.global_T_camera, estimate.world_origin, _sigmas(estimate)),
+            "local": _pose(estimate.local_T_camera, estimate.world_origin),
+            "latency_s": round(latency_s, 4),
+        }
 
     def _event(self, event: OnlineEvent) -> dict[str, Any]:
         head = {"type": "event", **self._time(event.t_s), "event": event.kind, "text": event.text}
@@ -116,12 +109,11 @@ class JsonLines(JsonMessages):
 
     Args:
         stream: Text stream.
-        start_utc: UTC instant of the first frame, if it is known.
     """
 
-    def __init__(self, stream: TextIO, start_utc: datetime | None = None) -> None:
+    def __init__(self, stream: TextIO) -> None:
         super().__init__(self._line)
-        self._stream, self.start_utc = stream, start_utc
+        self._stream = stream
 
     def _line(self, text: str) -> None:
         self._stream.write(text + "\n")

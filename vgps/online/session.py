@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -42,7 +42,7 @@ class OnlineOptions:
         camera, rig: Files that replace those of the recording.
         lag_s: Delay after which a pose is written, by all that came until then.
         nmea, websocket: Addresses where poses are sent, too.
-        view: A view of the poses as they come; it is closed at the end.
+        open_view: Opens a view of the poses as they come; it is closed at the end.
     """
 
     config: Config
@@ -55,7 +55,7 @@ class OnlineOptions:
     lag_s: float = 0.0
     nmea: str | None = None
     websocket: str | None = None
-    view: PoseOutput | None = None
+    open_view: Callable[[], PoseOutput] | None = None
 
     def check(self) -> None:
         """Check before the session that its result can be written.
@@ -167,14 +167,13 @@ def _opened_outputs(
     with contextlib.ExitStack() as opened:
         outputs: list[PoseOutput] = [JsonLines(stream or sys.stdout)]
         if options.nmea is not None:
-            outputs.append(NmeaOutput(options.nmea, options.config.gps))
-            opened.callback(outputs[-1].close)
+            nmea = NmeaOutput(options.nmea, options.config.gps)
+            outputs.append(opened.enter_context(contextlib.closing(nmea)))
         if options.websocket is not None:
-            outputs.append(WebSocketOutput(options.websocket))
-            opened.callback(outputs[-1].close)
-        if options.view is not None:
-            outputs.append(options.view)
-            opened.callback(options.view.close)
+            websocket = WebSocketOutput(options.websocket)
+            outputs.append(opened.enter_context(contextlib.closing(websocket)))
+        if options.open_view is not None:
+            outputs.append(opened.enter_context(contextlib.closing(options.open_view())))
         yield Outputs(outputs, start_utc)
 
 
