@@ -53,9 +53,10 @@ class Broadcast:
             self._server = asyncio.run_coroutine_threadsafe(self._listen(host, port), self._loop).result()
         except OSError as error:
             self._stop()
-            reason = " ".join(str(error.strerror or error).split())
             raise OutputError(
-                f"cannot be listened on ({reason})", file=address, remedy="name a free port of this computer"
+                f"cannot be listened on ({error.strerror or error})",
+                file=address,
+                remedy="name a free port of this computer",
             ) from error
         self.port = int(self._server.sockets[0].getsockname()[1])
 
@@ -165,9 +166,8 @@ class SerialPort:
         try:
             self._port = serial.Serial(device, int(baud or _BAUD), write_timeout=_MOMENT_S)
         except (OSError, ValueError, serial.SerialException) as error:
-            reason = " ".join(str(getattr(error, "strerror", None) or error).split())
             raise OutputError(
-                f"cannot be opened ({reason})",
+                f"cannot be opened ({getattr(error, 'strerror', None) or error})",
                 file=address,
                 expected="tcp://HOST:PORT to listen there, or a serial port as /dev/ttyUSB0@38400",
             ) from error

@@ -63,7 +63,8 @@ class GpsSource:
             OverflowError,
             serial.SerialException,
         ) as error:  # a port of no number too
-            raise GpsLogError(f"cannot be opened ({_words(error)})", file=address, expected=_FORMS) from error
+            reason = getattr(error, "strerror", None) or error
+            raise GpsLogError(f"cannot be opened ({reason})", file=address, expected=_FORMS) from error
         threading.Thread(target=self._work, name="gps", daemon=True).start()
 
     def poll(self) -> tuple[list[ReceivedFix], list[str]]:
@@ -164,7 +165,3 @@ def _connected(host: str, port: int, watch: bool) -> BinaryIO:
     stream = connection.makefile("rb")
     connection.close()  # the stream keeps it open
     return stream
-
-
-def _words(error: Exception) -> str:
-    return " ".join(str(getattr(error, "strerror", None) or error).split())

@@ -8,10 +8,9 @@ A pose has no satellites and no dilution of precision: these stay empty.
 
 from collections.abc import Iterator
 from datetime import datetime, timedelta
-from functools import reduce
-from operator import xor
 
 import numpy as np
+from pynmeagps import calc_checksum
 
 from vgps.config import GpsConfig
 from vgps.crs.geoid import Geoid
@@ -78,5 +77,4 @@ def _angle(angle_deg: float, digits: int) -> str:
 
 def _framed(body: str) -> bytes:
     """Return a sentence with its checksum."""
-    data = body.encode("ascii")
-    return b"$%s*%02X\r\n" % (data, reduce(xor, data))
+    return f"${body}*{calc_checksum(body)}\r\n".encode("ascii")

@@ -1,7 +1,6 @@
 """Events of verdicts on fixes: the first verdict on each, and its changes."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,26 +41,27 @@ class VerdictEvents:
             for row in rows.tolist()
         }
         before, self.reported = self.reported, now
-        events = []
-        for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True):
-            if before.get(number) != verdict:
-                t_s, nominal = float(fixes.t_s[row]), float(assessment.nominal[row])
-                kind = class_of(number)
-                event = _event(until_s, t_s, kind, verdict, before.get(number), nominal)
-                position_m = np.round(fixes.world_p_fix[row], 4).tolist()
-                place = dict(zip(("east_m", "north_m", "up_m"), position_m, strict=True))
-                events.append(replace(event, details={**event.details, **place}))
-        return events
+        return [
+            _event(until_s, class_of(number), (before.get(number), verdict), fix_buffer, row)
+            for row, (number, verdict) in zip(rows.tolist(), now.items(), strict=True)
+            if before.get(number) != verdict
+        ]
 
 
 def _event(
-    t_s: float, fix_t_s: float, kind: FixClass, verdict: Verdict, before: Verdict | None, probability: float
+    t_s: float, kind: FixClass, change: tuple[Verdict | None, Verdict], fix_buffer: FixBuffer, row: int
 ) -> OnlineEvent:
+    before, verdict = change
     was = "" if before is None else f", before {before}"
+    fix_t_s, probability = float(fix_buffer.fixes.t_s[row]), float(fix_buffer.assessment.nominal[row])
+    east_m, north_m, up_m = np.round(fix_buffer.fixes.world_p_fix[row], 4).tolist()
     details = {
         "fix_t_s": fix_t_s,
         "class": str(kind),
         "verdict": str(verdict),
         "probability": probability if np.isfinite(probability) else None,
+        "east_m": east_m,
+        "north_m": north_m,
+        "up_m": up_m,
     }
     return OnlineEvent(t_s, "fix", f"{kind} of {fix_t_s:.2f} s {verdict}{was}", details)
