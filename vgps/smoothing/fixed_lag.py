@@ -1,14 +1,14 @@
 """GTSAM's incremental fixed-lag smoother with factors that have names, by which they leave again."""
 
-from collections.abc import Hashable, KeysView, Sequence
+from collections.abc import KeysView, Sequence
 from dataclasses import dataclass, field
-from typing import SupportsFloat, SupportsIndex, SupportsInt
+from typing import Any, SupportsFloat, SupportsIndex, SupportsInt
 
 import gtsam
 
 from vgps.model import FloatArray
 
-Name = Hashable
+Name = tuple[Any, ...]
 Stamps = dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex]
 """Times by key, as GTSAM's binding types them."""
 

@@ -80,7 +80,7 @@ class IncrementalWindow:
         window = self._window(local_map)
         if window is None:
             return None
-        config, starts = self._context.config, self._graph is None
+        config = self._context.config
         graph = self._graph = self._graph or self._empty_graph(window)
         changes = [
             frame_change(window, self._context),
@@ -88,7 +88,7 @@ class IncrementalWindow:
         ]
         if local_map.aligned:
             changes.append(fix_change(window, graph, fixes, camera_p_antenna, config.gps))
-        if starts:
+        if window.starts:
             changes.append(self._start_change(window, local_map.aligned))
         estimate = graph.update(GraphChange.merged(changes), config.window.iterations)
         return _result(estimate, window, graph, local_map.discarded_features)
@@ -97,16 +97,15 @@ class IncrementalWindow:
         """Return the frames of the window; None if some of the new ones are tied to nothing."""
         newest = local_map.next_frame - 1
         since = max(local_map.first_posed, newest + 1 - self._context.config.window.length_frames)
-        offset = max(local_map.first_posed, since - local_map.views.shape[1])
-        starts = self._graph is None
-        begin = since if starts else self._first
-        new = since if starts else self._first + len(self._poses)
-        offset = min(offset, begin)
+        begin, new = since, since
+        if self._graph is not None:
+            begin, new = self._first, self._first + len(self._poses)
+        offset = min(max(local_map.first_posed, since - local_map.views.shape[1]), begin)
         scene, ids = scene_of_map(local_map, offset, NO_CONTROL_OBSERVATIONS)
         scene, sigma_px = select_observations(scene, self._context)
-        tied = {one.frame + offset for one in scene.zero_motions if one.reference + offset >= begin}
-        still = {one.frame + offset for one in scene.zero_motions}
-        if scene.unseen[new - offset :].any() or any(frame >= new for frame in still - tied):
+        tied = {one.frame for one in scene.zero_motions if one.reference + offset >= begin}
+        untied = {one.frame for one in scene.zero_motions} - tied
+        if scene.unseen[new - offset :].any() or any(frame + offset >= new for frame in untied):
             return None
         return WindowScene(
             scene=scene,

@@ -12,7 +12,7 @@ from factors import gps_factor_interpolated
 from vgps.config import BatchConfig, GpsConfig
 from vgps.geometry import largest_angle_rad, world_rays
 from vgps.gps.fixes import Fixes, contributing_fixes, penalty, place
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
 from vgps.smoothing.factor_graph import Scene
@@ -105,8 +105,7 @@ def _parallax_rad(window: WindowScene, context: SmoothingContext) -> FloatArray:
 
 def _withdrawn(present: KeysView[Name], wanted: set[Name], begin: int) -> set[Name]:
     """Return the projections in the smoother's frames that are no longer wanted."""
-    projections = {name for name in present if isinstance(name, tuple) and isinstance(name[0], int)}
-    return {name for name in projections - wanted if name[0] >= begin}
+    return {name for name in present - wanted if isinstance(name[0], int) and name[0] >= begin}
 
 
 def _add_points(change: GraphChange, window: WindowScene, points: IntArray, last: IntArray) -> None:
@@ -159,7 +158,7 @@ def fix_change(
     placement = place(t_s, fixes.t_s)
     columns = np.column_stack([fixes.t_s, fixes.world_p_fix, fixes.r_m, fixes.h_m])[rows]
     names: list[Name] = [("fix", *column) for column in columns.tolist()]
-    change = GraphChange(removed={name for name in graph.names() if _is_fix(name)} - set(names))
+    change = GraphChange(removed={name for name in graph.names() if name[0] == "fix"} - set(names))
     for name, row in zip(names, rows.tolist(), strict=True):
         if name not in graph.names():
             k, alpha = window.begin + int(placement.frame[row]), float(placement.alpha[row])
@@ -169,29 +168,26 @@ def fix_change(
     return change
 
 
-def _is_fix(name: Name) -> bool:
-    return isinstance(name, tuple) and name[0] == "fix"
-
-
 def frame_change(window: WindowScene, context: SmoothingContext) -> GraphChange:
     """Return the new frames, with what holds them beside features and fixes: standing still, control points.
 
     The zero motions of ``window.scene`` count from ``window.offset``.
     """
-    change, config, offset = GraphChange(), context.config, window.offset
+    change, config, scene, offset = GraphChange(), context.config, window.scene, window.offset
     for frame in range(window.new, window.newest + 1):
         change.values.insert(X(frame), gtsam.Pose3(window.pose(frame)))
         change.stamps[X(frame)] = float(frame)
     motions = [
         replace(one, frame=one.frame + offset, reference=one.reference + offset)
-        for one in window.scene.zero_motions
+        for one in scene.zero_motions
         if one.frame + offset >= window.new and one.reference + offset >= window.begin
     ]
-    still: BoolArray = np.zeros(0, dtype=bool)
-    factors = motion_factors(window.scene.t_s, still, motions, config.motion)
+    all_seen = np.zeros(len(scene.t_s), dtype=bool)  # else the window is not for iSAM2
+    factors = motion_factors(scene.t_s, all_seen, motions, config.motion)
     controls = context.controls.between(window.new, window.newest)
-    poses = window.scene.poses[window.new - offset :]
-    sigma_px = control_sigma_px(controls, poses, context.K, config.start.control_sigma_px)
+    sigma_px = control_sigma_px(
+        controls, scene.poses[window.new - offset :], context.K, config.start.control_sigma_px
+    )
     controls = replace(controls, frame=controls.frame + window.new)
     factors.push_back(control_factors(controls, sigma_px, context.K))
     for k in range(factors.size()):
