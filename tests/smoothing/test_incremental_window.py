@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from synthetic_bundle import ANTENNA
+from synthetic_bundle import ANTENNA, keep_observations
 from synthetic_map import CAMERA, away, context, map_of, scene
 
 from vgps.config import Config, StartConfig, WindowConfig
@@ -110,6 +110,17 @@ def test_where_isam2_fails_the_window_is_that_of_the_other_solver(monkeypatch):
     again = grown(problem, 59, grown_map)
     again.apply(engine.optimise(again, fixes, ANTENNA).update)
     assert engine.continues(again) and engine.failures == 1
+
+
+def test_a_frame_that_nothing_ties_is_left_to_the_other_solver():
+    problem, _, t_s, fixes = scene()
+    problem = keep_observations(problem, problem.frame != 45)
+    local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:3])
+    grown_map = grown(problem, 49, local_map)
+    found = engine.optimise(grown_map, fixes, ANTENNA).update
+    plain = optimise_window(grown_map, fixes, ANTENNA, context(SHORT)).update
+    np.testing.assert_array_equal(found.poses, plain.poses)
+    assert engine.failures == 0
 
 
 def test_rolling_shutters_are_left_to_the_other_solver():

@@ -8,7 +8,8 @@ from gtsam.symbol_shorthand import L, X
 from synthetic_map import context, map_of, scene
 
 from vgps.config import Config
-from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.smoothing.factor_graph import scene_of_map, select_observations
 from vgps.smoothing.fixed_lag import FixedLagGraph, GraphChange
 from vgps.smoothing.window_factors import WindowScene, frame_change, projection_change
@@ -22,14 +23,28 @@ def empty():
     return FixedLagGraph(19.0, {"x": np.full(6, 1e-3), "l": np.full(3, 1e-2)})
 
 
-def first_window():
+def first_window(offset=0):
     """Frames 20 to 39 of the drive, and those before them."""
     problem, _, _, _ = scene(disturbed=0.0)
-    made, ids = scene_of_map(map_of(problem, 0, NEWEST), 0, NO_CONTROL_OBSERVATIONS)
+    made, ids = scene_of_map(map_of(problem, 0, NEWEST), offset, NO_CONTROL_OBSERVATIONS)
     made, sigma_px = select_observations(made, CONTEXT)
     return WindowScene(
-        scene=made, feature=ids, sigma_px=sigma_px, offset=0, begin=SINCE, since=SINCE, new=SINCE
+        scene=made, feature=ids, sigma_px=sigma_px, offset=offset, begin=SINCE, since=SINCE, new=SINCE
     )
+
+
+def test_new_frames_bring_their_zero_motions_and_control_points():
+    window = first_window(offset=10)
+    held = [
+        ZeroMotion(frame, reference, np.eye(4), np.full(6, 0.1)) for frame, reference in ((20, 15), (22, 9))
+    ]
+    window = replace(window, scene=replace(window.scene, zero_motions=tuple(held)))
+    points = window.scene.points[:2]
+    controls = ControlObservations(np.array([12, 35]), np.full((2, 2), 100.0), points, np.full((2, 3), 0.1))
+    change = frame_change(window, replace(CONTEXT, controls=controls))
+    # the second zero motion is relative to frame 19, the first control point was seen in frame 12
+    assert [list(one.keys()) for one in change.factors.values()] == [[X(25), X(30)], [X(35)]]
+    assert set(change.stamps) == {X(frame) for frame in range(SINCE, NEWEST + 1)}
 
 
 def test_projections_before_the_window_have_only_points_as_variables():
