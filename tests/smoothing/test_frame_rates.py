@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_bundle import K
-from synthetic_rows import ROWS, rolling_drive
+from synthetic_rows import rolling_drive
 
-from vgps.model import Camera, FloatArray
+from vgps.model import FloatArray
 from vgps.smoothing.frame_rates import frame_rates, turned_back
 from vgps.solver.cost import camera_points
 from vgps.solver.problem import BundleProblem
 
 READOUT_S = 0.06
-CAMERA = Camera(
-    model="pinhole", width=640, height=ROWS, fx=K[0], fy=K[1], cx=K[2], cy=K[3], readout_s=READOUT_S
-)
 
 
 @pytest.fixture(scope="module")
@@ -37,26 +34,24 @@ def test_observations_are_turned_back_to_the_path(still: BundleProblem) -> None:
     rates = np.random.default_rng(1).normal(0.0, 0.1, (len(still.world_T_camera), 3))
     seen = turning(still, rates)
     moved = np.abs(seen.uv_px - still.uv_px).max()
-    back = turned_back(CAMERA, seen.uv_px, seen.frame, rates)
+    back = turned_back(seen, rates).uv_px
     assert moved > 3.0 and np.abs(back - still.uv_px).max() < 0.05 * moved
-    np.testing.assert_array_equal(turned_back(CAMERA, seen.uv_px, seen.frame, None), seen.uv_px)
-    as_global = replace(CAMERA, readout_s=None)
-    np.testing.assert_array_equal(turned_back(as_global, seen.uv_px, seen.frame, rates), seen.uv_px)
+    np.testing.assert_array_equal(turned_back(seen, None).uv_px, seen.uv_px)
+    np.testing.assert_array_equal(turned_back(replace(seen, row_times=None), rates).uv_px, seen.uv_px)
 
 
 def test_rates_are_found_in_one_step_and_kept_in_the_next(still: BundleProblem) -> None:
     rates = np.random.default_rng(1).normal(0.0, 0.1, (len(still.world_T_camera), 3))
     seen = turning(still, rates)
     noisy = replace(seen, uv_px=seen.uv_px + np.random.default_rng(2).normal(0.0, 0.1, seen.uv_px.shape))
-    found = frame_rates(noisy, CAMERA, None)
+    found = frame_rates(noisy, None)
     assert np.sqrt(np.mean((found - rates) ** 2)) < 0.15 * 0.1
-    again = replace(noisy, uv_px=turned_back(CAMERA, noisy.uv_px, noisy.frame, found))
-    np.testing.assert_allclose(frame_rates(again, CAMERA, found), found, atol=0.01)
+    np.testing.assert_allclose(frame_rates(turned_back(noisy, found), found), found, atol=0.01)
 
 
 def test_noise_alone_shows_hardly_any_rates(still: BundleProblem) -> None:
     noise = np.random.default_rng(2).normal(0.0, 0.3, still.uv_px.shape)
-    found = frame_rates(replace(still, uv_px=still.uv_px + noise), CAMERA, None)
+    found = frame_rates(replace(still, uv_px=still.uv_px + noise), None)
     assert np.sqrt(np.mean(found**2)) < 0.01
 
 
@@ -69,6 +64,6 @@ def test_a_frame_that_sees_little_and_a_global_shutter_have_none(still: BundlePr
         **{name: getattr(seen, name)[few] for name in ("frame", "landmark", "uv_px", "sigma_px")},
         row_times=seen.row_times.rows(np.flatnonzero(few)),
     )
-    found = frame_rates(problem, CAMERA, None)
+    found = frame_rates(problem, None)
     assert not found[5].any() and np.abs(found[4]).min() > 0.05
-    assert not frame_rates(replace(seen, row_times=None), CAMERA, None).any()
+    assert not frame_rates(replace(seen, row_times=None), None).any()

@@ -129,7 +129,7 @@ def _with_rows(
     problem = solved.result.problem
     if problem.row_times is None:
         return context, state
-    rates = frame_rates(problem, context.camera, state.scene.rates)
+    rates = frame_rates(problem, state.scene.rates)
     as_seen = replace(problem, uv_px=solved.given.scene.observations.uv_px)
     context = with_better_readout(context, as_seen, state.scene.t_s)
     return context, replace(state, scene=replace(state.scene, rates=rates))
@@ -224,7 +224,7 @@ def _retriangulate(scene: Scene, sigma_px: FloatArray, context: SmoothingContext
     if len(landmark) == 0:
         return scene
     frames, uv_px = scene.observations.frame[rows], scene.observations.uv_px[rows]
-    times = row_times(scene.t_s, frames, uv_px, context)
+    times = row_times(scene.t_s, frames, uv_px, context.camera)
     poses = scene.poses[frames] if times is None else times.poses(scene.poses)
     triangulated, _ = triangulate(context.K, poses, uv_px, start)
     points = scene.points.copy()

@@ -118,8 +118,7 @@ def select_observations(
 
     Returns:
         The scene without them and without loops that do not fit (rows of ``points`` unchanged), and
-        reliabilities sigma_j (13) (L,) in pixels,
-        NaN for features without an observation left.
+        reliabilities sigma_j (13) (L,) in pixels, NaN for features without an observation left.
     """
     config = context.config
     problem = _bare_problem(scene, context)
@@ -142,17 +141,19 @@ def select_observations(
 
 
 def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
+    """Return the observations of a scene, each with a sigma of one pixel, and no other factors."""
     observations, K = scene.observations, context.K
-    return BundleProblem(
+    problem = BundleProblem(
         K=(K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
         world_T_camera=scene.poses,
         world_p_landmark=scene.points,
         frame=observations.frame,
         landmark=observations.landmark,
-        uv_px=turned_back(context.camera, observations.uv_px, observations.frame, scene.rates),
+        uv_px=observations.uv_px,
         sigma_px=np.ones(len(observations.frame)),
-        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context),
+        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context.camera),
     )
+    return turned_back(problem, scene.rates)
 
 
 def build_problem(
@@ -172,7 +173,7 @@ def build_problem(
         context: Calibration, weights and loss.
         fixed: (F,) frames to hold.
     """
-    observations, config, K = scene.observations, context.config, context.K
+    observations, config = scene.observations, context.config
     if config.batch.weight == "per_frame":
         sigma = projection_sigma_px(sigma_px, observations.landmark, observations.frame)
     else:
@@ -180,19 +181,13 @@ def build_problem(
     # the robust loss is in pixels, before any weighting between video and GPS
     sigma = sigma * config.batch.video_sigma_scale
     robust_k = whitened_robust_k(config.batch.robust_px, np.ones_like(sigma), sigma)
-    return BundleProblem(
-        K=(K[0, 0], K[1, 1], K[0, 2], K[1, 2]),
-        world_T_camera=scene.poses,
-        world_p_landmark=scene.points,
-        frame=observations.frame,
-        landmark=observations.landmark,
-        uv_px=turned_back(context.camera, observations.uv_px, observations.frame, scene.rates),
+    return replace(
+        _bare_problem(scene, context),
         sigma_px=sigma,
         robust="huber",
         robust_k=robust_k,
         pose_graph=pose_graph,
         fixed=fixed,
-        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context),
     )
 
 

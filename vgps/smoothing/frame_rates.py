@@ -6,11 +6,12 @@ over the rows). But all observations of a frame see one motion, of which a const
 and 0.08 px. So each frame has such a rate beside the path's, by which its observations are turned back.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from vgps.camera import row_shares
 from vgps.geometry import MIN_DEPTH
-from vgps.model import Camera, FloatArray, IntArray
+from vgps.model import FloatArray, IntArray
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.problem import BundleProblem
 
@@ -21,22 +22,21 @@ _DAMPING = 1e-9  # relative, of a frame's pose
 _MIN_VARIANCE = 1e-12  # of rates and pixels without errors
 
 
-def turned_back(camera: Camera, uv_px: FloatArray, frame: IntArray, rates: FloatArray | None) -> FloatArray:
-    """Return undistorted pixels (N, 2) as they were if the frames turned with the path alone.
+def turned_back(problem: BundleProblem, rates: FloatArray | None) -> BundleProblem:
+    """Return the problem with observations as they would be if the frames turned with the path alone.
 
     Args:
-        camera: The camera.
-        uv_px: (N, 2) undistorted pixels.
-        frame: (N,) frame of each observation.
+        problem: With the observations as seen.
         rates: (F, 3) angular rates beyond the path, rad/s about the camera's axes; None for none.
     """
-    if rates is None or not camera.readout_s:
-        return uv_px
-    turn = (camera.readout_s * row_shares(camera, uv_px))[:, None] * rates[frame]
-    return np.asarray(uv_px - np.einsum("nij,nj->ni", _by_rotation(camera.K, uv_px), turn))
+    times = problem.row_times
+    if rates is None or times is None:
+        return problem
+    turn = (times.readout_s * times.share)[:, None] * rates[problem.frame]
+    return replace(problem, uv_px=problem.uv_px - np.einsum("nij,nj->ni", _by_rotation(problem), turn))
 
 
-def frame_rates(problem: BundleProblem, camera: Camera, before: FloatArray | None) -> FloatArray:
+def frame_rates(problem: BundleProblem, before: FloatArray | None) -> FloatArray:
     """Return the angular rates (F, 3) of frames beyond the path, rad/s, that the residuals show.
 
     Pose and rate of each frame are fitted together to its residuals, the landmarks held. The prior of the
@@ -45,7 +45,6 @@ def frame_rates(problem: BundleProblem, camera: Camera, before: FloatArray | Non
 
     Args:
         problem: Of a rolling shutter, at its optimum; its observations are turned back by ``before``.
-        camera: The camera.
         before: (F, 3) rates so far; None for none.
     """
     times, frame = problem.row_times, problem.frame
@@ -55,9 +54,9 @@ def frame_rates(problem: BundleProblem, camera: Camera, before: FloatArray | Non
         return np.zeros_like(rates)
     camera_p = camera_points(problem)
     error, behind = pixel_errors(problem, camera_p)
-    by_rotation = _by_rotation(camera.K, problem.uv_px)
+    by_rotation = _by_rotation(problem)
     by_rate = (times.readout_s * times.share)[:, None, None] * by_rotation
-    jacobian = np.concatenate([by_rate, by_rotation, _by_translation(camera.K, camera_p)], axis=2)
+    jacobian = np.concatenate([by_rate, by_rotation, _by_translation(problem, camera_p)], axis=2)
     residual = error.T - np.einsum("nij,nj->ni", by_rate, rates[frame])
     for _ in range(_PASSES):
         left = np.sum((residual + np.einsum("nij,nj->ni", by_rate, rates[frame])) ** 2, axis=1)
@@ -70,20 +69,26 @@ def frame_rates(problem: BundleProblem, camera: Camera, before: FloatArray | Non
     return rates
 
 
-def _by_rotation(K: FloatArray, uv_px: FloatArray) -> FloatArray:
-    """Return the derivatives (N, 2, 3) of pixels by a rotation of the camera about its own axes."""
-    a, b = ((uv_px - K[:2, 2]) / (K[0, 0], K[1, 1])).T
+def _by_rotation(problem: BundleProblem) -> FloatArray:
+    """Return the derivatives (N, 2, 3) of the observed pixels by a rotation of the camera about its axes."""
+    focal_px, centre_px = np.array(problem.K).reshape(2, 2)
+    a, b = ((problem.uv_px - centre_px) / focal_px).T
     rows = np.array([[a * b, -1.0 - a * a, b], [1.0 + b * b, -a * b, -a]])
-    return np.asarray(np.diag(K)[:2, None] * rows.transpose(2, 0, 1))
+    return np.asarray(focal_px[:, None] * rows.transpose(2, 0, 1))
 
 
-def _by_translation(K: FloatArray, camera_p: FloatArray) -> FloatArray:
-    """Return the derivatives (N, 2, 3) of pixels by translations along the camera's axes."""
+def _by_translation(problem: BundleProblem, camera_p: FloatArray) -> FloatArray:
+    """Return the derivatives (N, 2, 3) of pixels by translations along the camera's axes.
+
+    Args:
+        problem: Gives the focal lengths.
+        camera_p: (3, N) landmarks in the camera frame.
+    """
     inverse = 1.0 / np.maximum(camera_p[2], MIN_DEPTH)
     a, b = camera_p[:2] * inverse
     zero = np.zeros_like(inverse)
     rows = np.array([[-inverse, zero, a * inverse], [zero, -inverse, b * inverse]])
-    return np.asarray(np.diag(K)[:2, None] * rows.transpose(2, 0, 1))
+    return np.asarray(np.array(problem.K[:2])[:, None] * rows.transpose(2, 0, 1))
 
 
 def _normal_equations(

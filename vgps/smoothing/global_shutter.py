@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.camera import row_shares
 from vgps.geometry import MIN_DEPTH, project
 from vgps.model import Camera
 from vgps.smoothing.factor_graph import Scene
-from vgps.solver.row_times import RowTimes
+from vgps.smoothing.row_times import row_times
 
 
 def as_global_shutter(scene: Scene, camera: Camera) -> Scene:
@@ -21,10 +20,10 @@ def as_global_shutter(scene: Scene, camera: Camera) -> Scene:
         scene: All frames.
         camera: The camera.
     """
-    if not camera.readout_s or len(scene.t_s) < 2:
+    observations = scene.observations
+    times = row_times(scene.t_s, observations.frame, observations.uv_px, camera)
+    if times is None:
         return scene
-    observations, shares = scene.observations, row_shares(camera, scene.observations.uv_px)
-    times = RowTimes.of_frames(scene.t_s, observations.frame, shares, camera.readout_s)
     points = scene.points[observations.landmark][:, None]
     by_row, row_depth = project(camera.K, times.poses(scene.poses), points)
     by_frame, depth = project(camera.K, scene.poses[observations.frame], points)
