@@ -11,13 +11,15 @@ from solutions import exact_run
 
 import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
+from vgps.config import CameraCalibrationConfig
 from vgps.evaluation import evaluate
 from vgps.model import CameraGuess
-from vgps.pipeline.camera_refinement import moved_far, with_held_guess
+from vgps.pipeline.camera_refinement import moved_far, with_found_camera, with_held_guess
 from vgps.pipeline.gyro_agreement import rotation_ratio
 from vgps.readers.calibration import read_camera
 from vgps.readers.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import NoProgress
 from vgps.writers.run_folder import write_run
 
 
@@ -43,12 +45,23 @@ def test_a_camera_moves_far_if_its_rays_do(recording):
     assert not moved_far(replace(camera, fx=1.001 * camera.fx), camera, vgps.Config())
 
 
+def guess_of(camera):
+    return CameraGuess(
+        camera=camera, focal_sigma=0.1, centre_sigma_px=3, distortion_sigma=(0.1, 0.1), source="a lens"
+    )
+
+
+def test_a_found_camera_keeps_its_rolling_shutter(recording):
+    opened = vgps.open_recording(recording)
+    rolling = replace(opened.camera, readout_s=0.01, readout_axis="columns")
+    config = vgps.Config(camera_calibration=CameraCalibrationConfig(max_frames=2))
+    guessed = replace(opened, camera=rolling, guesses=(guess_of(opened.camera),))
+    assert with_found_camera(guessed, config, NoProgress()).camera == rolling
+
+
 def test_a_guess_that_may_not_be_refined_is_told(recording):
     opened = vgps.open_recording(recording)
-    guess = CameraGuess(
-        camera=opened.camera, focal_sigma=0.1, centre_sigma_px=3, distortion_sigma=(0.1, 0.1), source="a lens"
-    )
-    held = with_held_guess(exact_run(recording), replace(opened, guesses=(guess,)))
+    held = with_held_guess(exact_run(recording), replace(opened, guesses=(guess_of(opened.camera),)))
     assert held.camera_source == "a lens"
     assert held.warnings[-1].startswith(
         "no camera.yaml: a lens; pairs of views gave fx 260.0 px, which was held"

@@ -58,6 +58,7 @@ def rig(folder: Path, text: str):
         replace(FLAT, readout_s=0.02),
         replace(FLAT, readout_s=-0.01),
         replace(FLAT, readout_s=0.0),
+        replace(FLAT, readout_s=0.02, readout_axis="columns"),
     ],
 )
 def test_what_is_written_reads_back(tmp_path, expected):

@@ -35,6 +35,12 @@ def test_chapters_follow_one_another(folder):
     assert video.warnings[0].startswith("GX010042.MP4, GX020042.MP4, GX030042.MP4 were read as the chapters")
 
 
+def test_chapters_of_a_turned_camera_know_it(tmp_path):
+    for name in ("GX010042.MP4", "GX020042.MP4"):
+        write_clip(tmp_path / name, rotation=90)
+    assert open_video(tmp_path / "GX010042.MP4").quarter_turns == 1
+
+
 def test_names_of_all_models(folder):
     assert [file.name for file in chapters_of(folder / "GX010043.MP4")] == ["GX010043.MP4"]
     assert [file.name for file in chapters_of(folder / "GX020042.MP4")] == ["GX020042.MP4"]

@@ -38,7 +38,7 @@ def test_views_are_posed_and_features_positioned_up_to_scale():
     np.testing.assert_array_equal(local_map.sigma_px[local_map.ids], CONFIG.tracking.inlier_px / 2)
 
 
-def test_a_rolling_shutters_views_start_a_map_as_a_global_ones_do():
+def test_views_of_a_rolling_shutter_start_a_map_at_the_true_poses():
     local_map, points, _ = views()
     camera = replace(CAMERA, readout_s=0.09)
     roll_shutter(local_map, points, POSES, camera)

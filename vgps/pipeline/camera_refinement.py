@@ -33,7 +33,8 @@ def with_found_camera(recording: Recording, config: Config, progress: Progress) 
         return recording
     progress.stage("calibrating the camera")
     found = calibrate_from_pairs(recording, config, progress)
-    camera = replace(found.camera, readout_s=recording.camera.readout_s)
+    given = recording.camera
+    camera = replace(found.camera, readout_s=given.readout_s, readout_axis=given.readout_axis)
     return replace(recording, camera=camera, guesses=(found.guess,))
 
 

@@ -31,6 +31,7 @@ class ChapteredVideo:
         self.path = files[0]
         self._chapters = [VideoFile(file) for file in files]
         self.width, self.height = self._chapters[0].width, self._chapters[0].height
+        self.quarter_turns = self._chapters[0].quarter_turns
         self.start_s = 0.0
         for chapter in self._chapters:
             if (chapter.width, chapter.height) != (self.width, self.height):
