@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from run_files import assert_same
-from solutions import distinct_values
+from solutions import PINHOLE, distinct_values
 
 from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
@@ -117,6 +117,7 @@ def test_arrays_that_do_not_fit_are_refused(solution: Solution, tmp_path: Path) 
     damaged = {
         "key observations.landmark: points at row 3 of 3": {"observations.landmark": far.landmark},
         "key world_T_camera: shape": {"world_T_camera": solution.world_T_camera[:2]},
+        "key graph.frame_rates: shape": {"graph.frame_rates": np.zeros((2, 3))},
         "'t_s' is missing": {"t_s": None},
     }
     with np.load(tmp_path / "run/measurements.npz") as archive:
@@ -190,6 +191,8 @@ def test_an_array_of_another_type_or_size_is_refused(
         ("world_origin", {"latitude_deg": 91, "longitude_deg": 0, "height_m": 0}, "less than or equal to 90"),
         ("seconds", [], "key seconds"),
         ("camera", {}, r"key camera\.model: is missing"),
+        ("camera", {**vars(PINHOLE), "readout_s": "fast"}, r"key camera\.readout_s"),
+        ("camera", {**vars(PINHOLE), "readout_axis": "diagonal"}, r"key camera\.readout_axis"),
     ],
 )
 def test_a_summary_of_another_kind_is_refused(

@@ -43,6 +43,7 @@ _FLOATS: dict[str, tuple[str | int, ...]] = {
     **{f"graph.fixes.{name}": ("fixes",) for name in ("t_s", "r_m", "h_m", "correlation_s")},
     **{f"graph.fixes.{name}": ("fixes", 3) for name in ("world_p_fix", "sigma_m", "correlation")},
     "graph.fixes.shape": ("fixes", 2),
+    "graph.frame_rates": ("frames", 3),
     "graph.zero_motions.pose": ("zero motions", 4, 4),
     "graph.zero_motions.sigma": ("zero motions", 6),
     "graph.controls.uv_px": ("controls", 2),
@@ -103,6 +104,8 @@ class _Camera(BaseModel):
     cy: FiniteFloat
     distortion: Annotated[list[FiniteFloat], Field(max_length=8)]
     pixel_mm: tuple[FiniteFloat, FiniteFloat] | None
+    readout_s: FiniteFloat | None = None
+    readout_axis: Literal["rows", "columns"] = "rows"
 
 
 class _Sensors(BaseModel):
