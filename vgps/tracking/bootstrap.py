@@ -9,7 +9,7 @@ from vgps.config import StartConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.model import BoolArray, Camera, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, FloatArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
 
@@ -32,10 +32,12 @@ class TwoViewInitialiser:
         oldest and the newest; under a rolling shutter those next to them, for which no row is extrapolated.
         """
         frames = local_map.view_frames[local_map.view_frames >= 0]
-        pair = (1, len(frames) - 2) if self._rolls(frames) else (0, len(frames) - 1)
         views = local_map.views[:, -len(frames) :]
         common = np.flatnonzero(np.isfinite(views[:, 0, 0]))
-        uv_px = self._at_middle_rows(local_map, views[common], frames)
+        uv_px, pair = views[common], (0, len(frames) - 1)
+        if self._camera.readout_s and len(frames) >= _MIN_ROLLING_VIEWS:
+            t_s = local_map.t_s[frames - local_map.first_frame]
+            uv_px, pair = at_middle_rows(self._camera, t_s, uv_px), (1, len(frames) - 2)
         first, last = uv_px[:, pair[0]], uv_px[:, pair[1]]
         if len(common) < self._start.min_inliers or _median_flow(first, last) < self._start.min_flow_px:
             return None
@@ -56,15 +58,6 @@ class TwoViewInitialiser:
         ids = local_map.ids[common[good]]
         positions = Positions(ids, points, np.full(len(ids), self._tracking.inlier_px / 2))
         return MapUpdate(first_frame=local_map.first_frame, poses=poses, positions=positions)
-
-    def _rolls(self, frames: IntArray) -> bool:
-        return bool(self._camera.readout_s) and len(frames) >= _MIN_ROLLING_VIEWS
-
-    def _at_middle_rows(self, local_map: LocalMap, uv_px: FloatArray, frames: IntArray) -> FloatArray:
-        """Return the pixels (N, V, 2) of features in views (V,) as a global shutter would see them."""
-        if not self._rolls(frames):
-            return uv_px
-        return at_middle_rows(self._camera, local_map.t_s[frames - local_map.first_frame], uv_px)
 
     def _triangulate_pair(
         self, first: FloatArray, last: FloatArray, last_pose: FloatArray
