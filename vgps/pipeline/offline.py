@@ -144,7 +144,8 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
     recording, sensors, poses = front_end.recording, batch.sensors, batch.trajectory.world_T_camera
     landmarks, observations = _landmarks(merged, batch)
     rotation_sigma, position_sigma = world_sigmas(poses, batch.covariance)
-    table = _fix_table(front_end, batch, config)
+    table, log = _fix_table(front_end, batch, config), recording.gps
+    contradicted = () if table is None or log is None else contradictions(table, log.fix_class)
     return Solution(
         recording=recording.path,
         world_origin=front_end.origin,
@@ -158,7 +159,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         camera_p_antenna=sensors.camera_p_antenna,
         landmarks=landmarks,
         observations=observations,
-        gps=recording.gps,
+        gps=log,
         fixes=table,
         sensors=SensorReport(
             sensors.time_offset_s,
@@ -169,11 +170,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         report=batch.report,
         seconds=front_end.seconds,
         warnings=(
-            *(
-                ()
-                if table is None or recording.gps is None
-                else contradictions(table, recording.gps.fix_class)
-            ),
+            *contradicted,
             *front_end.warnings,
             *merged.warnings,
             *batch.warnings,
