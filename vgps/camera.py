@@ -123,7 +123,7 @@ def centred_camera(
 def row_shares(camera: Camera, uv_px: FloatArray) -> FloatArray:
     """Return the places (N,) of undistorted pixels (N, 2) in the readout: -1/2 first row, 1/2 last row.
 
-    Rows are the columns of a picture whose ``readout_axis`` they are.
+    With ``readout_axis`` ``columns`` the sensor's rows are columns of the picture, the first one on the left.
     """
     axis, size = (0, camera.width) if camera.readout_axis == "columns" else (1, camera.height)
     v = distort(camera, uv_px)[:, axis]
