@@ -2,14 +2,16 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from vgps.cluster import many
 from vgps.cluster.job import JobReport, SmoothJob
-from vgps.cluster.many import RUNS_FILE, smooth_list
+from vgps.cluster.many import RUNS_FILE, smooth_all, smooth_list
 from vgps.config import Config
 from vgps.errors import RunFolderError
+from vgps.readers.control_points import PointSystem
 
 
 @pytest.fixture
@@ -65,6 +67,31 @@ def test_a_resumed_list_knows_the_complete_runs(jobs, worked, tmp_path):
     worked.clear()
     list(smooth_list(jobs, tmp_path / "runs"))
     assert [job.finished for job in worked] == [None, None, None]
+
+
+def test_workers_with_another_working_directory_find_every_file(tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr(many, "run_on_cluster", lambda jobs, *_: iter(given.extend(jobs) or ()))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "monday").mkdir()
+    for name in ("log.nmea", "grid.gtx", "rig.yaml", "monday/rig.yaml"):
+        (tmp_path / name).touch()
+    files = {"gps": "log.nmea", "rig": "rig.yaml", "imu": None}
+    geoids = ("grid.gtx", "egm96", None)
+    jobs = [
+        SmoothJob(
+            recording=Path("monday"),
+            out=Path("run"),
+            config=Config(),
+            files={**files, "control_system": PointSystem("EPSG:25832", geoid)},
+        )
+        for geoid in geoids
+    ]
+    list(smooth_all(jobs, "tcp://there"))
+    there = {"gps": tmp_path / "log.nmea", "rig": "rig.yaml", "imu": None}  # the recording's own rig is found
+    for job, geoid in zip(given, (str(tmp_path / "grid.gtx"), "egm96", None), strict=True):
+        assert (job.recording, job.out) == (tmp_path / "monday", tmp_path / "run") and job.resume
+        assert job.files == {**there, "control_system": PointSystem("EPSG:25832", geoid)}
 
 
 def test_a_run_folder_is_no_folder_of_runs(jobs, worked, tmp_path):

@@ -53,6 +53,9 @@ def _anywhere(job: SmoothJob) -> SmoothJob:
         if isinstance(value, str) and Path(value).is_file() and not (folder / value).is_file()
     }
     files = {**job.files, **here}
+    system = files.get("control_system")
+    if system is not None and system.geoid is not None and Path(system.geoid).is_file():
+        files["control_system"] = replace(system, geoid=str(Path(system.geoid).absolute()))
     return replace(job, recording=job.recording.absolute(), out=job.out.absolute(), files=files)
 
 
