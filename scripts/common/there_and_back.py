@@ -47,9 +47,10 @@ class ThereAndBackVideo:
         for frame in self.recording.video.frames():
             if frame.index >= self.count:
                 break
-            kept.append(frame.gray)
+            if self.back:
+                kept.append(frame.gray)
             yield frame
-        for index, gray in enumerate(reversed(kept) if self.back else (), start=self.count):
+        for index, gray in enumerate(reversed(kept), start=self.count):
             yield Frame(index, float(times_s[index]), gray)
 
 
