@@ -244,12 +244,10 @@ class NeighbourPairs:
 
 
 def knot_weights(at_s: FloatArray, knots_s: FloatArray) -> sparse.csr_array:
-    """Return the weights (n, K) of evenly spaced knots at some times, those of linear interpolation."""
-    share = np.clip((at_s - knots_s[0]) / (knots_s[1] - knots_s[0]), 0.0, len(knots_s) - 1.0)
-    before = np.minimum(share.astype(np.int64), len(knots_s) - 2)
-    after_weight, row = share - before, np.arange(len(at_s))
-    entries = np.concatenate([1.0 - after_weight, after_weight])
-    index = (np.tile(row, 2), np.concatenate([before, before + 1]))
+    """Return the weights (n, K) of knots at some times, those of linear interpolation."""
+    at = place(knots_s, at_s)
+    entries = np.concatenate([1.0 - at.alpha, at.alpha])
+    index = (np.tile(np.arange(len(at_s)), 2), np.concatenate([at.frame, at.frame + 1]))
     return sparse.csr_array((entries, index), shape=(len(at_s), len(knots_s)))
 
 
