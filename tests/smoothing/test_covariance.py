@@ -18,6 +18,7 @@ from vgps.gps.sensors import Sensors
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances, fix_errors
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import reprojection_errors
+from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import StateVector
 
@@ -70,6 +71,19 @@ def test_independent_errors_give_the_marginals():
     ratio = np.diagonal(drawn, axis1=1, axis2=2) / np.diagonal(marginal, axis1=1, axis2=2)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
     assert ratio.min() > 0.7 and ratio.max() < 1.4
+
+
+def test_submaps_draw_a_few_at_a_time(monkeypatch):
+    problem, _, sources = optimum(frames=160)
+    cut = replace(problem, submap_frames=60)
+    assert analyse_sparsity(cut).submaps is not None
+    monkeypatch.setattr("vgps.smoothing.covariance._STEPS_AT_ONCE", 6 * 160 * 200)
+    drawn = drawn_covariances(cut, sources, draws=500, seed=1).poses
+    whole = drawn_covariances(problem, sources, draws=500, seed=1).poses
+    assert not np.allclose(drawn, whole)  # other random numbers: the draws were not made at once
+    ratio = np.diagonal(drawn, axis1=1, axis2=2) / np.diagonal(whole, axis1=1, axis2=2)
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.1)
+    assert ratio.min() > 0.6 and ratio.max() < 1.6
 
 
 def test_errors_common_to_a_track_are_in_the_covariance_and_not_in_the_marginals():
