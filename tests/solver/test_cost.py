@@ -83,6 +83,18 @@ def test_cost_of_an_observation_is_its_loss() -> None:
     np.testing.assert_allclose(observation_costs(with_loss(problem, "huber")), [np.sqrt(34.0) / 2.0 - 0.5])
 
 
+def test_a_large_problem_is_taken_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = with_loss(drive(frames=12, landmarks=60)[0], "cauchy")
+    errors, behind = reprojection_errors(problem)
+    costs = observation_costs(problem)
+    monkeypatch.setattr("vgps.solver.cost._AT_ONCE", 100)
+    assert len(problem.frame) > 200 and len(problem.frame) % 100
+    found, found_behind = reprojection_errors(problem)
+    np.testing.assert_array_equal(found, errors)
+    np.testing.assert_array_equal(found_behind, behind)
+    np.testing.assert_array_equal(observation_costs(problem), costs)
+
+
 def test_cost_has_a_term_for_the_video_and_one_for_the_pose_factors() -> None:
     problem, _ = drive(frames=12, landmarks=60)
     terms = cost_terms(problem)
