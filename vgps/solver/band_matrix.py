@@ -105,14 +105,7 @@ class BandMatrix:
             NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
                 or (n,).
         """
-        compact = self.ab[: half_bandwidth + 1].copy(order="F")
-        factor, info = lapack.dpbtrf(compact, lower=1, overwrite_ab=1)
-        if info > 0:
-            raise NotPositiveDefiniteError(info - 1)
-        small = ~(factor[0] ** 2 > min_pivot)  # true of NaN as well
-        if np.any(small):
-            raise NotPositiveDefiniteError(int(np.argmax(small)))
-        return BandMatrix(factor)
+        return factorised(self.ab[: half_bandwidth + 1].copy(order="F"), min_pivot)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve ``L L^T x = right``, where L is this factor; ``right`` is (n,) or (n, k)."""
@@ -150,3 +143,18 @@ class BandMatrix:
         """Return the block below a diagonal block: an upper triangle, the lower corner of the band."""
         block = self.block(slice(columns.stop, columns.stop + count), columns)
         return np.triu(block, columns.stop - columns.start - self.stride)
+
+
+def factorised(ab: FloatArray, min_pivot: FloatArray | float = 0.0) -> BandMatrix:
+    """Return the factor of a band (rows, n), written over it.
+
+    Raises:
+        NotPositiveDefiniteError: As :meth:`BandMatrix.cholesky`.
+    """
+    factor, info = lapack.dpbtrf(ab, lower=1, overwrite_ab=1)
+    if info > 0:
+        raise NotPositiveDefiniteError(info - 1)
+    small = ~(factor[0] ** 2 > min_pivot)  # true of NaN as well
+    if np.any(small):
+        raise NotPositiveDefiniteError(int(np.argmax(small)))
+    return BandMatrix(factor)

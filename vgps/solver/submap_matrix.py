@@ -14,7 +14,13 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM, BandMatrix, NotPositiveDefiniteError, entries_in_band
+from vgps.solver.band_matrix import (
+    POSE_DIM,
+    BandMatrix,
+    NotPositiveDefiniteError,
+    entries_in_band,
+    factorised,
+)
 from vgps.solver.disk_arrays import DiskArrays
 
 
@@ -132,7 +138,7 @@ class SubmapMatrix:
             here.add_lower(0, -complement)
             coupling = _coupling(here, size)
             try:
-                factor = here.cholesky(half_bandwidth, least[span])
+                factor = factorised(here.ab, least[span])
             except NotPositiveDefiniteError as error:
                 raise NotPositiveDefiniteError(span.start + error.column) from None
             M = _divided(coupling, factor)
