@@ -11,7 +11,7 @@ _FRAMES = 5000  # of one of these
 
 
 class SubmapsConfig(SettingsModel):
-    """Submaps: stage D of a long recording in memory for a part of it, the rest being on disk."""
+    """Submaps: stage D of a long recording in memory for a part of it, the rest in files in TMPDIR."""
 
     basic: ClassVar[tuple[str, ...]] = ("frames",)
 

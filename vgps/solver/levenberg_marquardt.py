@@ -33,8 +33,9 @@ class SolverSettings:
         lambda_factor: Factor by which the damping falls after a step and rises after a rejected one.
         lambda_min, lambda_max: Bounds of the damping; no step is tried above the upper one.
         min_gain_ratio: A step is accepted if the cost falls by more than this fraction of the prediction.
-        max_flops: Operations per iteration above which GTSAM's optimiser is used instead.
-        max_bytes: Memory of matrix, factor and buffers above which GTSAM's optimiser is used instead.
+        max_flops: Operations per iteration, of a submap if there are any, above which GTSAM's optimiser is
+            used instead.
+        max_bytes: Memory of matrix, factor and buffers, likewise.
     """
 
     max_iterations: int = 100
