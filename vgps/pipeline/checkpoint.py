@@ -5,6 +5,7 @@ import hashlib
 import json
 import shutil
 import time
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -84,15 +85,7 @@ class Checkpoint:
             return
         begun = time.monotonic()
         whole = {"run": self._run, "frames": len(frame_pipeline.t_s), "pipeline": state}
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            write_state(whole, self._file, _CLASSES, without=("_config",))
-        except OSError as error:
-            with contextlib.suppress(OSError):  # of an earlier checkpoint in it
-                self._folder.rmdir()
-            raise RunFolderError(
-                f"cannot be written ({error.strerror})", file=self._file, remedy="check the free space"
-            ) from error
+        write_checkpoint(whole, self._file, _CLASSES, without=("_config",))
         now = time.monotonic()
         self._next_s = now + max(EVERY_S, (now - begun) / _SHARE)
 
@@ -107,11 +100,29 @@ def checkpoint_folder(out: Path) -> Path:
     return out.with_name(f".{out.name}.resume")
 
 
+def write_checkpoint(
+    state: Mapping[str, Any], file: Path, classes: Sequence[type], without: Collection[str] = ()
+) -> None:
+    """Write a state as :func:`~vgps.runtime.state_file.write_state` does, and make its folder.
+
+    Raises:
+        RunFolderError: The disk cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_state(state, file, classes, without)
+    except OSError as error:
+        with contextlib.suppress(OSError):  # of an earlier checkpoint in it
+            file.parent.rmdir()
+        raise RunFolderError(
+            f"cannot be written ({error.strerror})", file=file, remedy="check the free space"
+        ) from error
+
+
 def fingerprint(recording: Recording, config: Config) -> str:
     """Return a digest of what decides the result of stages A to C."""
     gps, points = recording.gps, recording.control_points
-    parts: dict[str, Any] = {
-        "version": version("vgps"),
+    parts = {
         "config": config.model_dump(mode="json"),
         "camera": repr(recording.camera),
         "rig": repr(recording.rig),
@@ -121,7 +132,13 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "imu": None if recording.imu is None else _digest_fields(recording.imu),
         "points": None if points is None else _digest_fields(points),
     }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    return digest(parts)
+
+
+def digest(parts: Mapping[str, Any]) -> str:
+    """Return a digest of plain data and the version of vgps."""
+    text = json.dumps({"version": version("vgps"), **parts}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _digest_fields(table: GpsLog | ImuLog | ControlPoints) -> list[str]:

@@ -1,17 +1,14 @@
 """A checkpoint of joined runs: the places that they share, from which an interrupted adjustment goes on."""
 
-import hashlib
-import json
 import shutil
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from vgps.config import Config
 from vgps.errors import RunFolderError
-from vgps.pipeline.checkpoint import checkpoint_folder, stamp
+from vgps.pipeline.checkpoint import checkpoint_folder, digest, stamp, write_checkpoint
 from vgps.places.loops import Loop
-from vgps.runtime.state_file import read_state, write_state
+from vgps.runtime.state_file import read_state
 
 
 class JoinCheckpoint:
@@ -44,14 +41,7 @@ class JoinCheckpoint:
                 )
             return tuple(state["loops"])
         loops = find()
-        try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            write_state({"runs": self._runs, "loops": loops}, self._file, (Loop,))
-        except OSError as error:
-            self.remove()
-            raise RunFolderError(
-                f"cannot be written ({error.strerror})", file=self._file, remedy="check the free space"
-            ) from error
+        write_checkpoint({"runs": self._runs, "loops": loops}, self._file, (Loop,))
         return loops
 
     def remove(self) -> None:
@@ -62,8 +52,7 @@ class JoinCheckpoint:
 def _fingerprint(runs: Sequence[Path], config: Config | None) -> str:
     """Return a digest of what decides the places that runs share."""
     parts = {
-        "version": version("vgps"),
         "config": None if config is None else config.model_dump(mode="json"),
         "runs": [stamp(path.resolve() / "measurements.npz") for path in runs],
     }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    return digest(parts)
