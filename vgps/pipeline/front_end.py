@@ -70,7 +70,7 @@ def run_front_end(
     context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
     done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
-    frames = _decoded(masked_frames(recording), frame_pipeline.timer)
+    frames = _decoded(_masked(recording), frame_pipeline.timer)
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
             if frame.index < done:
@@ -145,7 +145,7 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     return frame_pipeline.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
 
 
-def masked_frames(recording: Recording) -> Iterator[Frame]:
+def _masked(recording: Recording) -> Iterator[Frame]:
     """Yield the frames of a recording with their masks."""
     frames, masks = recording.video.frames(), recording.masks
     return frames if masks is None else (replace(one, mask=masks.of_frame(one.index)) for one in frames)

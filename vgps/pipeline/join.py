@@ -122,7 +122,10 @@ def _check_shutters(runs: Sequence[Run]) -> None:
 
 
 def _joint_config(config: Config) -> Config:
-    """Return settings under which the verdicts of the runs stay, and their sensors are held."""
+    """Return settings under which the verdicts of the runs stay, and their sensors are held.
+
+    Two rounds at least, since the first takes all places for true.
+    """
     outliers = config.outliers.model_copy(update={"enabled": False})
     batch = config.batch.model_copy(update={"rounds": max(config.batch.rounds, 2)})
     sensors = config.sensors.model_copy(update={"estimate_time_offset": "no", "estimate_antenna": False})

@@ -10,7 +10,7 @@ from vgps.errors import GeometryError
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.model import Camera, IntArray
-from vgps.pipeline.front_end import FrontEnd, masked_frames
+from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.readout_estimation import Optimised, optimise_readout
 from vgps.places.loops import Loop, find_loops
 from vgps.places.revisits import PosedVideo
@@ -39,7 +39,7 @@ def optimise_loops(
         return first, none
     camera = front_end.recording.camera
     video = _posed_video(batch, refined.camera if refined else camera)
-    frames = progress.track(masked_frames(front_end.recording), len(front_end.t_s))
+    frames = progress.track(front_end.recording.video.frames(), len(front_end.t_s))
     loops = find_loops(video, frames, config.loops)
     if not loops:
         return first, none
