@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 
 import numpy as np
-import pytest
 from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
 
 from vgps.config import LoopsConfig
 from vgps.model import Frame
-from vgps.places.loops import find_loops
+from vgps.places.loops import Loop, _candidates, _confirmed, find_loops
 from vgps.places.revisits import PosedVideo
+from vgps.places.words import WordIndex
 from vgps.solution import Observations
 from vgps.tracking.corners import new_corners
 
@@ -65,18 +65,45 @@ def test_landmarks_of_the_first_visit_are_found_in_the_second() -> None:
         assert len(loop.landmark) > 50 and np.median(np.linalg.norm(error, axis=1)) < 0.2
 
 
-@pytest.mark.parametrize(("off_m", "sigma_m"), [(4.0, 0.1)])
-def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike(off_m: float, sigma_m: float) -> None:
+def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike() -> None:
     poses = two_visits()
-    video = video_of(poses, off_m, sigma_m)
-    assert find_loops(video, shown(poses), SETTINGS) == ()
-    assert len(find_loops(video_of(poses, off_m, 1.0), shown(poses), SETTINGS)) == VISIT
+    assert find_loops(video_of(poses, off_m=4.0, sigma_m=0.1), shown(poses), SETTINGS) == ()
+    assert len(find_loops(video_of(poses, off_m=4.0, sigma_m=1.0), shown(poses), SETTINGS)) == VISIT
 
 
 def test_a_single_frame_confirms_nothing() -> None:
     poses = two_visits()
     frames = [frame for frame in shown(poses) if frame.index <= VISIT + AWAY]
     assert find_loops(video_of(poses, 0.6, 0.3), frames, SETTINGS) == ()
+
+
+def test_neighbours_that_are_off_differently_confirm_nothing() -> None:
+    poses = two_visits()
+    video = video_of(poses, off_m=0.0, sigma_m=0.3)
+
+    def agreeing(off_m: list[float]) -> list[bool]:
+        loops = []
+        for frame, off in zip(range(VISIT + AWAY, len(poses)), off_m, strict=True):
+            pose = moved(video.poses[frame], off)
+            nothing = (np.zeros(0, np.int64), np.zeros((0, 2)))
+            loops.append(
+                Loop(frame=frame, earlier=0, world_T_camera=pose, landmark=nothing[0], raw_uv_px=nothing[1])
+            )
+        return _confirmed(loops, video, SETTINGS).tolist()
+
+    assert agreeing([0.5, 0.5, 0.5, 0.5, 0.5]) == [True] * 5
+    assert agreeing([0.5, 0.5, 0.5, 9.0, -9.0]) == [True] * 3 + [False] * 2
+
+
+def test_candidates_are_the_nearest_and_of_the_others_the_most_alike() -> None:
+    rng = np.random.default_rng(0)
+    views = [rng.integers(0, 256, (50, 32), dtype=np.uint8) for _ in range(8)]
+    index = WordIndex()
+    for frame, view in enumerate(views):
+        index.add(frame, index.words(view))
+    seen = index.words(np.concatenate([views[5], views[2][:25]]))
+    assert _candidates(np.array([7, 6, 0, 1, 2, 3, 4, 5]), seen, index, 4) == [7, 6, 5, 2]
+    assert _candidates(np.array([7]), seen, index, 4) == [7]
 
 
 def test_nothing_is_decoded_where_the_path_does_not_come_back() -> None:

@@ -48,12 +48,8 @@ def test_a_second_lap_meets_the_first_and_one_lap_nothing() -> None:
 
 def test_the_way_back_looks_another_way() -> None:
     there = np.stack([0.5 * np.arange(200), np.zeros(200), np.zeros(200)], axis=-1)
-    assert (
-        len(
-            revisits(looking_along(np.concatenate([there, there[::-1] + np.array([0, 1, 0])])), LoopsConfig())
-        )
-        == 0
-    )
+    to_and_fro = np.concatenate([there, there[::-1] + np.array([0, 1, 0])])
+    assert len(revisits(looking_along(to_and_fro), LoopsConfig())) == 0
 
 
 @pytest.mark.parametrize(("sigma_m", "meets"), [(0.5, False), (5.0, True)])
@@ -61,6 +57,22 @@ def test_what_sigmas_allow_is_a_revisit(sigma_m: float, meets: bool) -> None:
     centre = circle(1.2)
     centre *= np.clip(np.linspace(0.8, 1.8, len(centre)), 1.0, 1.5)[:, None]  # a spiral, at last 15 m off
     assert (len(revisits(looking_along(centre, sigma_m), LoopsConfig())) > 0) == meets
+
+
+def test_each_pair_has_the_sigmas_of_its_own_frames() -> None:
+    centre = circle(1.2) * np.linspace(1.0, 1.5, len(circle(1.2)))[:, None]  # a spiral, at least 12 m off
+    video = looking_along(centre)
+    video.sigma_m[400:500] = 50.0  # elsewhere on the path
+    pairs = revisits(video, LoopsConfig())
+    assert len(pairs) > 0 and np.all(((pairs >= 400) & (pairs < 500)).any(axis=1))
+
+
+def test_of_several_runs_only_frames_of_different_ones_are_compared() -> None:
+    there = np.stack([0.5 * np.arange(200), np.zeros(200), np.zeros(200)], axis=-1)
+    video = looking_along(np.concatenate([there, there + np.array([0, 1, 0])]))
+    video.poses[:, :3, :3] = video.poses[:1, :3, :3]  # the step from one run to the other is none
+    pairs = revisits(replace(video, run=np.repeat([0, 1], 200)), LoopsConfig())
+    assert len(pairs) > 50 and np.all((pairs[:, 0] >= 200) & (pairs[:, 1] < 200))
 
 
 def test_frames_are_spaced_by_the_depth_and_a_standing_camera_gives_one() -> None:
