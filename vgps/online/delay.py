@@ -1,5 +1,6 @@
 """Estimates some time later: each pose by the fixes and frames that came since."""
 
+import math
 from collections import deque
 from collections.abc import Iterator
 
@@ -25,12 +26,13 @@ class DelayedEstimates:
             yield estimate, arrival_s
             return
         self._held.append((estimate, arrival_s))
-        while self._held and self._held[0][0].t_s <= estimate.t_s - self._lag_s + 1e-9:
-            due, arrived_s = self._held.popleft()
-            yield self._smoother.revised(due), arrived_s
+        yield from self._until(estimate.t_s - self._lag_s + 1e-9)
 
     def rest(self) -> Iterator[tuple[OnlineEstimate, float]]:
         """Yield the estimates still held, after the last frame."""
-        while self._held:
+        yield from self._until(math.inf)
+
+    def _until(self, t_s: float) -> Iterator[tuple[OnlineEstimate, float]]:
+        while self._held and self._held[0][0].t_s <= t_s:
             due, arrived_s = self._held.popleft()
             yield self._smoother.revised(due), arrived_s
