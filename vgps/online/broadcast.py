@@ -46,6 +46,7 @@ class Broadcast:
 
     def __init__(self, address: str) -> None:
         host, port = _host_and_port(address)
+        self._clients: set[Any] = set()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="broadcast", daemon=True)
         self._thread.start()
@@ -74,6 +75,12 @@ class Broadcast:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(_STOP_S)
 
+    def _cut_off_slow(self) -> None:
+        for client in list(self._clients):
+            if client.transport.get_write_buffer_size() > _MOST_WAITING:
+                self._clients.discard(client)
+                client.transport.abort()
+
     async def _listen(self, host: str, port: int) -> Any:
         raise NotImplementedError
 
@@ -88,7 +95,6 @@ class TcpBroadcast(Broadcast):
     """A server of plain bytes; what clients send is ignored."""
 
     async def _listen(self, host: str, port: int) -> asyncio.Server:
-        self._clients: set[asyncio.StreamWriter] = set()
         return await asyncio.start_server(self._connected, host, port)
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -100,12 +106,9 @@ class TcpBroadcast(Broadcast):
         writer.close()
 
     def _send(self, data: bytes) -> None:
-        for client in list(self._clients):
-            if client.transport.get_write_buffer_size() > _MOST_WAITING:
-                self._clients.discard(client)
-                client.transport.abort()
-            else:
-                client.write(data)
+        self._cut_off_slow()
+        for client in self._clients:
+            client.write(data)
 
     async def _end(self) -> None:
         self._server.close()
@@ -131,7 +134,6 @@ class WebSocketBroadcast(Broadcast):
         super().__init__(address if "://" in address else f"ws://{address}")
 
     async def _listen(self, host: str, port: int) -> Any:
-        self._clients: set[Any] = set()
         return await self._library.serve(self._connected, host, port)
 
     async def _connected(self, client: Any) -> None:
@@ -140,10 +142,7 @@ class WebSocketBroadcast(Broadcast):
         self._clients.discard(client)
 
     def _send(self, data: str) -> None:
-        for client in list(self._clients):
-            if client.transport.get_write_buffer_size() > _MOST_WAITING:
-                self._clients.discard(client)
-                client.transport.abort()
+        self._cut_off_slow()
         self._library.broadcast(self._clients, data)
 
     async def _end(self) -> None:
