@@ -1,16 +1,20 @@
 """Each recording of a list ends by itself, and runs.json says how."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from claims import HOLDER
 
 from vgps.cluster import many
 from vgps.cluster.job import JobReport, SmoothJob
 from vgps.cluster.many import RUNS_FILE, smooth_all, smooth_list
 from vgps.config import Config
 from vgps.errors import RunFolderError
+from vgps.pipeline.checkpoint import checkpoint_folder
 from vgps.readers.control_points import PointSystem
 
 
@@ -92,6 +96,19 @@ def test_workers_with_another_working_directory_find_every_file(tmp_path, monkey
     for job, geoid in zip(given, (str(tmp_path / "grid.gtx"), "egm96", None), strict=True):
         assert (job.recording, job.out) == (tmp_path / "monday", tmp_path / "run") and job.resume
         assert job.files == {**there, "control_system": PointSystem("EPSG:25832", geoid)}
+
+
+def test_an_old_checkpoint_is_forgotten_but_not_that_of_a_process_at_work(jobs, tmp_path, monkeypatch):
+    monkeypatch.setattr(many, "run_on_cluster", lambda *_: iter(()))
+    left = [checkpoint_folder(job.out) for job in jobs]
+    for folder in left:
+        folder.mkdir(parents=True)
+    words = [sys.executable, "-c", HOLDER, str(jobs[1].out)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        list(smooth_all([replace(jobs[0], resume=True), *jobs[1:]], "tcp://there"))
+        process.kill()
+    assert [folder.is_dir() for folder in left] == [True, True, False]
 
 
 def test_a_run_folder_is_no_folder_of_runs(jobs, worked, tmp_path):

@@ -5,25 +5,17 @@ import sys
 from pathlib import Path
 
 import pytest
+from claims import HOLDER
 
 from vgps.errors import RunFolderError
 from vgps.writers.atomic import new_file
 from vgps.writers.claim import claimed
 
-_HOLDER = """
-import sys
-from pathlib import Path
-from vgps.writers.claim import claimed
-with claimed(Path(sys.argv[1])):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
-
 
 @pytest.fixture
 def holder(tmp_path: Path):
     """Another process that writes ``tmp_path / "run"`` until its standard input ends."""
-    words = [sys.executable, "-c", _HOLDER, str(tmp_path / "run")]
+    words = [sys.executable, "-c", HOLDER, str(tmp_path / "run")]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "held\n"
         yield process

@@ -1,6 +1,5 @@
 """Runs to join as a job: plain data in, a short report out, here or on a worker."""
 
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 from vgps.cluster.scheduler import run_one
 from vgps.config import Config
 from vgps.errors import RunFolderError, VgpsError
-from vgps.pipeline.checkpoint import checkpoint_folder
+from vgps.pipeline.checkpoint import forget_checkpoint
 from vgps.pipeline.join_folders import join_folders
 from vgps.runtime.progress import Progress
 from vgps.solution import JoinedRuns
@@ -61,7 +60,7 @@ def join_job(
     if scheduler is None:
         return _report(join_folders(job.runs, job.out, job.config, progress, resume=job.resume))
     if not job.resume:
-        shutil.rmtree(checkpoint_folder(job.out), ignore_errors=True)
+        forget_checkpoint(job.out)
     # the job of a lost worker goes on from its checkpoint; workers have other working directories
     runs = tuple(path.absolute() for path in job.runs)
     report = run_one(

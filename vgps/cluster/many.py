@@ -1,7 +1,6 @@
 """Many recordings, a run folder for each."""
 
 import json
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 from vgps.cluster.job import JobReport, SmoothJob, reported
 from vgps.cluster.scheduler import run_on_cluster
 from vgps.errors import RunFolderError
-from vgps.pipeline.checkpoint import checkpoint_folder
+from vgps.pipeline.checkpoint import forget_checkpoint
 from vgps.runtime.progress import Progress
 from vgps.writers.atomic import MARK, new_file
 from vgps.writers.claim import claimed, not_writable
@@ -39,7 +38,7 @@ def smooth_all(
         return (reported(job, progress) for job in jobs)
     for job in jobs:
         if not job.resume:
-            shutil.rmtree(checkpoint_folder(job.out), ignore_errors=True)
+            forget_checkpoint(job.out)
     # the job of a lost worker goes on from its checkpoint
     return run_on_cluster([replace(_anywhere(job), resume=True) for job in jobs], scheduler, announce)
 

@@ -28,6 +28,7 @@ from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
 from vgps.tracking.reference_patches import Patches
+from vgps.writers.claim import claimed
 
 EVERY_S = 30.0  # between checkpoints
 _SHARE = 0.05  # of the time that may go into writing checkpoints
@@ -117,6 +118,14 @@ def write_checkpoint(
         raise RunFolderError(
             f"cannot be written ({error.strerror})", file=file, remedy="check the free space"
         ) from error
+
+
+def forget_checkpoint(out: Path) -> None:
+    """Remove the checkpoint of a run, unless another process is writing that run."""
+    folder = checkpoint_folder(out)
+    if folder.is_dir():
+        with contextlib.suppress(RunFolderError), claimed(out):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def fingerprint(recording: Recording, config: Config) -> str:
