@@ -16,6 +16,7 @@ from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.camera_equations import changed
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import scene_of_map
+from vgps.smoothing.global_shutter import as_global_shutter
 from vgps.smoothing.intrinsics import _undistorted_by, prior_about, refine_camera
 
 CONFIG = Config(
@@ -93,3 +94,23 @@ def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():
     assert len(result.trajectory.t_s) == 60
     assert found.camera.distortion[0] == pytest.approx(0.03, abs=max(4 * found.sigma["k1"], 0.005))
     assert "k1 0.0000 -> 0.0" in found.note(TRUE)
+
+
+def test_the_rows_of_a_rolling_shutter_are_undone_for_the_calibration_alone():
+    problem, poses, _, fixes = scene(disturbed=0.1)
+    made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    rolling, calls = replace(TRUE, readout_s=0.03), []
+
+    def optimise(scene, camera, every=None, sigma=None):
+        calls.append((scene.observations.uv_px, camera.readout_s))
+        return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
+
+    settings = IntrinsicsConfig(iterations=1)
+    _, found = refine_camera(made, rolling, prior_about(rolling, settings), optimise, settings)
+    undone = as_global_shutter(made, rolling).observations.uv_px
+    assert np.abs(undone - made.observations.uv_px).max() > 1.0
+    np.testing.assert_allclose(calls[0][0], undone, atol=1e-9)
+    assert [readout_s for _, readout_s in calls] == [None, None, 0.03]
+    back = distort(found.camera, calls[-1][0])
+    np.testing.assert_allclose(back, made.observations.uv_px, atol=1e-6)
+    assert found.camera.readout_s == 0.03

@@ -69,7 +69,7 @@ def optimise_camera(
         if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
         context = front_end.context(used)
-        context = replace(context, camera=camera, estimates_readout=estimates_readout and every is None)
+        context = replace(context, camera=camera, estimates_readout=estimates_readout)
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
