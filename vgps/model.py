@@ -5,7 +5,7 @@ Frames: ``world`` is local ENU at ``world_origin``; ``camera`` is OpenCV's (x ri
 frame.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
@@ -268,6 +268,11 @@ class Frame:
 
 class Masks(Protocol):
     """What the frames of a video show that is not of the scene."""
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """Their files."""
+        ...
 
     def of_frame(self, index: int) -> BoolArray | None:
         """Return where a frame shows the scene (H, W); None if everywhere."""

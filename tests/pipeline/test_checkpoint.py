@@ -10,6 +10,7 @@ from vgps.errors import RunFolderError
 from vgps.pipeline import checkpoint as module
 from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder, fingerprint
 from vgps.pipeline.front_end import run_front_end
+from vgps.readers.masks import MaskFolder
 from vgps.runtime.progress import NoProgress
 
 pytestmark = pytest.mark.slow
@@ -72,3 +73,12 @@ def test_sigmas_of_fixes_and_the_version_of_vgps_make_another_run(opened, monkey
     assert fingerprint(less_accurate, config) != before
     monkeypatch.setattr(module, "version", lambda _: "0.0.0")
     assert fingerprint(opened, config) != before
+
+
+def test_other_masks_make_another_run(opened, tmp_path):
+    (tmp_path / "000001.png").write_bytes(b"a")
+    masked = replace(opened, masks=MaskFolder(tmp_path, opened.video))
+    before = fingerprint(masked, vgps.Config())
+    assert before not in (fingerprint(opened, vgps.Config()), fingerprint(masked, vgps.Config(seed=1)))
+    (tmp_path / "000001.png").write_bytes(b"another")
+    assert fingerprint(masked, vgps.Config()) != before

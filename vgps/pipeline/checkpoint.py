@@ -137,6 +137,7 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "rig": repr(recording.rig),
         "times": _digest(recording.video.times_s),
         "video": stamp(recording.video.path),
+        "masks": None if recording.masks is None else [stamp(file) for file in recording.masks.files],
         "gps": None if gps is None else _digest_fields(gps),
         "imu": None if recording.imu is None else _digest_fields(recording.imu),
         "points": None if points is None else _digest_fields(points),

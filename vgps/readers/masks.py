@@ -49,6 +49,11 @@ class MaskFolder:
                 expected=_names(video),
             )
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The masks."""
+        return (*self._of_frame.values(), *([] if self._of_all is None else [self._of_all]))
+
     def of_frame(self, index: int) -> BoolArray | None:
         """Return where a frame shows the scene (H, W); None if it has no mask.
 
