@@ -2,8 +2,9 @@
 
 Recorded logs run through `vgps online` as fast as it goes. The error is that of each pose as it came, against
 the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or within
-a tenth of that of the offsets of fixes. NEES is the squared error over the stated variances, 3 if they
-are honest.
+a tenth of that of the offsets of fixes. A second later is the same pose with what came in that second, as
+``vgps online --lag-s 1`` writes it. NEES is the squared error over the stated variances, 3 if they are
+honest.
 """
 
 import argparse

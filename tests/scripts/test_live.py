@@ -39,9 +39,10 @@ def test_errors_count_from_the_first_certain_pose():
         for s in sigma
     ]
     truth = live.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
-    found = live.score(recorded([fix] * 4), truth, live.LiveRun(estimates, estimates))
+    later = [SimpleNamespace(global_T_camera=np.eye(4) + 0.1 * np.eye(4, k=3))] * 8
+    found = live.score(recorded([fix] * 4), truth, live.LiveRun(estimates, later))
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
-    assert found["later_mean_m"] == pytest.approx(0.3)
+    assert found["later_mean_m"] == pytest.approx(0.1)
     assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
     # 0.3 m are more than three sigmas in the last frame only
     assert found["beyond_three_sigmas"] == pytest.approx(1 / 6)

@@ -51,6 +51,9 @@ class IncrementalWindow:
         """Optimise the last frames, as :func:`optimise_window` does.
 
         Fixes that came late, or whose verdicts have changed, enter and leave while their frames are here.
+
+        Raises:
+            GeometryError, RuntimeError: See :func:`optimise_window`, where it takes its turn.
         """
         result = None
         if self._knows(local_map) and not self._context.camera.readout_s:
