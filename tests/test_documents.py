@@ -71,6 +71,23 @@ def test_readme_quotes_the_measured_accuracy() -> None:
     assert len(cells) == 5 and not measured["dirty"]
 
 
+def test_places_quote_the_measured_loops() -> None:
+    measured = json.loads((ROOT / "notebooks/results/loops.json").read_text(encoding="utf-8"))
+    rows = [(alone, tied) for alone, tied in zip(measured["rows"][::2], measured["rows"][1::2], strict=True)]
+    cells = [
+        (
+            *(tied["recording"], f"{tied['frames']:,}", f"{alone['mean_m']:.3f}", f"{tied['mean_m']:.3f}"),
+            *(str(tied["ties"]), f"{tied['largest_misfit_px']:.1f}"),
+        )
+        for alone, tied in rows
+    ]
+    text = (ROOT / "vgps/places/README.md").read_text(encoding="utf-8")
+    row = r"^\| `(\w+)`, (\S+) frames \| (\S+) \| (\S+) \| (\d+) \| (\S+) \|$"
+    assert re.findall(row, text, re.MULTILINE) == cells
+    seconds = [f"{one['batch_s']:.0f} s" for one in rows[-1][::-1]]
+    assert f"it took {' instead of '.join(seconds)}" in text
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
 def test_names_in_code_blocks_exist(document: Path) -> None:
     for block in blocks(document.read_text(encoding="utf-8"), "python"):

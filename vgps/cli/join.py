@@ -12,7 +12,7 @@ def join(
     resume: bool = False,
     scheduler: str | None = None,
 ) -> None:
-    """Join several runs of one area in one adjustment: places that they share tie them, fixes of all weigh.
+    """Join several runs of one area in one adjustment, by the places that they share and the fixes of all.
 
     Args:
         runs: Run folders, as vgps smooth writes them; the recordings must be where they were.
