@@ -1,16 +1,20 @@
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from block_laps import block_laps
+from textured_room import CAMERA
 
 import vgps
 from vgps.errors import RunFolderError
 from vgps.geodesy import to_geodetic
 from vgps.landmarks.build import build_from_runs
-from vgps.model import GeodeticPoint
+from vgps.model import Camera, GeodeticPoint
+from vgps.pipeline.join import _check_shutters
 from vgps.pipeline.join_folders import join_folders
 from vgps.readers.run_folder import read_run, read_summary, run_folders
 from vgps.readers.trajectory import read_trajectory
@@ -88,6 +92,23 @@ def test_runs_that_do_not_meet_say_so(runs: list[Path], tmp_path: Path) -> None:
     joined = join_folders([runs[0], tmp_path / "far"], tmp_path / "out")
     assert joined.ties.sum() == 0
     assert joined.warnings[0].startswith("no place seen by another run is seen by monday, far")
+
+
+def test_shutters_are_joined_if_they_roll_alike() -> None:
+    def runs_of(*cameras: Camera) -> Any:
+        return [
+            SimpleNamespace(name=f"run{k}", solution=SimpleNamespace(camera=one))
+            for k, one in enumerate(cameras)
+        ]
+
+    rolls = replace(CAMERA, readout_s=0.02)
+    _check_shutters(runs_of(rolls, rolls))
+    _check_shutters(runs_of(CAMERA, replace(CAMERA, width=200)))
+    for other in (CAMERA, replace(rolls, width=200), replace(rolls, readout_axis="columns")):
+        with pytest.raises(
+            RunFolderError, match=r"rolling shutters that differ \(run0: 320 x 240, rows, 0.02 s"
+        ):
+            _check_shutters(runs_of(rolls, other))
 
 
 @pytest.mark.slow

@@ -111,9 +111,12 @@ def _input(run: Run) -> BatchInput:
 def _check_shutters(runs: Sequence[Run]) -> None:
     """Refuse rolling shutters of different cameras: one camera stands for all."""
     cameras = [run.solution.camera for run in runs]
-    kinds = {(one.width, one.height, round(one.readout_s or 0.0, 4)) for one in cameras}
+    kinds = {(one.width, one.height, one.readout_axis, round(one.readout_s or 0.0, 4)) for one in cameras}
     if len(kinds) > 1 and any(one.readout_s for one in cameras):
-        readouts = ", ".join(f"{run.name}: {run.solution.camera.readout_s or 0.0:g} s" for run in runs)
+        readouts = ", ".join(
+            f"{run.name}: {one.width} x {one.height}, {one.readout_axis}, {one.readout_s or 0.0:g} s"
+            for run, one in zip(runs, cameras, strict=True)
+        )
         raise RunFolderError(
             f"rolling shutters that differ ({readouts})",
             expected="runs of one camera, or global shutters",
