@@ -12,7 +12,7 @@ from vgps.geodesy import enu_T_enu
 from vgps.gps.sensors import Sensors
 from vgps.model import Frame, IntArray, Recording
 from vgps.pipeline.join_checkpoint import JoinCheckpoint
-from vgps.pipeline.loop_closure import with_loops
+from vgps.pipeline.loop_closure import kept_loops, with_loops
 from vgps.pipeline.run_parts import all_landmarks, part_of_run
 from vgps.places.common_camera import seen_by
 from vgps.places.loops import find_loops
@@ -74,10 +74,8 @@ def join_runs(
         with timer.measure("batch"):
             context = SmoothingContext(joint.camera, config, scene.controls)
             batch = optimise_batch(scene, joint.fixes, Sensors.fixed(joint.camera_p_antenna), context)
-    kept = [loops[k] for k in np.unique(batch.loop[batch.loop >= 0]).tolist()]
     ties = np.zeros((len(runs), len(runs)), np.int64)
-    for loop in kept:
-        ties[joint.run[loop.frame], joint.run[loop.earlier]] += 1
+    np.add.at(ties, tuple(joint.run[kept_loops(loops, batch)].T), 1)
     warnings = _warnings(runs, ties)
     before = [run.solution for run in runs]
     landmarks, observations = all_landmarks(before, batch)
@@ -150,7 +148,7 @@ def _posed_video(runs: Sequence[Run], joint: JointScene) -> PosedVideo:
 
 def _frames(runs: Sequence[Run], joint: JointScene) -> Iterator[Frame]:
     """Yield the frames of all runs as the first run's camera shows them."""
-    for run, first in zip(runs, joint.frames.tolist(), strict=False):
+    for run, first in zip(runs, joint.frames[:-1].tolist(), strict=True):
         camera = run.solution.camera
         yield from seen_by(joint.camera, camera, run.recording.video.frames(), first)
 

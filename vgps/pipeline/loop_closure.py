@@ -1,5 +1,6 @@
 """Stage D once more, with the places that its first solution shows to be seen again."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,8 +52,13 @@ def optimise_loops(
         again = optimise_readout(front_end, tied, fixes, config)
     except GeometryError:  # the loops contradict the rest so much that no step lowers the cost
         return first, none
-    kept = np.unique(again[0].loop[again[0].loop >= 0])
-    return again, np.array([(loops[k].frame, loops[k].earlier) for k in kept.tolist()]).reshape(-1, 2)
+    return again, kept_loops(loops, again[0])
+
+
+def kept_loops(loops: Sequence[Loop], batch: BatchResult) -> IntArray:
+    """Return (n, 2) the frames of the loops that an adjustment has kept: later frame, earlier frame."""
+    kept = np.unique(batch.loop[batch.loop >= 0]).tolist()
+    return np.array([(loops[k].frame, loops[k].earlier) for k in kept], dtype=np.int64).reshape(-1, 2)
 
 
 def with_loops(scene: Scene, loops: tuple[Loop, ...], camera: Camera) -> Scene:
