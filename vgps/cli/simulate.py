@@ -67,9 +67,6 @@ class GivenPath:
         return on_path(scene, read_camera_path(self.path, self.path_hz, self.first_pose, self.poses))
 
 
-_OWN_PATH = GivenPath()
-
-
 def simulate(
     *,
     out: Path,
@@ -80,7 +77,7 @@ def simulate(
     gps_seed: Seed | None = None,
     imu: bool = False,
     shutter: Shutter | None = None,
-    given: GivenPath = _OWN_PATH,
+    given: GivenPath | None = None,
 ) -> None:
     """Simulate a recording with exact truth: video, GPS, gyro and calibration.
 
@@ -100,6 +97,7 @@ def simulate(
     from vgps.simulate import AccelerometerConfig, scene_with_errors
     from vgps.simulate import simulate as simulate_recording
 
+    given = given or GivenPath()
     name = scene or ("walk" if given.path is None else "drive")
     config = given.applied(scene_with_errors(name, gps_errors, gps_reference))
     config = replace(config, **(shutter or Shutter()).changes())
