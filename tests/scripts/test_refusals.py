@@ -32,6 +32,7 @@ GONE = {
     "benchmarks.growth": ("{gone}", "--one", "10"),
     "benchmarks.imu": ("{gone}", "--logs", "gps.nmea", "--imu", "imu.csv", "--rig", "rig.yaml"),
     "benchmarks.long": ("{gone}", "--one", "5"),
+    "benchmarks.loops": ("{gone}",),
     "benchmarks.online": ("{gone}",),
     "benchmarks.receivers.__main__": ("--recordings", "{gone}"),
     "benchmarks.stage_c": ("{gone}", "--logs", "gps.nmea"),
