@@ -70,8 +70,8 @@ def _matching(
         view = make_view(frame.gray, frame.index, video, config)
         words = index.words(view.descriptors)
         earlier = _candidates(pairs[pairs[:, 0] == frame.index, 1], words, index, config.candidates)
-        loop = _best([views[k] for k in earlier], view, video, config)
-        found += [] if loop is None else [loop]
+        if (loop := _best([views[k] for k in earlier], view, video, config)) is not None:
+            found.append(loop)
         if frame.index in last_use:
             views[frame.index] = replace(view, gray=on_disk(frame.gray, images))
             index.add(frame.index, words)
@@ -91,8 +91,7 @@ def _candidates(earlier: IntArray, words: IntArray, index: WordIndex, count: int
 
 
 def _best(candidates: Sequence[View], view: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
-    """Return the loop to the candidate whose landmarks are found in largest number; None if it is too
-    small."""
+    """Return the loop to the candidate of which most landmarks are found; None if no candidate gives one."""
     loops = [_loop(earlier, view, video, config) for earlier in candidates]
     return max((loop for loop in loops if loop), key=lambda loop: len(loop.landmark), default=None)
 
