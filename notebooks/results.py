@@ -143,6 +143,27 @@ if "receivers" in FILES:
     plt.show()
 
 # %% [markdown]
+# ## The video alone
+#
+# Scale of 10 m of the path against the truth, relative to its median: how it drifts without GPS. A line per
+# seed; dashed is COLMAP on the same video.
+
+# %%
+if "odometry" in FILES:
+    odometry = load("odometry")
+    lists = ("piece_t_s", "piece_scale", "stages_s")
+    show([{name: row[name] for name in row if name not in lists} for row in odometry["rows"]])
+    names = list(dict.fromkeys(row["recording"] for row in odometry["rows"]))
+    figure, axes = plt.subplots(1, len(names), figsize=(4.5 * len(names), 3), sharey=True, squeeze=False)
+    for row in odometry["rows"]:
+        axis = axes[0, names.index(row["recording"])]
+        axis.plot(row["piece_t_s"], row["piece_scale"], "k--" if "COLMAP" in row["by"] else "-", lw=1)
+        axis.set(xlabel="time [s]", title=row["recording"])
+    axes[0, 0].set_ylabel("scale")
+    figure.tight_layout()
+    plt.show()
+
+# %% [markdown]
 # ## A shaken camera against a landmark database
 #
 # Table 1 of Matsuda 2007 on the shaken drive, against a database of the drive's even frames; errors of its

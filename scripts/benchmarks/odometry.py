@@ -1,73 +1,137 @@
-"""How far does `vgps smooth` drift without GPS?
+"""How far does the video drift without GPS, and how long does it take beside the least that it could?
 
-Errors of the camera centre after a similarity to the truth, and how far the scale drifts, for each seed. The
-scale is that of 10 m of the true path, relative to its median.
+For each recording and seed, of the camera's centre: root mean square error after a similarity (Sim(3)) and
+after a rigid motion (SE(3)); a run without GPS has no metre, so its first 20 m are scaled to the truth. Drift
+per 100 m is the root mean square change of scale, and of the rotation's error, over all pieces of that
+length, or of half the path. The floor is decoding the video and one forward pass of Lucas-Kanade over it;
+times are those of the wall and, in brackets, of the processor.
+
+With --colmap N (needs pycolmap; minutes) COLMAP maps every N-th frame without priors.
 """
 
+import argparse
+import statistics
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable
+from scripts.common.results import Results
+from scripts.common.stopwatch import stopwatch
+from scripts.common.video_alone import Drift, drift_of, least_time
 from vgps.cli.terminal import TerminalProgress
-from vgps.evaluation import align
 from vgps.geometry import interpolate_poses
-from vgps.model import FloatArray
-from vgps.readers.trajectory import read_trajectory
+from vgps.solution import Trajectory
 
-COLUMNS = ["recording", "seed", "RMSE [m]", "least scale", "largest scale", "focal length [px]", "time [s]"]
-_STEP_M = 10.0  # of the true path, over which a scale is taken
-
-
-def scales(centres: FloatArray, true: FloatArray) -> FloatArray:
-    """Return scales (n,) of centres (N, 3) by pieces of the true path (N, 3), relative to their median."""
-    travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true, axis=0), axis=1)))
-    ends = np.unique(np.searchsorted(travelled, np.arange(0.0, travelled[-1], _STEP_M)))
-    chord, true_chord = (np.linalg.norm(np.diff(x[ends], axis=0), axis=1) for x in (centres, true))
-    ratio = chord / np.maximum(true_chord, 1e-9)
-    return np.asarray(ratio / np.median(ratio))
+COLUMNS = ("recording", "by", "Sim(3) [m]", "SE(3) [m]", "scale drift [%/100 m]", "rotation [deg/100 m]")
+TIMES = ("time [s]", "floor [s]", "ratio")
 
 
-def one_run(recording: Path, gps: str, seed: int) -> dict[str, str | int | float]:
-    """Return the result of one seed.
+@dataclass(frozen=True)
+class Report:
+    """Where rows go: the results file and the table."""
 
-    Raises:
-        VgpsError: The recording cannot be read or smoothed.
-    """
-    config = vgps.Config(seed=seed).with_gps("none")
-    solution = vgps.smooth(vgps.open_recording(recording, gps=gps), config, TerminalProgress())
-    truth = read_trajectory(recording / "truth.tum")
-    inside = (solution.t_s >= truth.t_s[0]) & (solution.t_s <= truth.t_s[-1])
-    true = interpolate_poses(truth.t_s, truth.world_T_camera, solution.t_s[inside])[:, :3, 3]
-    centres = solution.world_T_camera[inside, :3, 3]
-    aligned, scale = align(centres, true, with_scale=True), scales(centres, true)
-    rmse = float(np.sqrt(np.mean(np.sum(aligned[1] ** 2, axis=1)))) if aligned else float("nan")
-    return {
-        "recording": recording.name,
-        "seed": seed,
-        "rmse_m": rmse,
-        "scale_min": float(scale.min()),
-        "scale_max": float(scale.max()),
-        "focal_px": solution.camera.fx,
-        "time_s": float(sum(solution.seconds[name] for name in ("decode", "start", "track", "map", "batch"))),
-    }
+    results: Results
+    table: LiveTable
+
+    def add(self, drive: Drive, by: str, found: dict[str, Any]) -> None:
+        """Add a row."""
+        self.results.add(recording=drive.name, by=by, **found)
+        figures = [f"{found['sim3_m']:.3f}", f"{found['se3_m']:.3f}", f"{100 * found['scale_drift']:.2f}"]
+        times = [f"{found['wall_s']:.1f} ({found['cpu_s']:.1f})"]
+        if "floor_wall_s" in found:
+            times += [f"{found['floor_wall_s']:.1f} ({found['floor_cpu_s']:.1f})"]
+            times += [f"{found['wall_ratio']:.2f} ({found['cpu_ratio']:.2f})"]
+        self.table.add(drive.name, by, *figures, f"{found['rotation_drift_deg']:.2f}", *times)
 
 
 def main() -> None:
-    """Print a row per seed as it comes."""
+    """Print a row per seed as it comes, and medians."""
     parser = ScriptParser("benchmarks.odometry", __doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--gps", default="gps_fix.nmea", help="a log of the recording; not used")
+    given = arguments(parser)
+    with parser.refusals(), TemporaryDirectory() as scratch:
+        report = Report(parser.results(given), LiveTable(*COLUMNS, *TIMES))
+        drives = [open_drive(name, given.data, given.scenes or Path(scratch)) for name in given.recordings]
+        found = {drive.name: of_drive(drive, given, report) for drive in drives}
+        for name, drifts in found.items():
+            errors = [one.sim3_m for one in drifts]
+            report.results.summarise(
+                **{name: {"median_m": statistics.median(errors), "worst_m": max(errors)}}
+            )
+            print(f"\n{name}: median {statistics.median(errors):.3f} m, worst {max(errors):.3f} m", end="")
+        print()
+
+
+def arguments(parser: ScriptParser) -> argparse.Namespace:
+    """Parse the command line."""
+    parser.add_argument(
+        "recordings",
+        nargs="+",
+        help="folders with truth, or scenes of the simulator; NAME:FIRST-LAST for a piece",
+    )
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the recordings")
+    parser.add_argument("--scenes", type=Path, help="keep simulated recordings here")
+    parser.add_argument("--colmap", type=int, metavar="N", help="let COLMAP map every N-th frame")
     add_seeds(parser, 5)
-    given = parser.parse_args()
-    with parser.refusals():
-        results, table = parser.results(given), LiveTable(*COLUMNS)
-        for seed in range(given.seeds):
-            found = one_run(given.recording, given.gps, seed)
-            results.add(**found)
-            table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
+    return parser.parse_args()
+
+
+def of_drive(drive: Drive, given: argparse.Namespace, report: Report) -> list[Drift]:
+    """Add the rows of a recording; return the drift of every seed."""
+    drifts = []
+    for seed in range(given.seeds):
+        floor = least_time(drive.recording.video, vgps.Config().tracking)
+        with stopwatch() as elapsed:
+            solution = vgps.smooth(drive.recording, vgps.Config(seed=seed), TerminalProgress())
+        path = Trajectory(solution.t_s, solution.world_T_camera)
+        drifts.append(against_truth(drive, path))
+        times = {"wall_s": elapsed.wall_s, "cpu_s": elapsed.cpu_s}
+        times |= {"floor_wall_s": floor.wall_s, "floor_cpu_s": floor.cpu_s}
+        times |= {"wall_ratio": elapsed.wall_s / floor.wall_s, "cpu_ratio": elapsed.cpu_s / floor.cpu_s}
+        found = figures(drifts[-1], path) | times
+        report.add(
+            drive, f"seed {seed}", found | {"focal_px": solution.camera.fx, "stages_s": solution.seconds}
+        )
+    if given.colmap:
+        by_colmap(drive, given.colmap, report)
+    return drifts
+
+
+def by_colmap(drive: Drive, every: int, report: Report) -> None:
+    """Add the row of COLMAP on every n-th frame."""
+    from scripts.common.colmap_peer import map_images  # noqa: PLC0415  (pycolmap is an extra)
+
+    with stopwatch() as elapsed:
+        path, stages_s = map_images(drive.recording, every, None, None, seed=0)
+    if len(path) < 3:
+        print(f"COLMAP posed {len(path)} frames of {drive.name}")
+        return
+    posed = {"posed": len(path), "frames": len(drive.recording.video.times_s[::every])}
+    times = {"wall_s": elapsed.wall_s, "cpu_s": elapsed.cpu_s, "stages_s": stages_s}
+    found = figures(against_truth(drive, path), path)
+    report.add(drive, f"COLMAP, every {every}", found | posed | times)
+
+
+def against_truth(drive: Drive, path: Trajectory) -> Drift:
+    """Return the drift of a path."""
+    truth = drive.truth
+    inside = (path.t_s >= truth.t_s[0] - 1e-6) & (path.t_s <= truth.t_s[-1] + 1e-6)
+    true = interpolate_poses(truth.t_s, truth.world_T_camera, path.t_s[inside])
+    return drift_of(path.world_T_camera[inside], true, is_metric=False)
+
+
+def figures(drift: Drift, path: Trajectory) -> dict[str, Any]:
+    """Return what a row of the results holds of a drift; scales are relative to their median."""
+    pieces = drift.pieces
+    middle_s = 0.5 * (path.t_s[pieces.ends[1:]] + path.t_s[pieces.ends[:-1]])
+    whole = {name: value for name, value in vars(drift).items() if name not in ("pieces", "scale")}
+    return {**whole, "piece_t_s": middle_s, "piece_scale": pieces.scale / np.median(pieces.scale)}
 
 
 if __name__ == "__main__":

@@ -130,19 +130,19 @@ def _solved(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundlePro
 
 
 def map_images(
-    recording: Recording, every: int, limit: int | None, priors: Priors, seed: int
+    recording: Recording, every: int, limit: int | None, priors: Priors | None, seed: int
 ) -> tuple[Trajectory, dict[str, float]]:
-    """Run COLMAP's feature extraction, sequential matching and pose-prior mapping on every n-th frame.
+    """Run COLMAP's feature extraction, sequential matching and mapping on every n-th frame.
 
     Args:
         recording: Its video and camera, whose calibration is held.
         every: Take every n-th frame.
         limit: Take so many at most; None for all.
-        priors: One per fix, at frames that are taken.
+        priors: One per fix, at frames that are taken; None for no priors.
         seed: Of COLMAP's random numbers.
 
     Returns:
-        Poses of the frames of its largest model, in the priors' world, and wall seconds per step.
+        Poses of the frames of its largest model, in the priors' world if any; wall seconds per step.
     """
     seconds: dict[str, float] = {}
     with TemporaryDirectory() as scratch:
@@ -158,12 +158,13 @@ def map_images(
         with stopwatch() as elapsed:
             pycolmap.extract_features(database, images, camera_mode=single, reader_options=reader)
         seconds["features"] = elapsed.wall_s
-        _write_priors(database, priors)
+        if priors is not None:
+            _write_priors(database, priors)
         with stopwatch() as elapsed:
             pycolmap.match_sequential(database)
         seconds["matching"] = elapsed.wall_s
         options = pycolmap.IncrementalPipelineOptions()
-        options.use_prior_position, options.random_seed = True, seed
+        options.use_prior_position, options.random_seed = priors is not None, seed
         options.ba_refine_focal_length = options.ba_refine_extra_params = False
         with stopwatch() as elapsed:
             models = pycolmap.incremental_mapping(database, images, scratch, options)

@@ -19,7 +19,6 @@ from scripts.benchmarks.receivers.cells import (
     independent_samples,
     position_errors,
 )
-from scripts.benchmarks.receivers.drives import Drive, open_drive
 from scripts.benchmarks.receivers.sources import (
     REPLAYED,
     as_it_comes,
@@ -30,6 +29,7 @@ from scripts.benchmarks.receivers.sources import (
     stretch,
 )
 from scripts.benchmarks.receivers.summary import summaries, summarise, worse
+from scripts.common.drives import Drive, open_drive
 from scripts.common.receivers import Series
 from vgps.errors import RecordingError
 from vgps.model import Camera, FixClass, GeodeticPoint, Recording, Rig

@@ -34,10 +34,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scripts.benchmarks.receivers.cells import MODELS, Cell, run_cell
-from scripts.benchmarks.receivers.drives import Drive, open_drive
 from scripts.benchmarks.receivers.sources import LOGS, REPLAYED, make_errors, read_series
 from scripts.benchmarks.receivers.summary import summaries, worse
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
+from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable, table
 from vgps.errors import GpsLogError
 from vgps.runtime.progress import NoProgress

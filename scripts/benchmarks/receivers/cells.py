@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 import vgps
-from scripts.benchmarks.receivers.drives import Drive
 from scripts.benchmarks.receivers.sources import Errors
+from scripts.common.drives import Drive
 from vgps.compare.methods import ALL_METHODS, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError

@@ -8,7 +8,7 @@ from zlib import crc32
 
 import numpy as np
 
-from scripts.benchmarks.receivers.drives import Drive
+from scripts.common.drives import Drive
 from scripts.common.receivers import LATE_UBLOX_S, Series, rtk_drive, septentrio, survey, ublox
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass, GpsLog, IntArray
