@@ -15,7 +15,7 @@ from factors.custom import (
 from factors.gps import gps_factor, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from factors.gyro import PreintegratedRates, bias_walk_factor, gyro_factor, preintegrate_rates
 from factors.known_points import known_points_factor
-from factors.level import level_factor
+from factors.level import CAMERA_RIGHT_AND_FORWARD, level_factor
 from factors.motion import constant_centre_velocity_factor, constant_velocity_factor
 from factors.penalties import WALL_LIMIT, Cylinder, Ellipsoid, Gaussian, Penalty, exponent_schedule
 from factors.reprojection import (
@@ -29,6 +29,7 @@ from factors.reprojection import (
 from factors.rolling_shutter import RowTime, rolling_projection_factor
 
 __all__ = [
+    "CAMERA_RIGHT_AND_FORWARD",
     "POINT3",
     "POSE3",
     "SCALAR",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from factors import exponent_schedule
-from vgps.config import BatchConfig, Config
+from vgps.config import BatchConfig, Config, StartConfig
 from vgps.errors import GeometryError
 from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
@@ -22,6 +22,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.frame_rates import frame_rates
+from vgps.smoothing.ground import find_ground
 from vgps.smoothing.imu_states import start_imu
 from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.row_times import row_times
@@ -72,6 +73,7 @@ def optimise_batch(
             iterations += solved.result.report.iterations
         if round_ < rounds - 1:
             context, state = _with_rows(context, state, solved)
+            state = _with_ground(state, solved, config.start)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
@@ -133,6 +135,16 @@ def _with_rows(
     as_seen = replace(problem, uv_px=solved.given.scene.observations.uv_px)
     context = with_better_readout(context, as_seen, state.scene.t_s)
     return context, replace(state, scene=replace(state.scene, rates=rates))
+
+
+def _with_ground(state: _State, solved: BatchSolution, config: StartConfig) -> _State:
+    """Return the state with the ground under the path of a round, unless gravity or held frames level it."""
+    scene, fixed = state.scene, solved.given.fixed
+    if state.imu is not None or (fixed is not None and fixed.any()):
+        return state
+    sigma_rad = float(np.radians(config.crossfall_sigma_deg))
+    ground = find_ground(scene.trajectory, scene.points, solved.given.scene.observations, sigma_rad)
+    return replace(state, scene=replace(scene, ground=ground))
 
 
 def _learned(state: _State, fixes: Fixes, config: Config) -> dict[FixClass, LearnedErrors]:

@@ -4,10 +4,8 @@ from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
 from factors import (
-    level_factor,
     projection_sigma_px,
     reliability_sigma_px,
 )
@@ -22,6 +20,8 @@ from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
 from vgps.smoothing.frame_rates import turned_back
+from vgps.smoothing.ground import Ground
+from vgps.smoothing.level_priors import level_priors
 from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
 from vgps.smoothing.row_times import row_times
@@ -29,7 +29,6 @@ from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
 
-_LEVEL_FRAMES = 20  # that share the level prior; their number does not change its total weight
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
 
 
@@ -47,6 +46,7 @@ class Scene:
         loop: (N,) number of the loop by which a landmark of an earlier visit was found in a frame, -1 for
             observations of a track; None without loops.
         rates: (F, 3) angular rates of the frames beyond the path of a rolling shutter, rad/s; None for none.
+        ground: The ground under the path; None if it is not known.
     """
 
     t_s: FloatArray
@@ -57,6 +57,7 @@ class Scene:
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
     loop: IntArray | None = None
     rates: FloatArray | None = None
+    ground: Ground | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -223,17 +224,7 @@ def other_pose_factors(
     if imu is not None:
         unseen[imu.frame] = False
     motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
-    level = (
-        gtsam.NonlinearFactorGraph() if imu is not None else level_priors(np.arange(len(scene.t_s)), config)
-    )
+    level = gtsam.NonlinearFactorGraph()
+    if imu is None:
+        level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
     return joined(sensors.priors(), motion, level)
-
-
-def level_priors(frames: IntArray, config: Config) -> gtsam.NonlinearFactorGraph:
-    """Return the prior of a level camera, spread over some of the frames with the total weight of one."""
-    graph = gtsam.NonlinearFactorGraph()
-    rows = np.unique(np.linspace(0, len(frames) - 1, _LEVEL_FRAMES).astype(int))
-    sigmas = np.radians([config.start.level_sigma_deg, config.start.pitch_sigma_deg]) * np.sqrt(len(rows))
-    for frame in frames[rows].tolist():
-        graph.push_back(level_factor(X(frame), float(sigmas[0]), float(sigmas[1])))
-    return graph

@@ -11,8 +11,9 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.factor_graph import level_priors, scene_of_map, select_observations
+from vgps.smoothing.factor_graph import scene_of_map, select_observations
 from vgps.smoothing.fixed_lag import FixedLagGraph, GraphChange
+from vgps.smoothing.level_priors import level_priors
 from vgps.smoothing.window import WindowResult, optimise_window, start_priors
 from vgps.smoothing.window_factors import WindowScene, fix_change, frame_change, projection_change
 
@@ -133,7 +134,7 @@ class IncrementalWindow:
         frames = np.arange(window.since, window.newest + 1)
         graph = gtsam.NonlinearFactorGraph()
         if aligned:
-            graph.push_back(level_priors(frames, self._context.config))
+            graph.push_back(level_priors(frames, self._context.config.start))
         if window.offset == window.since:
             graph.push_back(start_priors(frames, window.scene.poses, aligned))
         return GraphChange(factors={("start", k): graph.at(k) for k in range(graph.size())})

@@ -27,6 +27,7 @@ from vgps.readers.run_folder import read_run
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.ground import Ground
 from vgps.solution import Solution
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
@@ -56,9 +57,9 @@ def factor_graph(run: Path | str | Solution) -> tuple[gtsam.NonlinearFactorGraph
 
     Its factors are, in this order, those of the fixes (for a model with memory bounds, noise and walk of the
     offsets), priors of ``c0`` and ``d0``, zero motion and constant velocity of frames without observations,
-    priors of a level camera, control points, those of the IMU (which take the place of the level camera),
-    projections, and priors that hold frames where nothing else ties
-    the run to the world.
+    priors of a level camera and of one that is level with the ground, control points, those of the IMU (which
+    take the place of both), projections, and priors that hold frames where nothing else ties the run to the
+    world.
 
     Args:
         run: Run folder of ``vgps smooth``, or a Solution.
@@ -100,7 +101,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         given: Input of the last problem of stage D.
         end: That problem at its minimum.
     """
-    sensors, prior = given.sensors, given.sensors.prior_time_offset
+    sensors, prior, ground = given.sensors, given.sensors.prior_time_offset, given.scene.ground
     imu_states = 0 if given.imu is None else 2 * len(given.imu)
     offsets = [end.states[offset_key(k)].vector for k in range(len(end.states) - imu_states)]
     return {
@@ -118,6 +119,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
         "controls.sigma_px": given.control_sigma_px,
         **({} if given.scene.rates is None else {"frame_rates": given.scene.rates}),
+        **({} if ground is None else {f"ground.{name}": rows for name, rows in vars(ground).items()}),
         **_imu_arrays(given, end),
     }
 
@@ -153,6 +155,7 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
             _zero_motions(graph),
             ControlObservations(**controls),
             rates=graph.get("frame_rates"),
+            ground=Ground(**_of(graph, "ground", Ground)) if "ground.frame" in graph else None,
         ),
         sigma_px=solution.landmarks.sigma_px,
         control_sigma_px=graph["controls.sigma_px"],
