@@ -162,7 +162,7 @@ def main() -> None:
         engines: dict[str, Engine] = {"vgps": partial(by_vgps, problem)}
         for threads in (1, 2):
             name = f"COLMAP, {threads} thread{'s' * (threads > 1)}"
-            engines[name] = partial(adjust, problem, priors, run, threads)
+            engines[name] = partial(adjust, problem, priors, run.camera, threads)
         compare(engines, given.within, given.repeats, results)
         if run.recording is not None and given.end_to_end:
             end_to_end(run, run.recording, given, results)

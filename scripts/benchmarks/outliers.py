@@ -117,7 +117,7 @@ def by_colmap(
     robust: bool, start: BundleProblem, run: Solution, priors: Priors, seed: int
 ) -> tuple[FloatArray, None]:
     """Return camera centres (F, 3) after COLMAP's pose-prior bundle adjustment."""
-    found = adjust(start, priors, run, 1, ITERATIONS, TOLERANCE, robust=robust)
+    found = adjust(start, priors, run.camera, 1, ITERATIONS, TOLERANCE, robust=robust)
     return found.problem.world_T_camera[:, :3, 3], None
 
 

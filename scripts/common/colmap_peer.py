@@ -5,7 +5,7 @@ need neither.
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,9 +16,9 @@ import pycolmap
 from scripts.common.colmap_problem import Priors
 from scripts.common.stopwatch import stopwatch
 from vgps.model import Camera, FloatArray, Recording
-from vgps.solution import Landmarks, Observations, Solution, Trajectory
+from vgps.solution import Trajectory
 from vgps.solver.problem import BundleProblem
-from vgps.writers.colmap import IMAGE_NAME, colmap_camera, write_colmap
+from vgps.writers.colmap import IMAGE_NAME, colmap_camera
 
 _FAR_M = 1e3  # COLMAP first aligns the model with the priors by RANSAC: none of them is to be an outlier
 
@@ -36,7 +36,7 @@ class AdjustmentResult:
 def adjust(
     problem: BundleProblem,
     priors: Priors,
-    base: Solution,
+    camera: Camera,
     threads: int,
     max_iterations: int,
     tolerance: float,
@@ -48,7 +48,7 @@ def adjust(
     Args:
         problem: The start; one ``sigma_px`` for all observations.
         priors: Those of its ``pose_graph``.
-        base: The run that it is made from.
+        camera: Gives the size of its images.
         threads: Of Ceres.
         max_iterations: Ends after so many.
         tolerance: Ends once a step lowers the cost by no more than this share of it.
@@ -56,7 +56,7 @@ def adjust(
             (true) or none, its default (false). None takes all priors to be right.
     """
     sigma_px = float(problem.sigma_px[0])
-    model = as_reconstruction(problem, base)
+    model = as_reconstruction(problem, camera)
     options = _options(threads, max_iterations, tolerance)
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
     if robust is None:
@@ -76,7 +76,7 @@ def adjust(
     if found is None:
         raise RuntimeError(f"no number of iterations in COLMAP's report: {report}")
     steps = int(found[1]) - 1  # Ceres counts the evaluation of the start
-    return AdjustmentResult(_solved(problem, model), steps, elapsed.wall_s, elapsed.cpu_s)
+    return AdjustmentResult(solved(problem, model), steps, elapsed.wall_s, elapsed.cpu_s)
 
 
 def _options(threads: int, max_iterations: int, tolerance: float) -> pycolmap.BundleAdjustmentOptions:
@@ -86,25 +86,28 @@ def _options(threads: int, max_iterations: int, tolerance: float) -> pycolmap.Bu
     solver.num_threads, solver.max_num_iterations = threads, max_iterations
     solver.function_tolerance = tolerance
     options.ceres.min_num_residuals_for_cpu_multi_threading = 0  # as many threads as asked for, always
+    # its iterative solver, the default beyond 1,000 images, takes four times as long on a path with loops
+    options.ceres.max_num_images_direct_sparse_cpu_solver = 10_000
     return options
 
 
-def as_reconstruction(problem: BundleProblem, base: Solution) -> pycolmap.Reconstruction:
+def as_reconstruction(problem: BundleProblem, camera: Camera) -> pycolmap.Reconstruction:
     """Return a problem as COLMAP's model, undistorted: image f + 1 is frame f, point j + 1 landmark j."""
-    frames, points = len(problem.world_T_camera), len(problem.world_p_landmark)
-    c = base.camera
-    landmarks = Landmarks(problem.world_p_landmark, np.ones(points), np.zeros(points, np.uint8))
-    solution = replace(
-        base,
-        t_s=base.t_s[:frames],
-        world_T_camera=problem.world_T_camera,
-        camera=Camera(model="pinhole", width=c.width, height=c.height, fx=c.fx, fy=c.fy, cx=c.cx, cy=c.cy),
-        landmarks=landmarks,
-        observations=Observations(problem.frame, problem.landmark, problem.uv_px),
-    )
-    with TemporaryDirectory() as folder:
-        write_colmap(solution, Path(folder), [IMAGE_NAME.format(frame) for frame in range(len(solution.t_s))])
-        return pycolmap.Reconstruction(folder)
+    model = pycolmap.Reconstruction()
+    size = {"width": camera.width, "height": camera.height}
+    model.add_camera_with_trivial_rig(pycolmap.Camera(model="PINHOLE", params=problem.K, camera_id=1, **size))
+    place = np.empty(len(problem.frame), np.int64)  # of an observation among those of its image
+    for f, camera_T_world in enumerate(np.linalg.inv(problem.world_T_camera)):
+        seen = np.flatnonzero(problem.frame == f)
+        place[seen] = np.arange(len(seen))
+        image = pycolmap.Image(IMAGE_NAME.format(f), problem.uv_px[seen], camera_id=1, image_id=f + 1)
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera_T_world[:3]))
+    order = np.argsort(problem.landmark, kind="stable")
+    ends = np.cumsum(np.bincount(problem.landmark, minlength=len(problem.world_p_landmark)))
+    for rows, point in zip(np.split(order, ends[:-1]), problem.world_p_landmark, strict=True):
+        seen_in = zip((problem.frame[rows] + 1).tolist(), place[rows].tolist(), strict=True)
+        model.add_point3D(point, pycolmap.Track([pycolmap.TrackElement(*pair) for pair in seen_in]))
+    return model
 
 
 def _rows(priors: Priors) -> list[tuple[int, FloatArray, FloatArray]]:
@@ -120,7 +123,8 @@ def _prior(data: pycolmap.data_t, position: FloatArray, sigma_m: FloatArray) -> 
     )
 
 
-def _solved(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProblem:
+def solved(problem: BundleProblem, model: pycolmap.Reconstruction) -> BundleProblem:
+    """Return a problem at the poses and points of a model from :func:`as_reconstruction`."""
     poses, points = problem.world_T_camera.copy(), problem.world_p_landmark.copy()
     for f in range(len(poses)):
         poses[f, :3] = model.image(f + 1).cam_from_world().inverse().matrix()
