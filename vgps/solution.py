@@ -111,6 +111,8 @@ class SensorReport:
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
             empty if it was not refined.
         fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
+        imu: Biases in the middle of the recording, in the IMU's axes, ``accelerometer_m_s2``, ``gyro_rad_s``,
+            and, where known, their standard deviations (``.._sigma_..``); empty without an IMU.
     """
 
     time_offset_s: float
@@ -118,6 +120,7 @@ class SensorReport:
     antenna_sigma_m: tuple[float, float, float]
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
     fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    imu: Mapping[str, list[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

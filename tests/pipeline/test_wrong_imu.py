@@ -20,6 +20,12 @@ def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
     np.testing.assert_array_equal(wrong.world_T_camera, without.world_T_camera)
     assert np.abs(right.world_T_camera - without.world_T_camera).max() > 0.01
     assert not any("imu" in text for text in right.warnings)
+    assert without.sensors.imu == {}
+    found, mount = right.sensors.imu, opened.rig.imu.imu_R_camera
+    on_truth = {"accelerometer_{}m_s2": [-0.093, 0.035, -0.093], "gyro_{}rad_s": [-0.0054, 0.0058, 0.0044]}
+    for name, bias in on_truth.items():  # as the IMU's factors give it on the true path, camera's axes
+        off = np.array(found[name.format("")]) - mount @ bias
+        assert (np.abs(off) < 3.0 * np.array(found[name.format("sigma_")])).all()
 
 
 @pytest.mark.slow

@@ -1,11 +1,14 @@
 """With and without an IMU: tilt after a constant rotation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from solutions import make_solution
 
 from scripts.benchmarks.imu import tilt
+from scripts.experiments.imu_sigmas import bias_ratios, figures
 from vgps.solution import Trajectory
 
 
@@ -22,3 +25,26 @@ def test_tilt_leaves_out_a_constant_rotation_and_heading():
     off[:, :3, :3] = Rotation.from_euler("x", 1.0, degrees=True).as_matrix() @ true[:, :3, :3]
     angle, _ = tilt(make_solution(t, off), truth)
     assert angle > 0.5
+
+
+def test_biases_are_compared_in_the_middle_of_the_walk(tmp_path):
+    rows = np.zeros((21, 7))
+    rows[:, 0], rows[10, 1:] = np.arange(21) / 10, [0.01, 0.02, 0.03, 0.1, 0.2, 0.3]
+    np.savetxt(tmp_path / "imu_biases.csv", rows, delimiter=",", header="t_s,...")
+    t = np.arange(20) / 10
+    solution = make_solution(t, np.tile(np.eye(4), (20, 1, 1)))
+    imu = {
+        "gyro_rad_s": [0.012, 0.02, 0.03],
+        "gyro_sigma_rad_s": [0.001, 0.001, 0.001],
+        "accelerometer_m_s2": [0.1, 0.2, 0.0],
+        "accelerometer_sigma_m_s2": [0.1, 0.1, 0.1],
+    }
+    solution = replace(solution, sensors=replace(solution.sensors, imu=imu))
+    found = bias_ratios(solution, tmp_path / "imu_biases.csv")
+    np.testing.assert_allclose(found["gyro"], [[2.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(found["accelerometer"], [[0.0, 0.0, -3.0]], atol=1e-9)
+    assert figures(np.array([[0.0, 3.0], [4.0, 1.0]])) == {
+        "nees": 6.5,
+        "within_3_sigma_percent": 75.0,
+        "largest_ratio": 4.0,
+    }

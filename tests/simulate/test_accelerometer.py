@@ -20,10 +20,13 @@ def test_noise_bias_and_gravity():
     t = np.arange(0.0, 60.0, 0.005)
 
     def force(settings, seed=1):
-        return simulate_accelerometer(motion, scene, settings, t, np.random.default_rng(seed))
+        return simulate_accelerometer(motion, scene, settings, t, np.random.default_rng(seed))[0]
 
     quiet = AccelerometerConfig(noise_m_s2=0.0, bias_m_s2=0.0, bias_walk_m_s2_sqrt_s=0.0)
     exact = force(quiet)
+    noisy, bias = simulate_accelerometer(motion, scene, config, t, np.random.default_rng(1))
+    white = noisy - exact - bias
+    assert np.abs(white.mean(axis=0)).max() < 0.003 and white.std() == pytest.approx(0.05, rel=0.02)
     assert np.linalg.norm(exact, axis=1).mean() == pytest.approx(9.8, abs=0.2)
     errors = np.stack([force(config, seed) - exact for seed in range(20)])
     assert np.diff(errors, axis=1).std() == pytest.approx(0.05 * np.sqrt(2.0), rel=0.02)

@@ -60,6 +60,9 @@ def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
     up = recording.imu.force_m_s2 @ recording.rig.imu.imu_R_camera
     assert up[:, 1].mean() == pytest.approx(-9.8, abs=0.4)  # the camera's y axis points down
     assert (out / "video.mp4").read_bytes() == (folder / "video.mp4").read_bytes()
+    biases = np.loadtxt(out / "imu_biases.csv", delimiter=",", skiprows=1)
+    assert np.diff(biases[:, 0]) == pytest.approx(0.1)
+    assert 0.0 < np.abs(biases[:, 1:4]).max() < 0.05 < np.abs(biases[:, 4:]).max() < 0.5
 
 
 def test_frames_come_at_exactly_the_times_of_the_truth(folder: Path) -> None:

@@ -126,7 +126,7 @@ def test_gyro_integrates_to_the_true_rotation() -> None:
         gyro=GyroConfig(rate_hz=1000.0, noise_rad_s=0.0, bias_rad_s=0.0, bias_walk_rad_s_sqrt_s=0.0),
     )
     motion = build_motion(config, rng())
-    t, rate = simulate_gyro(motion, config, rng())
+    t, rate, _ = simulate_gyro(motion, config, rng())
     assert t[0] == pytest.approx(-0.2) and t[-1] == pytest.approx(config.duration_s + 0.2, abs=1e-3)
     camera = rate @ gyro_R_camera(config.gyro)  # rows: the transpose takes gyro axes back to the camera's
     steps = Rotation.from_rotvec((camera[1:] + camera[:-1]) / 2 * np.diff(t)[:, None])
@@ -140,13 +140,13 @@ def test_gyro_integrates_to_the_true_rotation() -> None:
 def test_gyro_noise_and_bias_have_their_size() -> None:
     motion = build_motion(WALK, rng())
     gyro = GyroConfig(noise_rad_s=0.002, bias_rad_s=0.01, bias_walk_rad_s_sqrt_s=0.0)
-    t, rate = simulate_gyro(motion, replace(WALK, gyro=gyro), rng())
+    t, rate, _ = simulate_gyro(motion, replace(WALK, gyro=gyro), rng())
     excess = rate - motion.rates(t) @ gyro_R_camera(gyro).T
     np.testing.assert_allclose((excess - excess.mean(axis=0)).std(axis=0), 0.002, rtol=0.05)
     assert 0.001 < np.linalg.norm(excess.mean(axis=0)) < 0.04
     walking = replace(gyro, noise_rad_s=0.0, bias_rad_s=0.0, bias_walk_rad_s_sqrt_s=0.001)
     ends = []
     for seed in range(40):
-        t, rate = simulate_gyro(motion, replace(WALK, gyro=walking), rng(seed))
+        t, rate, _ = simulate_gyro(motion, replace(WALK, gyro=walking), rng(seed))
         ends.append(rate[-1] - motion.rates(t[-1:])[0] @ gyro_R_camera(walking).T)
     assert np.std(ends) == pytest.approx(0.001 * np.sqrt(t[-1] - t[0]), rel=0.2)

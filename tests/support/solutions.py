@@ -218,7 +218,7 @@ def distinct_values() -> Solution:
             verdict=(Verdict.USED, Verdict.NOT_USED),
             reason=("inside its region", "outside the video, after its end"),
         ),
-        sensors=SensorReport(0.125, NAN, (0.01, 0.02, NAN)),
+        sensors=SensorReport(0.125, NAN, (0.01, 0.02, NAN), imu={"gyro_rad_s": [0.01, -0.02, 0.005]}),
         report=SolverReport(
             {"video": 12.5, "gps": 3.0},
             {"video": 1.25, "gps": NAN},

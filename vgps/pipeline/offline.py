@@ -166,6 +166,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             float(batch.time_offset_sigma_s[0]),
             tuple(batch.antenna_sigma_m.tolist()),
             fix_errors={str(name): vars(errors) for name, errors in batch.errors.items()},
+            imu=_imu_report(front_end, batch),
         ),
         report=batch.report,
         seconds=front_end.seconds,
@@ -183,6 +184,11 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         control_points=recording.control_points,
         graph=batch.graph,
     )
+
+
+def _imu_report(front_end: FrontEnd, batch: BatchResult) -> dict[str, list[float]]:
+    mount = front_end.recording.rig.imu
+    return {} if batch.imu_bias is None or mount is None else batch.imu_bias.report(mount.imu_R_camera)
 
 
 def _antenna_notes(

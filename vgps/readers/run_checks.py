@@ -114,6 +114,7 @@ class _Sensors(BaseModel):
     antenna_sigma_m: tuple[FiniteFloat | None, FiniteFloat | None, FiniteFloat | None]
     camera_sigma: dict[str, FiniteFloat | None] = {}
     fix_errors: dict[str, dict[str, FiniteFloat]] = {}
+    imu: dict[str, tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = {}
 
 
 class _Cost(BaseModel):

@@ -35,14 +35,21 @@ def simulate_accelerometer(
     accelerometer: AccelerometerConfig,
     t_s: FloatArray,
     rng: np.random.Generator,
-) -> FloatArray:
-    """Return the specific force (N, 3) at times (N,), in the gyro's axes, with noise and a walking bias."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return specific force (N, 3), with noise and a walking bias, and the bias (N, 3), in the gyro's axes.
+
+    Args:
+        motion: Of the camera.
+        config: The scene, with the gyro's housing.
+        accelerometer: Errors and place.
+        t_s: (N,) times.
+        rng: Random generator.
+    """
     imu_R_camera = gyro_R_camera(config.gyro)
     camera_p_imu = -imu_R_camera.T @ np.array(accelerometer.imu_p_camera)
     exact = specific_force(motion, t_s, camera_p_imu, normal_gravity(config.world_origin))
     steps = accelerometer.bias_walk_m_s2_sqrt_s / np.sqrt(config.gyro.rate_hz)
     walk = np.cumsum(steps * rng.standard_normal(exact.shape), axis=0)
     bias = accelerometer.bias_m_s2 * rng.standard_normal(3) + walk
-    return np.asarray(
-        exact @ imu_R_camera.T + bias + accelerometer.noise_m_s2 * rng.standard_normal(exact.shape)
-    )
+    white = accelerometer.noise_m_s2 * rng.standard_normal(exact.shape)
+    return exact @ imu_R_camera.T + bias + white, bias

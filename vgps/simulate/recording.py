@@ -29,7 +29,8 @@ FILES = (
     *("video.mp4", "camera.yaml", "rig.yaml", "gps.nmea", "gyro.csv", "truth.tum"),
     *("fix_errors.csv", "simulation.yaml"),
 )
-IMU_FILE = "imu.csv"  # of scenes with an accelerometer
+IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
+_BIASES_HZ = 10.0
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
 _THREADS = 2
 _AHEAD = 6
@@ -69,11 +70,14 @@ def simulate(
         fixes = simulate_fixes(motion, config, gps_rng)
         (folder / "gps.nmea").write_bytes(nmea(fixes, config))
         _write_fix_errors(folder / "fix_errors.csv", fixes)
-        t_s, rates = simulate_gyro(motion, config, gyro_rng)
-        _write_samples(folder / "gyro.csv", t_s, rates)
+        gyro = simulate_gyro(motion, config, gyro_rng)
+        _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
         if config.accelerometer is not None:
-            force = simulate_accelerometer(motion, config, config.accelerometer, t_s, imu_rng)
-            _write_samples(folder / IMU_FILE, t_s, np.hstack([rates, force]))
+            force, bias = simulate_accelerometer(motion, config, config.accelerometer, gyro.t_s, imu_rng)
+            _write_samples(folder / "imu.csv", gyro.t_s, np.hstack([gyro.rate_rad_s, force]))
+            every = max(1, round(config.gyro.rate_hz / _BIASES_HZ))
+            biases = np.hstack([gyro.bias_rad_s, bias])
+            _write_samples(folder / "imu_biases.csv", gyro.t_s[::every], biases[::every])
         t = np.arange(config.frames) / config.fps
         write_tum(Trajectory(t, motion.poses(t)), folder / "truth.tum")
         made_of = {
@@ -206,7 +210,7 @@ def _check(out: Path) -> None:
     if not out.is_dir():
         raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
     found = {entry.name for entry in out.iterdir()}
-    if found and (_MARK not in found or found - {*FILES, IMU_FILE}):
+    if found and (_MARK not in found or found - {*FILES, *IMU_FILES}):
         raise RunFolderError(
             "has files that are not of a simulation",
             file=out,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from pynmeagps import GET, NMEAMessage
@@ -92,10 +93,16 @@ def nmea(fixes: SimulatedFixes, config: SceneConfig) -> bytes:
     return b"".join(sentence.serialize() for sentence in sentences)
 
 
-def simulate_gyro(
-    motion: Motion, config: SceneConfig, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) times and (N, 3) rates [rad/s] in the gyro's axes, with a walking bias and white noise."""
+class SimulatedGyro(NamedTuple):
+    """Times (N,), rates (N, 3) and their bias (N, 3) in the gyro's axes, rad/s."""
+
+    t_s: FloatArray
+    rate_rad_s: FloatArray
+    bias_rad_s: FloatArray
+
+
+def simulate_gyro(motion: Motion, config: SceneConfig, rng: np.random.Generator) -> SimulatedGyro:
+    """Return samples with a walking bias and white noise."""
     gyro = config.gyro
     t = (
         -gyro.margin_s
@@ -104,7 +111,7 @@ def simulate_gyro(
     steps = gyro.bias_walk_rad_s_sqrt_s / np.sqrt(gyro.rate_hz) * rng.standard_normal((len(t), 3))
     bias = gyro.bias_rad_s * rng.standard_normal(3) + np.cumsum(steps, axis=0)
     white = gyro.noise_rad_s * rng.standard_normal((len(t), 3))
-    return t, motion.rates(t) @ gyro_R_camera(gyro).T + bias + white
+    return SimulatedGyro(t, motion.rates(t) @ gyro_R_camera(gyro).T + bias + white, bias)
 
 
 def gyro_R_camera(gyro: GyroConfig) -> FloatArray:

@@ -17,6 +17,7 @@ from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.imu_states import ImuBias, middle_bias
 from vgps.smoothing.run_graph import graph_arrays
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
@@ -46,6 +47,7 @@ class BatchResult:
         warnings: Warnings for the user.
         problem: The last problem at its optimum.
         errors: Noise and walk of the fix classes that were learned from the recording.
+        imu_bias: The IMU's bias in the middle of the recording; None without an IMU.
         graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.run_graph`).
     """
 
@@ -63,6 +65,7 @@ class BatchResult:
     warnings: tuple[str, ...]
     problem: BundleProblem
     errors: Mapping[FixClass, LearnedErrors]
+    imu_bias: ImuBias | None
     graph: Mapping[str, npt.NDArray[Any]]
 
     @property
@@ -117,6 +120,7 @@ def batch_result(
         warnings=warnings,
         problem=after,
         errors=solved.given.errors,
+        imu_bias=None if solved.given.imu is None else middle_bias(solved.given.imu, after, covariance),
         graph=graph_arrays(solved.given, after),
     )
 

@@ -1,10 +1,16 @@
 """Velocities and biases of an IMU as states of the problem of stage D."""
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates, bias_key, velocity_key
+from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
-from vgps.solver.problem import StateVector
+from vgps.solver.marginals import Covariances
+from vgps.solver.problem import BundleProblem, StateVector
 
 
 def start_imu(scene: Scene, context: SmoothingContext) -> ImuStates | None:
@@ -21,3 +27,36 @@ def imu_state_vectors(imu: ImuStates) -> dict[int, StateVector]:
         states[velocity_key(k)] = StateVector(imu.velocity[k], frame)
         states[bias_key(k)] = StateVector(imu.bias[k], frame, is_bias=True)
     return states
+
+
+@dataclass(frozen=True)
+class ImuBias:
+    """Bias (6,) of specific force [m/s^2] and rates [rad/s] with its covariance (6, 6), in the camera's axes.
+
+    The covariance is NaN if the system does not determine it.
+    """
+
+    bias: FloatArray
+    covariance: FloatArray
+
+    def report(self, imu_R_camera: FloatArray) -> dict[str, list[float]]:
+        """Return both biases in the IMU's axes, and their standard deviations where they are known."""
+        turn = np.kron(np.eye(2), imu_R_camera)
+        force, rates = np.split(turn @ self.bias, 2)
+        report = {"accelerometer_m_s2": force.tolist(), "gyro_rad_s": rates.tolist()}
+        force, rates = np.split(np.sqrt(np.diag(turn @ self.covariance @ turn.T)), 2)
+        if np.isfinite(self.covariance).all():
+            report |= {"accelerometer_sigma_m_s2": force.tolist(), "gyro_sigma_rad_s": rates.tolist()}
+        return report
+
+
+def middle_bias(imu: ImuStates, end: BundleProblem, covariances: Covariances) -> ImuBias:
+    """Return the bias at the knot in the middle of a recording.
+
+    Args:
+        imu: Knots.
+        end: The problem at its minimum.
+        covariances: Of its states.
+    """
+    key = bias_key(len(imu) // 2)
+    return ImuBias(end.states[key].vector, covariances.states.get(key, np.full((6, 6), np.nan)))

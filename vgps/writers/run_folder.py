@@ -123,6 +123,7 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
         "antenna_sigma_m": report.antenna_sigma_m,
         "camera_sigma": report.camera_sigma,
         "fix_errors": report.fix_errors,
+        "imu": report.imu,
     }
 
 
