@@ -18,6 +18,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.imu_states import ImuBias, middle_bias
+from vgps.smoothing.lever_arm_check import lever_arm_warnings
 from vgps.smoothing.run_graph import graph_arrays
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
@@ -117,7 +118,7 @@ def batch_result(
         time_offset_sigma_s=_time_offset_sigma(covariance, solved.given.sensors, sensors),
         antenna_sigma_m=_sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report=report,
-        warnings=warnings,
+        warnings=(*warnings, *lever_arm_warnings(solved.given, after)),
         problem=after,
         errors=solved.given.errors,
         imu_bias=None if solved.given.imu is None else middle_bias(solved.given.imu, after, covariance),
