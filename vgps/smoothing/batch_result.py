@@ -17,7 +17,7 @@ from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.imu_states import ImuBias, middle_bias
+from vgps.smoothing.imu_states import ImuBias, imu_links, middle_bias
 from vgps.smoothing.lever_arm_check import lever_arm_warnings
 from vgps.smoothing.run_graph import graph_arrays
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
@@ -163,6 +163,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         noise=gps.noise,
         noise_ratio=gps.noise_ratio,
         drift=config.drift,
+        inertial=imu_links(solved.built.other_factors),
         loop=solved.given.scene.loop,
     )
     try:

@@ -19,7 +19,7 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 - every other factor has an error of its sigma.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -28,13 +28,14 @@ import numpy as np
 from scipy import sparse
 
 from vgps.config import DriftConfig
-from vgps.geometry import cross_matrices
 from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import linearise_pinhole
+from vgps.smoothing.factor_graph import joined
 from vgps.smoothing.loop_ties import loop_gradient
+from vgps.smoothing.video_drift import drift_by_imu, drift_draws
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
@@ -43,10 +44,6 @@ from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem, all_pose_values
 from vgps.solver.schur_complement import pose_scores
 
-# The video drifts less than verdicts on fixes allow for. From one knot to the next, stage D without fixes
-# changes log scale by 0.010 and 0.012 (kitti03, kitti07; simulated walk 0.003) and turns about each axis by
-# 0.04 and 0.06 degrees (0.004), where the settings expect 0.05 and 0.3 degrees; its changes have heavy tails.
-_DRIFT_SHARE = 0.3
 _STEPS_AT_ONCE = 2**23  # numbers of the draws' steps, in submaps
 _SIGNS_AT_ONCE = 2**22
 
@@ -64,6 +61,7 @@ class ErrorSources:
         noise: Factors of the noise about offsets and of their walk, residuals (3,).
         noise_ratio: (N,) their errors over their sigmas.
         drift: Drift of the video.
+        inertial: Preintegrated rates and forces, which are among the others; they show a drift.
         loop: (N,) number of the loop of each observation, -1 for those of tracks; None without loops.
     """
 
@@ -74,6 +72,7 @@ class ErrorSources:
     noise: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     noise_ratio: FloatArray = field(default_factory=lambda: np.zeros(0))
     drift: DriftConfig | None = None
+    inertial: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     loop: IntArray | None = None
 
 
@@ -97,6 +96,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         factor, gradient = factorise_pose_system(linear, structure)
         camera = linearise_pinhole(problem, linear, structure).coupling
         system = _System(problem, values, structure, linear, factor, gradient, camera)
+        sources = replace(sources, drift=_shown_drift(system, sources))
         at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
         blocks: FloatArray = np.zeros((structure.n_free, POSE_DIM, POSE_DIM))
         shared = np.zeros_like(linear.border.hessian)
@@ -119,6 +119,23 @@ class _System(NamedTuple):
     camera: FloatArray
 
 
+def _shown_drift(system: _System, sources: ErrorSources) -> DriftConfig | None:
+    """Return the drift of the video that the settings expect, or the smaller one that an IMU shows."""
+    problem, values, structure, _, factor, *_ = system
+    if sources.drift is None or not sources.inertial.size():
+        return sources.drift
+    graph = joined(sources.gps, sources.noise, sources.others)
+    J, imu = (whitened_jacobian(problem, one, values, structure) for one in (graph, sources.inertial))
+    size = POSE_DIM * structure.n_free
+    by_place = J[0][:, :size]
+
+    def disagreement(drift: FloatArray) -> FloatArray:
+        remaining = drift - factor.solve(by_place.T @ (by_place @ drift))
+        return np.asarray(imu[0][:, :size] @ remaining)
+
+    return drift_by_imu(problem, structure, sources.drift, imu[1], disagreement)
+
+
 def _drawn_at_once(places: int) -> int:
     """Return a number of draws whose steps take little memory beside a submap."""
     return max(1, _STEPS_AT_ONCE // (POSE_DIM * places))
@@ -133,7 +150,7 @@ def _moved_by_errors(
     right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
     right[:size] += _track_draws(linear, structure, draws, rng)
     right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
-    drift = _drift_draws(problem, structure, sources.drift, draws, rng)
+    drift = drift_draws(problem, structure, sources.drift, draws, rng)
     right -= J.T @ (J[:, :size] @ drift)
     if sources.loop is not None:
         right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
@@ -167,37 +184,6 @@ def _track_draws(
         by_track = sparse.csr_array(entries, shape=(POSE_DIM * (last + 1 - first), len(chunk.landmarks)))
         total[POSE_DIM * first : POSE_DIM * (last + 1)] += by_track @ signs[chunk.landmarks]
     return total
-
-
-def _drift_draws(
-    problem: BundleProblem,
-    structure: SparsityStructure,
-    config: DriftConfig | None,
-    draws: int,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Return deformations (6 n_free, K) of the path by a drift of the video, in the poses' tangents.
-
-    Log scale and rotation walk at random from knot to knot, as in :mod:`vgps.gps.drift_model`.
-    """
-    total = np.zeros((structure.n_free, POSE_DIM, draws))
-    if config is None:
-        return total.reshape(-1, draws)
-    frames = np.arange(len(problem.world_T_camera))
-    rotation = np.radians(config.rotation_sigma_deg)
-    sigma = _DRIFT_SHARE * np.array([config.scale_sigma, rotation, rotation, rotation])
-    knots = np.cumsum(rng.normal(size=(2 + len(frames) // config.knot_frames, 4, draws)), axis=0)
-    at = frames / config.knot_frames
-    before, share = at.astype(int), (at - at.astype(int))[:, None, None]
-    walk = sigma[:, None] * ((1.0 - share) * knots[before] + share * knots[before + 1])
-    steps = np.diff(problem.world_T_camera[:, :3, 3], axis=0)
-    moved = steps[:, :, None] * walk[:-1, :1] - cross_matrices(steps) @ walk[:-1, 1:]
-    position = np.concatenate([np.zeros((1, 3, draws)), np.cumsum(moved, axis=0)])
-    world = np.stack([walk[:, 1:], position], axis=1)  # (F, 2, 3, K)
-    camera_R_world = problem.world_T_camera[:, None, :3, :3].swapaxes(-1, -2)
-    free = structure.free >= 0
-    total[structure.free[free]] = (camera_R_world @ world)[free].reshape(-1, POSE_DIM, draws)
-    return total.reshape(-1, draws)
 
 
 def _pose_factor_draws(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 
 from vgps.imu.start import start_states
@@ -27,6 +28,15 @@ def imu_state_vectors(imu: ImuStates) -> dict[int, StateVector]:
         states[velocity_key(k)] = StateVector(imu.velocity[k], frame)
         states[bias_key(k)] = StateVector(imu.bias[k], frame, is_bias=True)
     return states
+
+
+def imu_links(graph: gtsam.NonlinearFactorGraph) -> gtsam.NonlinearFactorGraph:
+    """Return the factors of preintegrated rates and forces among those of a graph."""
+    links = gtsam.NonlinearFactorGraph()
+    for k in range(graph.size()):
+        if isinstance(graph.at(k), gtsam.ImuFactor):
+            links.push_back(graph.at(k))
+    return links
 
 
 @dataclass(frozen=True)
