@@ -8,8 +8,15 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes
+from vgps.gps.neighbour_pairs import knot_weights, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import best_time_offset, knot_weights, min_gain, neighbour_pairs, update_time_offset
+from vgps.gps.time_offset import (
+    best_time_offset,
+    likelier_time_offset,
+    min_gain,
+    update_time_offset,
+    weighed,
+)
 
 BELIEVED = TimeOffset(0.0, 0.5)
 NONE = np.zeros(3)
@@ -147,3 +154,44 @@ def test_weights_of_knots_are_those_of_linear_interpolation(knots, at_s):
     knots_s = np.linspace(1.0, 22.5, knots)
     expected = np.stack([np.interp(at_s, knots_s, row) for row in np.eye(knots)], axis=1)
     np.testing.assert_allclose(knot_weights(np.array(at_s), knots_s).toarray(), expected, atol=1e-12)
+
+
+def test_hypotheses_are_weighed_by_their_evidence():
+    found = TimeOffset(0.1, 0.5 / np.sqrt(26.0))  # the fixes alone say 0.104 with a sigma of 0.1
+    likely, probability = weighed(found, TimeOffset(0.0, 0.5), 0.1)
+    variance = np.array([0.02, 0.26])  # of 0.104 under either hypothesis
+    evidence = np.exp(-0.5 * 0.104**2 / variance) / np.sqrt(variance)
+    assert probability == pytest.approx(evidence[1] / evidence.sum())
+    assert likely.time_offset_s == pytest.approx((1 - probability) * 0.052 + probability * 0.1)
+    within = (1 - probability) * 0.005 + probability * 0.25 * 0.01 / 0.26
+    between = probability * (1 - probability) * (0.1 - 0.052) ** 2
+    assert likely.sigma_s == pytest.approx(np.sqrt(within + between))
+
+
+def likelier(fixes):
+    return likelier_time_offset(SENSORS, trajectory(path(T_S)), fixes, SensorsConfig())
+
+
+def test_fixes_that_say_nothing_leave_the_time_offset_alone():
+    assert weighed(BELIEVED, BELIEVED, 0.02)[1] == 0.0
+    assert likelier(Fixes.empty()) == (SENSORS, ())
+
+
+def test_no_time_offset_is_invented():
+    assert sum(bool(likelier(late(0.0, wander(seed)))[1]) for seed in range(60)) <= 3
+
+
+def test_a_probable_time_offset_is_used_with_an_honest_sigma():
+    results = [likelier(late(0.15, wander(seed))) for seed in range(60)]
+    shifted = [sensors for sensors, warnings in results if warnings]
+    assert len(shifted) > 30
+    errors = [(one.time_offset_s - 0.15) / one.prior_time_offset.sigma_s for one in shifted]
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0
+
+
+def test_fixes_within_a_second_count_once():
+    t_s = np.arange(0.05, 19.0, 0.1)
+    fast = late(0.4, np.repeat(wander(3), 10, axis=0)[: len(t_s)], t_s)  # the same error ten times a second
+    slow = fast.where(np.arange(0, len(t_s), 10))
+    sigma_s = [likelier(fixes)[0].prior_time_offset.sigma_s for fixes in (fast, slow)]
+    assert 0.7 < sigma_s[0] / sigma_s[1] < 1.4

@@ -19,9 +19,9 @@ import numpy as np
 from vgps.config import Config, GpsConfig
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes
+from vgps.gps.neighbour_pairs import NeighbourPairs
 from vgps.gps.offset_errors import walk_scale
 from vgps.gps.offsets import chain_offsets
-from vgps.gps.time_offset import NeighbourPairs
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import Trajectory
 

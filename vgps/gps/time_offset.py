@@ -8,26 +8,17 @@ offset while a vehicle keeps accelerating or turning. So the displacements are c
 factor for every time offset.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
-from scipy import sparse
-from scipy.linalg import solveh_banded
 from scipy.special import ndtr, stdtrit
 
-from vgps.config import SensorsConfig, TimeOffsetConfig
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.config import SensorsConfig
+from vgps.gps.fixes import Fixes
+from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
-_DELTA_S = 0.01  # step of the difference quotient
-_REWEIGHTINGS = 2  # within each step of the time offset
-
-ComplexArray = npt.NDArray[np.complex128]
+_SPACING_S = 1.0  # receivers filter their positions, so that the errors of closer ones are alike
 
 
 def update_time_offset(
@@ -70,6 +61,57 @@ def update_time_offset(
     )
 
 
+def likelier_time_offset(
+    sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig
+) -> tuple[Sensors, tuple[str, ...]]:
+    """Shift fixes by a time offset that is likelier than none, though it might be chance.
+
+    Two hypotheses, equally likely before, are weighed by their evidence (Kass & Raftery, Bayes Factors,
+    1995): clocks that agree to ``trusted_time_offset_s``, and any time offset of the prior. The standard
+    deviation covers both. Fixes within a second of each other count once.
+
+    Args:
+        sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
+    """
+    prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
+    second = np.floor(
+        (fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5
+    )  # stamps of 1 Hz in the middle of theirs
+    spaced = fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
+    pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
+    likely, probability = weighed(best_time_offset(pairs, prior), prior, config.trusted_time_offset_s)
+    if probability < 0.5:
+        return sensors, ()
+    late = f"{likely.time_offset_s:.2f} s (standard deviation {likely.sigma_s:.2f} s)"
+    return sensors.with_time_offset(likely), (
+        f"the GPS positions are {late} older than their time stamps with a probability of {probability:.0%}; "
+        "the fixes were shifted accordingly",
+    )
+
+
+def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
+    """Return the mean over both hypotheses with its standard deviation, and the probability of an offset.
+
+    Args:
+        found: The time offset under the prior.
+        prior: Any time offset.
+        trusted_s: Standard deviation of the other hypothesis about the prior's mean.
+    """
+    information = found.sigma_s**-2 - prior.sigma_s**-2
+    if information <= 0.0:
+        return prior, 0.0
+    variance = 1.0 / information  # of what the fixes say, without the prior
+    change = (found.time_offset_s - prior.time_offset_s) * found.sigma_s**-2 * variance
+    of_hypothesis = np.array([trusted_s, prior.sigma_s]) ** 2
+    total = of_hypothesis + variance
+    evidence = np.exp(-0.5 * (change**2 / total - change**2 / total.max())) / np.sqrt(total)
+    share = evidence / evidence.sum()
+    mean, spread = change * of_hypothesis / total, of_hypothesis * variance / total
+    weighed_mean = float(share @ mean)
+    sigma_s = float(np.sqrt(share @ (spread + (mean - weighed_mean) ** 2)))
+    return TimeOffset(prior.time_offset_s + weighed_mean, sigma_s), float(share[1])
+
+
 def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:
     """Return the gain in log-likelihood, times two, above which the best of many values is significant.
 
@@ -87,30 +129,7 @@ def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float)
     return float(stdtrit(degrees_of_freedom, chance)) ** 2
 
 
-def neighbour_pairs(
-    path: Trajectory,
-    fixes: Fixes,
-    camera_p_antenna: FloatArray,
-    prior: TimeOffset,
-    config: TimeOffsetConfig,
-) -> "NeighbourPairs":
-    """Return the pairs of fixes that are within the video for every time offset searched.
-
-    Args:
-        path: In the world, at approximately the right scale.
-        fixes: Fixes at the times of their time stamps; used ones are paired.
-        camera_p_antenna: (3,) metres.
-        prior: Prior of the time offset.
-        config: Selection and comparison of pairs.
-    """
-    t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
-    searched = fixes.where(fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach))
-    equal = np.isclose(np.diff(searched.r_m), 0.0)
-    rows = np.flatnonzero(equal & (np.diff(searched.t_s) <= config.max_pair_s))
-    return NeighbourPairs(path, searched, camera_p_antenna, rows, config)
-
-
-def best_time_offset(pairs: "NeighbourPairs", prior: TimeOffset) -> TimeOffset:
+def best_time_offset(pairs: NeighbourPairs, prior: TimeOffset) -> TimeOffset:
     """Return the time offset at which the displacements of the fixes agree best with the camera's.
 
     Minimises a Cauchy loss of the differences relative to their spread, plus the prior, from the best value
@@ -129,147 +148,3 @@ def best_time_offset(pairs: "NeighbourPairs", prior: TimeOffset) -> TimeOffset:
         if abs(step) < 1e-5:
             break
     return TimeOffset(time_offset_s, sigma_s)
-
-
-class NeighbourPairs:
-    """Pairs of successive fixes; ``rows`` (n,) are the first of each.
-
-    Horizontal displacements are complex numbers, so that a complex factor rotates and scales them.
-    """
-
-    def __init__(
-        self,
-        path: Trajectory,
-        fixes: Fixes,
-        camera_p_antenna: FloatArray,
-        rows: IntArray,
-        config: TimeOffsetConfig,
-    ) -> None:
-        self.config = config
-        self._path, self._fixes, self._antenna, self._rows = path, fixes, camera_p_antenna, rows
-        t_s = path.t_s
-        self._displacement = _displacements(fixes.world_p_fix)[self._rows]
-        knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
-        self._knot_weight = knot_weights(fixes.t_s[self._rows], knots)
-
-    @property
-    def count(self) -> int:
-        """Number of pairs."""
-        return len(self._rows)
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Number of residuals minus that of the factors' parameters and the time offset."""
-        return 2 * self.count - 2 * int(self._knot_weight.shape[1]) - 1
-
-    @property
-    def interval_s(self) -> FloatArray:
-        """(n,) times from one fix of a pair to the other."""
-        return np.asarray(np.diff(self._fixes.t_s)[self._rows])
-
-    @property
-    def length_m(self) -> FloatArray:
-        """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
-        return np.abs(self._camera_displacement(0.0))
-
-    def difference(self, time_offset_s: float) -> FloatArray:
-        """Return the lengths (n,) of the differences, metres."""
-        return np.abs(self._fitted(time_offset_s).difference)
-
-    def step(self, time_offset_s: float, prior: TimeOffset) -> tuple[float, float]:
-        """Return the Gauss-Newton step of the reweighted problem, and the marginal standard deviation."""
-        fit = self._fitted(time_offset_s)
-        by_time_offset = (
-            (self._camera_displacement(time_offset_s + _DELTA_S) - fit.displacement)
-            / _DELTA_S
-            * self._at_pairs(fit.factor)
-        )
-        weight = _weight(fit.difference, self.config.robust_spreads)
-        shared = self._by_knot(weight * fit.displacement.conj() * by_time_offset)
-        absorbed = np.vdot(shared, self._solved(fit.displacement, weight, shared)).real  # by the factors
-        information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
-        # the gradient of the factors is zero at their optimum
-        gradient = (
-            np.vdot(by_time_offset, weight * fit.difference).real
-            + (time_offset_s - prior.time_offset_s) / prior.sigma_s**2
-        )
-        return -float(gradient / information), float(information**-0.5)
-
-    def gain(self, time_offset_s: float, other_s: float) -> float:
-        """Return twice the log-likelihood ratio of a time offset over another one."""
-        if self.count == 0:
-            return 0.0
-        ends = self._fitted(time_offset_s), self._fitted(other_s)
-        width = self.config.robust_spreads
-        bend = width * _spread(ends[0].difference)
-        cost = [
-            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
-            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
-            for end in ends
-        ]
-        return float(cost[1] - cost[0])
-
-    def _camera_displacement(self, time_offset_s: float) -> ComplexArray:
-        placement = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
-        return _displacements(antenna_at(self._path.world_T_camera, placement, self._antenna))[self._rows]
-
-    def _fitted(self, time_offset_s: float) -> "_Fitted":
-        """Return the best factors for a time offset by reweighted least squares."""
-        displacement = self._camera_displacement(time_offset_s)
-        factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
-        for _ in range(_REWEIGHTINGS):
-            weight = _weight(
-                displacement * self._at_pairs(factor) - self._displacement, self.config.robust_spreads
-            )
-            right = self._by_knot(weight * displacement.conj() * self._displacement)
-            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
-        return _Fitted(displacement, factor, displacement * self._at_pairs(factor) - self._displacement)
-
-    def _at_pairs(self, factor: ComplexArray) -> ComplexArray:
-        """Return the factors (n,) at the pairs from those (K,) at the knots."""
-        return np.asarray(self._knot_weight @ factor)
-
-    def _by_knot(self, values: ComplexArray) -> ComplexArray:
-        """Return the sums (K,) of values (n,) with the weights of the knots."""
-        return np.asarray(self._knot_weight.T @ values)
-
-    def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
-        """Return the solution (K,) of the factors' normal equations, which are tridiagonal and real."""
-        squared = self._knot_weight.T @ sparse.diags_array(weight * np.abs(displacement) ** 2)
-        hessian = squared @ self._knot_weight
-        band = np.zeros((2, hessian.shape[0]))
-        band[0, 1:] = hessian.diagonal(1)
-        band[1] = hessian.diagonal() + self.config.factor_sigma**-2
-        return np.asarray(solveh_banded(band, right), np.complex128)
-
-
-def knot_weights(at_s: FloatArray, knots_s: FloatArray) -> sparse.csr_array:
-    """Return the weights (n, K) of knots at some times, those of linear interpolation."""
-    at = place(knots_s, at_s)
-    entries = np.concatenate([1.0 - at.alpha, at.alpha])
-    index = (np.tile(np.arange(len(at_s)), 2), np.concatenate([at.frame, at.frame + 1]))
-    return sparse.csr_array((entries, index), shape=(len(at_s), len(knots_s)))
-
-
-class _Fitted(NamedTuple):
-    """Displacements (n,) of the camera, factors (K,) at the knots, and differences (n,) from the fixes."""
-
-    displacement: ComplexArray
-    factor: ComplexArray
-    difference: ComplexArray
-
-
-def _displacements(points: FloatArray) -> ComplexArray:
-    """Return displacements (n - 1,) from one point to the next, east + i north."""
-    return np.diff(points[:, 0] + 1j * points[:, 1])
-
-
-def _weight(difference: ComplexArray, width: float) -> FloatArray:
-    """Return Cauchy's weight divided by the variance."""
-    spread = _spread(difference)
-    return np.asarray(1.0 / (1.0 + np.abs(difference / (width * spread)) ** 2) / spread**2)
-
-
-def _spread(difference: ComplexArray) -> float:
-    """Return the spread per axis; the median length of a Gaussian vector in the plane is 1.18 times that."""
-    return max(float(np.median(np.abs(difference))) / 1.1774, _MIN_SPREAD_M)

@@ -13,7 +13,7 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
-from vgps.gps.time_offset import update_time_offset
+from vgps.gps.time_offset import likelier_time_offset, update_time_offset
 from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
@@ -119,8 +119,12 @@ class _State:
 
 def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
     """Return the state with the time offset estimated from the fixes, and warnings."""
-    assessed, config = state.assessment.applied(fixes), state.context.config.sensors
-    sensors, warnings = update_time_offset(state.sensors, state.scene.trajectory, assessed, config)
+    assessed, config = state.assessment.applied(fixes), state.context.config
+    path = state.scene.trajectory
+    sensors, warnings = update_time_offset(state.sensors, path, assessed, config.sensors)
+    held = config.sensors.estimate_time_offset == "auto" and not sensors.prior_time_offset.sigma_s
+    if held and config.gps.has_memory and not warnings:  # errors without memory let the poses say more
+        sensors, warnings = likelier_time_offset(sensors, path, assessed, config.sensors)
     return replace(state, sensors=sensors), warnings
 
 

@@ -1,0 +1,187 @@
+"""Displacements between successive fixes, compared with those of the camera at a time offset."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.linalg import solveh_banded
+
+from vgps.config import TimeOffsetConfig
+from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.sensors import TimeOffset
+from vgps.model import FloatArray, IntArray
+from vgps.solution import Trajectory
+
+_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
+_DELTA_S = 0.01  # step of the difference quotient
+_REWEIGHTINGS = 2  # within each step of the time offset
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def neighbour_pairs(
+    path: Trajectory,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    prior: TimeOffset,
+    config: TimeOffsetConfig,
+) -> "NeighbourPairs":
+    """Return the pairs of fixes that are within the video for every time offset searched.
+
+    Args:
+        path: In the world, at approximately the right scale.
+        fixes: Fixes at the times of their time stamps; used ones are paired.
+        camera_p_antenna: (3,) metres.
+        prior: Prior of the time offset.
+        config: Selection and comparison of pairs.
+    """
+    t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
+    searched = fixes.where(fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach))
+    equal = np.isclose(np.diff(searched.r_m), 0.0)
+    rows = np.flatnonzero(equal & (np.diff(searched.t_s) <= config.max_pair_s))
+    return NeighbourPairs(path, searched, camera_p_antenna, rows, config)
+
+
+class NeighbourPairs:
+    """Pairs of successive fixes; ``rows`` (n,) are the first of each.
+
+    Horizontal displacements are complex numbers, so that a complex factor rotates and scales them.
+    """
+
+    def __init__(
+        self,
+        path: Trajectory,
+        fixes: Fixes,
+        camera_p_antenna: FloatArray,
+        rows: IntArray,
+        config: TimeOffsetConfig,
+    ) -> None:
+        self.config = config
+        self._path, self._fixes, self._antenna, self._rows = path, fixes, camera_p_antenna, rows
+        t_s = path.t_s
+        self._displacement = _displacements(fixes.world_p_fix)[self._rows]
+        knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
+        self._knot_weight = knot_weights(fixes.t_s[self._rows], knots)
+
+    @property
+    def count(self) -> int:
+        """Number of pairs."""
+        return len(self._rows)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of residuals minus that of the factors' parameters and the time offset."""
+        return 2 * self.count - 2 * int(self._knot_weight.shape[1]) - 1
+
+    @property
+    def interval_s(self) -> FloatArray:
+        """(n,) times from one fix of a pair to the other."""
+        return np.asarray(np.diff(self._fixes.t_s)[self._rows])
+
+    @property
+    def length_m(self) -> FloatArray:
+        """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
+        return np.abs(self._camera_displacement(0.0))
+
+    def difference(self, time_offset_s: float) -> FloatArray:
+        """Return the lengths (n,) of the differences, metres."""
+        return np.abs(self._fitted(time_offset_s).difference)
+
+    def step(self, time_offset_s: float, prior: TimeOffset) -> tuple[float, float]:
+        """Return the Gauss-Newton step of the reweighted problem, and the marginal standard deviation."""
+        fit = self._fitted(time_offset_s)
+        by_time_offset = (
+            (self._camera_displacement(time_offset_s + _DELTA_S) - fit.displacement)
+            / _DELTA_S
+            * self._at_pairs(fit.factor)
+        )
+        weight = _weight(fit.difference, self.config.robust_spreads)
+        shared = self._by_knot(weight * fit.displacement.conj() * by_time_offset)
+        absorbed = np.vdot(shared, self._solved(fit.displacement, weight, shared)).real  # by the factors
+        information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
+        # the gradient of the factors is zero at their optimum
+        gradient = (
+            np.vdot(by_time_offset, weight * fit.difference).real
+            + (time_offset_s - prior.time_offset_s) / prior.sigma_s**2
+        )
+        return -float(gradient / information), float(information**-0.5)
+
+    def gain(self, time_offset_s: float, other_s: float) -> float:
+        """Return twice the log-likelihood ratio of a time offset over another one."""
+        if self.count == 0:
+            return 0.0
+        ends = self._fitted(time_offset_s), self._fitted(other_s)
+        width = self.config.robust_spreads
+        bend = width * _spread(ends[0].difference)
+        cost = [
+            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
+            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
+            for end in ends
+        ]
+        return float(cost[1] - cost[0])
+
+    def _camera_displacement(self, time_offset_s: float) -> ComplexArray:
+        placement = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
+        return _displacements(antenna_at(self._path.world_T_camera, placement, self._antenna))[self._rows]
+
+    def _fitted(self, time_offset_s: float) -> "_Fitted":
+        """Return the best factors for a time offset by reweighted least squares."""
+        displacement = self._camera_displacement(time_offset_s)
+        factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
+        for _ in range(_REWEIGHTINGS):
+            weight = _weight(
+                displacement * self._at_pairs(factor) - self._displacement, self.config.robust_spreads
+            )
+            right = self._by_knot(weight * displacement.conj() * self._displacement)
+            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
+        return _Fitted(displacement, factor, displacement * self._at_pairs(factor) - self._displacement)
+
+    def _at_pairs(self, factor: ComplexArray) -> ComplexArray:
+        """Return the factors (n,) at the pairs from those (K,) at the knots."""
+        return np.asarray(self._knot_weight @ factor)
+
+    def _by_knot(self, values: ComplexArray) -> ComplexArray:
+        """Return the sums (K,) of values (n,) with the weights of the knots."""
+        return np.asarray(self._knot_weight.T @ values)
+
+    def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
+        """Return the solution (K,) of the factors' normal equations, which are tridiagonal and real."""
+        squared = self._knot_weight.T @ sparse.diags_array(weight * np.abs(displacement) ** 2)
+        hessian = squared @ self._knot_weight
+        band = np.zeros((2, hessian.shape[0]))
+        band[0, 1:] = hessian.diagonal(1)
+        band[1] = hessian.diagonal() + self.config.factor_sigma**-2
+        return np.asarray(solveh_banded(band, right), np.complex128)
+
+
+def knot_weights(at_s: FloatArray, knots_s: FloatArray) -> sparse.csr_array:
+    """Return the weights (n, K) of knots at some times, those of linear interpolation."""
+    at = place(knots_s, at_s)
+    entries = np.concatenate([1.0 - at.alpha, at.alpha])
+    index = (np.tile(np.arange(len(at_s)), 2), np.concatenate([at.frame, at.frame + 1]))
+    return sparse.csr_array((entries, index), shape=(len(at_s), len(knots_s)))
+
+
+class _Fitted(NamedTuple):
+    """Displacements (n,) of the camera, factors (K,) at the knots, and differences (n,) from the fixes."""
+
+    displacement: ComplexArray
+    factor: ComplexArray
+    difference: ComplexArray
+
+
+def _displacements(points: FloatArray) -> ComplexArray:
+    """Return displacements (n - 1,) from one point to the next, east + i north."""
+    return np.diff(points[:, 0] + 1j * points[:, 1])
+
+
+def _weight(difference: ComplexArray, width: float) -> FloatArray:
+    """Return Cauchy's weight divided by the variance."""
+    spread = _spread(difference)
+    return np.asarray(1.0 / (1.0 + np.abs(difference / (width * spread)) ** 2) / spread**2)
+
+
+def _spread(difference: ComplexArray) -> float:
+    """Return the spread per axis; the median length of a Gaussian vector in the plane is 1.18 times that."""
+    return max(float(np.median(np.abs(difference))) / 1.1774, _MIN_SPREAD_M)
