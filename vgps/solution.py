@@ -181,6 +181,8 @@ class Solution:
             it; None if stage D did not give this result, and in older runs.
         loops: (n, 2) frames that see a place again, and the earlier frames that saw it before.
         camera_source: What was assumed of a camera without a calibration, as a sentence; None with one.
+        static_regions: (n, 6) what never moved in the picture and was left out: first and last frame; left,
+            top, right and bottom of a rectangle in the original image, pixels.
     """
 
     recording: Path | None
@@ -208,11 +210,20 @@ class Solution:
     graph: Mapping[str, npt.NDArray[Any]] | None = None
     camera_source: str | None = None
     loops: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    static_regions: IntArray = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
 
     @property
     def trajectory(self) -> Trajectory:
         """Times and poses."""
         return Trajectory(self.t_s, self.world_T_camera)
+
+    @property
+    def static_share(self) -> FloatArray:
+        """(F,) share of each picture that was left out because it never moves."""
+        first, last, left, top, right, bottom = self.static_regions.T
+        share = (right - left) * (bottom - top) / (self.camera.width * self.camera.height)
+        change = [np.bincount(frame, share, len(self.t_s) + 1) for frame in (first, last + 1)]
+        return np.cumsum(change[0] - change[1])[:-1].round(9)  # whose zeros are exact
 
     @property
     def fix_times_s(self) -> FloatArray:

@@ -232,6 +232,7 @@ def distinct_values() -> Solution:
         world_p_before=np.arange(12.0).reshape(4, 3) / 7,
         config={"gps": {"model": "cylinder", "n": 4, "omega": 1e-8, "limit": None}, "names": ["a", "b"]},
         graph=make_graph_arrays(),
+        static_regions=np.array([[1, 2, 0, 0, 320, 480]]),
     )
 
 
@@ -274,6 +275,7 @@ def short_drive() -> Solution:
         warnings=("the roll is uncertain",),
         config={"gps": {"model": "cylinder", "n": 2, "omega": 0.5}},
         world_p_before=poses[:, :3, 3] + (0.0, 0.0, 1.0),
+        static_regions=np.array([[1, 3, 0, 440, 200, 480], [2, 5, 300, 440, 500, 480]]),
     )
 
 

@@ -25,3 +25,10 @@ def test_residual_lines_are_ten_times_as_long(logged: Logged) -> None:
     lengths = [np.linalg.norm(np.subtract(end, begin)) for begin, end in lines[0]]
     # one error of a pixel, in the distorted image
     assert sorted(np.round(lengths, 1))[:2] == [0.0, 0.0] and 9.0 < max(lengths) < 11.0
+
+
+def test_what_never_moves_is_framed_while_it_is_left_out(logged: Logged) -> None:
+    entity = "/world/camera/image/static_regions"
+    assert [len(boxes) for boxes in logged.rows(entity, "Boxes2D:centers")] == [1, 2, 1]  # frames 1, 2, 4
+    assert logged.rows(entity, "Boxes2D:centers")[0] == [[100.0, 460.0]]
+    assert logged.rows(entity, "Boxes2D:half_sizes")[2] == [[100.0, 20.0]]

@@ -28,13 +28,14 @@ from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
 from vgps.tracking.reference_patches import Patches
+from vgps.tracking.static_regions import StaticCells
 from vgps.writers.claim import claimed
 
 EVERY_S = 30.0  # between checkpoints
 _SHARE = 0.05  # of the time that may go into writing checkpoints
 _CLASSES = (
     FeatureTable, FixAssessment, FixBuffer, Fixes, GrowingArray, LocalMap, MapBuilder, ObservationLog,
-    Patches, Sensors, TimeOffset, ZeroMotion,
+    Patches, Sensors, StaticCells, TimeOffset, ZeroMotion,
 )  # fmt: skip
 
 

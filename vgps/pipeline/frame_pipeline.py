@@ -39,6 +39,7 @@ class FramePipeline:
         warnings: Warnings for the user.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
+        tracker: Stage A, which also finds what never moves in the picture.
 
     Args:
         context: Camera, control points and settings.
@@ -57,9 +58,9 @@ class FramePipeline:
         camera, config = context.camera, context.config
         self._context, self.config, self._retention = context, config, retention
         self._rng = rng = np.random.default_rng(config.seed)
-        self._tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
+        self.tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        self._starter = MapStarter((self._tracker, self._mapper), camera, config, rng, retention)
+        self._starter = MapStarter((self.tracker, self._mapper), camera, config, rng, retention)
         self._gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._current: MapBuilder | None = None
         self._next: MapBuilder | None = None
@@ -103,6 +104,7 @@ class FramePipeline:
     def track_frame(self, frame: Frame) -> None:
         """Run stages A and B on the next frame; call :meth:`refine` before the one after it."""
         self._times.append(frame.t_s)
+        frame = self.tracker.static.masked(frame)
         if self._current is None or not self._current.started:
             self._current = self._start_map(self._current, frame)
         else:
@@ -141,8 +143,7 @@ class FramePipeline:
 
     def state(self) -> dict[str, Any] | None:
         """Return all that the next frames depend on; None while stage C runs or a lost camera is searched."""
-        builders = (self._current, self._next)
-        if self._worker.busy or any(builder and builder.relocaliser for builder in builders):
+        if self._worker.busy or any(one and one.relocaliser for one in (self._current, self._next)):
             return None
         return {
             "current": self._current,
@@ -153,7 +154,7 @@ class FramePipeline:
             "seconds": self.timer.by_stage,
             "fix_buffer": self.fix_buffer,
             "used_until_s": self._worker.used_until_s,
-            "patches": [pair for pair in self._tracker.patches() if any(pair[0] is one for one in self.maps)],
+            "tracker": self.tracker.state(self.maps),
             "random": self._rng.bit_generator.state,
         }
 
@@ -164,7 +165,7 @@ class FramePipeline:
         self.timer.by_stage.update(state["seconds"])
         vars(self.fix_buffer).update(vars(state["fix_buffer"]))
         self._worker.used_until_s = state["used_until_s"]
-        self._tracker.restore(state["patches"])
+        self.tracker.restore(state["tracker"])
         self._rng.bit_generator.state = state["random"]
 
     def discard(self) -> list[RetiredPoses]:
@@ -172,9 +173,8 @@ class FramePipeline:
         if self._retention is None or not len(self._times):
             return []
         horizon_s = float(self.t_s[-1]) - self._retention.path_s
-        current = self.current
-        retired = [retire_map(local_map) for local_map in self.maps if local_map is not current]
-        self.maps = [current] if current is not None else []
+        retired = [retire_map(local_map) for local_map in self.maps if local_map is not self.current]
+        self.maps = [self.current] if self.current is not None else []
         for builder in (self._current, self._next):
             if builder is not None:
                 part = retire_before(builder.local_map, horizon_s, self._retention)
@@ -195,7 +195,7 @@ class FramePipeline:
         # errors of features are common to many of them, which their number hides
         predicted = builder.predict(frame.t_s, self._gyro).beside(self.config.batch.video_sigma_scale)
         with self.timer.measure("track"):
-            result = self._tracker.track(local_map, builder.view_image, frame, predicted)
+            result = self.tracker.track(local_map, builder.view_image, frame, predicted)
             if result.world_T_camera is None:
                 result = self._relocalise(builder, frame, predicted.world_T_camera) or result
         if result.world_T_camera is None:
@@ -270,7 +270,7 @@ class FramePipeline:
         pose = builder.relocaliser.locate(frame.gray, predicted)
         if pose is None:
             return None
-        return self._tracker.track(local_map, builder.view_image, frame, Prediction(pose))
+        return self.tracker.track(local_map, builder.view_image, frame, Prediction(pose))
 
     def _grow_next_map(self, frame: Frame) -> None:
         """Add a frame to a new map while tracking is lost; once it starts, it replaces the current map."""

@@ -13,7 +13,7 @@ from vgps.imu.camera_imu import CameraImu, used_imu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.trajectory import map_trajectory
-from vgps.model import FloatArray, Frame, GeodeticPoint, Recording
+from vgps.model import FloatArray, Frame, GeodeticPoint, IntArray, Recording
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.runtime.progress import Progress
@@ -35,6 +35,7 @@ class FrontEnd:
         fixes: All fixes in the world frame, at the times of their time stamps.
         sensors: Time offset of the fixes, as estimated so far, and lever arm.
         controls: Observations of control points.
+        static_regions: (n, 6) as in :class:`~vgps.solution.Solution`.
         warnings: Warnings for the user.
         seconds: Wall seconds by stage.
     """
@@ -46,6 +47,7 @@ class FrontEnd:
     fixes: Fixes
     sensors: Sensors
     controls: ControlObservations
+    static_regions: IntArray
     warnings: tuple[str, ...]
     seconds: Mapping[str, float]
 
@@ -120,6 +122,7 @@ def front_end_of(
         fixes=frame_pipeline.fix_buffer.fixes,
         sensors=_sensors(frame_pipeline, recording),
         controls=controls,
+        static_regions=frame_pipeline.tracker.static.rectangles,
         warnings=(
             *recording.notes,
             *getattr(recording.video, "warnings", ()),

@@ -183,6 +183,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         world_p_before=merged.scene.poses[:, :3, 3].copy(),
         control_points=recording.control_points,
         graph=batch.graph,
+        static_regions=front_end.static_regions,
     )
 
 

@@ -191,7 +191,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
         graph=_part(arrays, "graph") or None,
         camera_source=summary.get("camera_source"),  # absent in older runs
-        loops=arrays.get("loops", np.zeros((0, 2), dtype=np.int64)),  # likewise
+        **{key: arrays[key] for key in ("loops", "static_regions") if key in arrays},  # likewise
     )
 
 

@@ -130,6 +130,9 @@ def _tiles(solution: Solution) -> list[Tile]:
     if len(solution.loops):
         note = "frames that find landmarks of an earlier visit"
         tiles.append(Tile("places seen again", f"{len(solution.loops):,}", note))
+    if len(share := solution.static_share[solution.static_share > 0]):
+        note = f"of the picture never moves and was left out, in {len(share):,} frames"
+        tiles.append(Tile("bonnet, text, reflection", f"up to {100 * share.max():.1f} %", note))
     total_s = sequential_seconds(solution.seconds)
     if total_s:
         tiles.append(

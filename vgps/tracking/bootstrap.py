@@ -12,6 +12,7 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import BoolArray, Camera, FloatArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
+from vgps.tracking.static_regions import still
 
 _MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
 
@@ -41,6 +42,8 @@ class TwoViewInitialiser:
         first, last = uv_px[:, pair[0]], uv_px[:, pair[1]]
         if len(common) < self._start.min_inliers or _median_flow(first, last) < self._start.min_flow_px:
             return None
+        fitting = self._fits_what_moves(views[common], first, last)
+        common, uv_px, first, last = common[fitting], uv_px[fitting], first[fitting], last[fitting]
         last_pose = self._relative_pose(first, last)
         if last_pose is None:
             return None
@@ -58,6 +61,20 @@ class TwoViewInitialiser:
         ids = local_map.ids[common[good]]
         positions = Positions(ids, points, np.full(len(ids), self._tracking.inlier_px / 2))
         return MapUpdate(first_frame=local_map.first_frame, poses=poses, positions=positions)
+
+    def _fits_what_moves(self, views: FloatArray, first: FloatArray, last: FloatArray) -> BoolArray:
+        """Return (n,) which features move in the picture, or stay and fit the pose that the others give.
+
+        Many that never move would be inliers of a camera that does not turn.
+        """
+        moves = ~still(views, self._tracking.forward_backward_px)
+        if moves.all():
+            return moves
+        last_pose = self._relative_pose(first[moves], last[moves])
+        if last_pose is None:
+            return np.ones_like(moves)
+        _, good = self._triangulate_pair(first, last, last_pose)
+        return moves | good
 
     def _triangulate_pair(
         self, first: FloatArray, last: FloatArray, last_pose: FloatArray
@@ -77,6 +94,8 @@ class TwoViewInitialiser:
 
     def _relative_pose(self, first: FloatArray, last: FloatArray) -> FloatArray | None:
         """Return the pose (4, 4) of the last view in the first with a unit baseline, or None."""
+        if len(first) < self._start.min_inliers:
+            return None
         essential, mask = cv2.findEssentialMat(
             first, last, self._K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=self._start.max_error_px
         )

@@ -1,6 +1,8 @@
 """Stage A, Kume 2010: match the followed features in a new frame and pose the camera by them."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,8 +15,9 @@ from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
-from vgps.tracking.reference_patches import Patches, ReferencePatches
+from vgps.tracking.reference_patches import ReferencePatches
 from vgps.tracking.row_motion import row_shifts
+from vgps.tracking.static_regions import StaticRegions
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
@@ -43,7 +46,11 @@ class TrackingResult:
 
 
 class FrameTracker:
-    """Stage A for one camera."""
+    """Stage A for one camera.
+
+    Attributes:
+        static: What never moves in the picture.
+    """
 
     def __init__(
         self, camera: Camera, tracking: TrackingConfig, mapping: MappingConfig, rng: np.random.Generator
@@ -52,15 +59,18 @@ class FrameTracker:
         self._config, self._mapping = tracking, mapping
         self._rng = rng
         self._matcher: Matcher = make_matcher(tracking)
+        self.static = StaticRegions(camera, tracking, mapping)
         self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
 
-    def patches(self) -> list[tuple[LocalMap, Patches]]:
-        """Return the reference patches of every map, which the next frames depend on."""
-        return [(local_map, reference.patches) for local_map, reference in self._patches.items()]
+    def state(self, maps: Sequence[LocalMap]) -> dict[str, Any]:
+        """Return what the next frames depend on: the reference patches of maps, and the static cells."""
+        patches = [(one, self._patches[one].patches) for one in maps if one in self._patches]
+        return {"patches": patches, "static": self.static.cells}
 
-    def restore(self, patches: list[tuple[LocalMap, Patches]]) -> None:
-        """Take over the reference patches of maps; see :meth:`patches`."""
-        for local_map, given in patches:
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take over a state; see :meth:`state`."""
+        self.static.cells = state["static"]
+        for local_map, given in state["patches"]:
             self._patches[local_map] = ReferencePatches(self._camera)
             self._patches[local_map].patches = given
 
@@ -103,7 +113,7 @@ class FrameTracker:
         predicted = prediction.world_T_camera
         search_uv = self._predict_pixels(local_map, predicted)
         match = self._matcher.match(previous, frame.gray, local_map.raw_uv_px, search_uv)
-        result = self._undistorted(match).shown_by(frame.mask)
+        first = result = self._undistorted(match).shown_by(frame.mask)
         shift = self._row_shifts(local_map, predicted)
         result = _shifted(result, shift, -1.0)
         usable = local_map.positioned & result.found
@@ -120,7 +130,12 @@ class FrameTracker:
         aligned = self._aligned(local_map, (previous, frame), result, tentative, shift)
         matched = local_map.positioned & (result.found | aligned.found)
         min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
-        return _shifted(self._final_pose(local_map, aligned, tentative, prediction, min_inliers), shift)
+        final = self._final_pose(local_map, aligned, tentative, prediction, min_inliers)
+        if final.world_T_camera is not None:
+            fitting = final.found & first.found & local_map.positioned
+            match = Match(first.raw_uv_px, first.found)
+            self.static.observe(local_map, match, first.uv_px, fitting, final.world_T_camera)
+        return _shifted(final, shift)
 
     def _row_shifts(self, local_map: LocalMap, world_T_camera: FloatArray) -> FloatArray | None:
         """Return how far a rolling shutter shifts the features (N, 2); None for a global one."""

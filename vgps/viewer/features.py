@@ -1,8 +1,9 @@
-"""Features observed in each frame, and the reprojections of their landmarks."""
+"""Features observed in each frame, the reprojections of their landmarks, and what was left out."""
 
 import numpy as np
 import rerun as rr
 
+from vgps.solution import Solution
 from vgps.viewer import colours
 from vgps.viewer.residuals import ReprojectedObservations
 from vgps.viewer.run_stream import RunStream
@@ -11,6 +12,7 @@ from vgps.viewer.scene import IMAGE
 FEATURES, REPROJECTIONS, RESIDUALS = (
     f"{IMAGE}/{name}" for name in ("features", "reprojections", "residuals_x10")
 )
+STATIC = f"{IMAGE}/static_regions"
 MAGNIFICATION = 10.0
 """Factor by which residuals are drawn longer: errors of half a pixel would be invisible."""
 
@@ -37,3 +39,13 @@ def log_features(stream: RunStream, observations: ReprojectedObservations) -> No
         rr.Points2D.from_fields(radii=rr.Radius.ui_points(1.2), colors=[colours.NOW], draw_order=31.0),
     )
     stream.log_static(RESIDUALS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(0.8), draw_order=29.0))
+
+
+def log_static_regions(stream: RunStream, solution: Solution) -> None:
+    """Log rectangles around what never moves in the picture and was left out, whenever they change."""
+    first, last, *_ = solution.static_regions.T
+    for frame in np.unique(np.concatenate([first, last + 1])).tolist():
+        now = solution.static_regions[(first <= frame) & (frame <= last)]
+        if frame < len(stream.t_s):
+            boxes = rr.Boxes2D(array=now[:, 2:], array_format=rr.Box2DFormat.XYXY, colors=[colours.REJECTED])
+            stream.log_from_frame(STATIC, frame, boxes)

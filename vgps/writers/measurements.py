@@ -39,6 +39,7 @@ control_points.world_p_point    (P, 3)       ENU metres, or latitude, longitude,
 control_points.sigma_m          (P, 3)       standard deviations of the mark, east, north, up
 control_points.check            (P,)         whether it is a check point
 loops                           (n, 2)       frames that see a place again, and the frames that saw it before
+static_regions                  (n, 6)       what never moves: first, last frame, left, top, right, bottom px
 graph.offsets                   (K, 3)       the receiver's offsets ``o0..``, east, north, up
 graph.c0                        (1,)         change of the time offset, if it is estimated
 graph.d0                        (3,)         lever arm, if it is estimated
