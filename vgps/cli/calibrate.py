@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.table import Table
 
 from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CalibrationFiles, GpsSettings, RecordingFiles, SettingsOptions
 from vgps.cli.tables import calibration_table
 from vgps.cli.terminal import TerminalProgress
-from vgps.gyro_calibration import GyroCalibration
 from vgps.gyro_calibration import calibrate_gyro as calibrate
 from vgps.readers.recording import find_rig, open_recording
 from vgps.writers.atomic import check_file
@@ -40,7 +40,8 @@ def calibrate_gyro(
     opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
     check_file(out)
     calibration = calibrate(opened, config, TerminalProgress())
-    _write(calibration, calibration.rig_fields(), out, find_rig(recording, files.rig), calibration.notes)
+    table, base = calibration_table(calibration), find_rig(recording, files.rig)
+    _write(table, calibration.rig_fields(), out, base, calibration.notes)
 
 
 def calibrate_imu(
@@ -48,15 +49,17 @@ def calibrate_imu(
     *,
     out: Path,
     imu: str | None = None,
+    gps: str | None = None,
     files: CalibrationFiles = _FILES,
     settings: SettingsOptions = _SETTINGS,
 ) -> None:
-    """Estimate the rotation of an IMU on the camera, its time offset, gyro bias and noise from the video.
+    """Estimate the rotation of an IMU on the camera, its time offset, biases and noise from video and fixes.
 
     Args:
         recording: Folder with video, camera.yaml and imu.csv.
         out: rig.yaml to write: that of the recording, completed by the results.
         imu: The IMU's log, by default imu.csv; a path, or a name inside the folder.
+        gps: GPS log, which shows the accelerometer's bias; a path, or a name inside the folder.
         files: Other calibrations.
         settings: Settings.
     """
@@ -65,26 +68,23 @@ def calibrate_imu(
     from vgps.readers.sources import place_of
 
     config, log = settings.read(), find_imu(place_of(recording)[0], imu)
-    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
+    opened = open_recording(recording, gps=gps, camera=files.camera, rig=files.rig, guess_camera=False)
     check_file(out)
     read = read_imu(log, video_start_s=opened.rig.video_start_s)
-    calibration, fields = calibrate(opened, read, config, TerminalProgress())
-    notes = [*read.notes, *calibration.notes]
+    found = calibrate(opened, read, config, TerminalProgress())
+    notes = [*read.notes, *found.notes]
     if opened.rig.imu is None or not opened.rig.imu.imu_p_camera.any():
         notes.append("imu_p_camera is not given: measure where the camera is in the IMU's frame")
-    _write(calibration, fields, out, find_rig(recording, files.rig), notes)
+    table = calibration_table(found.gyro, found.biases)
+    _write(table, found.fields, out, find_rig(recording, files.rig), notes)
 
 
 def _write(
-    calibration: GyroCalibration,
-    fields: Mapping[str, Any],
-    out: Path,
-    base: Path | None,
-    notes: Iterable[str],
+    table: Table, fields: Mapping[str, Any], out: Path, base: Path | None, notes: Iterable[str]
 ) -> None:
-    """Write rig.yaml, the base completed by the fields, and show the calibration and the notes."""
+    """Write rig.yaml, the base completed by the fields, and show the table and the notes."""
     write_rig(fields, out, base=base)
-    Console().print(calibration_table(calibration))
+    Console().print(table)
     for text in notes:
         print_note(text)
     print_line(f"wrote {out}")

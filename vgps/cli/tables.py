@@ -1,6 +1,7 @@
 """Results of verbs as tables for the terminal."""
 
 import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -11,8 +12,15 @@ from vgps.gyro_calibration import GyroCalibration
 from vgps.landmarks.info import DatabaseInfo
 
 
-def calibration_table(calibration: GyroCalibration) -> Table:
-    """Return the calibration of a gyro with standard deviations, and how well gyro and video agree."""
+def calibration_table(
+    calibration: GyroCalibration, biases: Mapping[str, Sequence[float]] | None = None
+) -> Table:
+    """Return the calibration of a gyro with standard deviations, and how well gyro and video agree.
+
+    Args:
+        calibration: From the video's rotations.
+        biases: Those of an IMU as the path shows them, see :class:`vgps.solution.SensorReport`.
+    """
     mount = calibration.mount
     table = Table("", "value", "standard deviation")
     for axis, row in zip("xyz", mount.gyro_R_camera, strict=True):
@@ -23,6 +31,11 @@ def calibration_table(calibration: GyroCalibration) -> Table:
     table.add_row("time offset, added to gyro times, ms", f"{offset:.2f}", f"{sigma_ms:.2f}")
     bias, sigmas = np.degrees(mount.bias_rad_s), np.degrees(calibration.bias_sigma_rad_s)
     table.add_row("bias in gyro axes, deg/s", _numbers(bias, 3), _numbers(sigmas, 3))
+    if biases:
+        by_path, sigmas = np.array(biases["accelerometer_m_s2"]), np.array(biases["accelerometer_sigma_m_s2"])
+        table.add_row("accelerometer's bias, m/s^2", _numbers(by_path, 3), _numbers(sigmas, 3))
+        bias, sigmas = np.degrees(biases["gyro_rad_s"]), np.degrees(biases["gyro_sigma_rad_s"])
+        table.add_row("gyro's bias by the path, deg/s", _numbers(bias, 3), _numbers(sigmas, 3))
     table.add_section()
     rotation = _numbers(np.degrees(calibration.rotation_rms_rad), 3)
     table.add_row(f"camera rotation in {1e3 * calibration.interval_s:.0f} ms, rms deg", rotation, "")

@@ -9,12 +9,10 @@ shutter, 0 for a global one, negative if the last row is read first.
 
 rig.yaml (all optional): ``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude
 [deg], ellipsoidal height [m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``,
-``exposure_s``, ``video_start_s``. For information only, the standard deviations of a calibrated gyro:
-``gyro_rotation_sigma_deg``, ``gyro_time_offset_sigma_s``, ``gyro_bias_sigma_rad_s``.
-
-Of an IMU: ``imu_R_camera`` (three rows), ``imu_p_camera`` (the camera in the IMU's frame) [m],
-``imu_time_offset_s``, ``imu_gyro_bias_rad_s``, ``imu_accelerometer_bias_m_s2``,
-``imu_gyro_density`` [rad/s/sqrt(Hz)], ``imu_accelerometer_density`` [m/s^2/sqrt(Hz)].
+``exposure_s``, ``video_start_s``. Of an IMU: ``imu_R_camera`` (three rows), ``imu_p_camera`` (the camera in
+the IMU's frame) [m], ``imu_time_offset_s``, ``imu_gyro_bias_rad_s``, ``imu_accelerometer_bias_m_s2``,
+``imu_gyro_density`` [rad/s/sqrt(Hz)], ``imu_accelerometer_density`` [m/s^2/sqrt(Hz)]. For information only,
+a calibration's standard deviations: ``gyro_rotation_sigma_deg``, ``gyro_bias_sigma_rad_s`` and so on.
 """
 
 import logging
@@ -112,6 +110,10 @@ class _RigFields(_Fields):
     imu_accelerometer_bias_m_s2: Vector3 = (0.0, 0.0, 0.0)
     imu_gyro_density: Positive | None = None
     imu_accelerometer_density: Positive | None = None
+    imu_rotation_sigma_deg: Vector3 | None = None
+    imu_time_offset_sigma_s: FiniteFloat | None = None
+    imu_gyro_bias_sigma_rad_s: Vector3 | None = None
+    imu_accelerometer_bias_sigma_m_s2: Vector3 | None = None
     exposure_s: Annotated[FiniteFloat, Field(ge=0)] | None = None
     video_start_s: FiniteFloat = 0.0
 
