@@ -195,3 +195,19 @@ def test_fixes_within_a_second_count_once():
     slow = fast.where(np.arange(0, len(t_s), 10))
     sigma_s = [likelier(fixes)[0].prior_time_offset.sigma_s for fixes in (fast, slow)]
     assert 0.7 < sigma_s[0] / sigma_s[1] < 1.4
+
+
+def test_each_class_weighs_by_its_own_differences():
+    size = np.where(np.arange(19) < 10, 0.1, 3.0)[:, None]  # centimetres per second, then a third of a metre
+    errors = [size * (wander(seed) - wander(seed)[9]) for seed in range(20)]
+    told = np.where(np.arange(19) < 10, 0, 1)
+    mixed = [replace(late(0.2, error), fix_class=told) for error in errors]
+    alike = [late(0.2, error) for error in errors]
+    found = [
+        [by_differences(trajectory(path(T_S)), fixes, NONE, BELIEVED) for fixes in logs]
+        for logs in (mixed, alike)
+    ]
+    off, off_alike = (np.median([abs(one.time_offset_s - 0.2) for one in row]) for row in found)
+    assert off < 0.8 * off_alike
+    ratio = [(one.time_offset_s - 0.2) / one.sigma_s for one in found[0]]
+    assert np.sqrt(np.mean(np.square(ratio))) < 2.0

@@ -14,6 +14,8 @@ from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
 
 _MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
+_MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
+_PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
 
@@ -59,6 +61,9 @@ class NeighbourPairs:
     ) -> None:
         self.config = config
         self._path, self._fixes, self._antenna, self._rows = path, fixes, camera_p_antenna, rows
+        _, self._group, self._group_size = np.unique(
+            fixes.fix_class[rows], return_inverse=True, return_counts=True
+        )
         t_s = path.t_s
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
@@ -96,7 +101,7 @@ class NeighbourPairs:
             / _DELTA_S
             * self._at_pairs(fit.factor)
         )
-        weight = _weight(fit.difference, self.config.robust_spreads)
+        weight = self._weight(fit.difference)
         shared = self._by_knot(weight * fit.displacement.conj() * by_time_offset)
         absorbed = np.vdot(shared, self._solved(fit.displacement, weight, shared)).real  # by the factors
         information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
@@ -113,7 +118,7 @@ class NeighbourPairs:
             return 0.0
         ends = self._fitted(time_offset_s), self._fitted(other_s)
         width = self.config.robust_spreads
-        bend = width * _spread(ends[0].difference)
+        bend = width * self._spread(ends[0].difference)
         cost = [
             width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
             + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
@@ -130,12 +135,25 @@ class NeighbourPairs:
         displacement = self._camera_displacement(time_offset_s)
         factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
         for _ in range(_REWEIGHTINGS):
-            weight = _weight(
-                displacement * self._at_pairs(factor) - self._displacement, self.config.robust_spreads
-            )
+            weight = self._weight(displacement * self._at_pairs(factor) - self._displacement)
             right = self._by_knot(weight * displacement.conj() * self._displacement)
             factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
         return _Fitted(displacement, factor, displacement * self._at_pairs(factor) - self._displacement)
+
+    def _weight(self, difference: ComplexArray) -> FloatArray:
+        """Return Cauchy's weight (n,) divided by the variance."""
+        spread = self._spread(difference)
+        bend = self.config.robust_spreads * spread
+        return np.asarray(1.0 / (1.0 + np.abs(difference / bend) ** 2) / spread**2)
+
+    def _spread(self, difference: ComplexArray) -> FloatArray:
+        """Return the spread (n,) per axis for the class of each pair's fixes, drawn towards that of all."""
+        length = np.abs(difference)
+        whole = float(np.median(length)) if len(length) else 0.0
+        of_group = np.array([np.median(length[self._group == k]) for k in range(len(self._group_size))])
+        spread = np.maximum([whole, *of_group], _MIN_SPREAD_M * _MEDIAN) / _MEDIAN
+        share = self._group_size / (self._group_size + _PAIRS_OF_ALL)
+        return np.asarray(spread[0] * (spread[1:] / spread[0]) ** share)[self._group]
 
     def _at_pairs(self, factor: ComplexArray) -> ComplexArray:
         """Return the factors (n,) at the pairs from those (K,) at the knots."""
@@ -174,14 +192,3 @@ class _Fitted(NamedTuple):
 def _displacements(points: FloatArray) -> ComplexArray:
     """Return displacements (n - 1,) from one point to the next, east + i north."""
     return np.diff(points[:, 0] + 1j * points[:, 1])
-
-
-def _weight(difference: ComplexArray, width: float) -> FloatArray:
-    """Return Cauchy's weight divided by the variance."""
-    spread = _spread(difference)
-    return np.asarray(1.0 / (1.0 + np.abs(difference / (width * spread)) ** 2) / spread**2)
-
-
-def _spread(difference: ComplexArray) -> float:
-    """Return the spread per axis; the median length of a Gaussian vector in the plane is 1.18 times that."""
-    return max(float(np.median(np.abs(difference))) / 1.1774, _MIN_SPREAD_M)
