@@ -1,5 +1,6 @@
 """GTSAM factors for cameras with GPS; they import gtsam and numpy only and do not need vgps."""
 
+from factors.camera_height import camera_height_factor
 from factors.continuous_path import knots_around, path_poses, path_vectors, path_weights, poses_at
 from factors.custom import (
     POINT3,
@@ -47,6 +48,7 @@ __all__ = [
     "RowTime",
     "Variable",
     "bias_walk_factor",
+    "camera_height_factor",
     "constant_centre_velocity_factor",
     "constant_velocity_factor",
     "control_point_factor",

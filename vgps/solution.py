@@ -113,6 +113,8 @@ class SensorReport:
         fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
         imu: Biases in the middle of the recording, in the IMU's axes, ``accelerometer_m_s2``, ``gyro_rad_s``,
             and, where known, their standard deviations (``.._sigma_..``); empty without an IMU.
+        camera_height: Where it is known, ``m`` above the ground, ``scale_sigma``, the standard deviation of
+            log scale by it alone, and ``stretches``, the number of those with a plane; else empty.
     """
 
     time_offset_s: float
@@ -121,6 +123,7 @@ class SensorReport:
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
     fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     imu: Mapping[str, list[float]] = field(default_factory=dict)
+    camera_height: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

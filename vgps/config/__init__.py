@@ -5,6 +5,7 @@ The resolved configuration is saved beside every result. A field's comment says 
 
 from vgps.config.base import SettingsModel, present_names
 from vgps.config.camera_calibration import CameraCalibrationConfig
+from vgps.config.camera_height import CameraHeightConfig
 from vgps.config.gps import ErrorModel, GpsConfig, GpsModel, OutlierConfig, QualityConfig, Region, SkyConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig, RotationConfig
 from vgps.config.imu import ImuConfig
@@ -30,6 +31,7 @@ from vgps.config.tracking import MappingConfig, StartConfig, TrackingConfig
 __all__ = [
     "BatchConfig",
     "CameraCalibrationConfig",
+    "CameraHeightConfig",
     "Config",
     "DriftConfig",
     "ErrorModel",

@@ -8,6 +8,7 @@ from pydantic import NonNegativeInt, ValidationError
 
 from vgps.config.base import SettingsModel
 from vgps.config.camera_calibration import CameraCalibrationConfig
+from vgps.config.camera_height import CameraHeightConfig
 from vgps.config.gps import GpsConfig, GpsModel, OutlierConfig
 from vgps.config.gyro_calibration import GyroCalibrationConfig
 from vgps.config.imu import ImuConfig
@@ -63,6 +64,7 @@ class Config(SettingsModel):
     rolling_shutter: RollingShutterConfig = RollingShutterConfig()
     imu: ImuConfig = ImuConfig()
     loops: LoopsConfig = LoopsConfig()
+    camera_height: CameraHeightConfig = CameraHeightConfig()
     camera_calibration: CameraCalibrationConfig = CameraCalibrationConfig()
     online: OnlineConfig = OnlineConfig()
     gyro_calibration: GyroCalibrationConfig = GyroCalibrationConfig()

@@ -89,7 +89,7 @@ class Sensors:
 
     def moved(self, shared: Mapping[int, FloatArray]) -> "Sensors":
         """Return the sensors with the optimised values of the shared vectors."""
-        if not shared:
+        if TIME_OFFSET not in shared:
             return self
         time_offset_s = self.time_offset_s + (
             float(shared[TIME_OFFSET][0]) if self.prior_time_offset.sigma_s else 0.0

@@ -154,8 +154,9 @@ def is_tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
 
 
 def _held_frames(scene: Scene, config: Config) -> BoolArray:
-    """Return the frames (F,) to hold, which fix place and scale."""
+    """Return the frames (F,) to hold, which fix place and, if nothing else gives it, scale."""
     poses = scene.poses
     distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
-    return np.isin(np.arange(len(poses)), [0, min(second, len(poses) - 1)])
+    held = [0] if scene.heights is not None else [0, min(second, len(poses) - 1)]
+    return np.isin(np.arange(len(poses)), held)

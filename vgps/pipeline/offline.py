@@ -10,6 +10,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
+from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import (
     is_tied,
     moved_far,
@@ -95,6 +96,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
         merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
+        merged = tie_to_ground(front_end, merged, config)
         front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
         (batch, refined, readout), loops = optimise_loops(
@@ -102,6 +104,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
         )
     finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
     solution = replace(_solution(finished, merged, batch, config), loops=loops)
+    solution = with_camera_height(solution, merged, batch)
     if refined is not None:
         solution = with_camera(solution, refined, front_end.recording)
     elif front_end.recording.guesses:

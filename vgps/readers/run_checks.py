@@ -115,6 +115,7 @@ class _Sensors(BaseModel):
     camera_sigma: dict[str, FiniteFloat | None] = {}
     fix_errors: dict[str, dict[str, FiniteFloat]] = {}
     imu: dict[str, tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = {}
+    camera_height: dict[str, FiniteFloat] = {}
 
 
 class _Cost(BaseModel):

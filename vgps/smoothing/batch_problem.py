@@ -80,7 +80,8 @@ def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
     graph = joined(term.bounds, term.noise, others)
     problem = build_problem(scene, np.nan_to_num(given.sigma_px, nan=1.0), graph, context, given.fixed)
     submap_frames = context.config.submaps.frames_of(len(scene.t_s))
-    problem = replace(problem, shared=sensors.shared(), states=states, submap_frames=submap_frames)
+    shared = sensors.shared() | ({} if scene.heights is None else scene.heights.shared())
+    problem = replace(problem, shared=shared, states=states, submap_frames=submap_frames)
     return BatchProblem(problem, term, others)
 
 

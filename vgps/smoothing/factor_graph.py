@@ -21,6 +21,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
 from vgps.smoothing.frame_rates import turned_back
 from vgps.smoothing.ground import Ground
+from vgps.smoothing.height_ties import HeightTies
 from vgps.smoothing.level_priors import level_priors
 from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
@@ -47,6 +48,7 @@ class Scene:
             observations of a track; None without loops.
         rates: (F, 3) angular rates of the frames beyond the path of a rolling shutter, rad/s; None for none.
         ground: The ground under the path; None if it is not known.
+        heights: Stretches of known length by the camera's height above the ground; None without.
     """
 
     t_s: FloatArray
@@ -58,6 +60,7 @@ class Scene:
     loop: IntArray | None = None
     rates: FloatArray | None = None
     ground: Ground | None = None
+    heights: HeightTies | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -227,4 +230,5 @@ def other_pose_factors(
     level = gtsam.NonlinearFactorGraph()
     if imu is None:
         level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
-    return joined(sensors.priors(), motion, level)
+    heights = gtsam.NonlinearFactorGraph() if scene.heights is None else scene.heights.graph()
+    return joined(sensors.priors(), motion, level, heights)

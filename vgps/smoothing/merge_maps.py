@@ -22,6 +22,9 @@ from vgps.smoothing.map_alignment import Alignment, find_alignment
 from vgps.smoothing.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 
+SCALE_UNKNOWN = "position, heading and scale are arbitrary", "position and heading are arbitrary"
+"""What nothing tells of a video by itself, and what is left of it once the scale is known."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MergedMaps:
@@ -109,7 +112,7 @@ def _align_maps(
         if fixes.used.any()
         else ("no fix or control point ties the result to the world")
     )
-    return False, [f"{why}: position, heading and scale are arbitrary; give a GPS log or control points"]
+    return False, [f"{why}: {SCALE_UNKNOWN[0]}; give a GPS log or control points"]
 
 
 def _uncertain(found: Alignment, start: StartConfig) -> str:

@@ -28,6 +28,7 @@ from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.ground import Ground
+from vgps.smoothing.height_ties import CAMERA_HEIGHT, HeightTies
 from vgps.solution import Solution
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
@@ -36,6 +37,7 @@ Arrays = Mapping[str, npt.NDArray[Any]]
 
 _TOLERANCE = 1e-6  # relative, between the graph's error and the cost that the run reports
 _LEARNED = [column.name for column in fields(LearnedErrors)]
+_SHARED = {"c0": TIME_OFFSET, "d0": ANTENNA, "h0": CAMERA_HEIGHT}
 _REMEDY = "run vgps smooth again"
 
 
@@ -53,13 +55,14 @@ def factor_graph(run: Path | str | Solution) -> tuple[gtsam.NonlinearFactorGraph
       [m/s^2] and gyro [rad/s] in the camera's axes (``imuBias.ConstantBias``), at knots of the IMU if there
       is one;
     - ``c0``: change of the time offset since the fixes were placed between frames, seconds (vector of 1), and
-      ``d0``: lever arm ``camera_p_antenna``, metres (vector of 3), both if one of them is estimated.
+      ``d0``: lever arm ``camera_p_antenna``, metres (vector of 3), both if one of them is estimated;
+    - ``h0``: height of the camera above the ground, metres (vector of 1), where it is known.
 
     Its factors are, in this order, those of the fixes (for a model with memory bounds, noise and walk of the
     offsets), priors of ``c0`` and ``d0``, zero motion and constant velocity of frames without observations,
-    priors of a level camera and of one that is level with the ground, control points, those of the IMU (which
-    take the place of both), projections, and priors that hold frames where nothing else ties the run to the
-    world.
+    priors of a level camera and of one that is level with the ground, lengths of stretches by ``h0`` and its
+    prior, control points, those of the IMU (which take the place of a level camera), projections, and priors
+    that hold frames where nothing else ties the run to the world.
 
     Args:
         run: Run folder of ``vgps smooth``, or a Solution.
@@ -106,7 +109,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
     offsets = [end.states[offset_key(k)].vector for k in range(len(end.states) - imu_states)]
     return {
         "offsets": np.array(offsets).reshape(-1, 3),
-        **({"c0": end.shared[TIME_OFFSET], "d0": end.shared[ANTENNA]} if end.shared else {}),
+        **{name: end.shared[key] for name, key in _SHARED.items() if key in end.shared},
         "held": end.fixed_frames,
         "video_sigma_scale": np.array(given.context.config.batch.video_sigma_scale),
         "time_offset_s": np.array(sensors.time_offset_s),
@@ -121,13 +124,14 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         **({} if given.scene.rates is None else {"frame_rates": given.scene.rates}),
         **({} if ground is None else {f"ground.{name}": rows for name, rows in vars(ground).items()}),
         **_imu_arrays(given, end),
+        **({} if given.scene.heights is None else given.scene.heights.arrays()),
     }
 
 
 def _problem(solution: Solution, graph: Arrays) -> BundleProblem:
     """Return the last problem of stage D at its minimum."""
     problem = batch_problem(batch_input(solution, graph)).problem
-    shared = {TIME_OFFSET: graph["c0"], ANTENNA: graph["d0"]} if problem.shared else {}
+    shared = {key: graph[name] for name, key in _SHARED.items() if key in problem.shared}
     vectors = _vectors(graph)
     if vectors.keys() != problem.states.keys():
         raise ValueError(f"{len(vectors)} offsets, velocities and biases, expected {len(problem.states)}")
@@ -156,6 +160,7 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
             ControlObservations(**controls),
             rates=graph.get("frame_rates"),
             ground=Ground(**_of(graph, "ground", Ground)) if "ground.frame" in graph else None,
+            heights=HeightTies.from_arrays(graph),
         ),
         sigma_px=solution.landmarks.sigma_px,
         control_sigma_px=graph["controls.sigma_px"],

@@ -125,6 +125,7 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
         "camera_sigma": report.camera_sigma,
         "fix_errors": report.fix_errors,
         "imu": report.imu,
+        "camera_height": report.camera_height,
     }
 
 
