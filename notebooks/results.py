@@ -146,21 +146,21 @@ if "receivers" in FILES:
 # ## The video alone
 #
 # Scale of 10 m of the path against the truth, relative to its median: how it drifts without GPS. A line per
-# seed; dashed is COLMAP on the same video.
+# seed, in green with the camera's height above the road; dashed is COLMAP on the same video.
 
 # %%
-if "odometry" in FILES:
-    odometry = load("odometry")
+for name in [name for name in FILES if name.startswith("odometry")]:
+    odometry = load(name)
     lists = ("piece_t_s", "piece_scale", "stages_s")
-    show([{name: row[name] for name in row if name not in lists} for row in odometry["rows"]])
+    show([{key: row[key] for key in row if key not in lists} for row in odometry["rows"]])
     names = list(dict.fromkeys(row["recording"] for row in odometry["rows"]))
-    figure, axes = plt.subplots(1, len(names), figsize=(4.5 * len(names), 3), sharey=True, squeeze=False)
+    size = (4.5 * len(names), 3)
+    figure, axes = plt.subplots(1, len(names), figsize=size, squeeze=False, layout="constrained")
     for row in odometry["rows"]:
+        style = "k--" if "COLMAP" in row["by"] else "g-" if "height" in row["by"] else "b-"
         axis = axes[0, names.index(row["recording"])]
-        axis.plot(row["piece_t_s"], row["piece_scale"], "k--" if "COLMAP" in row["by"] else "-", lw=1)
-        axis.set(xlabel="time [s]", title=row["recording"])
-    axes[0, 0].set_ylabel("scale")
-    figure.tight_layout()
+        axis.plot(row["piece_t_s"], row["piece_scale"], style, lw=1)
+        axis.set(xlabel="time [s]", ylabel="scale", title=row["recording"])
     plt.show()
 
 # %% [markdown]

@@ -6,7 +6,8 @@ per 100 m is the root mean square change of scale, and of the rotation's error, 
 length, or of half the path. The floor is decoding the video and one forward pass of Lucas-Kanade over it;
 times are those of the wall and, in brackets, of the processor.
 
-With --colmap N (needs pycolmap; minutes) COLMAP maps every N-th frame without priors.
+With --camera-height every seed runs a second time, with that height in metres: its scale is its own. With
+--colmap N (needs pycolmap; minutes) COLMAP maps every N-th frame without priors.
 """
 
 import argparse
@@ -26,6 +27,7 @@ from scripts.common.results import Results
 from scripts.common.stopwatch import stopwatch
 from scripts.common.video_alone import Drift, drift_of, least_time
 from vgps.cli.terminal import TerminalProgress
+from vgps.config import CameraHeightConfig
 from vgps.geometry import interpolate_poses
 from vgps.solution import Trajectory
 
@@ -58,14 +60,13 @@ def main() -> None:
     with parser.refusals(), TemporaryDirectory() as scratch:
         report = Report(parser.results(given), LiveTable(*COLUMNS, *TIMES))
         drives = [open_drive(name, given.data, given.scenes or Path(scratch)) for name in given.recordings]
-        found = {drive.name: of_drive(drive, given, report) for drive in drives}
-        for name, drifts in found.items():
-            errors = [one.sim3_m for one in drifts]
-            report.results.summarise(
-                **{name: {"median_m": statistics.median(errors), "worst_m": max(errors)}}
+        for drive in drives:
+            errors = [one.sim3_m for one in of_drive(drive, given, report)]
+            found = {"median_m": statistics.median(errors), "worst_m": max(errors)}
+            report.results.summarise(**{drive.name: found})
+            print(
+                f"\n{drive.name}: Sim(3) median {found['median_m']:.3f} m, worst {found['worst_m']:.3f} m\n"
             )
-            print(f"\n{name}: median {statistics.median(errors):.3f} m, worst {max(errors):.3f} m", end="")
-        print()
 
 
 def arguments(parser: ScriptParser) -> argparse.Namespace:
@@ -78,35 +79,51 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the recordings")
     parser.add_argument("--scenes", type=Path, help="keep simulated recordings here")
     parser.add_argument("--colmap", type=int, metavar="N", help="let COLMAP map every N-th frame")
+    parser.add_argument("--camera-height", type=float, metavar="M", help="above the ground, metres")
     add_seeds(parser, 5)
     return parser.parse_args()
 
 
 def of_drive(drive: Drive, given: argparse.Namespace, report: Report) -> list[Drift]:
-    """Add the rows of a recording; return the drift of every seed."""
+    """Add the rows of a recording; return the drift of every seed, without a camera height."""
     drifts = []
     for seed in range(given.seeds):
-        floor = least_time(drive.recording.video, vgps.Config().tracking)
-        with stopwatch() as elapsed:
-            solution = vgps.smooth(drive.recording, vgps.Config(seed=seed), TerminalProgress())
-        path = Trajectory(solution.t_s, solution.world_T_camera)
-        drifts.append(against_truth(drive, path))
-        times = {"wall_s": elapsed.wall_s, "cpu_s": elapsed.cpu_s}
-        times |= {"floor_wall_s": floor.wall_s, "floor_cpu_s": floor.cpu_s}
-        times |= {"wall_ratio": elapsed.wall_s / floor.wall_s, "cpu_ratio": elapsed.cpu_s / floor.cpu_s}
-        found = figures(drifts[-1], path) | times
-        report.add(
-            drive, f"seed {seed}", found | {"focal_px": solution.camera.fx, "stages_s": solution.seconds}
-        )
+        config = vgps.Config(seed=seed)
+        drifts.append(one_run(drive, config, f"seed {seed}", report))
+        if given.camera_height:
+            height = CameraHeightConfig(m=given.camera_height)
+            one_run(
+                drive, config.model_copy(update={"camera_height": height}), f"seed {seed}, height", report
+            )
     if given.colmap:
         by_colmap(drive, given.colmap, report)
     return drifts
 
 
+def one_run(drive: Drive, config: vgps.Config, by: str, report: Report) -> Drift:
+    """Add the row of a run, and return its drift."""
+    floor = least_time(drive.recording.video, config.tracking)
+    with stopwatch() as elapsed:
+        solution = vgps.smooth(drive.recording, config, TerminalProgress())
+    path, height = Trajectory(solution.t_s, solution.world_T_camera), solution.sensors.camera_height
+    drift = against_truth(drive, path, is_metric=bool(height))
+    times = {"wall_s": elapsed.wall_s, "cpu_s": elapsed.cpu_s}
+    times |= {"floor_wall_s": floor.wall_s, "floor_cpu_s": floor.cpu_s}
+    times |= {"wall_ratio": elapsed.wall_s / floor.wall_s, "cpu_ratio": elapsed.cpu_s / floor.cpu_s}
+    found = figures(drift, path) | times | {"focal_px": solution.camera.fx, "stages_s": solution.seconds}
+    if height:
+        found |= {"scale": drift.scale, "stated_scale_sigma": height["scale_sigma"]}
+    report.add(drive, by, found)
+    return drift
+
+
 def by_colmap(drive: Drive, every: int, report: Report) -> None:
     """Add the row of COLMAP on every n-th frame."""
-    from scripts.common.colmap_peer import map_images  # noqa: PLC0415  (pycolmap is an extra)
+    import pycolmap  # noqa: PLC0415  (an extra)
 
+    from scripts.common.colmap_peer import map_images  # noqa: PLC0415
+
+    pycolmap.logging.minloglevel = 1  # warnings
     with stopwatch() as elapsed:
         path, stages_s = map_images(drive.recording, every, None, None, seed=0)
     if len(path) < 3:
@@ -118,12 +135,12 @@ def by_colmap(drive: Drive, every: int, report: Report) -> None:
     report.add(drive, f"COLMAP, every {every}", found | posed | times)
 
 
-def against_truth(drive: Drive, path: Trajectory) -> Drift:
-    """Return the drift of a path."""
+def against_truth(drive: Drive, path: Trajectory, is_metric: bool = False) -> Drift:
+    """Return the drift of a path; the start of the truth gives its scale unless it is metric."""
     truth = drive.truth
     inside = (path.t_s >= truth.t_s[0] - 1e-6) & (path.t_s <= truth.t_s[-1] + 1e-6)
     true = interpolate_poses(truth.t_s, truth.world_T_camera, path.t_s[inside])
-    return drift_of(path.world_T_camera[inside], true, is_metric=False)
+    return drift_of(path.world_T_camera[inside], true, is_metric=is_metric)
 
 
 def figures(drift: Drift, path: Trajectory) -> dict[str, Any]:
