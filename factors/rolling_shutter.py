@@ -37,7 +37,7 @@ def rolling_projection_factor(
     point_key: int,
     uv_px: FloatArray,
     row: RowTime,
-    calibration: gtsam.Cal3_S2,
+    camera: gtsam.Cal3_S2 | gtsam.PinholeCameraCal3_S2,
     noise: gtsam.noiseModel.Base,
     readout: int | float,
 ) -> gtsam.CustomFactor:
@@ -52,13 +52,16 @@ def rolling_projection_factor(
         point_key: Key of the landmark.
         uv_px: (2,) observed position in the undistorted image.
         row: Time of the row.
-        calibration: The pinhole camera.
+        camera: The pinhole camera's calibration; or with its pose on a rig, of which the poses are.
         noise: Of dimension 2, pixels.
         readout: Time from the first row to the last, seconds, or the key (an ``int``) of a vector (1,) of it.
     """
     uv = np.array(uv_px, dtype=np.float64)
     estimated = isinstance(readout, int)
     knot_s = np.asarray(row.knot_s, dtype=np.float64)[None]
+    if isinstance(camera, gtsam.Cal3_S2):
+        camera = gtsam.PinholeCameraCal3_S2(gtsam.Pose3(), camera)
+    calibration, mount = camera.calibration(), camera.pose().matrix()
 
     def error(*values: object) -> Linearisation:
         poses = np.stack([pose.matrix() for pose in values[: len(pose_keys)]])  # type: ignore[attr-defined]
@@ -66,7 +69,7 @@ def rolling_projection_factor(
         readout_s = float(np.asarray(values[-1])[0]) if estimated else float(readout)
         weights, rates = path_weights(knot_s, np.array([row.frame_s + row.share * readout_s]))
         vectors = path_vectors(poses)
-        residual, by_vector, by_point = _project(weights[0] @ vectors, point, calibration)
+        residual, by_vector, by_point = _project(weights[0] @ vectors, point, calibration, mount)
         jacobians = [w * by_vector @ E for w, E in zip(weights[0], vector_jacobians(vectors), strict=True)]
         jacobians.append(by_point)
         if estimated:
@@ -80,7 +83,7 @@ def rolling_projection_factor(
 
 
 def _project(
-    vector: FloatArray, point: FloatArray, calibration: gtsam.Cal3_S2
+    vector: FloatArray, point: FloatArray, calibration: gtsam.Cal3_S2, mount: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return pixels (2,) and their derivatives by the path's vector (2, 7) and by the point (2, 3).
 
@@ -88,12 +91,14 @@ def _project(
     """
     fx, fy = calibration.fx(), calibration.fy()
     pose = path_poses(vector[None])[0]
-    x, y, depth = pose[:3, :3].T @ (point - pose[:3, 3])
+    p = pose[:3, :3].T @ (point - pose[:3, 3])
+    x, y, depth = mount[:3, :3].T @ (p - mount[:3, 3])
     if depth <= 0.0:
         return np.full(2, 2.0 * fx), np.zeros((2, 7)), np.zeros((2, 3))
     by_camera_p = np.array([[fx, 0.0, -fx * x / depth], [0.0, fy, -fy * y / depth]]) / depth
-    by_rotation = by_camera_p @ np.array([[0.0, -depth, y], [depth, 0.0, -x], [-y, x, 0.0]])
-    by_point = by_camera_p @ pose[:3, :3].T
+    by_p = by_camera_p @ mount[:3, :3].T
+    by_rotation = by_p @ np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
+    by_point = by_p @ pose[:3, :3].T
     by_vector = np.hstack([by_rotation @ rotation_jacobians(vector[None, :4])[0], -by_point])
     return (
         np.array([fx * x / depth + calibration.px(), fy * y / depth + calibration.py()]),

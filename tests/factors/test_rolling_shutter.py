@@ -23,10 +23,12 @@ def values_of(knots: int, readout_s: float | None = None) -> gtsam.Values:
     return values
 
 
-def factor_of(knots: int, share: float, readout: int | float, uv=(300.0, 200.0)) -> gtsam.CustomFactor:
+def factor_of(
+    knots: int, share: float, readout: int | float, uv=(300.0, 200.0), camera=K
+) -> gtsam.CustomFactor:
     knot_s = np.array([0.0, 0.1, 0.21, 0.3])[:knots]
     row = RowTime(knot_s, knot_s[knots // 2], share)
-    return rolling_projection_factor(list(range(knots)), L, np.array(uv), row, K, NOISE, readout)
+    return rolling_projection_factor(list(range(knots)), L, np.array(uv), row, camera, NOISE, readout)
 
 
 @pytest.mark.parametrize("knots", [2, 3, 4])
@@ -34,6 +36,16 @@ def factor_of(knots: int, share: float, readout: int | float, uv=(300.0, 200.0))
 def test_jacobians_are_the_derivatives(check_jacobians, knots: int, share: float) -> None:
     check_jacobians(factor_of(knots, share, 0.06), values_of(knots))
     check_jacobians(factor_of(knots, share, READOUT), values_of(knots, 0.06))
+
+
+def test_a_camera_on_a_rig_sees_from_its_own_place(check_jacobians) -> None:
+    mount = gtsam.Pose3(gtsam.Rot3.RzRyRx(0.3, -0.4, 0.2), np.array([0.3, -0.2, 0.5]))
+    camera = gtsam.PinholeCameraCal3_S2(mount, K)
+    check_jacobians(factor_of(4, 0.45, 0.06, camera=camera), values_of(4))
+    check_jacobians(factor_of(4, 0.45, READOUT, camera=camera), values_of(4, 0.06))
+    oracle = gtsam.GenericProjectionFactorCal3_S2(np.array([300.0, 200.0]), NOISE, 2, L, K, mount)
+    of_middle_row = factor_of(4, 0.0, 0.06, camera=camera)
+    assert of_middle_row.error(values_of(4)) == pytest.approx(oracle.error(values_of(4)))
 
 
 def test_the_middle_row_and_a_global_shutter_are_gtsams_projection() -> None:

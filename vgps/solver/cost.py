@@ -67,7 +67,7 @@ def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
 
 def camera_points(problem: BundleProblem) -> FloatArray:
     """Return the landmark of each observation in the camera frame of its view, (3, N) metres."""
-    problem = problem.by_row()
+    problem = problem.by_view()
     T, frame = problem.world_T_camera, problem.frame
     x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[:, i, 3][frame] for i in range(3))
     return np.stack([T[:, 0, j][frame] * x + T[:, 1, j][frame] * y + T[:, 2, j][frame] * z for j in range(3)])
@@ -82,14 +82,14 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
         problem: The observations.
         camera_p: (3, N) from :func:`camera_points`.
     """
-    fx, fy, cx, cy = problem.K
+    fx, fy, cx, cy = problem.intrinsics
     x, y, z = camera_p
     behind = z <= 0.0
     depth = np.where(behind, 1.0, z)
     errors = np.stack(
         [fx * x / depth + (cx - problem.uv_px[:, 0]), fy * y / depth + (cy - problem.uv_px[:, 1])]
     )
-    errors[:, behind] = 2.0 * fx
+    errors[:, behind] = 2.0 * np.broadcast_to(fx, behind.shape)[behind]
     return errors, behind
 
 

@@ -1,5 +1,7 @@
 """A bundle problem as a GTSAM factor graph, for GTSAM's own optimiser and as a reference."""
 
+from typing import Any
+
 import gtsam
 import numpy as np
 from gtsam.noiseModel import mEstimator
@@ -15,17 +17,14 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
 
     Landmarks have the keys ``l<row>``. Held poses get a constrained prior, which costs nothing there.
     """
-    K = gtsam.Cal3_S2(problem.K[0], problem.K[1], 0.0, problem.K[2], problem.K[3])
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
-    keys, landmarks = problem.keys, problem.landmark.tolist()
+    keys = problem.keys
     if problem.row_times is None:
-        frames, owners = problem.frame, keys[problem.frame].tolist()
-        rows = zip(problem.uv_px, _noise_models(problem), owners, landmarks, strict=True)
-        for uv, model, key, point in rows:
-            graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(point), K, False, False))
+        frames = problem.frame
+        graph.push_back(_projections(problem))
     else:
         frames = problem.row_times.knots
-        graph.push_back(_rolling_projections(problem, problem.row_times, K))
+        graph.push_back(_rolling_projections(problem, problem.row_times))
     values = pose_values(problem)
     for frame in np.setdiff1d(frames, problem.pose_graph_frames).tolist():
         values.insert(int(keys[frame]), gtsam.Pose3(problem.world_T_camera[frame]))
@@ -38,16 +37,45 @@ def to_graph(problem: BundleProblem) -> tuple[gtsam.NonlinearFactorGraph, gtsam.
     return graph, values
 
 
-def _rolling_projections(
-    problem: BundleProblem, times: RowTimes, K: gtsam.Cal3_S2
-) -> gtsam.NonlinearFactorGraph:
+def _mounted(problem: BundleProblem) -> list[tuple[gtsam.Pose3, gtsam.Cal3_S2]]:
+    """Return the pose on the rig and the calibration of each camera."""
+    mounts = problem.mounts
+    if mounts is None or mounts.reference_T_camera is None:
+        return [(gtsam.Pose3(), _calibration(*problem.K))]
+    poses = [gtsam.Pose3(mount) for mount in mounts.reference_T_camera]
+    return [(T, _calibration(*K)) for T, K in zip(poses, mounts.K.tolist(), strict=True)]
+
+
+def _calibration(fx: float, fy: float, cx: float, cy: float) -> gtsam.Cal3_S2:
+    return gtsam.Cal3_S2(fx, fy, 0.0, cx, cy)
+
+
+def _projections(problem: BundleProblem) -> gtsam.NonlinearFactorGraph:
+    """Return the projections from the frames' poses."""
+    graph = gtsam.NonlinearFactorGraph()
+    owners, landmarks = problem.keys[problem.frame].tolist(), problem.landmark.tolist()
+    arguments: list[tuple[Any, ...]] = [(K, False, False) for _, K in _mounted(problem)]
+    lenses = arguments * len(owners)
+    if problem.mounts is not None:
+        arguments = [(K, False, False, T) for T, K in _mounted(problem)]
+        lenses = [arguments[camera] for camera in problem.mounts.camera.tolist()]
+    rows = zip(problem.uv_px, _noise_models(problem), owners, landmarks, lenses, strict=True)
+    for uv, model, key, point, lens in rows:
+        graph.push_back(gtsam.GenericProjectionFactorCal3_S2(uv, model, key, L(point), *lens))
+    return graph
+
+
+def _rolling_projections(problem: BundleProblem, times: RowTimes) -> gtsam.NonlinearFactorGraph:
     """Return the projections of a rolling shutter, each from its row's pose."""
     graph = gtsam.NonlinearFactorGraph()
+    cameras = [gtsam.PinholeCameraCal3_S2(T, K) for T, K in _mounted(problem)]
+    camera = np.zeros(len(problem.frame), int) if problem.mounts is None else problem.mounts.camera
     keys, share, frame_s = problem.keys[times.knots].tolist(), times.share.tolist(), times.frame_s.tolist()
     for n, (point, noise) in enumerate(zip(problem.landmark.tolist(), _noise_models(problem), strict=True)):
         row = RowTime(times.knot_s[n], frame_s[n], share[n])
         uv = problem.uv_px[n]
-        graph.push_back(rolling_projection_factor(keys[n], L(point), uv, row, K, noise, times.readout_s))
+        lens = cameras[camera[n]]
+        graph.push_back(rolling_projection_factor(keys[n], L(point), uv, row, lens, noise, times.readout_s))
     return graph
 
 

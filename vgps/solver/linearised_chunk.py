@@ -5,6 +5,7 @@ memory.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,8 +14,6 @@ from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.chunks import Chunk
 from vgps.solver.pose_equations import MIN_DIAGONAL
 
-# image coordinates (u, v) that each pose coordinate moves
-_ROWS = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))
 LOWER = tuple((a, b) for a in range(POSE_DIM) for b in range(a + 1))
 """Rows and columns of the lower triangle of a pose's block, row by row."""
 
@@ -38,6 +37,9 @@ class LinearisedChunk:
     hessian: FloatArray
     gradient: FloatArray
 
+    moves: ClassVar[tuple[tuple[int, ...], ...]] = ((0, 1), (0, 1), (0, 1), (0,), (1,), (0, 1))
+    """Image coordinates (u, v) that each pose coordinate moves."""
+
     @property
     def diagonal(self) -> FloatArray:
         """(3, m) diagonals by which damping is scaled."""
@@ -48,7 +50,7 @@ class LinearisedChunk:
 
         The landmarks and frames are those of ``chunk.coupled``.
         """
-        return [dot(self.jp[:, a], r, rows) for a, rows in enumerate(_ROWS)]
+        return [dot(self.jp[:, a], r, rows) for a, rows in enumerate(self.moves)]
 
     def pose_gradient(self, r: FloatArray) -> FloatArray:
         """Return the sums of J_p^T r by pose, (6, frames of the chunk), for any (2, n) r."""
@@ -59,9 +61,8 @@ class LinearisedChunk:
         """Return J_p times the steps (F, 6) of all frames, (2, n)."""
         chunk, jp = self.chunk, self.jp
         step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
-        return np.stack(
-            [sum((jp[i, a] * step[a] for a in (1, 2, 3 + i, 5)), jp[i, 0] * step[0]) for i in range(2)]
-        )
+        moving = ([a for a, rows in enumerate(self.moves) if i in rows] for i in range(2))
+        return np.stack([sum(jp[i, a] * step[a] for a in columns) for i, columns in enumerate(moving)])
 
     def landmark_gradient(self, r: FloatArray) -> FloatArray:
         """Return the sums of J_l^T r by landmark, (3, m), for any (2, n) r."""
@@ -69,12 +70,18 @@ class LinearisedChunk:
         return np.array([np.bincount(at, dot(self.jl[:, k], r), size) for k in range(3)])
 
 
+class RigChunk(LinearisedChunk):
+    """A chunk of a rig's observations: a turn of the reference camera moves the others to all sides."""
+
+    moves: ClassVar = ((0, 1),) * POSE_DIM
+
+
 def pose_blocks(linear: LinearisedChunk) -> FloatArray:
     """Return the lower triangles of the poses' blocks, row by row: (21, frames of the chunk)."""
     jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
     blocks = np.zeros((len(LOWER), frames))
     for row, (a, b) in enumerate(LOWER):
-        rows = tuple(i for i in _ROWS[a] if i in _ROWS[b])
+        rows = tuple(i for i in linear.moves[a] if i in linear.moves[b])
         if rows:
             blocks[row] = np.bincount(frame, dot(jp[:, a], jp[:, b], rows), frames)
     return blocks

@@ -18,7 +18,7 @@ from vgps.solver.chunks import Chunk
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.elimination import SparsityStructure
-from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, dot, pose_blocks
+from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, RigChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
 from vgps.solver.row_equations import RollingChunk, rolling_blocks
@@ -99,17 +99,19 @@ def _on_disk(part: LinearisedChunk, arrays: DiskArrays) -> LinearisedChunk:
 def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     """Linearise a chunk's observations at the poses and landmarks of ``problem``."""
     here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
-    here, times = here.by_row(), here.row_times
+    here, times, mounts = here.by_view(), here.row_times, here.mounts
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = whitening(here, error)
     jp, jl = projection_jacobians(here, camera_p, np.where(behind, 0.0, scale))
+    if mounts is not None:
+        jp = mounts.by_reference(jp)
     r = error * scale
     size = len(chunk.landmarks)
     at = chunk.landmark
     hessian = [np.bincount(at, dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
     gradient = [np.bincount(at, dot(jl[:, a], r), size) for a in range(3)]
-    linear = LinearisedChunk(
+    linear = (LinearisedChunk if mounts is None else RigChunk)(
         chunk=chunk, jp=jp, jl=jl, r=r, hessian=np.array(hessian), gradient=np.array(gradient)
     )
     if times is None:
@@ -131,7 +133,7 @@ def projection_jacobians(
     The scale (n,) is zero behind the camera. A landmark p in the camera frame moves by ``[p]_x rotation -
     translation + R^T d(landmark)``.
     """
-    fx, fy, _, _ = problem.K
+    fx, fy, _, _ = problem.intrinsics
     depth = np.where(camera_p[2] > 0.0, camera_p[2], 1.0)
     x, y = camera_p[0] / depth, camera_p[1] / depth
     su, sv = fx * scale, fy * scale

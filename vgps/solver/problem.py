@@ -15,6 +15,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.solver.mounts import CameraMounts
 from vgps.solver.row_times import RowTimes
 
 MAX_STATE_SIZE = 6  # coordinates of a state, which takes the place of a pose in the reduced matrix
@@ -78,6 +79,7 @@ class BundleProblem:
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
         row_times: Times (N,) of the observations, for a rolling shutter.
         submap_frames: Frames of a submap, if the problem is to be solved in submaps on disk.
+        mounts: Cameras (N,) of the observations, for a rig of several; ``K`` is that of the first.
 
     Raises:
         ValueError: Shapes or indices are inconsistent, a sigma is not positive, or a key is used twice.
@@ -99,6 +101,7 @@ class BundleProblem:
     pose_keys: IntArray | None = None
     row_times: RowTimes | None = None
     submap_frames: int | None = None
+    mounts: CameraMounts | None = None
 
     def __post_init__(self) -> None:
         n, frames, landmarks = len(self.frame), len(self.world_T_camera), len(self.world_p_landmark)
@@ -116,6 +119,8 @@ class BundleProblem:
             shapes["robust_k"] = (() if self.robust_k is None else self.robust_k.shape, (n,))
         if self.row_times is not None:
             shapes["row_times"] = (self.row_times.share.shape, (n,))
+        if self.mounts is not None:
+            shapes["mounts"] = (self.mounts.camera.shape, (n,))
         for name, (found, expected) in shapes.items():
             if found != expected:
                 raise ValueError(f"{name} has shape {found}, expected {expected}")
@@ -188,6 +193,7 @@ class BundleProblem:
             shared={},
             states={},
             row_times=None if self.row_times is None else self.row_times.rows(rows),
+            mounts=None if self.mounts is None else self.mounts.rows(rows),
         )
 
     def moved(
@@ -209,19 +215,26 @@ class BundleProblem:
                 object.__setattr__(moved, name, vectors)
         return moved
 
-    def by_row(self) -> "BundleProblem":
-        """Return the observations with a frame for each row's pose, as of a global shutter; else itself."""
-        if self.row_times is None:
+    @property
+    def intrinsics(self) -> tuple[float | FloatArray, ...]:
+        """fx, fy, cx, cy of the camera, or (N,) of each observation's camera."""
+        return self.K if self.mounts is None else self.mounts.intrinsics
+
+    def by_view(self) -> "BundleProblem":
+        """Return the observations with a frame for each row's pose and each camera's; else itself."""
+        if self.row_times is None and self.mounts is None:
             return self
-        changes = {
-            "world_T_camera": self.row_times.poses(self.world_T_camera),
-            "frame": np.arange(len(self.frame)),
-            "row_times": None,
-        }
-        rows = copy(self)
+        poses, frame, mounts = self.world_T_camera, self.frame, self.mounts
+        if self.row_times is not None:
+            poses, frame = self.row_times.poses(poses), np.arange(len(frame))
+        if mounts is not None:
+            poses, frame = mounts.views(poses, frame)
+            mounts = replace(mounts, reference_T_camera=None)
+        views = copy(self)
+        changes = {"world_T_camera": poses, "frame": frame, "row_times": None, "mounts": mounts}
         for name, value in changes.items():
-            object.__setattr__(rows, name, value)
-        return rows
+            object.__setattr__(views, name, value)
+        return views
 
 
 def _check_range(name: str, index: IntArray, size: int) -> None:
