@@ -308,11 +308,32 @@ class Video(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RigCamera:
+    """Another camera of a rig, fixed to the reference camera, whose poses a run estimates.
+
+    Attributes:
+        name: Its name in ``rig.yaml``.
+        video: Its video, on the clock of the reference camera's.
+        camera: Its calibration.
+        reference_T_camera: (4, 4) its pose on the rig.
+        sigma: (6,) its standard deviations about its own axes [rotation rad; translation m]; 0 holds it.
+        masks: Where its pictures show the scene.
+    """
+
+    name: str
+    video: Video
+    camera: Camera
+    reference_T_camera: FloatArray
+    sigma: FloatArray
+    masks: Masks | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """A recording: video, calibration and sensor logs, all on the video's clock.
 
-    ``notes`` says what was left out of it, and why.
-    Without a calibration ``guesses`` says what the camera may be, and ``camera`` is the first of them.
+    ``cameras`` are those of the rig beside ``camera``, the reference. ``notes`` says what was left out, and
+    why. Without a calibration ``guesses`` says what the camera may be, and ``camera`` is the first of them.
     """
 
     path: Path
@@ -326,3 +347,4 @@ class Recording:
     masks: Masks | None = None
     notes: tuple[str, ...] = ()
     guesses: tuple[CameraGuess, ...] = ()
+    cameras: tuple[RigCamera, ...] = ()

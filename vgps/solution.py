@@ -156,6 +156,28 @@ class SolverReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SolvedCamera:
+    """Another camera of a rig, and the landmarks that it observes.
+
+    Attributes:
+        name: Its name.
+        camera: Its calibration.
+        reference_T_camera: (4, 4) its pose on the rig, whose reference is the camera of the Solution.
+        sigma: (6,) standard deviations about its own axes [rotation rad; translation m]; 0 if it was held.
+        delay_s: (F,) times of its frames after those of the reference; 0 where it has none.
+        landmarks, observations: Its map, and the observations in its frames.
+    """
+
+    name: str
+    camera: Camera
+    reference_T_camera: FloatArray
+    sigma: FloatArray
+    delay_s: FloatArray
+    landmarks: Landmarks
+    observations: Observations
+
+
+@dataclass(frozen=True, kw_only=True)
 class Solution:
     """The result of a run: everything that a run folder holds.
 
@@ -186,6 +208,7 @@ class Solution:
         camera_source: What was assumed of a camera without a calibration, as a sentence; None with one.
         static_regions: (n, 6) what never moved in the picture and was left out: first and last frame; left,
             top, right and bottom of a rectangle in the original image, pixels.
+        cameras: The other cameras of a rig; ``landmarks`` and ``observations`` are those of the reference.
     """
 
     recording: Path | None
@@ -214,6 +237,7 @@ class Solution:
     camera_source: str | None = None
     loops: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     static_regions: IntArray = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
+    cameras: tuple[SolvedCamera, ...] = ()
 
     @property
     def trajectory(self) -> Trajectory:
@@ -232,6 +256,28 @@ class Solution:
     def fix_times_s(self) -> FloatArray:
         """(M,) times of the fixes: the log's time stamps minus the time offset."""
         return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s
+
+    @property
+    def all_landmarks(self) -> tuple[Landmarks, Observations]:
+        """The landmarks of all cameras with their observations, those of the reference first."""
+        maps = [(self.landmarks, self.observations), *((c.landmarks, c.observations) for c in self.cameras)]
+        if len(maps) == 1:
+            return maps[0]
+        first = np.cumsum([0, *(len(landmarks.sigma_px) for landmarks, _ in maps)])
+        return (
+            Landmarks(
+                np.concatenate([one.world_p_landmark for one, _ in maps]),
+                np.concatenate([one.sigma_px for one, _ in maps]),
+                np.concatenate([one.gray for one, _ in maps]),
+            ),
+            Observations(
+                np.concatenate([seen.frame for _, seen in maps]),
+                np.concatenate(
+                    [start + seen.landmark for start, (_, seen) in zip(first, maps, strict=False)]
+                ),
+                np.concatenate([seen.uv_px for _, seen in maps]),
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

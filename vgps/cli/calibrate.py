@@ -12,6 +12,7 @@ from vgps.cli.options import CalibrationFiles, GpsSettings, RecordingFiles, Sett
 from vgps.cli.tables import calibration_table
 from vgps.cli.terminal import TerminalProgress
 from vgps.gyro_calibration import calibrate_gyro as calibrate
+from vgps.model import Recording
 from vgps.readers.recording import find_rig, open_recording
 from vgps.writers.atomic import check_file
 from vgps.writers.camera import write_camera
@@ -37,7 +38,7 @@ def calibrate_gyro(
         settings: Settings.
     """
     config = settings.read()
-    opened = open_recording(recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False)
+    opened = _opened(recording, files)
     check_file(out)
     calibration = calibrate(opened, config, TerminalProgress())
     table, base = calibration_table(calibration), find_rig(recording, files.rig)
@@ -68,7 +69,9 @@ def calibrate_imu(
     from vgps.readers.sources import place_of
 
     config, log = settings.read(), find_imu(place_of(recording)[0], imu)
-    opened = open_recording(recording, gps=gps, camera=files.camera, rig=files.rig, guess_camera=False)
+    opened = open_recording(
+        recording, gps=gps, camera=files.camera, rig=files.rig, guess_camera=False, cameras=False
+    )
     check_file(out)
     read = read_imu(log, video_start_s=opened.rig.video_start_s)
     found = calibrate(opened, read, config, TerminalProgress())
@@ -77,6 +80,13 @@ def calibrate_imu(
         notes.append("imu_p_camera is not given: measure where the camera is in the IMU's frame")
     table = calibration_table(found.gyro, found.biases)
     _write(table, found.fields, out, find_rig(recording, files.rig), notes)
+
+
+def _opened(recording: Path, files: CalibrationFiles) -> Recording:
+    """Open a recording for a calibration of its first camera."""
+    return open_recording(
+        recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False, cameras=False
+    )
 
 
 def _write(
@@ -108,7 +118,7 @@ def calibrate_camera(
     from vgps.pipeline.offline import smooth
 
     config = settings.read().with_refined_camera()
-    opened = open_recording(recording, gps=files.gps, camera=files.camera, rig=files.rig)
+    opened = open_recording(recording, gps=files.gps, camera=files.camera, rig=files.rig, cameras=False)
     check_file(out)
     solution = smooth(opened, config, TerminalProgress())
     write_camera(solution, out)

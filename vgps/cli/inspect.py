@@ -32,7 +32,7 @@ def _recording(solution: Solution) -> Recording | None:
     if solution.recording is None:
         return None
     try:
-        return open_recording(solution.recording, with_gps=False)
+        return open_recording(solution.recording, with_gps=False, cameras=False)
     except VgpsError as error:
         print_note(f"shown without the video: {error}")
         return None

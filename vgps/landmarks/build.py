@@ -61,7 +61,7 @@ def build_from_runs(
         folder = recording or solution.recording
         if folder is None:
             raise LandmarkDatabaseError("names no recording", file=run, remedy="name it with --recording")
-        opened = open_recording(folder, with_gps=False)
+        opened = open_recording(folder, with_gps=False, cameras=False)
         parts.append(build_database(solution, opened, frames, config, progress))
     return merge(parts)
 

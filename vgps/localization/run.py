@@ -16,6 +16,7 @@ from vgps.localization.localizer import Localizer
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import Camera, Float32Array, FloatArray, Frame, Recording
+from vgps.readers.rig_cameras import refuse_several
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -41,8 +42,10 @@ def localize(
 
     Raises:
         GeometryError: No frame shows enough landmarks of the database.
+        RecordingError: A rig of several cameras.
         VgpsError: The video or the database is damaged.
     """
+    refuse_several(recording, "vgps track")
     if isinstance(database, Path | str):
         with LandmarkDatabase.open(Path(database), (config or Config()).localization.selection) as opened:
             return localize(recording, opened, config, progress)

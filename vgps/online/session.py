@@ -26,6 +26,7 @@ from vgps.online.smoother import OnlineSmoother
 from vgps.online.video_source import VideoSource
 from vgps.readers.calibration import read_camera, read_rig
 from vgps.readers.recording import open_recording
+from vgps.readers.rig_cameras import refuse_several
 from vgps.writers.run_folder import check_writable, write_run
 
 
@@ -95,6 +96,7 @@ def pose_recording(
         rig=options.rig,
         guess_camera=False,
     )
+    refuse_several(opened, "vgps online")
     smoother = OnlineSmoother(
         opened.camera,
         opened.rig,

@@ -74,7 +74,7 @@ def optimise_camera(
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
     views = len(np.unique(merged.scene.observations.frame))
-    if refine == "no" or (refine == "auto" and views < _MIN_VIEWS and not guesses):
+    if refine == "no" or front_end.others or (refine == "auto" and views < _MIN_VIEWS and not guesses):
         return optimise(merged.scene, camera), None
     every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)

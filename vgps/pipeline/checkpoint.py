@@ -23,7 +23,7 @@ from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import ControlPoints, GpsLog, ImuLog, Recording
+from vgps.model import ControlPoints, GpsLog, ImuLog, Recording, RigCamera
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.runtime.state_file import read_state, write_state
@@ -130,12 +130,13 @@ def forget_checkpoint(out: Path) -> None:
 
 
 def fingerprint(recording: Recording, config: Config) -> str:
-    """Return a digest of what decides the result of stages A to C."""
+    """Return a digest of what decides the result of a run."""
     gps, points = recording.gps, recording.control_points
     parts = {
         "config": config.model_dump(mode="json"),
         "camera": repr(recording.camera),
         "rig": repr(recording.rig),
+        "cameras": [_camera_parts(camera) for camera in recording.cameras],
         "times": _digest(recording.video.times_s),
         "video": stamp(recording.video.path),
         "masks": None if recording.masks is None else [stamp(file) for file in recording.masks.files],
@@ -144,6 +145,14 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "points": None if points is None else _digest_fields(points),
     }
     return digest(parts)
+
+
+def _camera_parts(camera: RigCamera) -> list[Any]:
+    """Return what decides the part of another camera of the rig."""
+    mount = np.concatenate([camera.reference_T_camera.ravel(), camera.sigma])
+    masks = None if camera.masks is None else [stamp(file) for file in camera.masks.files]
+    times = _digest(camera.video.times_s)
+    return [camera.name, repr(camera.camera), _digest(mount), times, stamp(camera.video.path), masks]
 
 
 def digest(parts: Mapping[str, Any]) -> str:

@@ -16,10 +16,12 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray, Frame, GeodeticPoint, IntArray, Recording
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.rig_recordings import check_settings, seen_by, settings_for
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.merge_cameras import CameraMaps
 from vgps.tracking.control_points import world_controls
 
 
@@ -38,6 +40,7 @@ class FrontEnd:
         static_regions: (n, 6) as in :class:`~vgps.solution.Solution`.
         warnings: Warnings for the user.
         seconds: Wall seconds by stage.
+        others: Maps of the other cameras of a rig.
     """
 
     recording: Recording
@@ -50,23 +53,63 @@ class FrontEnd:
     static_regions: IntArray
     warnings: tuple[str, ...]
     seconds: Mapping[str, float]
+    others: tuple[CameraMaps, ...] = ()
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""
         imu = camera_imu(self.recording, self.origin, config)
-        return SmoothingContext(self.recording.camera, config, self.controls, imu)
+        return SmoothingContext(self.recording.camera, config, self.controls, imu, self.recording.cameras)
+
+    def with_camera(self, name: str, other: "FrontEnd") -> "FrontEnd":
+        """Return the result with that of another camera of the rig."""
+        notes = other.warnings if other.maps else (*other.warnings, "it shows too little to be tracked")
+        stages = {*self.seconds, *other.seconds}
+        return replace(
+            self,
+            others=(*self.others, CameraMaps(other.maps, other.t_s, other.sensors, name)),
+            warnings=(*self.warnings, *(f"camera {name}: {note}" for note in notes)),
+            seconds={key: self.seconds.get(key, 0.0) + other.seconds.get(key, 0.0) for key in stages},
+        )
 
 
 def run_front_end(
     recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None = None
 ) -> FrontEnd:
-    """Run stages A to C over all frames, from those of a checkpoint on if one is given.
+    """Run stages A to C over all frames of every camera.
+
+    Args:
+        recording: The recording.
+        config: Settings.
+        progress: Progress display.
+        checkpoint: Where the state of the reference camera is kept, and resumed from.
 
     Raises:
+        ConfigError: Settings that a rig of several cameras does not support.
         GpsLogError: Too few usable fixes.
         RecordingError: Control points in ENU beside a GPS log, and no origin.
         GeometryError: No two views start a map.
     """
+    if recording.cameras:
+        check_settings(config)
+    found = _run_camera(recording, config, progress, checkpoint)
+    for camera in recording.cameras:
+        progress.stage(f"camera {camera.name}")
+        alone = _run_camera(seen_by(camera, recording), settings_for(camera, config), progress)
+        found = found.with_camera(camera.name, alone)
+    if not any((found.maps, *(one.maps for one in found.others))):
+        raise GeometryError(
+            "no map could be started: the camera hardly moves, or too few features are visible",
+            file=recording.video.path,
+            expected=f"two views with {config.start.min_inliers} common features that move by "
+            f"{config.start.min_flow_px:g} px",
+        )
+    return found
+
+
+def _run_camera(
+    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None = None
+) -> FrontEnd:
+    """Run stages A to C over all frames of a camera, from those of a checkpoint on if one is given."""
     origin, fixes = world_fixes(recording, config)
     controls = world_controls(recording.control_points, recording.camera, origin) or NO_CONTROL_OBSERVATIONS
     context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
@@ -83,13 +126,6 @@ def run_front_end(
         frame_pipeline.finish_window()
     if checkpoint is not None:
         checkpoint.write(frame_pipeline)
-    if not frame_pipeline.maps:
-        raise GeometryError(
-            "no map could be started: the camera hardly moves, or too few features are visible",
-            file=recording.video.path,
-            expected=f"two views with {config.start.min_inliers} common features that move by "
-            f"{config.start.min_flow_px:g} px",
-        )
     return front_end_of(frame_pipeline, recording, origin, controls)
 
 

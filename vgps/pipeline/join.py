@@ -54,8 +54,8 @@ def join_runs(
         checkpoint: Where an interrupted adjustment goes on.
 
     Raises:
-        RunFolderError: A run is not georeferenced or holds no graph of stage D, or shutters roll that cannot
-            be joined.
+        RunFolderError: A run is not georeferenced, holds no graph of stage D or has several cameras, or
+            shutters roll that cannot be joined.
         GeometryError: No step lowers the cost.
     """
     progress, timer = progress or NoProgress(), StageTimer()
@@ -102,6 +102,12 @@ def _input(run: Run) -> BatchInput:
     if solution.graph is None:
         raise RunFolderError(
             "holds no arrays graph.*, the input of stage D", file=run.name, remedy="run vgps smooth again"
+        )
+    if solution.cameras:
+        raise RunFolderError(
+            f"is of a rig of {1 + len(solution.cameras)} cameras, and only runs of one camera are joined",
+            file=run.name,
+            remedy="smooth the recording with a rig.yaml without the key cameras: --rig FILE",
         )
     return replace(batch_input(solution, solution.graph), imu=None)
 

@@ -79,7 +79,7 @@ def _recording(path: Path, solution: Solution) -> Recording:
     if solution.recording is None:
         raise RunFolderError("names no recording, whose pictures show what it shares with others", file=path)
     try:
-        return open_recording(solution.recording, with_gps=False)
+        return open_recording(solution.recording, with_gps=False, cameras=False)
     except VgpsError as error:
         raise RunFolderError(
             f"the pictures of its recording cannot be read ({error})",

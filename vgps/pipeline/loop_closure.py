@@ -19,6 +19,7 @@ from vgps.runtime.progress import Progress
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.merge_maps import MergedMaps
+from vgps.smoothing.rig_views import RigViews
 from vgps.solution import Observations
 
 
@@ -39,7 +40,7 @@ def optimise_loops(
     if config.loops.close == "no":
         return first, none
     camera = front_end.recording.camera
-    video = _posed_video(batch, refined.camera if refined else camera)
+    video = _posed_video(batch, refined.camera if refined else camera, merged.scene.rig)
     frames = progress.track(front_end.recording.video.frames(), len(front_end.t_s))
     loops = find_loops(video, frames, config.loops)
     if not loops:
@@ -86,13 +87,17 @@ def with_loops(scene: Scene, loops: tuple[Loop, ...], camera: Camera) -> Scene:
     return replace(scene, observations=observations, loop=np.concatenate([of_track, number[new]]))
 
 
-def _posed_video(batch: BatchResult, camera: Camera) -> PosedVideo:
-    poses = batch.trajectory.world_T_camera
+def _posed_video(batch: BatchResult, camera: Camera, rig: RigViews | None) -> PosedVideo:
+    """Return the solution as the video of the reference camera shows it."""
+    poses, seen = batch.trajectory.world_T_camera, batch.observations
+    if rig is not None:
+        own = rig.camera[seen.landmark] == 0
+        seen = Observations(seen.frame[own], seen.landmark[own], seen.uv_px[own])
     _, sigma_m = world_sigmas(poses, batch.covariance)
     return PosedVideo(
         poses=poses,
         sigma_m=np.asarray(sigma_m.max(axis=1)),
         points=batch.points,
-        observations=batch.observations,
+        observations=seen,
         camera=camera,
     )

@@ -23,12 +23,13 @@ from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_readout
+from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.merge_maps import MergedMaps, merge_maps
-from vgps.solution import FixTable, Landmarks, Observations, SensorReport, Solution
+from vgps.smoothing.merge_maps import MergedMaps
+from vgps.solution import FixTable, SensorReport, Solution
 
 
 def smooth(
@@ -95,7 +96,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     """
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
-        merged = merge_maps(front_end.maps, front_end.t_s, front_end.fixes, front_end.sensors, context)
+        merged = merged_maps(front_end, context)
         merged = tie_to_ground(front_end, merged, config)
         front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
@@ -145,7 +146,7 @@ def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes
 
 def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config) -> Solution:
     recording, sensors, poses = front_end.recording, batch.sensors, batch.trajectory.world_T_camera
-    landmarks, observations = _landmarks(merged, batch)
+    landmarks, observations = solved_map(merged, batch)
     rotation_sigma, position_sigma = world_sigmas(poses, batch.covariance)
     table, log = _fix_table(front_end, batch, config), recording.gps
     contradicted = () if table is None or log is None else contradictions(table, log.fix_class)
@@ -187,6 +188,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         control_points=recording.control_points,
         graph=batch.graph,
         static_regions=front_end.static_regions,
+        cameras=solved_cameras(front_end, merged, batch),
     )
 
 
@@ -214,18 +216,6 @@ def _antenna_notes(
         f"the antenna's place in the camera is not given: it was taken as zero, uncertain by {prior_m:g} m, "
         f"and the motion {says} (estimate {place} m, standard deviations {sigmas} m): measure it and give "
         "camera_p_antenna in rig.yaml",
-    )
-
-
-def _landmarks(merged: MergedMaps, batch: BatchResult) -> tuple[Landmarks, Observations]:
-    """Return the features of the optimisation and their observations."""
-    kept = np.flatnonzero(np.isfinite(batch.sigma_px))
-    row_of = np.full(len(batch.points), -1)
-    row_of[kept] = np.arange(len(kept))
-    observations = batch.observations
-    return (
-        Landmarks(batch.points[kept], batch.sigma_px[kept], merged.gray[kept]),
-        Observations(observations.frame, row_of[observations.landmark], observations.uv_px),
     )
 
 

@@ -28,7 +28,7 @@ def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, conf
     wanted = setting.estimate == "yes" or (setting.estimate == "auto" and given.readout_s is None)
     starts_from_one = wanted and bool(given.readout_s)
     batch, refined = optimise_camera(front_end, merged, fixes, config, starts_from_one)
-    if not wanted or len(batch.trajectory) < 2:
+    if not wanted or front_end.others or len(batch.trajectory) < 2:
         return batch, refined, None
     always = setting.estimate == "yes"
     found = _estimate(batch, refined.camera if refined else given, config)

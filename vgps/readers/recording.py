@@ -29,6 +29,7 @@ from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.masks import find_masks
+from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
 
@@ -52,6 +53,7 @@ def open_recording(
     image_topic: str | None = None,
     with_gps: bool = True,
     guess_camera: bool = True,
+    cameras: bool = True,
 ) -> Recording:
     """Open a recording; the video is indexed, its frames are not decoded yet.
 
@@ -66,6 +68,7 @@ def open_recording(
         image_topic: Topic of the images of a bag that has several.
         with_gps: Whether to look for a GPS log.
         guess_camera: Whether a missing calibration is guessed; else it is an error.
+        cameras: Whether to open the other cameras that rig.yaml lists.
 
     Returns:
         The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
@@ -82,13 +85,14 @@ def open_recording(
     video = opened(source, image_topic)
     telemetry = telemetry_of(video)
     lens = _camera(_given(folder, camera, *_CAMERAS), video)
+    rig_file = _given(folder, rig, "rig.yaml")
+    mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
+    others = open_cameras(rig_file, video, lens) if rig_file and cameras else ()
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
     lens = lens or guesses[0].camera
     lens = with_readout(lens, telemetry, getattr(video, "quarter_turns", 0))
-    rig_file = _given(folder, rig, "rig.yaml")
-    mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
     if mount.video_start_s == 0.0 and video.start_s != 0.0:
         # frame_times.csv is on the clock of gyro.csv
         mount = replace(mount, video_start_s=video.start_s)
@@ -111,6 +115,7 @@ def open_recording(
         imu=inertial,
         notes=notes,
         masks=find_masks(folder, video),
+        cameras=others,
         control_points=_control_points(points, video, control_system) if points else None,
     )
     return with_picture_motion(found, telemetry)

@@ -25,6 +25,7 @@ from vgps.solution import (
     Observations,
     SensorReport,
     Solution,
+    SolvedCamera,
     SolverReport,
     SubmapReport,
     Verdict,
@@ -62,6 +63,8 @@ def read_run(path: Path) -> Solution:
     check_summary(summary, path / "solution.json")
     arrays = _read_arrays(file)
     check_arrays(arrays, file)
+    for k in range(len(summary.get("cameras", []))):
+        check_arrays({**arrays, **_part(arrays, f"cameras.{k}")}, file)
     config = _read_config(path / "config.yaml")
     try:
         solution = _assemble(arrays, summary, config)
@@ -192,6 +195,19 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         graph=_part(arrays, "graph") or None,
         camera_source=summary.get("camera_source"),  # absent in older runs
         **{key: arrays[key] for key in ("loops", "static_regions") if key in arrays},  # likewise
+        cameras=tuple(_solved_camera(arrays, k, one) for k, one in enumerate(summary.get("cameras", []))),
+    )
+
+
+def _solved_camera(arrays: Arrays, k: int, about: Mapping[str, Any]) -> SolvedCamera:
+    return SolvedCamera(
+        name=about["name"],
+        camera=_camera(about["camera"]),
+        reference_T_camera=arrays[f"cameras.{k}.reference_T_camera"],
+        sigma=arrays[f"cameras.{k}.sigma"],
+        delay_s=arrays[f"cameras.{k}.delay_s"],
+        landmarks=Landmarks(**_part(arrays, f"cameras.{k}.landmarks")),
+        observations=Observations(**_part(arrays, f"cameras.{k}.observations")),
     )
 
 

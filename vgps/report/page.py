@@ -125,8 +125,10 @@ def _tiles(solution: Solution) -> list[Tile]:
         horizontal, vertical = np.median(np.hypot(sigma[:, 0], sigma[:, 1])), np.median(sigma[:, 2])
         value = f"{_number(float(horizontal), 2)} / {_number(float(vertical), 2)} {unit}"
         tiles.append(Tile("standard deviation", value, "horizontal / vertical, median"))
-    landmarks, observations = len(solution.landmarks.sigma_px), len(solution.observations.frame)
-    tiles.append(Tile("landmarks", f"{landmarks:,}", f"{observations:,} observations"))
+    landmarks, observations = solution.all_landmarks
+    tiles.append(
+        Tile("landmarks", f"{len(landmarks.sigma_px):,}", f"{len(observations.frame):,} observations")
+    )
     if len(solution.loops):
         note = "frames that find landmarks of an earlier visit"
         tiles.append(Tile("places seen again", f"{len(solution.loops):,}", note))

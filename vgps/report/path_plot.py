@@ -67,7 +67,7 @@ def fixes_outside(solution: Solution) -> int:
 
 
 def _plot_above(axes: Axes, solution: Solution) -> None:
-    path, points = solution.world_T_camera[:, :3, 3], solution.landmarks.world_p_landmark
+    path, points = solution.world_T_camera[:, :3, 3], solution.all_landmarks[0].world_p_landmark
     axes.plot(path[:, 0], path[:, 1], color=_PATH, lw=1.6, label="camera", zorder=3)
     axes.plot(*path[0, :2], "o", color=_PATH, ms=6, mfc="white", label="start", zorder=4)
     if solution.world_p_before is not None:

@@ -114,7 +114,8 @@ def _outage(solution: Solution, distance: FloatArray, begin_s: float, end_s: flo
 
 def features_per_frame(solution: Solution) -> IntArray:
     """Return (F,) the number of observations in each frame."""
-    return np.bincount(solution.observations.frame, minlength=len(solution.t_s)).astype(np.int64)
+    _, observations = solution.all_landmarks
+    return np.bincount(observations.frame, minlength=len(solution.t_s)).astype(np.int64)
 
 
 def distance_m(solution: Solution) -> FloatArray:

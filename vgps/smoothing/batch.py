@@ -8,7 +8,6 @@ import numpy as np
 from factors import exponent_schedule
 from vgps.config import BatchConfig, Config, StartConfig
 from vgps.errors import GeometryError
-from vgps.geometry import triangulate
 from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
@@ -18,14 +17,15 @@ from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
-from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.frame_rates import frame_rates
 from vgps.smoothing.ground import find_ground
 from vgps.smoothing.imu_states import start_imu
+from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.smoothing.readout import with_better_readout
-from vgps.smoothing.row_times import row_times
+from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
@@ -59,7 +59,7 @@ def optimise_batch(
     """
     config = context.config
     assessment = assessment or FixAssessment.unassessed(len(fixes))
-    rounds, iterations = config.batch.rounds, 0
+    rounds, iterations, given = config.batch.rounds, 0, context.cameras
     errors = largest_errors(config.gps) if rounds > 1 else {}
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
     time_offset_warnings: tuple[str, ...] = ()
@@ -73,11 +73,13 @@ def optimise_batch(
             iterations += solved.result.report.iterations
         if round_ < rounds - 1:
             context, state = _with_rows(context, state, solved)
+            context, state = _with_mounts(context, state, solved, given)
             state = _with_ground(state, solved, config.start)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
-    return replace(result, warnings=(*time_offset_warnings, *warnings, *result.warnings))
+    notes = (*time_offset_warnings, *warnings, *result.warnings, *mount_notes(context.cameras, given))
+    return replace(result, warnings=notes)
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def _with_rows(
 ) -> tuple[SmoothingContext, _State]:
     """Return the readout and the frames' rates of a rolling shutter as a round shows them."""
     problem = solved.result.problem
-    if problem.row_times is None:
+    if problem.row_times is None or problem.mounts is not None:
         return context, state
     rates = frame_rates(problem, state.scene.rates)
     as_seen = replace(problem, uv_px=solved.given.scene.observations.uv_px)
@@ -149,6 +151,17 @@ def _with_ground(state: _State, solved: BatchSolution, config: StartConfig) -> _
     sigma_rad = float(np.radians(config.crossfall_sigma_deg))
     ground = find_ground(scene.trajectory, scene.points, solved.given.scene.observations, sigma_rad)
     return replace(state, scene=replace(scene, ground=ground))
+
+
+def _with_mounts(
+    context: SmoothingContext, state: _State, solved: BatchSolution, given: tuple[RigMount, ...]
+) -> tuple[SmoothingContext, _State]:
+    """Return the poses of a rig's cameras on it as a round shows them, and the scene that follows."""
+    cameras, step = refine_mounts(context.cameras, solved.result.problem, given)
+    if step is None:
+        return context, state
+    scene = replace(state.scene, poses=step.poses, points=step.points)
+    return replace(context, cameras=cameras), replace(state, scene=scene)
 
 
 def _learned(state: _State, fixes: Fixes, config: Config) -> dict[FixClass, LearnedErrors]:
@@ -188,7 +201,7 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
 
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:
     """Return the state with features, verdicts and weights updated for the improved poses."""
-    scene = _retriangulate(state.scene, sigma_px, given)
+    scene = triangulated(state.scene, np.isnan(sigma_px), given, given.config.mapping.min_views)
     corrected = fixes.without_time_offset(state.sensors.time_offset_s)
     assessment = state.assessment.updated(_assess(scene, corrected, state.sensors, given.config))
     scale = balanced_sigma_scale(
@@ -221,28 +234,3 @@ def _settings(config: BatchConfig, last: bool) -> SolverSettings:
     return SolverSettings(
         max_iterations=iterations, relative_tolerance=tolerance, lambda_start=_FIRST_DAMPING
     )
-
-
-def _retriangulate(scene: Scene, sigma_px: FloatArray, context: SmoothingContext) -> Scene:
-    """Triangulate deselected features (NaN in ``sigma_px``) again from the improved poses."""
-    min_views = context.config.mapping.min_views
-    deselected = np.isnan(sigma_px)
-    rows = np.flatnonzero(deselected[scene.observations.landmark])
-    rows = rows[np.argsort(scene.observations.landmark[rows], kind="stable")]
-    landmark, start, count = np.unique(
-        scene.observations.landmark[rows], return_index=True, return_counts=True
-    )
-    if len(landmark) == 0:
-        return scene
-    enough = np.repeat(count, count) >= min_views
-    rows, landmark = rows[enough], landmark[count >= min_views]
-    start = np.searchsorted(scene.observations.landmark[rows], landmark)
-    if len(landmark) == 0:
-        return scene
-    frames, uv_px = scene.observations.frame[rows], scene.observations.uv_px[rows]
-    times = row_times(scene.t_s, frames, uv_px, context.camera)
-    poses = scene.poses[frames] if times is None else times.poses(scene.poses)
-    triangulated, _ = triangulate(context.K, poses, uv_px, start)
-    points = scene.points.copy()
-    points[landmark] = triangulated
-    return replace(scene, points=points)

@@ -14,7 +14,7 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FixClass, FloatArray, IntArray
 from vgps.smoothing.batch_problem import BatchInput, BatchProblem
-from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.imu_states import ImuBias, imu_links, middle_bias
@@ -50,6 +50,7 @@ class BatchResult:
         errors: Noise and walk of the fix classes that were learned from the recording.
         imu_bias: The IMU's bias in the middle of the recording; None without an IMU.
         graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.run_graph`).
+        cameras: The other cameras of a rig with their poses on it, refined.
     """
 
     trajectory: Trajectory
@@ -68,6 +69,7 @@ class BatchResult:
     errors: Mapping[FixClass, LearnedErrors]
     imu_bias: ImuBias | None
     graph: Mapping[str, npt.NDArray[Any]]
+    cameras: tuple[RigMount, ...] = ()
 
     @property
     def readout_s(self) -> float | None:
@@ -123,6 +125,7 @@ def batch_result(
         errors=solved.given.errors,
         imu_bias=None if solved.given.imu is None else middle_bias(solved.given.imu, after, covariance),
         graph=graph_arrays(solved.given, after),
+        cameras=context.cameras,
     )
 
 
@@ -159,7 +162,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         gps=gps.bounds,
         others=solved.built.other_factors,
         fixes=gps.bounded,
-        camera_sigma=config.intrinsics.held_sigmas,
+        camera_sigma=context.held_sigmas,
         noise=gps.noise,
         noise_ratio=gps.noise_ratio,
         drift=config.drift,

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import gtsam
 import numpy as np
 
 from vgps.camera import distort, undistort
 from vgps.model import Camera, FloatArray
+from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation, whitening
@@ -47,28 +49,37 @@ def linearise_camera(
         size: Number p of parameters, at most :func:`parameter_count`.
     """
     by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
-    return _equations(linear, unknowns, by_camera, size)
+    return reduced_equations(linear, unknowns, by_camera, size)
 
 
-def linearise_pinhole(problem: BundleProblem, linear: Linearisation, unknowns: Unknowns) -> CameraEquations:
+def linearise_held(problem: BundleProblem, linear: Linearisation, unknowns: Unknowns) -> CameraEquations:
     """Linearise all observations by what may be left of errors in undistorted images, whatever the lens.
 
     Parameters: log focal length, principal point [px], and radial distortion k1, by which a ray of squared
-    radius r^2 is off by ``k1 r^2`` of itself.
+    radius r^2 is off by ``k1 r^2`` of itself. Of a rig they are those of each camera, followed by the poses
+    on it of all cameras but the reference.
 
     Args:
         problem: The problem.
         linear: The problem, linearised.
         unknowns: Places of its poses.
     """
-    by_camera = [pinhole_jacobian(problem, part) for part in linear.chunks]
-    return _equations(linear, unknowns, by_camera, 4)
+    by_camera = [_held_jacobian(problem, part) for part in linear.chunks]
+    return reduced_equations(linear, unknowns, by_camera, len(by_camera[0]) if by_camera else 4)
 
 
-def _equations(
+def _held_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
+    lens, mounts = pinhole_jacobian(problem, part), part.chunk.problem.mounts
+    if mounts is None:
+        return lens
+    by_lens = [np.where(mounts.camera == k, lens, 0.0) for k in range(len(mounts.K))]
+    return np.concatenate([*by_lens, mount_jacobian(part)])
+
+
+def reduced_equations(
     linear: Linearisation, unknowns: Unknowns, by_camera: Sequence[FloatArray], size: int
 ) -> CameraEquations:
-    """Return the equations with the points eliminated."""
+    """Return the equations of parameters with these Jacobians (p, 2, n) by chunk, the points eliminated."""
     coupling = np.zeros((6, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
     for part, J in zip(linear.chunks, by_camera, strict=True):
@@ -86,12 +97,29 @@ def pinhole_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArra
     camera_p = camera_points(here)
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
-    focal = np.array([[problem.K[0]], [problem.K[1]]])
+    fx, fy, _, _ = here.intrinsics
+    focal = np.stack([np.broadcast_to(f, scale.shape) for f in (fx, fy)])
     pixels = focal * camera_p[:2] / np.where(behind, 1.0, camera_p[2])
     squared = np.sum((pixels / focal) ** 2, axis=0)
     one, zero = np.ones_like(scale), np.zeros_like(scale)
     J = np.stack([pixels, np.stack([one, zero]), np.stack([zero, one]), squared * pixels])
     return np.asarray(J * scale)
+
+
+def mount_jacobian(part: LinearisedChunk) -> FloatArray:
+    """Return whitened Jacobians (6 (C - 1), 2, n) of a chunk's residuals by the cameras' poses on a rig.
+
+    In the tangents of ``reference_T_camera`` of all cameras but the reference. A camera's pose in the world
+    moves with it as with ``world_T_reference``, only in its own axes.
+    """
+    mounts = part.chunk.problem.mounts
+    assert mounts is not None
+    assert mounts.reference_T_camera is not None
+    J = np.zeros((len(mounts.reference_T_camera) - 1, POSE_DIM, *part.r.shape))
+    for k, mount in enumerate(mounts.reference_T_camera[1:]):
+        own = mounts.camera == k + 1
+        J[k][:, :, own] = np.einsum("ian,ab->bin", part.jp[:, :, own], gtsam.Pose3(mount).AdjointMap())
+    return J.reshape(-1, *part.r.shape)
 
 
 def changed(camera: Camera, delta: FloatArray) -> Camera:

@@ -2,20 +2,26 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from vgps.config import Config
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
-from vgps.model import Camera, FloatArray
+from vgps.model import Camera, FloatArray, RigCamera
+from vgps.solution import SolvedCamera
+
+RigMount = RigCamera | SolvedCamera
 
 
 @dataclass(frozen=True)
 class SmoothingContext:
-    """Camera, settings, control points and IMU, which no stage changes."""
+    """Camera, settings, control points, IMU and other cameras of the rig, which no stage changes."""
 
     camera: Camera
     config: Config
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
     imu: CameraImu | None = None
+    cameras: tuple[RigMount, ...] = ()
     estimates_readout: bool = False
     """Whether stage D improves the readout of a rolling shutter between its rounds."""
 
@@ -23,3 +29,9 @@ class SmoothingContext:
     def K(self) -> FloatArray:
         """(3, 3) calibration matrix of the undistorted image."""
         return self.camera.K
+
+    @property
+    def held_sigmas(self) -> FloatArray:
+        """Standard deviations of what all observations share, see :func:`camera_equations.linearise_held`."""
+        each = [self.config.intrinsics.held_sigmas] * (1 + len(self.cameras))
+        return np.concatenate([*each, *(one.sigma for one in self.cameras)])

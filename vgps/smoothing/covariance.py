@@ -32,7 +32,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.smoothing.camera_equations import linearise_pinhole
+from vgps.smoothing.camera_equations import linearise_held
 from vgps.smoothing.factor_graph import joined
 from vgps.smoothing.loop_ties import loop_gradient
 from vgps.smoothing.video_drift import drift_by_imu, drift_draws
@@ -56,8 +56,8 @@ class ErrorSources:
         gps: A factor for each fix that takes part, or for each offset; in order of time, residuals (3,).
         others: All other factors.
         fixes: The fixes of the factors in ``gps`` with their regions, the time offset removed.
-        camera_sigma: (4,) standard deviations of the calibration, see
-            :func:`vgps.smoothing.camera_equations.linearise_pinhole`.
+        camera_sigma: (p,) standard deviations of the calibration, see
+            :func:`vgps.smoothing.camera_equations.linearise_held`.
         noise: Factors of the noise about offsets and of their walk, residuals (3,).
         noise_ratio: (N,) their errors over their sigmas.
         drift: Drift of the video.
@@ -94,7 +94,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         values = all_pose_values(problem)
         linear = linearise(problem, values, structure)
         factor, gradient = factorise_pose_system(linear, structure)
-        camera = linearise_pinhole(problem, linear, structure).coupling
+        camera = linearise_held(problem, linear, structure).coupling
         system = _System(problem, values, structure, linear, factor, gradient, camera)
         sources = replace(sources, drift=_shown_drift(system, sources))
         at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
@@ -108,7 +108,7 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
 
 
 class _System(NamedTuple):
-    """The linearised problem, its factor, reduced gradient, and coupling (6 n_free, 4) with the camera."""
+    """The linearised problem, its factor, reduced gradient, and coupling (6 n_free, p) with the camera."""
 
     problem: BundleProblem
     values: gtsam.Values
@@ -149,7 +149,7 @@ def _moved_by_errors(
     size = POSE_DIM * structure.n_free
     right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
     right[:size] += _track_draws(linear, structure, draws, rng)
-    right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((4, draws)))
+    right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((camera.shape[1], draws)))
     drift = drift_draws(problem, structure, sources.drift, draws, rng)
     right -= J.T @ (J[:, :size] @ drift)
     if sources.loop is not None:

@@ -25,7 +25,7 @@ from vgps.smoothing.height_ties import HeightTies
 from vgps.smoothing.level_priors import level_priors
 from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
-from vgps.smoothing.row_times import row_times
+from vgps.smoothing.rig_views import RigViews, observation_times
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
@@ -49,6 +49,7 @@ class Scene:
         rates: (F, 3) angular rates of the frames beyond the path of a rolling shutter, rad/s; None for none.
         ground: The ground under the path; None if it is not known.
         heights: Stretches of known length by the camera's height above the ground; None without.
+        rig: Which camera observes each feature, if there are several; the poses are those of the first.
     """
 
     t_s: FloatArray
@@ -61,6 +62,7 @@ class Scene:
     rates: FloatArray | None = None
     ground: Ground | None = None
     heights: HeightTies | None = None
+    rig: RigViews | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -155,7 +157,8 @@ def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
         landmark=observations.landmark,
         uv_px=observations.uv_px,
         sigma_px=np.ones(len(observations.frame)),
-        row_times=row_times(scene.t_s, observations.frame, observations.uv_px, context.camera),
+        row_times=observation_times(scene.t_s, observations, context, scene.rig),
+        mounts=None if scene.rig is None else scene.rig.mounts(observations.landmark, context),
     )
     return turned_back(problem, scene.rates)
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import gtsam
 import numpy as np
 
 from vgps.camera import distort, undistort
@@ -21,18 +20,16 @@ from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.global_shutter import as_global_shutter
+from vgps.smoothing.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
-from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem, all_pose_values
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _SIGNIFICANT_SIGMAS = 3.0  # of a change of the calibration that is worth a warning
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
-_DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
 
 
 @dataclass(frozen=True)
@@ -142,9 +139,9 @@ def refine_camera(
     result, step, converged = optimise(few, camera, every), 0, False
     while step < config.iterations and not converged:
         step += 1
-        delta, sigma, following = _step(result.problem, camera, prior)
-        moved = changed(camera, delta)
-        few = _undistorted_by(moved, camera, replace(few, poses=following[0], points=following[1]))
+        found = _step(result.problem, camera, prior)
+        delta, sigma, moved = found.delta, found.sigma, changed(camera, found.delta)
+        few = _undistorted_by(moved, camera, replace(few, poses=found.poses, points=found.points))
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
@@ -185,41 +182,16 @@ def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
     )
 
 
-def _step(
-    problem: BundleProblem, camera: Camera, prior: CameraPrior
-) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Return step (p,) and standard deviations (p,) of the calibration, and the poses and points that follow.
-
-    Time offset and lever arm are held; states follow the poses, and stay where they are.
-    """
+def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> ParameterStep:
+    """Return the step of the calibration, in the order of :class:`CameraPrior`."""
     structure, size = analyse_sparsity(problem), parameter_count(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
     equations = linearise_camera(problem, linear, structure, camera, size)
-    V = equations.coupling
-    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
+    believed = ParameterPrior(prior.sigma[:size], _difference(camera, prior.mean))
     try:
-        factor = structure.cholesky(matrix)
+        return parameter_step(problem, linear, structure, equations, believed)
     except NotPositiveDefiniteError:
         raise GeometryError(
             "the video does not determine the calibration with its poses",
             remedy="set intrinsics: {refine: no}",
         ) from None
-    follow = factor.solve(np.column_stack([V, pose_gradient]))
-    precision = 1.0 / prior.sigma[:size] ** 2
-    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(precision)
-    gradient = equations.gradient - V.T @ follow[:, -1] + precision * _difference(camera, prior.mean)
-    delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
-    sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
-    poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))
-    moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, equations.by_camera, strict=True))
-    points = problem.world_p_landmark + landmark_steps(replace(linear, chunks=moved), poses, 0.0).T
-    retracted = [
-        gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
-    ]
-    return delta, sigma, (np.stack(retracted), points)
-
-
-def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:
-    """Return the chunk's linearisation after a step of the calibration."""
-    shift = np.einsum("kin,k->in", J, delta)
-    return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

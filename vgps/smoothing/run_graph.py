@@ -29,6 +29,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.ground import Ground
 from vgps.smoothing.height_ties import CAMERA_HEIGHT, HeightTies
+from vgps.smoothing.rig_views import rig_of
 from vgps.solution import Solution
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
@@ -48,7 +49,7 @@ def factor_graph(run: Path | str | Solution) -> tuple[gtsam.NonlinearFactorGraph
     GTSAM optimise just this graph. Its variables are
 
     - ``x<frame>``: poses world_T_camera (Pose3);
-    - ``l<row>``: landmarks, rows of ``Solution.landmarks`` (Point3), metres;
+    - ``l<row>``: landmarks, rows of ``Solution.all_landmarks`` (Point3), metres;
     - ``o<number>``: offsets of the receiver in order of time, east, north, up, metres (vectors of 3), if its
       error model has memory: a fix is antenna + offset + noise;
     - ``v<knot>``: velocities world_v_camera, m/s (vectors of 3), and ``b<knot>``: biases of accelerometer
@@ -150,24 +151,26 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
     scale = float(graph["video_sigma_scale"])
     config = config.model_copy(update={"batch": config.batch.model_copy(update={"video_sigma_scale": scale})})
     controls = {key: graph[f"controls.{key}"] for key in ControlObservations.__dataclass_fields__}
+    landmarks, observations = solution.all_landmarks
     return BatchInput(
         scene=Scene(
             solution.t_s,
             solution.world_T_camera,
-            solution.landmarks.world_p_landmark,
-            solution.observations,
+            landmarks.world_p_landmark,
+            observations,
             _zero_motions(graph),
             ControlObservations(**controls),
             rates=graph.get("frame_rates"),
             ground=Ground(**_of(graph, "ground", Ground)) if "ground.frame" in graph else None,
             heights=HeightTies.from_arrays(graph),
+            rig=rig_of(solution),
         ),
-        sigma_px=solution.landmarks.sigma_px,
+        sigma_px=landmarks.sigma_px,
         control_sigma_px=graph["controls.sigma_px"],
         fixes=_fixes(graph),
         sensors=_sensors(solution, graph),
         fixed=graph["held"],
-        context=SmoothingContext(solution.camera, config, imu=_imu(graph)),
+        context=SmoothingContext(solution.camera, config, imu=_imu(graph), cameras=solution.cameras),
         errors=_errors(graph),
         imu=ImuStates(**_of(graph, "knots", ImuStates)) if "knots.frame" in graph else None,
     )

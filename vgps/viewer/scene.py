@@ -7,7 +7,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
-from vgps.solution import FrameState, Solution, Verdict
+from vgps.solution import FrameState, Landmarks, Solution, Verdict
 from vgps.viewer import colours
 from vgps.viewer.residuals import gps_results
 from vgps.viewer.run_stream import RunStream
@@ -29,9 +29,18 @@ def log_scene(stream: RunStream, solution: Solution) -> None:
     stream.log_static(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_camera(stream, solution)
     _log_paths(stream, solution)
-    landmarks = solution.landmarks
+    _log_landmarks(stream, LANDMARKS, solution.landmarks)
+    for camera in solution.cameras:
+        _log_landmarks(stream, f"{LANDMARKS}_{camera.name}", camera.landmarks)
+    if solution.fixes is not None and solution.gps is not None:
+        for fix_class, verdict, rows in fix_groups(solution):
+            _log_fixes(stream, solution, fix_class, verdict, rows)
+        _log_fix_now(stream, solution)
+
+
+def _log_landmarks(stream: RunStream, path: str, landmarks: Landmarks) -> None:
     stream.log_static(
-        LANDMARKS,
+        path,
         rr.Points3D(
             landmarks.world_p_landmark,
             colors=colours.green_to_red(landmarks.sigma_px, colours.GOOD_SIGMA_PX, colours.BAD_SIGMA_PX),
@@ -39,10 +48,6 @@ def log_scene(stream: RunStream, solution: Solution) -> None:
         ),
         rr.AnyValues(sigma_px=landmarks.sigma_px),
     )
-    if solution.fixes is not None and solution.gps is not None:
-        for fix_class, verdict, rows in fix_groups(solution):
-            _log_fixes(stream, solution, fix_class, verdict, rows)
-        _log_fix_now(stream, solution)
 
 
 def fix_groups(solution: Solution) -> list[tuple[FixClass, Verdict, IntArray]]:

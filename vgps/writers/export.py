@@ -62,11 +62,11 @@ def _tum(job: ExportJob, out: Path) -> None:
 
 def _ply(job: ExportJob, out: Path) -> None:
     solution, origin, system = job.solution, job.solution.world_origin, job.system
-    marks, about = solution.landmarks, None
+    (marks, observations), about = solution.all_landmarks, None
     if not _is_world(job) and origin is not None and system is not None:
         marks = replace(marks, world_p_landmark=world_to_system(system, origin, marks.world_p_landmark))
         about = f"{', '.join(system.axes)}: {system.description}"
-    write_ply(marks, solution.observations, origin, out, about)
+    write_ply(marks, observations, origin, out, about)
 
 
 def _is_world(job: ExportJob) -> bool:

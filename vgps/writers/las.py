@@ -21,7 +21,7 @@ def write_las(job: ExportJob, out: Path) -> None:
         import laspy  # noqa: PLC0415  (an extra)
     except ImportError as error:
         raise RunFolderError("LAS needs laspy", remedy="pip install 'vgps[las]'") from error
-    system, marks = job.georeferenced, job.solution.landmarks
+    system, (marks, observations) = job.georeferenced, job.solution.all_landmarks
     points = system.from_geodetic(job.geodetic_of(marks.world_p_landmark))
     header = laspy.LasHeader(point_format=7, version="1.4")
     flat = _SCALE_DEG if system.is_geographic else _SCALE_M
@@ -36,6 +36,6 @@ def write_las(job: ExportJob, out: Path) -> None:
     for colour in ("red", "green", "blue", "intensity"):
         cloud[colour] = marks.gray.astype(np.uint16) * _GREY16
     cloud["sigma_px"] = marks.sigma_px
-    cloud["observations"] = np.bincount(job.solution.observations.landmark, minlength=len(points))
+    cloud["observations"] = np.bincount(observations.landmark, minlength=len(points))
     with out.open("wb") as stream:
         cloud.write(stream, do_compress=out.suffix.lower() == ".laz")

@@ -40,6 +40,11 @@ control_points.sigma_m          (P, 3)       standard deviations of the mark, ea
 control_points.check            (P,)         whether it is a check point
 loops                           (n, 2)       frames that see a place again, and the frames that saw it before
 static_regions                  (n, 6)       what never moves: first, last frame, left, top, right, bottom px
+cameras.0.reference_T_camera    (4, 4)       pose of the first of a rig's other cameras on the reference
+cameras.0.sigma                 (6,)         its standard deviations, about its own axes [rad; m]
+cameras.0.delay_s               (F,)         times of its frames after those of the reference
+cameras.0.landmarks.*           (L0, ...)    landmarks that it observes, as above, in the graph after others
+cameras.0.observations.*        (N0, ...)    its observations, as above, in its own image
 graph.offsets                   (K, 3)       the receiver's offsets ``o0..``, east, north, up
 graph.c0                        (1,)         change of the time offset, if it is estimated
 graph.d0                        (3,)         lever arm, if it is estimated
@@ -69,8 +74,9 @@ graph.controls.sigma_m          (C, 3)       of its position
 graph.controls.sigma_px         (C,)         of its position and its observation, in the image
 =============================== ============ ============================================================
 
-The ``gps`` keys are absent without a log, the ``fixes`` keys without verdicts, the ``control_points`` keys
-without such points; ``schema_version`` and ``world_p_before`` in runs from before version 0.1.0. The
+The ``cameras`` keys are those of a rig of several cameras. The ``gps`` keys are absent without a log, the
+``fixes`` keys without verdicts, the ``control_points`` keys without such points; ``schema_version`` and
+``world_p_before`` in runs from before version 0.1.0. The
 ``graph`` keys hold what the last problem of stage D took beside the rest, for :func:`vgps.factor_graph`; they
 are absent where stage D was not run, and in runs of version 0.1. The intrinsics are in ``solution.json``.
 Nothing is pickled.
@@ -104,6 +110,10 @@ def _arrays(solution: Solution) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         part = getattr(solution, name)
         if part is not None:
             yield from _fields_of(part, f"{name}.")
+    for k, camera in enumerate(solution.cameras):
+        yield from _fields_of(camera, f"cameras.{k}.")
+        for name in ("landmarks", "observations"):
+            yield from _fields_of(getattr(camera, name), f"cameras.{k}.{name}.")
     for key, array in (solution.graph or {}).items():
         yield f"graph.{key}", array
     yield "state", _words(solution.state)

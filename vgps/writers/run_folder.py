@@ -14,7 +14,7 @@ from vgps.crs import ELLIPSOIDAL
 from vgps.model import ControlPoints
 from vgps.readers.run_folder import SCHEMA_VERSION
 from vgps.runtime.versions import versions
-from vgps.solution import FrameState, SensorReport, Solution
+from vgps.solution import FrameState, SensorReport, Solution, SolvedCamera, Trajectory
 from vgps.writers.atomic import check_writable, new_folder
 from vgps.writers.camera import write_camera
 from vgps.writers.measurements import write_measurements
@@ -34,6 +34,7 @@ FILES = (
     "solution.json",
 )
 CAMERA_FILE = "camera.yaml"  # only where the calibration was found or refined
+CAMERAS = "cameras"  # folder of the poses of a rig's other cameras
 
 
 def write_run(solution: Solution, out: Path) -> None:
@@ -45,17 +46,21 @@ def write_run(solution: Solution, out: Path) -> None:
     Raises:
         RunFolderError: ``out`` has something other than an earlier run, or cannot be written.
     """
-    with new_folder(out, (*FILES, CAMERA_FILE)) as folder:
+    with new_folder(out, (*FILES, CAMERA_FILE, CAMERAS)) as folder:
         write_tum(solution.trajectory, folder / "poses.tum")
         write_poses(solution, folder / "poses.csv")
         write_gps(solution.gps, solution.fixes, folder / "gps.csv")
-        write_ply(solution.landmarks, solution.observations, solution.world_origin, folder / "points.ply")
+        write_ply(*solution.all_landmarks, solution.world_origin, folder / "points.ply")
         write_measurements(solution, folder / "measurements.npz")
         config = yaml.safe_dump(_plain(solution.config), sort_keys=False, allow_unicode=True)
         (folder / "config.yaml").write_text(config, encoding="utf-8")
         write_summary(summarise(solution), folder / "solution.json")
         if solution.sensors.camera_sigma:
             write_camera(solution, folder / CAMERA_FILE)
+        for camera in solution.cameras:
+            (folder / CAMERAS / camera.name).mkdir(parents=True)
+            poses = solution.world_T_camera @ camera.reference_T_camera
+            write_tum(Trajectory(solution.t_s, poses), folder / CAMERAS / camera.name / "poses.tum")
 
 
 def write_summary(summary: Mapping[str, Any], file: Path) -> None:
@@ -89,6 +94,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "warnings": list(solution.warnings),
         "camera": asdict(solution.camera),
         "camera_source": solution.camera_source,
+        "cameras": [_rig_camera(one) for one in solution.cameras],
         "camera_p_antenna": solution.camera_p_antenna,
         "sensors": _sensors(solution.sensors),
         "gps": None
@@ -101,7 +107,8 @@ def summarise(solution: Solution) -> dict[str, Any]:
 
 
 def _files(solution: Solution) -> tuple[str, ...]:
-    return (*FILES, CAMERA_FILE) if solution.sensors.camera_sigma else FILES
+    camera = (CAMERA_FILE,) if solution.sensors.camera_sigma else ()
+    return (*FILES, *camera, *(f"{CAMERAS}/{one.name}/poses.tum" for one in solution.cameras))
 
 
 def _control_points(points: ControlPoints | None) -> dict[str, Any] | None:
@@ -113,6 +120,18 @@ def _control_points(points: ControlPoints | None) -> dict[str, Any] | None:
         "notes": list(points.notes),
         "control": len(set(np.array(points.name)[~points.check].tolist())),
         "check": len(set(np.array(points.name)[points.check].tolist())),
+    }
+
+
+def _rig_camera(solved: SolvedCamera) -> dict[str, Any]:
+    """Return another camera of a rig; its pose in the fields of rig.yaml, for the next recording."""
+    return {
+        "name": solved.name,
+        "camera": asdict(solved.camera),
+        "reference_R_camera": solved.reference_T_camera[:3, :3],
+        "reference_p_camera": solved.reference_T_camera[:3, 3],
+        "rotation_sigma_deg": float(np.degrees(solved.sigma[:3].max())),
+        "position_sigma_m": float(solved.sigma[3:].max()),
     }
 
 
@@ -132,11 +151,12 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
 def _counts(solution: Solution) -> dict[str, int]:
     fixes = 0 if solution.gps is None else len(solution.gps)
     used = 0 if solution.fixes is None else int(np.count_nonzero(solution.fixes.used))
+    landmarks, observations = solution.all_landmarks
     return {
         "frames": len(solution.t_s),
         **{f"frames_{state}": solution.state.count(state) for state in FrameState},
-        "landmarks": len(solution.landmarks.world_p_landmark),
-        "observations": len(solution.observations.frame),
+        "landmarks": len(landmarks.world_p_landmark),
+        "observations": len(observations.frame),
         "submaps": 1 if solution.report.submaps is None else len(solution.report.submaps.places),
         "loops": len(solution.loops),
         "frames_with_static_regions": int(np.count_nonzero(solution.static_share)),

@@ -1,0 +1,140 @@
+"""Other cameras of a rig: their videos on the clock of the recording's own."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from vgps.errors import CalibrationError, RecordingError, VideoError
+from vgps.model import Camera, FloatArray, Frame, Recording, RigCamera, Video
+from vgps.readers.calibration import read_camera
+from vgps.readers.gopro_lens import with_readout
+from vgps.readers.masks import MaskFolder
+from vgps.readers.rig_fields import CameraFields, RigFields
+from vgps.readers.sources import MASKS, Source, opened, telemetry_of
+from vgps.readers.stabilisation import is_stabilised
+from vgps.readers.yaml_fields import read_fields
+
+
+@dataclass(frozen=True)
+class LaterVideo:
+    """A video that starts later than the clock, or earlier if ``later_s`` is negative."""
+
+    video: Source
+    later_s: float
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self.video.path
+
+    @property
+    def times_s(self) -> FloatArray:
+        """(F,) times of the frames."""
+        return self.video.times_s + self.later_s
+
+    @property
+    def width(self) -> int:
+        """Width in pixels."""
+        return self.video.width
+
+    @property
+    def height(self) -> int:
+        """Height in pixels."""
+        return self.video.height
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield all frames in order of presentation."""
+        return (replace(frame, t_s=frame.t_s + self.later_s) for frame in self.video.frames())
+
+
+def open_cameras(rig_file: Path, video: Source, camera: Camera | None) -> tuple[RigCamera, ...]:
+    """Open the other cameras of a rig.
+
+    Args:
+        rig_file: Names their files, which are beside it.
+        video: Video of the reference camera.
+        camera: Its calibration, which is also that of cameras without their own; None if it is not known.
+
+    Raises:
+        RecordingError: A video is missing, or is never recorded at the time of the reference.
+        CalibrationError: Two cameras have one name, or a camera has no calibration, or one of another size.
+        VideoError: A video cannot be read, or its picture moves on the camera.
+    """
+    listed = read_fields(RigFields, rig_file).cameras
+    if not listed:
+        return ()
+    if camera is None:
+        raise CalibrationError(
+            "no camera.yaml beside a rig of several cameras",
+            file=rig_file,
+            remedy="calibrate each camera alone: vgps calibrate-camera VIDEO --out camera.yaml",
+        )
+    name, count = Counter(one.name for one in listed).most_common(1)[0]
+    if count > 1:
+        raise CalibrationError(
+            f"{count} cameras named {name}", file=rig_file, place="key cameras", expected="distinct names"
+        )
+    _check_rigid(video)
+    return tuple(_opened(one, rig_file, video, camera) for one in listed)
+
+
+def refuse_several(recording: Recording, verb: str) -> None:
+    """Refuse a rig of several cameras.
+
+    Raises:
+        RecordingError: The recording has other cameras.
+    """
+    if recording.cameras:
+        raise RecordingError(
+            f"rig.yaml lists cameras, {verb} takes one",
+            file=recording.path,
+            remedy="name a rig.yaml without the key cameras: --rig FILE",
+        )
+
+
+def _check_rigid(video: Source) -> None:
+    if is_stabilised(telemetry_of(video)):
+        raise VideoError(
+            "the picture is stabilised, so that it turns on the rig",
+            file=video.path,
+            remedy="record with stabilisation off, or smooth each camera alone",
+        )
+
+
+def _opened(fields: CameraFields, rig_file: Path, reference: Source, camera: Camera) -> RigCamera:
+    file, name = rig_file.parent / fields.video, fields.name
+    if not file.exists():
+        raise RecordingError(f"no video {fields.video} of camera {name}", file=rig_file, place="key cameras")
+    source = opened(file)
+    _check_rigid(source)
+    lens_file = rig_file if fields.camera is None else rig_file.parent / fields.camera
+    lens = camera if fields.camera is None else read_camera(lens_file)
+    if (lens.width, lens.height) != (source.width, source.height):
+        raise CalibrationError(
+            f"camera {name} is {source.width} x {source.height} in {fields.video}",
+            file=lens_file,
+            expected=f"{lens.width} x {lens.height}, as calibrated",
+            remedy=f"give camera {name} a calibration of its own: camera: FILE in rig.yaml",
+        )
+    video: Video = LaterVideo(source, fields.time_offset_s) if fields.time_offset_s else source
+    first_s, last_s = reference.times_s[[0, -1]]
+    if not np.any((video.times_s >= first_s) & (video.times_s <= last_s)):
+        raise RecordingError(
+            f"camera {name} is recorded from {video.times_s[0]:.2f} to {video.times_s[-1]:.2f} s",
+            file=rig_file,
+            place="key cameras",
+            expected=f"frames from {first_s:.2f} to {last_s:.2f} s, as in {reference.path.name}",
+            remedy="check time_offset_s",
+        )
+    masks = rig_file.parent / MASKS / name
+    return RigCamera(
+        name=name,
+        video=video,
+        camera=with_readout(lens, telemetry_of(source), getattr(source, "quarter_turns", 0)),
+        reference_T_camera=fields.reference_T_camera(rig_file),
+        sigma=fields.sigma,
+        masks=MaskFolder(masks, source) if masks.is_dir() else None,
+    )

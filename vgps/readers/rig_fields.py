@@ -1,0 +1,88 @@
+"""The fields of ``rig.yaml``, all optional.
+
+``camera_p_antenna`` [m], ``video_start_utc``, ``world_origin`` (latitude, longitude [deg], ellipsoidal height
+[m]), ``gyro_R_camera`` (three rows), ``gyro_time_offset_s``, ``gyro_bias_rad_s``, ``exposure_s``,
+``video_start_s``. Of an IMU: ``imu_R_camera`` (three rows), ``imu_p_camera`` (the camera in the IMU's frame)
+[m], ``imu_time_offset_s``, ``imu_gyro_bias_rad_s``, ``imu_accelerometer_bias_m_s2``, ``imu_gyro_density``
+[rad/s/sqrt(Hz)], ``imu_accelerometer_density`` [m/s^2/sqrt(Hz)]. For information only, a calibration's
+standard deviations: ``gyro_rotation_sigma_deg``, ``gyro_bias_sigma_rad_s`` and so on.
+
+Of a rig of several cameras: ``cameras``, a list of those beside the recording's own, the reference. Each has
+
+- ``name``, and ``video``, a file or a folder of images beside rig.yaml;
+- ``camera``: its calibration, unless it is that of the reference;
+- ``reference_R_camera`` (three rows) and ``reference_p_camera`` (its centre in the reference camera's frame)
+  [m], and their standard deviations on each axis ``rotation_sigma_deg`` (0.5) and ``position_sigma_m``
+  (0.01); 0 holds them as they are given;
+- ``time_offset_s``: the time of its first frame on the clock of the reference's video.
+"""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, FiniteFloat
+
+from vgps.model import FloatArray
+from vgps.readers.yaml_fields import Fields, NotNegative, Positive, Vector3, rotation_of
+
+Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
+Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
+
+
+class CameraFields(Fields):
+    """Another camera of the rig."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+    video: Path
+    camera: Path | None = None
+    reference_R_camera: tuple[Vector3, Vector3, Vector3]
+    reference_p_camera: Vector3 = (0.0, 0.0, 0.0)
+    rotation_sigma_deg: NotNegative = 0.5
+    position_sigma_m: NotNegative = 0.01
+    time_offset_s: FiniteFloat = 0.0
+
+    def reference_T_camera(self, path: Path) -> FloatArray:
+        """Return the pose (4, 4) on the reference camera.
+
+        Raises:
+            CalibrationError: It is no rotation.
+        """
+        pose = np.eye(4)
+        pose[:3, :3] = rotation_of(self, "reference_R_camera", path)
+        pose[:3, 3] = self.reference_p_camera
+        return pose
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(6,) standard deviations of the pose about its own axes [rotation rad; translation m]."""
+        return np.repeat([np.radians(self.rotation_sigma_deg), self.position_sigma_m], 3)
+
+
+class RigFields(Fields):
+    """All fields."""
+
+    camera_p_antenna: Vector3 | None = None
+    video_start_utc: datetime | None = None
+    world_origin: tuple[Latitude, Longitude, FiniteFloat] | None = None
+    gyro_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    gyro_time_offset_s: FiniteFloat = 0.0
+    gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    gyro_rotation_sigma_deg: Vector3 | None = None
+    gyro_time_offset_sigma_s: FiniteFloat | None = None
+    gyro_bias_sigma_rad_s: Vector3 | None = None
+    imu_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    imu_p_camera: Vector3 = (0.0, 0.0, 0.0)
+    imu_time_offset_s: FiniteFloat = 0.0
+    imu_gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    imu_accelerometer_bias_m_s2: Vector3 = (0.0, 0.0, 0.0)
+    imu_gyro_density: Positive | None = None
+    imu_accelerometer_density: Positive | None = None
+    imu_rotation_sigma_deg: Vector3 | None = None
+    imu_time_offset_sigma_s: FiniteFloat | None = None
+    imu_gyro_bias_sigma_rad_s: Vector3 | None = None
+    imu_accelerometer_bias_sigma_m_s2: Vector3 | None = None
+    exposure_s: NotNegative | None = None
+    video_start_s: FiniteFloat = 0.0
+    cameras: tuple[CameraFields, ...] = ()
