@@ -50,6 +50,21 @@ def test_the_folder_holds_a_recording(folder: Path) -> None:
     assert recording.gyro.t_s[0] <= -0.19 and recording.gyro.t_s[-1] >= 1.93 + 0.19
 
 
+def test_other_cameras_look_outwards_from_a_ring(tmp_path: Path) -> None:
+    short = replace(TINY, speed=((0.0, 1.2), (0.2, 1.2)), cameras=3)
+    for _ in range(2):  # the second replaces the first
+        simulate(tmp_path / "rig", short)
+    recording = open_recording(tmp_path / "rig")
+    assert [camera.name for camera in recording.cameras] == ["camera_2", "camera_3"]
+    centre = np.array([0.0, 0.0, -0.1])  # of the ring
+    for camera, angle_deg in zip(recording.cameras, (120.0, 240.0), strict=True):
+        outwards = camera.reference_T_camera[:3, 2]
+        np.testing.assert_allclose(camera.reference_T_camera[:3, 3], centre + 0.1 * outwards, atol=1e-9)
+        assert outwards[2] == pytest.approx(np.cos(np.radians(angle_deg)))
+        assert len(camera.video.times_s) == short.frames
+        assert all(frame.gray.std() > 10.0 for frame in camera.video.frames())
+
+
 def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "imu"
     for _ in range(2):  # the second replaces the first

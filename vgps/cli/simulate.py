@@ -76,6 +76,7 @@ def simulate(
     gps_reference: Path | None = None,
     gps_seed: Seed | None = None,
     imu: bool = False,
+    cameras: Annotated[int, Parameter(validator=Number(gte=1, lte=6))] = 1,
     shutter: Shutter | None = None,
     given: GivenPath | None = None,
 ) -> None:
@@ -91,6 +92,7 @@ def simulate(
             the truth.
         gps_seed: Seed of the receiver's errors, if not that of the world.
         imu: Also write imu.csv, the gyro and an accelerometer, and their mounting.
+        cameras: Number of cameras of the rig, at equal angles around it.
         shutter: Frame rate, readout and shaking.
         given: Path and surroundings.
     """
@@ -100,7 +102,7 @@ def simulate(
     given = given or GivenPath()
     name = scene or ("walk" if given.path is None else "drive")
     config = given.applied(scene_with_errors(name, gps_errors, gps_reference))
-    config = replace(config, **(shutter or Shutter()).changes())
+    config = replace(config, **(shutter or Shutter()).changes(), cameras=cameras)
     config = replace(config, gps=replace(config.gps, seed=gps_seed))
     if imu:
         config = replace(config, accelerometer=AccelerometerConfig())

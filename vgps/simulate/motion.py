@@ -53,6 +53,18 @@ class Motion:
         return np.asarray(rate[..., 0])
 
 
+@dataclass(frozen=True)
+class MountedMotion:
+    """Motion of another camera of the rig, fixed to the first by ``reference_T_camera`` (4, 4)."""
+
+    motion: Motion
+    reference_T_camera: FloatArray
+
+    def poses(self, t_s: FloatArray) -> FloatArray:
+        """Return world_T_camera (N, 4, 4) at (N,) seconds since the first frame."""
+        return np.asarray(self.motion.poses(t_s) @ self.reference_T_camera)
+
+
 def build_motion(config: SceneConfig, rng: np.random.Generator) -> Motion:
     """Build the scene's motion: its path at its speed, plus bobbing, shaking, looking around and panning.
 

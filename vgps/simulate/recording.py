@@ -17,8 +17,9 @@ from vgps.camera import camera_fields
 from vgps.errors import ConfigError, RunFolderError
 from vgps.model import Camera, FloatArray
 from vgps.simulate.accelerometer import simulate_accelerometer
-from vgps.simulate.motion import build_motion
+from vgps.simulate.motion import MountedMotion, build_motion
 from vgps.simulate.render import Picture, Renderer
+from vgps.simulate.ring import MAX_CAMERAS, ring
 from vgps.simulate.scene import SceneConfig, scene_config
 from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
 from vgps.simulate.street import build_world
@@ -31,9 +32,11 @@ FILES = (
 )
 IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
 _BIASES_HZ = 10.0
+_CAMERA_FILES = {f"{name}.mp4" for name in ring(MAX_CAMERAS)}
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
 _THREADS = 2
 _AHEAD = 6
+_NEXT_CAMERA = 7919  # between the seeds of the cameras' noise
 
 
 def simulate(
@@ -64,7 +67,8 @@ def simulate(
         motion = build_motion(config, motion_rng)
         if config.gps.seed is not None:
             gps_rng = np.random.default_rng([config.gps.seed, 2])
-        renderer = Renderer(build_world(config, world_rng), motion, config, seed)
+        world = build_world(config, world_rng)
+        renderer = Renderer(world, motion, config, seed)
         _write_camera(folder / "camera.yaml", config, renderer)
         _write_rig(folder / "rig.yaml", config)
         fixes = simulate_fixes(motion, config, gps_rng)
@@ -88,6 +92,9 @@ def simulate(
         }
         (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
         write_video(folder / "video.mp4", _rendered(renderer, config.frames), config, on_frame)
+        for k, (name, mount) in enumerate(ring(config.cameras).items(), start=1):
+            renderer = Renderer(world, MountedMotion(motion, mount), config, seed + k * _NEXT_CAMERA)
+            write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config, on_frame)
 
 
 def write_video(
@@ -151,6 +158,16 @@ def _write_rig(path: Path, config: SceneConfig) -> None:
     if config.accelerometer is not None:
         fields["imu_R_camera"] = np.round(gyro_R_camera(config.gyro), 12).tolist()
         fields["imu_p_camera"] = list(config.accelerometer.imu_p_camera)
+    if config.cameras > 1:
+        fields["cameras"] = [
+            {
+                "name": name,
+                "video": f"{name}.mp4",
+                "reference_R_camera": (np.round(mount[:3, :3], 12) + 0.0).tolist(),
+                "reference_p_camera": np.round(mount[:3, 3], 12).tolist(),
+            }
+            for name, mount in ring(config.cameras).items()
+        ]
     path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
 
 
@@ -210,7 +227,7 @@ def _check(out: Path) -> None:
     if not out.is_dir():
         raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
     found = {entry.name for entry in out.iterdir()}
-    if found and (_MARK not in found or found - {*FILES, *IMU_FILES}):
+    if found and (_MARK not in found or found - {*FILES, *IMU_FILES, *_CAMERA_FILES}):
         raise RunFolderError(
             "has files that are not of a simulation",
             file=out,

@@ -10,7 +10,7 @@ from scipy.signal import detrend
 from vgps.model import FloatArray
 from vgps.simulate.canvas import Box, Canvas, depth_bands
 from vgps.simulate.faces import faces_in_view, texture_maps
-from vgps.simulate.motion import Motion
+from vgps.simulate.motion import Motion, MountedMotion
 from vgps.simulate.polygons import Polygon
 from vgps.simulate.ripmap import Ripmap
 from vgps.simulate.row_rays import KNOTS, draw_rows
@@ -33,7 +33,9 @@ class Renderer:
     instants are drawn at twice the size, many with displacements within the pixel.
     """
 
-    def __init__(self, world: World, motion: Motion, config: SceneConfig, seed: int = 0) -> None:
+    def __init__(
+        self, world: World, motion: Motion | MountedMotion, config: SceneConfig, seed: int = 0
+    ) -> None:
         self._world, self._motion, self._config, self._seed = world, motion, config, seed
         repeating = set(world.texture[world.repeat > 1].tolist())
         self._textures = [Ripmap(image, k in repeating) for k, image in enumerate(world.textures)]

@@ -43,6 +43,7 @@ class SceneConfig:
         texture_scale: Scale of the textures' resolution; smaller is faster.
         noise_levels: Sensor noise, standard deviation in grey levels.
         max_samples: Largest number of instants rendered and averaged for a frame.
+        cameras: Number of cameras of the rig, in a ring around the first one's place, looking outwards.
         crf: Quality of the H.264 video (lower is better).
         gps, gyro: Receiver and gyro.
         accelerometer: Makes the gyro an IMU; None without one.
@@ -78,6 +79,7 @@ class SceneConfig:
     texture_scale: float = 1.0
     noise_levels: float = 1.5
     max_samples: int = 64
+    cameras: int = 1
     crf: int = 16
     gps: GpsConfig = field(default_factory=GpsConfig)
     gyro: GyroConfig = field(default_factory=GyroConfig)
