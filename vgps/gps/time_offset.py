@@ -8,8 +8,10 @@ offset while a vehicle keeps accelerating or turning. So the displacements are c
 factor for every time offset.
 """
 
+from dataclasses import replace
+
 import numpy as np
-from scipy.special import ndtr, stdtrit
+from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes
@@ -18,6 +20,7 @@ from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.solution import Trajectory
 
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
+_NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # receivers filter their positions, so that the errors of closer ones are alike
 
 
@@ -74,13 +77,18 @@ def likelier_time_offset(
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
-    second = np.floor(
-        (fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5
-    )  # stamps of 1 Hz in the middle of theirs
+    second = np.floor((fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5)  # the stamps of 1 Hz in its middle
     spaced = fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
     pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
-    likely, probability = weighed(best_time_offset(pairs, prior), prior, config.trusted_time_offset_s)
-    if probability < 0.5:
+    found = _without_prior(best_time_offset(pairs, prior), prior)
+    gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
+    if gain <= 0.0 or pairs.degrees_of_freedom < 1:
+        return sensors, ()
+    # a sigma from few pairs is itself uncertain: what the fixes prefer counts, by Student's t
+    sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
+    sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
+    likely, probability = weighed(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
+    if probability < 0.5 or likely.sigma_s > config.time_offset.shown_share * prior.sigma_s:
         return sensors, ()
     late = f"{likely.time_offset_s:.2f} s (standard deviation {likely.sigma_s:.2f} s)"
     return sensors.with_time_offset(likely), (
@@ -93,15 +101,11 @@ def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[Tim
     """Return the mean over both hypotheses with its standard deviation, and the probability of an offset.
 
     Args:
-        found: The time offset under the prior.
+        found: What the fixes say, without the prior.
         prior: Any time offset.
         trusted_s: Standard deviation of the other hypothesis about the prior's mean.
     """
-    information = found.sigma_s**-2 - prior.sigma_s**-2
-    if information <= 0.0:
-        return prior, 0.0
-    variance = 1.0 / information  # of what the fixes say, without the prior
-    change = (found.time_offset_s - prior.time_offset_s) * found.sigma_s**-2 * variance
+    variance, change = found.sigma_s**2, found.time_offset_s - prior.time_offset_s
     of_hypothesis = np.array([trusted_s, prior.sigma_s]) ** 2
     total = of_hypothesis + variance
     evidence = np.exp(-0.5 * (change**2 / total - change**2 / total.max())) / np.sqrt(total)
@@ -110,6 +114,13 @@ def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[Tim
     weighed_mean = float(share @ mean)
     sigma_s = float(np.sqrt(share @ (spread + (mean - weighed_mean) ** 2)))
     return TimeOffset(prior.time_offset_s + weighed_mean, sigma_s), float(share[1])
+
+
+def _without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
+    """Return what the fixes alone say of a time offset that was found under a prior."""
+    information = max(found.sigma_s**-2 - prior.sigma_s**-2, _NO_INFORMATION)
+    change = (found.time_offset_s - prior.time_offset_s) * found.sigma_s**-2 / information
+    return TimeOffset(prior.time_offset_s + change, information**-0.5)
 
 
 def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:
