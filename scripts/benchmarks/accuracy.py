@@ -1,8 +1,10 @@
 """How accurate is `vgps smooth` on the logs of a recording with truth?
 
 Unaligned errors of the camera centre, fixes rejected, and the time offset found, for each log and seed.
+--reencode runs all of it with the video encoded again, too: a result that such a disturbance flips is chance.
 """
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -10,25 +12,25 @@ import numpy as np
 import vgps
 from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import LiveTable
+from scripts.common.reencoded import reencoded
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
+from vgps.model import Recording
 from vgps.solution import Verdict
 
-COLUMNS = ["log", "seed", "frames posed", "mean [m]", "max [m]", "fixes rejected", "time offset [s]"]
+COLUMNS = ["video", "log", "seed", "frames posed", "mean [m]", "max [m]", "fixes rejected", "time offset [s]"]
 
 
-def one_run(recording: Path, gps: str, seed: int) -> dict[str, str | int | float]:
+def one_run(opened: Recording, seed: int) -> dict[str, str | int | float]:
     """Return the result of one log and seed.
 
     Raises:
-        VgpsError: The recording cannot be read or smoothed.
+        VgpsError: The recording cannot be smoothed.
     """
-    opened = vgps.open_recording(recording, gps=gps)
     solution = vgps.smooth(opened, vgps.Config(seed=seed), TerminalProgress())
-    error = evaluate(solution, recording / "truth.tum").camera_position_m
+    error = evaluate(solution, opened.path / "truth.tum").camera_position_m
     verdicts = solution.fixes.verdict if solution.fixes else ()
     return {
-        "log": Path(gps).stem,
         "seed": seed,
         "frames": int(np.isfinite(solution.world_T_camera[:, 0, 3]).sum()),
         "mean_m": error.mean,
@@ -39,18 +41,26 @@ def one_run(recording: Path, gps: str, seed: int) -> dict[str, str | int | float
 
 
 def main() -> None:
-    """Print a row per log and seed as it comes."""
+    """Print a row per video, log and seed as it comes."""
     parser = ScriptParser("benchmarks.accuracy", __doc__)
     add_recording_and_logs(parser)
     add_seeds(parser, 1)
+    parser.add_argument(
+        "--reencode", type=int, nargs="*", default=[], metavar="CRF", help="qualities of x264, as 20 28 34"
+    )
     given = parser.parse_args()
-    with parser.refusals():
+    with parser.refusals(), tempfile.TemporaryDirectory() as scratch:
         results, table = parser.results(given), LiveTable(*COLUMNS)
-        for seed in range(given.seeds):
+        for crf in (None, *given.reencode):
             for gps in given.logs:
-                found = one_run(given.recording, gps, seed)
-                results.add(**found)
-                table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
+                opened = vgps.open_recording(given.recording, gps=gps)
+                if crf is not None:
+                    opened = reencoded(opened, Path(scratch) / f"{crf}.mp4", crf)
+                names = {"video": "as it is" if crf is None else f"crf {crf}", "log": Path(gps).stem}
+                for seed in range(given.seeds):
+                    found = {**names, **one_run(opened, seed)}
+                    results.add(**found)
+                    table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
 
 
 if __name__ == "__main__":
