@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vgps.geometry import largest_angle_rad, project, triangulate, world_rays
+from vgps.geometry import largest_angle_rad, project, reprojection_inliers, triangulate, world_rays
 
 K = np.array([[500.0, 0, 320], [0, 510, 240], [0, 0, 1]])
 
@@ -37,6 +37,21 @@ def test_triangulation_finds_exact_points(seed, views):
     found, error = triangulate(K, np.tile(cameras, (5, 1, 1)), uv, views * np.arange(5))
     np.testing.assert_allclose(found, points, atol=1e-5)
     assert error.max() < 1e-5
+
+
+def test_what_a_lens_stretches_counts_less():
+    """Three views along a line, the last one off by 1 px in an image stretched tenfold.
+
+    Weights W are 1, 1, 1/100. The point's two coordinates leave errors W^-1 n / (n W^-1 n), n = (1, -2, 1).
+    """
+    cameras = np.stack([pose(np.zeros(3), [x, 0, 0]) for x in (-1.0, 0.0, 1.0)])
+    uv = np.concatenate([project(K, T, np.array([[0.0, 0.0, 10.0]]))[0] for T in cameras])
+    uv[2, 0] += 1.0
+    lens = np.array([1.0, 1.0, 0.1])[:, None, None] * np.eye(2)
+    point, error = triangulate(K, cameras, uv, np.array([0]), lens=lens)
+    np.testing.assert_allclose(error, np.array([1.0, 2.0, 10.0]) / 105.0, rtol=1e-3)
+    agree = reprojection_inliers(K, cameras[1], point.repeat(3, axis=0), np.full((3, 2), 245.0), 20.0, lens)
+    np.testing.assert_array_equal(agree, [False, False, True])
 
 
 def test_a_point_behind_a_camera_has_no_finite_error():

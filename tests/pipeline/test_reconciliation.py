@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from synthetic_map import MATRIX, away, map_of, moved, no_positions, scene
+from synthetic_map import CAMERA, away, map_of, moved, no_positions, scene
 
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions, Similarity
 from vgps.mapping.zero_motion import ZeroMotion
@@ -19,7 +19,7 @@ def grown():
 
 def reconciled(refined, local_map, inlier_px=3.0):
     """The features that stage C did not refine, after the map was updated."""
-    found = reconcile(refined, local_map, MATRIX, PosingLimits(inlier_px, 12))
+    found = reconcile(refined, local_map, CAMERA, PosingLimits(inlier_px, 12))
     local_map.apply(found.update)
     return found.unrefined
 
@@ -44,7 +44,7 @@ def test_the_map_itself_is_not_changed():
     local_map, refined = grown()
     before = local_map.poses.copy(), local_map.points.copy()
     refined.apply(MOVED)
-    reconcile(refined, local_map, MATRIX, PosingLimits(3.0, 12))
+    reconcile(refined, local_map, CAMERA, PosingLimits(3.0, 12))
     np.testing.assert_array_equal(local_map.poses, before[0])
     np.testing.assert_array_equal(local_map.points, before[1])
 

@@ -4,20 +4,22 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import B, L, X
-from synthetic_bundle import drive, one_point
+from synthetic_bundle import drive, one_point, through_lens
 from synthetic_states import drive_with_states
 
 from vgps.solver.cost import cost_terms, reprojection_errors
 from vgps.solver.gtsam_export import to_graph
 
 
+@pytest.mark.parametrize("lens", [False, True])
 @pytest.mark.parametrize("robust", ["none", "huber", "cauchy"])
-def test_graph_has_the_cost_of_the_problem(robust: str) -> None:
+def test_graph_has_the_cost_of_the_problem(robust: str, lens: bool) -> None:
     problem, _ = drive(frames=12, landmarks=60, outliers=0.1)
     k = np.where(problem.landmark % 3 == 0, np.inf, 1.0 + 0.1 * (problem.landmark % 5))
     points = problem.world_p_landmark.copy()
     points[5] = [0.0, 0.0, -50.0]  # behind every camera
     problem = replace(problem, robust=robust, robust_k=k, world_p_landmark=points)
+    problem = through_lens(problem) if lens else problem
     graph, values = to_graph(problem)
     terms = cost_terms(problem)
     assert reprojection_errors(problem)[1].any()

@@ -1,16 +1,21 @@
 import gtsam
 import numpy as np
 import pytest
-from synthetic_bundle import drive, one_point, total_cost, with_loss
+from synthetic_bundle import drive, one_point, through_lens, total_cost, with_loss
 
 from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.normal_equations import linearise, linearise_chunk, whitening
 from vgps.solver.problem import BundleProblem, all_pose_values
 
+over_lenses = pytest.mark.parametrize(
+    "filmed", [lambda problem: problem, through_lens], ids=["pinhole", "lens"]
+)
 
-def test_gradient_is_that_of_the_cost_in_gtsams_chart() -> None:
-    problem = with_loss(drive(frames=8, landmarks=60, outliers=0.1)[0], "cauchy")
+
+@over_lenses
+def test_gradient_is_that_of_the_cost_in_gtsams_chart(filmed) -> None:
+    problem = filmed(with_loss(drive(frames=8, landmarks=60, outliers=0.1)[0], "cauchy"))
     structure = analyse_sparsity(problem)
     linear = linearise(problem, all_pose_values(problem), structure)
     rng = np.random.default_rng(1)
@@ -34,11 +39,12 @@ def whitened_errors(problem: BundleProblem) -> np.ndarray:
     return pixel_errors(problem, camera_points(problem))[0] / problem.sigma_px
 
 
+@over_lenses
 @pytest.mark.parametrize("depth_m", [0.5, 4.0, 300.0])
-def test_jacobians_equal_numerical_ones(depth_m: float) -> None:
+def test_jacobians_equal_numerical_ones(depth_m: float, filmed) -> None:
     pose = gtsam.Pose3.Expmap(np.array([0.3, -0.2, 0.5, 1.0, 2.0, 3.0]))
     point = pose.transformFrom(depth_m * np.array([0.4, -0.3, 1.0]))
-    problem = one_point(point.tolist(), [440.0, 498.0], world_T_camera=pose.matrix()[None])
+    problem = filmed(one_point(point.tolist(), [440.0, 498.0], world_T_camera=pose.matrix()[None]))
     part = linearise_chunk(problem, analyse_sparsity(problem).chunks[0])
     np.testing.assert_allclose(part.r, whitened_errors(problem))
     step = 1e-6
@@ -72,8 +78,9 @@ def test_whitening_is_the_root_of_the_weight_over_sigma() -> None:
     np.testing.assert_allclose(whitening(problem, error), [np.sqrt(0.5) / 2.0])
 
 
-def test_hessian_of_the_poses_is_that_of_gtsam_with_the_landmarks_held() -> None:
-    problem, _ = drive(frames=8, landmarks=60)
+@over_lenses
+def test_hessian_of_the_poses_is_that_of_gtsam_with_the_landmarks_held(filmed) -> None:
+    problem = filmed(drive(frames=8, landmarks=60)[0])
     structure = analyse_sparsity(problem)
     values = all_pose_values(problem)
     linear = linearise(problem, values, structure)
@@ -88,3 +95,11 @@ def test_hessian_of_the_poses_is_that_of_gtsam_with_the_landmarks_held() -> None
     expected += problem.pose_graph.linearize(values).hessian(ordering)[0]
     np.testing.assert_allclose(linear.hessian.toarray(), np.tril(expected), rtol=1e-9, atol=1e-6)
     assert np.all(linear.diagonal > 0)
+
+
+def test_steps_move_residuals_through_a_lens_as_the_jacobians_say() -> None:
+    problem = through_lens(drive(frames=8, landmarks=60)[0])
+    part = linearise_chunk(problem, analyse_sparsity(problem).chunks[0])
+    step = np.random.default_rng(0).normal(size=(8, 6))
+    expected = np.einsum("ian,na->in", part.jp, step[part.chunk.first_frame + part.chunk.frame])
+    np.testing.assert_allclose(part.moved_by_poses(step), expected)

@@ -154,6 +154,12 @@ def with_loss(problem: BundleProblem, loss: RobustLoss, k: float = 1.0) -> Bundl
     return replace(problem, robust=loss, robust_k=np.full(len(problem.frame), k))
 
 
+def through_lens(problem: BundleProblem) -> BundleProblem:
+    """The problem with errors that a lens stretches and turns, each by other amounts."""
+    lens = np.eye(2) + np.random.default_rng(3).uniform(-0.6, 0.6, (len(problem.frame), 2, 2))
+    return replace(problem, lens=lens)
+
+
 def one_point(world_p: list[float], uv: list[float], **changes: object) -> BundleProblem:
     """Return a problem of one camera at the origin that observes one landmark."""
     arrays = {

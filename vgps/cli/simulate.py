@@ -24,11 +24,14 @@ class Shutter:
         readout_s: Time from the first row to the last of a rolling shutter, seconds; the frame's time stamp
             and true pose are those of the middle row.
         hand_shake: Shaking of the hand that holds the camera; 1 is as measured with a GoPro's gyro.
+        fisheye_deg: Diagonal field of view of an equidistant fisheye, which takes the place of the scene's
+            pinhole.
     """
 
     fps: Annotated[int, Parameter(validator=Number(gte=1, lte=240))] | None = None
     readout_s: NotNegative | None = None
     hand_shake: NotNegative | None = None
+    fisheye_deg: NotNegative | None = None
 
     def changes(self) -> dict[str, Any]:
         """Return the fields of the scene that are given."""

@@ -4,6 +4,7 @@ from vgps.geometry.cross_product import cross_matrices
 from vgps.geometry.interpolation import interpolate_poses, interpolate_vectors
 from vgps.geometry.projection import (
     MIN_DEPTH,
+    in_picture,
     largest_angle_rad,
     linearise_projection,
     project,
@@ -17,6 +18,7 @@ from vgps.geometry.projection import (
 __all__ = [
     "MIN_DEPTH",
     "cross_matrices",
+    "in_picture",
     "interpolate_poses",
     "interpolate_vectors",
     "largest_angle_rad",

@@ -36,6 +36,19 @@ def _to_pixels(K: FloatArray, camera_p: FloatArray) -> tuple[FloatArray, FloatAr
     return uv, depth
 
 
+def in_picture(lens: FloatArray | None, undistorted: FloatArray) -> FloatArray:
+    """Return errors or derivatives (2, ..., N) of undistorted pixels as those of the picture's pixels.
+
+    Args:
+        lens: (N, 2, 2) from :mod:`vgps.lens_jacobian`; None for a pinhole, where they are the same.
+        undistorted: (2, ..., N).
+    """
+    if lens is None:
+        return undistorted
+    u, v = undistorted
+    return np.stack([row[:, 0] * u + row[:, 1] * v for row in lens.transpose(1, 0, 2)])
+
+
 def rays(K: FloatArray, uv_px: FloatArray) -> FloatArray:
     """Return unit rays (..., 3) in the camera frame through pixels (..., 2)."""
     xy = (uv_px - K[:2, 2]) / (K[0, 0], K[1, 1])
@@ -69,7 +82,12 @@ def largest_angle_rad(directions: FloatArray, start: IntArray) -> FloatArray:
 
 
 def triangulate(
-    K: FloatArray, world_T_camera: FloatArray, uv_px: FloatArray, start: IntArray, iterations: int = 3
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    uv_px: FloatArray,
+    start: IntArray,
+    iterations: int = 3,
+    lens: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return each feature's position from all its views, Eq. (19), Kume 2010.
 
@@ -81,10 +99,11 @@ def triangulate(
         uv_px: (N, 2), sorted by feature.
         start: (M,) first row of each feature.
         iterations: Gauss-Newton steps.
+        lens: As for :func:`in_picture`.
 
     Returns:
-        ``points`` (M, 3) and the reprojection error (N,) of each observation in pixels, infinite where the
-        point lies behind the camera.
+        ``points`` (M, 3) and the reprojection error (N,) of each observation in pixels of the picture,
+        infinite where the point lies behind the camera.
     """
     count = np.diff(np.append(start, len(uv_px)))
     centre = world_T_camera[:, :3, 3]
@@ -98,10 +117,11 @@ def triangulate(
     points = np.ascontiguousarray(points.T)
     for _ in range(iterations):
         camera_p = _in_cameras(axes, np.repeat(points, count, axis=1) - centre)
-        points += _step(K, axes, camera_p, uv, start)
+        points += _step(K, axes, camera_p, uv, start, lens)
     x, y, z = _in_cameras(axes, np.repeat(points, count, axis=1) - centre)
     safe = np.maximum(z, MIN_DEPTH)
-    error = np.hypot(K[0, 0] * x / safe + K[0, 2] - uv[0], K[1, 1] * y / safe + K[1, 2] - uv[1])
+    u, v = K[0, 0] * x / safe + K[0, 2] - uv[0], K[1, 1] * y / safe + K[1, 2] - uv[1]
+    error = np.hypot(*in_picture(lens, np.stack([u, v])))
     error[z <= MIN_DEPTH] = np.inf
     return points.T, error
 
@@ -112,7 +132,12 @@ def _in_cameras(axes: FloatArray, world_v: FloatArray) -> FloatArray:
 
 
 def _step(
-    K: FloatArray, axes: FloatArray, camera_p: FloatArray, uv: FloatArray, start: IntArray
+    K: FloatArray,
+    axes: FloatArray,
+    camera_p: FloatArray,
+    uv: FloatArray,
+    start: IntArray,
+    lens: FloatArray | None,
 ) -> FloatArray:
     """Return the Gauss-Newton step (3, M) of features observed at (2, N), now at (3, N) in the cameras."""
     front = camera_p[2] > MIN_DEPTH
@@ -121,6 +146,9 @@ def _step(
     by_u = K[0, 0] * inverse * (axes[0] - a * axes[2])
     by_v = K[1, 1] * inverse * (axes[1] - b * axes[2])
     u, v = K[0, 0] * a + (K[0, 2] - uv[0]), K[1, 1] * b + (K[1, 2] - uv[1])
+    if lens is not None:
+        by_u, by_v = in_picture(lens, np.stack([by_u, by_v]))
+        u, v = in_picture(lens, np.stack([u, v]))
     gradient = np.add.reduceat(by_u * u + by_v * v, start, axis=1)
     squares = np.stack([by_u[i] * by_u[j] + by_v[i] * by_v[j] for i, j in _UPPER])
     normal = np.add.reduceat(squares, start, axis=1)[_SYMMETRIC]
@@ -135,9 +163,12 @@ def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def linearise_projection(
-    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray
+    K: FloatArray, pose: FloatArray, points: FloatArray, uv_px: FloatArray, lens: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return reprojection residuals (N, 2) and Jacobians (N, 2, 6) to the pose; zero behind the camera."""
+    """Return reprojection residuals (N, 2) and Jacobians (N, 2, 6) to the pose; zero behind the camera.
+
+    Both are of the picture's pixels, by ``lens`` as for :func:`in_picture`.
+    """
     camera_p = (points - pose[:3, 3]) @ pose[:3, :3]
     front = camera_p[:, 2] > MIN_DEPTH
     inverse = front / np.where(front, camera_p[:, 2], 1.0)
@@ -152,15 +183,24 @@ def linearise_projection(
     jacobian[0] *= K[0, 0] * front
     jacobian[1] *= K[1, 1] * front
     residual = np.stack([K[0, 0] * a + (K[0, 2] - uv_px[:, 0]), K[1, 1] * b + (K[1, 2] - uv_px[:, 1])])
-    return (residual * front).T, jacobian.transpose(2, 0, 1)
+    return in_picture(lens, residual * front).T, in_picture(lens, jacobian).transpose(2, 0, 1)
 
 
 def reprojection_inliers(
-    K: FloatArray, world_T_camera: FloatArray, points: FloatArray, uv_px: FloatArray, limit_px: float
+    K: FloatArray,
+    world_T_camera: FloatArray,
+    points: FloatArray,
+    uv_px: FloatArray,
+    limit_px: float,
+    lens: FloatArray | None = None,
 ) -> BoolArray:
-    """Return whether each match (N,) reprojects within ``limit_px`` and lies in front of the camera."""
+    """Return whether each match (N,) reprojects within ``limit_px`` and lies in front of the camera.
+
+    The limit is in pixels of the picture, by ``lens`` as for :func:`in_picture`.
+    """
     predicted, depth = project(K, world_T_camera, points)
-    return np.asarray((np.linalg.norm(predicted - uv_px, axis=1) < limit_px) & (depth > MIN_DEPTH))
+    error = np.hypot(*in_picture(lens, (predicted - uv_px).T))
+    return np.asarray((error < limit_px) & (depth > MIN_DEPTH))
 
 
 def world_sigmas(poses: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

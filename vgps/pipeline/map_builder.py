@@ -71,7 +71,7 @@ class MapBuilder:
         newest = int(self.local_map.view_frames[-1])
         if retention is not None and frame.index - newest > retention.view_frames // 2:
             return False
-        moved = np.linalg.norm(result.uv_px - self.local_map.last_uv_px, axis=1)[result.found]
+        moved = np.linalg.norm(result.raw_uv_px - self.local_map.raw_uv_px, axis=1)[result.found]
         return len(moved) > 0 and float(np.median(moved)) < config.static_px
 
     def add_zero_motion(self, frame: int, result: TrackingResult) -> None:

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.mapping.zero_motion import scaled_pose
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, Prediction, refine_pose
 
 
@@ -49,7 +50,7 @@ class _FramePoser:
     """Estimator of frame poses from the refined features."""
 
     features: _Features
-    K: FloatArray
+    camera: Camera
     limits: PosingLimits
 
     def pose(self, ids: IntArray, uv_px: FloatArray, start: FloatArray) -> FloatArray:
@@ -57,17 +58,17 @@ class _FramePoser:
         few."""
         refined = self.features.refined[ids]
         ids, uv_px = ids[refined], uv_px[refined]
-        matches = Correspondences(self.features.points[ids], uv_px)
-        inliers = matches.inliers(self.K, start, self.limits.inlier_px)
+        matches = Correspondences(self.features.points[ids], uv_px, lens_jacobian(self.camera, uv_px))
+        inliers = matches.inliers(self.camera.K, start, self.limits.inlier_px)
         if inliers.sum() < self.limits.min_features:
             return start
         mu = 0.5 / self.features.sigma_px[ids[inliers]] ** 2
         tracked = Prediction(start, self.limits.rotation_sigma_rad)
-        pose, _ = refine_pose(self.K, start, matches.where(inliers), mu, prior=tracked)
+        pose, _ = refine_pose(self.camera.K, start, matches.where(inliers), mu, prior=tracked)
         return pose
 
 
-def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, limits: PosingLimits) -> Reconciliation:
+def reconcile(refined: LocalMap, local_map: LocalMap, camera: Camera, limits: PosingLimits) -> Reconciliation:
     """Return how a map changes so that it agrees with a refined snapshot of itself.
 
     Frames added since the snapshot keep their motion, at the scale that the features have now, and are then
@@ -77,7 +78,7 @@ def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, limits: Pos
     Args:
         refined: A :meth:`LocalMap.snapshot`, optimised.
         local_map: The map; it may have grown and may have discarded its oldest frames and features.
-        K: (3, 3).
+        camera: Intrinsics.
         limits: What frames added since are posed by.
     """
     newest = refined.next_frame - 1
@@ -90,7 +91,7 @@ def reconcile(refined: LocalMap, local_map: LocalMap, K: FloatArray, limits: Pos
     poses = local_map.poses.copy()
     count = newest + 1 - local_map.first_frame
     poses[:count] = refined.poses[local_map.first_frame - refined.first_frame :]
-    poses = _pose_later_frames(local_map, poses, count, scale, _FramePoser(features, K, limits))
+    poses = _pose_later_frames(local_map, poses, count, scale, _FramePoser(features, camera, limits))
     positioned = np.isfinite(local_map.points[:, 0])
     ids = np.flatnonzero(positioned)
     update = MapUpdate(

@@ -101,7 +101,7 @@ class WindowWorker:
         self, local_map: LocalMap, refined: LocalMap, fix_buffer: FixBuffer, warnings: tuple[str, ...]
     ) -> WindowOutcome:
         self._fix_buffer.update_from(fix_buffer)
-        reconciliation = reconcile(refined, local_map, self._context.K, self._limits(local_map))
+        reconciliation = reconcile(refined, local_map, self._context.camera, self._limits(local_map))
         return WindowOutcome(local_map, reconciliation, warnings)
 
     def _limits(self, local_map: LocalMap) -> PosingLimits:

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.model import FloatArray
-from vgps.simulate.polygons import Polygon, cut
+from vgps.simulate.fisheye import RayGrid
+from vgps.simulate.polygons import Polygon, cut, frustum
 from vgps.simulate.textures import Image
 
 _BAND = 1.8  # range of depths (a ratio) drawn from one filtered size of a texture
@@ -43,17 +44,27 @@ class DepthBand(NamedTuple):
 
 
 class Canvas(NamedTuple):
-    """What is drawn on: the image (H, W, 4), inverse depths (H, W), and the calibration matrix."""
+    """What is drawn on: the image (H, W, 4), inverse depths (H, W), and the camera.
+
+    ``K`` maps rays (x / z, y / z, 1) to coordinates in which a plane is a homography away: pixels of a
+    pinhole; of a fisheye the rays themselves, which ``grid`` has for its pixels.
+    """
 
     image: Image
     inverse_depth: npt.NDArray[np.float32]
     K: FloatArray
+    grid: RayGrid | None = None
 
     @classmethod
-    def empty(cls, width: int, height: int, K: FloatArray) -> "Canvas":
+    def empty(cls, width: int, height: int, K: FloatArray, grid: RayGrid | None = None) -> "Canvas":
         """Return a canvas of haze."""
         image = np.full((height, width), _HAZE, np.uint32).view(np.uint8).reshape(height, width, 4)
-        return cls(image, np.zeros((height, width), np.float32), K)
+        return cls(image, np.zeros((height, width), np.float32), K, grid)
+
+    def sides(self) -> FloatArray:
+        """Return (5, 3) inward normals of the view's sides, and the view axis."""
+        height, width = self.inverse_depth.shape
+        return frustum(self.K, width, height) if self.grid is None else self.grid.sides()
 
     def paint(
         self, box: Box, patch: Image, inverse_depth: npt.NDArray[np.float32], limits: tuple[float, float]

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.simulate.canvas import Canvas
-from vgps.simulate.polygons import NEAR_M, Plane, Polygon, clipped, frustum
+from vgps.simulate.polygons import NEAR_M, Plane, Polygon, clipped
 from vgps.simulate.world import World
 
 
@@ -39,8 +39,7 @@ class Faces:
 
 def faces_in_view(world: World, canvas: Canvas, world_T_camera: FloatArray, t_s: float) -> Faces:
     """Return the parallelograms that may be in view at a time."""
-    height, width = canvas.inverse_depth.shape
-    normals = frustum(canvas.K, width, height)
+    normals = canvas.sides()
     origin, u, v = _in_camera(world, slice(None), world_T_camera, t_s)
     corners = np.stack([origin, origin + u, origin + u + v, origin + v], axis=1)
     facing = np.einsum("qi,qi->q", origin, np.cross(u, v))

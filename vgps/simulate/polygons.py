@@ -9,7 +9,7 @@ Plane = tuple[float, float, float]
 Polygon = list[tuple[float, float, float]]
 
 
-def frustum(K: FloatArray, width: int, height: int) -> FloatArray:
+def frustum(K: FloatArray, width: float, height: float) -> FloatArray:
     """Return (5, 3) inward normals of the view's sides, a pixel wider than the image, and the view axis."""
     f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
     return np.array([[f, 0, cx + 1], [-f, 0, width - cx], [0, f, cy + 1], [0, -f, height - cy], [0, 0, 1.0]])

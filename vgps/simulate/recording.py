@@ -17,6 +17,7 @@ from vgps.camera import camera_fields
 from vgps.errors import ConfigError, RunFolderError
 from vgps.model import Camera, FloatArray
 from vgps.simulate.accelerometer import simulate_accelerometer
+from vgps.simulate.fisheye import MAX_DEG
 from vgps.simulate.motion import MountedMotion, build_motion
 from vgps.simulate.render import Picture, Renderer
 from vgps.simulate.ring import MAX_CAMERAS, ring
@@ -63,6 +64,12 @@ def simulate(
             f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
         )
     motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
+    if not 0.0 <= config.fisheye_deg <= MAX_DEG:
+        raise ConfigError(
+            f"a fisheye of {config.fisheye_deg:g} degrees",
+            expected=f"0 (a pinhole) to {MAX_DEG:g}",
+            place="fisheye_deg",
+        )
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
         if config.gps.seed is not None:
@@ -135,13 +142,14 @@ def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
 def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
     (fx, _, cx), (_, fy, cy), _ = renderer.K.tolist()
     camera = Camera(
-        model="pinhole",
+        model="pinhole" if renderer.fisheye is None else "fisheye",
         width=config.width,
         height=config.height,
         fx=fx,
         fy=fy,
         cx=cx,
         cy=cy,
+        distortion=() if renderer.fisheye is None else (0.0,) * 4,
         readout_s=config.readout_s,
     )
     path.write_text(yaml.safe_dump(camera_fields(camera), sort_keys=False), encoding="utf-8")

@@ -10,6 +10,7 @@ from scipy.signal import detrend
 from vgps.model import FloatArray
 from vgps.simulate.canvas import Box, Canvas, depth_bands
 from vgps.simulate.faces import faces_in_view, texture_maps
+from vgps.simulate.fisheye import Fisheye, RayGrid
 from vgps.simulate.motion import Motion, MountedMotion
 from vgps.simulate.polygons import Polygon
 from vgps.simulate.ripmap import Ripmap
@@ -38,13 +39,18 @@ class Renderer:
     ) -> None:
         self._world, self._motion, self._config, self._seed = world, motion, config, seed
         repeating = set(world.texture[world.repeat > 1].tolist())
+        self.fisheye: Fisheye | None = None
+        if config.fisheye_deg:
+            self.fisheye = Fisheye.of_diagonal(config.fisheye_deg, config.width, config.height)
+        self._grids: dict[tuple[float, ...], RayGrid] = {}
         self._textures = [Ripmap(image, k in repeating) for k, image in enumerate(world.textures)]
 
     @property
     def K(self) -> FloatArray:
         """(3, 3) calibration matrix; pixel centres are at whole coordinates."""
         config = self._config
-        f, cx, cy = config.focal_px, (config.width - 1) / 2, (config.height - 1) / 2
+        f = config.focal_px if self.fisheye is None else self.fisheye.focal_px
+        cx, cy = (config.width - 1) / 2, (config.height - 1) / 2
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
     def frame(self, index: int) -> Picture:
@@ -55,7 +61,8 @@ class Renderer:
         zoom = 2 if count <= _FEW else 1
         size = (self._config.width, self._config.height)
         total = np.zeros((size[1], size[0], 4), np.float32)
-        render = self.view if self._config.readout_s == 0.0 else self.rolling_view
+        rays = self._config.readout_s != 0.0 or self.fisheye is not None
+        render = self.rolling_view if rays else self.view
         for time, shift in zip(times.tolist(), _shifts(count) / zoom, strict=True):
             view = render(time, shift, zoom)
             cv2.accumulateSquare(cv2.resize(view, size, interpolation=cv2.INTER_AREA), total)  # gamma 2
@@ -74,9 +81,16 @@ class Renderer:
         begin, end = self._motion.poses(t_s + config.exposure_s * np.array([-0.5, 0.5]))
         u, v = np.meshgrid([0.0, config.width / 2, config.width], [0.0, config.height / 2, config.height])
         pixels = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
-        points = np.append(_MOTION_DEPTH_M * np.linalg.inv(K) @ pixels, np.ones((1, u.size)), axis=0)
-        projected = K @ (np.linalg.inv(end) @ begin @ points)[:3]
-        moved = np.hypot(*(projected[:2] / np.maximum(projected[2], 0.5) - pixels[:2])).max()
+        rays = np.linalg.inv(K) @ pixels
+        if self.fisheye is not None:
+            rays[:2] = self.fisheye.rays(pixels[:2].T).T
+        points = np.append(_MOTION_DEPTH_M * rays, np.ones((1, u.size)), axis=0)
+        seen = (np.linalg.inv(end) @ begin @ points)[:3]
+        projected = K @ seen
+        uv = projected[:2] / np.maximum(projected[2], 0.5)
+        if self.fisheye is not None:
+            uv = self.fisheye.pixels(seen.T).T
+        moved = np.hypot(*(uv - pixels[:2])).max()
         return int(np.clip(math.ceil(moved), 1, config.max_samples))
 
     def view(self, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
@@ -93,7 +107,7 @@ class Renderer:
         return canvas.image
 
     def rolling_view(self, t_s: float, shift_px: FloatArray, zoom: int) -> Image:
-        """Render all rows, each at its own time, the middle one at ``t_s``; otherwise as :meth:`view`."""
+        """Render ray by ray, each row at its own time, the middle one at ``t_s``; else as :meth:`view`."""
         canvas = self._canvas(shift_px, zoom)
         height = self._config.height
         rows = (zoom * height - 1) / (zoom * (height - 1))  # from the canvas's first row to its last
@@ -104,7 +118,14 @@ class Renderer:
     def _canvas(self, shift_px: FloatArray, zoom: int) -> Canvas:
         K = np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]]) @ self.K
         K[:2, 2] -= zoom * shift_px
-        return Canvas.empty(zoom * self._config.width, zoom * self._config.height, K)
+        size = zoom * self._config.width, zoom * self._config.height
+        if self.fisheye is None:
+            return Canvas.empty(*size, K)
+        lens = Fisheye(zoom * self.fisheye.focal_px, K[:2, 2])
+        key = (lens.focal_px, *K[:2, 2].tolist())
+        if key not in self._grids:
+            self._grids[key] = RayGrid.of_canvas(lens, *size)
+        return Canvas.empty(*size, np.eye(3), self._grids[key])
 
 
 def _draw(canvas: Canvas, texture: Ripmap, polygon: Polygon, H: FloatArray) -> None:
@@ -119,7 +140,7 @@ def _draw_band(
     canvas: Canvas, texture: Ripmap, part: Polygon, H: FloatArray, limits: tuple[float, float]
 ) -> None:
     """Draw the part of a parallelogram between two inverse depths, from one size of its texture."""
-    image, _, K = canvas
+    image, K = canvas.image, canvas.K
     f, cx, cy = K[0, 0], K[0, 2], K[1, 2]
     us, vs = [f * x / z + cx for x, _, z in part], [f * y / z + cy for _, y, z in part]
     left, top = max(0, math.floor(min(us))), max(0, math.floor(min(vs)))

@@ -14,11 +14,14 @@ import numpy.typing as npt
 from vgps.model import FloatArray
 from vgps.simulate.canvas import Box, Canvas, depth_bands
 from vgps.simulate.faces import faces_in_view, texture_maps
+from vgps.simulate.fisheye import pieces
 from vgps.simulate.polygons import Polygon
 from vgps.simulate.ripmap import Ripmap
 from vgps.simulate.world import World
 
 KNOTS = 33  # rows with exact maps; at 4000 deg/s^2 the others are off by less than 0.01 px
+_BEND = 0.1  # by which the edges of a piece may bulge out of the box around its corners, of its size
+_GRID_PX = 32  # boxes of pieces lie on such a grid, so that those of several rows coincide
 _MARGIN_PX = 4  # by which a parallelogram may exceed the boxes around it at the first, middle and last row
 
 
@@ -53,36 +56,76 @@ def _draw(canvas: Canvas, texture: Ripmap, polygons: Sequence[Polygon], H: Float
     if not depths:
         return
     for band in depth_bands(min(depths), max(depths)):
-        corners = np.array([p for polygon in polygons for p in band.part(polygon)]).reshape(-1, 3)
-        if not len(corners):
-            continue
-        uv = canvas.K[0, 0] * corners[:, :2] / corners[:, 2:] + canvas.K[:2, 2]
-        box = _box(uv, canvas)
-        if box.right <= box.left or box.bottom <= box.top or canvas.hides(box, corners[:, 2].min()):
-            continue
-        a, b, inverse_depth = _rays(H, box, len(canvas.image))
-        middle = H[round((KNOTS - 1) * float(np.clip(uv[:, 1].mean() / (len(canvas.image) - 1), 0, 1)))]
-        patch = texture.looked_up(a, b, texture.density(middle, *uv.mean(axis=0).tolist())[2])
-        canvas.paint(box, patch, inverse_depth, band.limits)
+        parts = [band.part(polygon) for polygon in polygons]
+        drawn: set[Box] = set()
+        for corners in [[p for part in parts for p in part]] if canvas.grid is None else _all_pieces(parts):
+            if corners:
+                _draw_part(canvas, texture, (np.array(corners), band.limits), H, drawn)
+
+
+def _all_pieces(polygons: Sequence[Polygon]) -> list[Polygon]:
+    return [piece for polygon in polygons for piece in pieces(polygon)]
+
+
+def _draw_part(
+    canvas: Canvas,
+    texture: Ripmap,
+    part: tuple[FloatArray, tuple[float, float]],
+    H: FloatArray,
+    drawn: set[Box],
+) -> None:
+    """Draw the box around corners (n, 3) within limits of inverse depth, unless it was ``drawn``."""
+    corners, limits = part
+    uv = _pixels(canvas, corners)
+    box = _box(uv, canvas)
+    if box in drawn or box.right <= box.left or box.bottom <= box.top:
+        return
+    drawn.add(box)
+    if canvas.hides(box, corners[:, 2].min()):
+        return
+    a, b, inverse_depth = _rays(H, box, canvas)
+    at = uv.mean(axis=0)
+    middle = H[round((KNOTS - 1) * float(np.clip(at[1] / (len(canvas.image) - 1), 0, 1)))]
+    if canvas.grid is not None:
+        middle = middle @ canvas.grid.flat_at(at)
+    patch = texture.looked_up(a, b, texture.density(middle, *at.tolist())[2])
+    canvas.paint(box, patch, inverse_depth, limits)
+
+
+def _pixels(canvas: Canvas, camera_p: FloatArray) -> FloatArray:
+    if canvas.grid is not None:
+        return canvas.grid.lens.pixels(camera_p)
+    return np.asarray(canvas.K[0, 0] * camera_p[:, :2] / camera_p[:, 2:] + canvas.K[:2, 2])
 
 
 def _box(uv: FloatArray, canvas: Canvas) -> Box:
     height, width = canvas.inverse_depth.shape
-    left, top = np.maximum(np.floor(uv.min(axis=0)).astype(int) - _MARGIN_PX, 0).tolist()
-    right, bottom = np.minimum(np.ceil(uv.max(axis=0)).astype(int) + _MARGIN_PX + 1, (width, height)).tolist()
+    low, high = np.floor(uv.min(axis=0)).astype(int), np.ceil(uv.max(axis=0)).astype(int)
+    margin = np.full(2, _MARGIN_PX)
+    if canvas.grid is not None:
+        margin += ((high - low).max() * _BEND).astype(int)
+        low, high = low // _GRID_PX * _GRID_PX, -(-high // _GRID_PX) * _GRID_PX
+    left, top = np.maximum(low - margin, 0).tolist()
+    right, bottom = np.minimum(high + margin + 1, (width, height)).tolist()
     return Box(left, top, right, bottom)
 
 
-def _rays(H: FloatArray, box: Box, height: int) -> tuple[npt.NDArray[np.float32], ...]:
+def _rays(H: FloatArray, box: Box, canvas: Canvas) -> tuple[npt.NDArray[np.float32], ...]:
     """Return texture coordinates a, b and inverse depths of the pixels of a box."""
+    height = len(canvas.image)
     v = np.arange(box.top, box.bottom)
     at = v * ((KNOTS - 1.0) / (height - 1.0))
     before = np.minimum(at.astype(np.int64), KNOTS - 2)
     share = (at - before)[:, None, None]
     G = (1.0 - share) * H[before] + share * H[before + 1]
-    along = G[..., 0].astype(np.float32)
-    start = (G[..., 1] * v[:, None] + G[..., 2] + G[..., 0] * box.left).astype(np.float32)
-    u = np.arange(box.right - box.left, dtype=np.float32)
-    a, b, inverse_depth = (along[:, i, None] * u + start[:, i, None] for i in range(3))
+    if canvas.grid is None:
+        along = G[..., 0].astype(np.float32)
+        start = (G[..., 1] * v[:, None] + G[..., 2] + G[..., 0] * box.left).astype(np.float32)
+        u = np.arange(box.right - box.left, dtype=np.float32)
+        a, b, inverse_depth = (along[:, i, None] * u + start[:, i, None] for i in range(3))
+    else:
+        x, y = canvas.grid.rays[box.top : box.bottom, box.left : box.right].transpose(2, 0, 1)
+        by = G.astype(np.float32)[:, :, :, None]
+        a, b, inverse_depth = (by[:, i, 0] * x + by[:, i, 1] * y + by[:, i, 2] for i in range(3))
     depth = 1.0 / np.maximum(inverse_depth, np.float32(1e-6))
     return cv2.multiply(a, depth), cv2.multiply(b, depth), inverse_depth

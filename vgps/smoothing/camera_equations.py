@@ -7,6 +7,7 @@ import gtsam
 import numpy as np
 
 from vgps.camera import distort, undistort
+from vgps.geometry import in_picture
 from vgps.model import Camera, FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors
@@ -102,8 +103,8 @@ def pinhole_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArra
     pixels = focal * camera_p[:2] / np.where(behind, 1.0, camera_p[2])
     squared = np.sum((pixels / focal) ** 2, axis=0)
     one, zero = np.ones_like(scale), np.zeros_like(scale)
-    J = np.stack([pixels, np.stack([one, zero]), np.stack([zero, one]), squared * pixels])
-    return np.asarray(J * scale)
+    J = np.stack([pixels, np.stack([one, zero]), np.stack([zero, one]), squared * pixels], axis=1)
+    return np.asarray(in_picture(here.lens, J).transpose(1, 0, 2) * scale)
 
 
 def mount_jacobian(part: LinearisedChunk) -> FloatArray:
@@ -156,5 +157,5 @@ def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, si
         return np.asarray(predicted - undistort(other, raw).T)
 
     steps = np.diag(_STEPS[:size])
-    slopes = [(residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
+    slopes = [in_picture(here.lens, residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
     return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)

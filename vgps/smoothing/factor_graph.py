@@ -5,10 +5,7 @@ from dataclasses import dataclass, replace
 import gtsam
 import numpy as np
 
-from factors import (
-    projection_sigma_px,
-    reliability_sigma_px,
-)
+from factors import projection_sigma_px, reliability_sigma_px
 from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
@@ -25,7 +22,7 @@ from vgps.smoothing.height_ties import HeightTies
 from vgps.smoothing.level_priors import level_priors
 from vgps.smoothing.loop_ties import fitting_loops
 from vgps.smoothing.motion_factors import motion_factors
-from vgps.smoothing.rig_views import RigViews, observation_times
+from vgps.smoothing.rig_views import RigViews, observation_lenses, observation_times
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.problem import BundleProblem
@@ -157,6 +154,7 @@ def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
         landmark=observations.landmark,
         uv_px=observations.uv_px,
         sigma_px=np.ones(len(observations.frame)),
+        lens=observation_lenses(observations, context, scene.rig),
         row_times=observation_times(scene.t_s, observations, context, scene.rig),
         mounts=None if scene.rig is None else scene.rig.mounts(observations.landmark, context),
     )

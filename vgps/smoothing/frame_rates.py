@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.geometry import MIN_DEPTH
+from vgps.geometry import MIN_DEPTH, in_picture
 from vgps.model import FloatArray, IntArray
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.problem import BundleProblem
@@ -57,6 +57,8 @@ def frame_rates(problem: BundleProblem, before: FloatArray | None) -> FloatArray
     by_rotation = _by_rotation(problem)
     by_rate = (times.readout_s * times.share)[:, None, None] * by_rotation
     jacobian = np.concatenate([by_rate, by_rotation, _by_translation(problem, camera_p)], axis=2)
+    jacobian = in_picture(problem.lens, jacobian.transpose(1, 2, 0)).transpose(2, 0, 1)
+    by_rate = jacobian[:, :, :3]
     residual = error.T - np.einsum("nij,nj->ni", by_rate, rates[frame])
     for _ in range(_PASSES):
         left = np.sum((residual + np.einsum("nij,nj->ni", by_rate, rates[frame])) ** 2, axis=1)

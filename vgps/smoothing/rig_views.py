@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.camera import row_shares
+from vgps.lens_jacobian import lens_jacobian
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.row_times import row_times
@@ -47,6 +48,26 @@ class RigViews:
         if len(t_s) < 2 or not later_s.any():
             return None
         return RowTimes.of_frames(t_s, observations.frame, later_s, 1.0)
+
+    def lenses(self, observations: Observations, context: SmoothingContext) -> FloatArray | None:
+        """Return how the lenses of their cameras scale errors of observations, (N, 2, 2)."""
+        camera, scaled = self.camera[observations.landmark], False
+        lens = np.tile(np.eye(2), (len(camera), 1, 1))
+        for k, one in enumerate(_lenses(context)):
+            own = camera == k
+            found = lens_jacobian(one, observations.uv_px[own])
+            if found is not None:
+                lens[own], scaled = found, True
+        return lens if scaled else None
+
+
+def observation_lenses(
+    observations: Observations, context: SmoothingContext, rig: RigViews | None
+) -> FloatArray | None:
+    """Return how lenses scale errors of observations, (N, 2, 2); None for pinholes."""
+    if rig is not None:
+        return rig.lenses(observations, context)
+    return lens_jacobian(context.camera, observations.uv_px)
 
 
 def observation_times(

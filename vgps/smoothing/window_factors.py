@@ -12,6 +12,7 @@ from factors import gps_factor_interpolated
 from vgps.config import BatchConfig, GpsConfig
 from vgps.geometry import largest_angle_rad, world_rays
 from vgps.gps.fixes import Fixes, contributing_fixes, penalty, place
+from vgps.lens_jacobian import lens_jacobian
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors, control_sigma_px
@@ -124,25 +125,29 @@ def _add_projections(
 ) -> None:
     observations, K = window.scene.observations, context.K
     calibration = gtsam.Cal3_S2(K[0, 0], K[1, 1], 0.0, K[0, 2], K[1, 2])
-    points, row = np.unique(observations.landmark[rows], return_inverse=True)
-    noises = [_pixel_noise(sigma, context.config.batch) for sigma in window.sigma_px[points].tolist()]
-    numbers = window.feature[points]
-    for k, n, frame in zip(rows.tolist(), row.tolist(), window.frame[rows].tolist(), strict=True):
-        number, uv = int(numbers[n]), observations.uv_px[k]
+    lens = lens_jacobian(context.camera, observations.uv_px[rows])
+    shapes = np.broadcast_to(np.eye(2), (len(rows), 2, 2)) if lens is None else lens
+    sigmas = window.sigma_px[observations.landmark[rows]].tolist()
+    noises = [_pixel_noise(*one, context.config.batch) for one in zip(sigmas, shapes, strict=True)]
+    numbers = window.feature[observations.landmark[rows]].tolist()
+    for k, number, noise, frame in zip(
+        rows.tolist(), numbers, noises, window.frame[rows].tolist(), strict=True
+    ):
+        uv = observations.uv_px[k]
         factor: gtsam.NonlinearFactor
         if frame < window.begin:
             camera = gtsam.PinholeCameraCal3_S2(gtsam.Pose3(window.pose(frame)), calibration)
-            factor = gtsam.TriangulationFactorCal3_S2(camera, uv, noises[n], L(number))
+            factor = gtsam.TriangulationFactorCal3_S2(camera, uv, noise, L(number))
         else:
             keys = X(frame), L(number)
-            factor = gtsam.GenericProjectionFactorCal3_S2(uv, noises[n], *keys, calibration, False, False)
+            factor = gtsam.GenericProjectionFactorCal3_S2(uv, noise, *keys, calibration, False, False)
         change.factors[frame, number] = factor
 
 
-def _pixel_noise(sigma_px: float, config: BatchConfig) -> gtsam.noiseModel.Robust:
-    """Return the noise of a point's projections: Huber's loss in pixels, as in stage D."""
+def _pixel_noise(sigma_px: float, lens: FloatArray, config: BatchConfig) -> gtsam.noiseModel.Robust:
+    """Return the noise of a projection through a lens (2, 2): Huber's loss in pixels, as in stage D."""
     sigma = sigma_px * config.video_sigma_scale
-    pixels = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+    pixels = gtsam.noiseModel.Gaussian.SqrtInformation(lens / sigma)
     return gtsam.noiseModel.Robust.Create(mEstimator.Huber.Create(config.robust_px / sigma), pixels)
 
 

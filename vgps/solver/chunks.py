@@ -155,6 +155,7 @@ def _on_disk(chunk: Chunk, arrays: DiskArrays) -> Chunk:
             uv_px=kept(problem.uv_px),
             sigma_px=kept(problem.sigma_px),
             robust_k=None if problem.robust_k is None else kept(problem.robust_k),
+            lens=None if problem.lens is None else kept(problem.lens),
         ),
         landmark=kept(chunk.landmark),
         frame=kept(chunk.frame),

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from vgps.geometry import in_picture
 from vgps.model import BoolArray, FloatArray
 from vgps.solver.problem import BundleProblem, pose_values
 
@@ -74,9 +75,9 @@ def camera_points(problem: BundleProblem) -> FloatArray:
 
 
 def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return projected minus observed pixels (2, N), and (N,) which landmarks lie behind the camera.
+    """Return projected minus observed pixels (2, N) of the picture, and (N,) which landmarks lie behind it.
 
-    As in GTSAM, a landmark behind the camera has a constant error: twice fx in both coordinates.
+    As in GTSAM, a landmark behind the camera has a constant error: twice fx in both undistorted coordinates.
 
     Args:
         problem: The observations.
@@ -90,7 +91,7 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
         [fx * x / depth + (cx - problem.uv_px[:, 0]), fy * y / depth + (cy - problem.uv_px[:, 1])]
     )
     errors[:, behind] = 2.0 * np.broadcast_to(fx, behind.shape)[behind]
-    return errors, behind
+    return in_picture(problem.lens, errors), behind
 
 
 def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:

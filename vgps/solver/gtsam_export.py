@@ -82,10 +82,15 @@ def _rolling_projections(problem: BundleProblem, times: RowTimes) -> gtsam.Nonli
 def _noise_models(problem: BundleProblem) -> list[gtsam.noiseModel.Base]:
     """Return the noise model of each observation; observations with equal numbers share one."""
     k = np.full_like(problem.sigma_px, np.inf) if problem.robust_k is None else problem.robust_k
-    pairs, row = np.unique(np.stack([problem.sigma_px, k], axis=1), axis=0, return_inverse=True)
+    numbers = [problem.sigma_px[:, None], k[:, None]]
+    if problem.lens is not None:
+        numbers.append((problem.lens / problem.sigma_px[:, None, None]).reshape(-1, 4))
+    distinct, row = np.unique(np.hstack(numbers), axis=0, return_inverse=True)
     models: list[gtsam.noiseModel.Base] = []
-    for sigma, constant in pairs.tolist():
+    for sigma, constant, *lens in distinct.tolist():
         model: gtsam.noiseModel.Base = gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+        if lens:
+            model = gtsam.noiseModel.Gaussian.SqrtInformation(np.reshape(lens, (2, 2)), False)
         if problem.robust != "none" and np.isfinite(constant):
             estimator = mEstimator.Huber if problem.robust == "huber" else mEstimator.Cauchy
             model = gtsam.noiseModel.Robust.Create(estimator.Create(constant), model)

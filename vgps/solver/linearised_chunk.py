@@ -70,8 +70,12 @@ class LinearisedChunk:
         return np.array([np.bincount(at, dot(self.jl[:, k], r), size) for k in range(3)])
 
 
-class RigChunk(LinearisedChunk):
-    """A chunk of a rig's observations: a turn of the reference camera moves the others to all sides."""
+class DenseChunk(LinearisedChunk):
+    """A chunk in which every pose coordinate moves both image coordinates.
+
+    So it is on a rig, where a turn of the reference camera moves the others to all sides, and behind a wide
+    lens, whose errors are those of the picture.
+    """
 
     moves: ClassVar = ((0, 1),) * POSE_DIM
 

@@ -12,13 +12,14 @@ import gtsam
 import numpy as np
 from scipy import sparse
 
+from vgps.geometry import in_picture
 from vgps.model import FloatArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.chunks import Chunk
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
 from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.elimination import SparsityStructure
-from vgps.solver.linearised_chunk import LOWER, LinearisedChunk, RigChunk, dot, pose_blocks
+from vgps.solver.linearised_chunk import LOWER, DenseChunk, LinearisedChunk, dot, pose_blocks
 from vgps.solver.pose_equations import MIN_DIAGONAL, Border, linearise_pose_graph
 from vgps.solver.problem import BundleProblem
 from vgps.solver.row_equations import RollingChunk, rolling_blocks
@@ -111,7 +112,7 @@ def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     at = chunk.landmark
     hessian = [np.bincount(at, dot(jl[:, a], jl[:, b]), size) for a in range(3) for b in range(a + 1)]
     gradient = [np.bincount(at, dot(jl[:, a], r), size) for a in range(3)]
-    linear = (LinearisedChunk if mounts is None else RigChunk)(
+    linear = (LinearisedChunk if mounts is None and here.lens is None else DenseChunk)(
         chunk=chunk, jp=jp, jl=jl, r=r, hessian=np.array(hessian), gradient=np.array(gradient)
     )
     if times is None:
@@ -148,7 +149,7 @@ def projection_jacobians(
         R = [problem.world_T_camera[:, axis, column][problem.frame] for column in range(3)]
         jl[0, axis] = du * (R[0] - x * R[2])
         jl[1, axis] = dv * (R[1] - y * R[2])
-    return jp, jl
+    return in_picture(problem.lens, jp), in_picture(problem.lens, jl)
 
 
 def _block_diagonal(

@@ -66,7 +66,7 @@ class BundleProblem:
         world_p_landmark: (L, 3) metres.
         frame, landmark: (N,) frame and landmark of each observation; a pair occurs at most once.
         uv_px: (N, 2) observed position in the undistorted image.
-        sigma_px: (N,) standard deviation of each of the two coordinates.
+        sigma_px: (N,) standard deviation of each of the two coordinates, in pixels of the picture.
         robust: Loss of the whitened error ``|uv - uv^| / sigma_px``.
         robust_k: (N,) constant of the loss for whitened errors (:func:`vgps.solver.cost.whitened_robust_k`);
             inf means quadratic. Required unless ``robust`` is ``none``.
@@ -77,6 +77,8 @@ class BundleProblem:
         states: Vectors that belong to a place in the video, by their key; each occurs in ``pose_graph``. The
             cost grows linearly with their number.
         pose_keys: (F,) distinct keys of the poses in ``pose_graph``; None means ``x<frame>``.
+        lens: (N, 2, 2) from :mod:`vgps.lens_jacobian`, by which errors are those of the picture that
+            features were found in; None for a pinhole.
         row_times: Times (N,) of the observations, for a rolling shutter.
         submap_frames: Frames of a submap, if the problem is to be solved in submaps on disk.
         mounts: Cameras (N,) of the observations, for a rig of several; ``K`` is that of the first.
@@ -99,6 +101,7 @@ class BundleProblem:
     shared: Mapping[int, FloatArray] = field(default_factory=dict)
     states: Mapping[int, StateVector] = field(default_factory=dict)
     pose_keys: IntArray | None = None
+    lens: FloatArray | None = None
     row_times: RowTimes | None = None
     submap_frames: int | None = None
     mounts: CameraMounts | None = None
@@ -117,6 +120,8 @@ class BundleProblem:
         }
         if self.robust_k is not None or self.robust != "none":
             shapes["robust_k"] = (() if self.robust_k is None else self.robust_k.shape, (n,))
+        if self.lens is not None:
+            shapes["lens"] = (self.lens.shape, (n, 2, 2))
         if self.row_times is not None:
             shapes["row_times"] = (self.row_times.share.shape, (n,))
         if self.mounts is not None:
@@ -192,6 +197,7 @@ class BundleProblem:
             pose_graph=gtsam.NonlinearFactorGraph(),
             shared={},
             states={},
+            lens=None if self.lens is None else self.lens[rows],
             row_times=None if self.row_times is None else self.row_times.rows(rows),
             mounts=None if self.mounts is None else self.mounts.rows(rows),
         )

@@ -5,8 +5,10 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
+from vgps.camera import distort
 from vgps.config import StartConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import BoolArray, Camera, FloatArray
@@ -40,7 +42,7 @@ class TwoViewInitialiser:
             t_s = local_map.t_s[frames - local_map.first_frame]
             uv_px, pair = at_middle_rows(self._camera, t_s, uv_px), (1, len(frames) - 2)
         first, last = uv_px[:, pair[0]], uv_px[:, pair[1]]
-        if len(common) < self._start.min_inliers or _median_flow(first, last) < self._start.min_flow_px:
+        if len(common) < self._start.min_inliers or self._median_flow(first, last) < self._start.min_flow_px:
             return None
         fitting = self._fits_what_moves(views[common], first, last)
         common, uv_px, first, last = common[fitting], uv_px[fitting], first[fitting], last[fitting]
@@ -84,7 +86,7 @@ class TwoViewInitialiser:
         uv = np.stack([first, last], axis=1).reshape(-1, 2)
         cameras = np.tile(np.stack([np.eye(4), last_pose]), (len(first), 1, 1))
         start = 2 * np.arange(len(first))
-        points, error = triangulate(self._K, cameras, uv, start)
+        points, error = triangulate(self._K, cameras, uv, start, lens=lens_jacobian(self._camera, uv))
         good = error.reshape(-1, 2).max(axis=1) < self._start.max_error_px
         if good.sum() < self._start.min_inliers:
             return None, good
@@ -124,7 +126,8 @@ class TwoViewInitialiser:
             if view in known:
                 poses[view] = known[view]
                 continue
-            matches = Correspondences(points, uv_px[:, view]).where(np.isfinite(uv_px[:, view, 0]))
+            matches = Correspondences(points, uv_px[:, view], lens_jacobian(self._camera, uv_px[:, view]))
+            matches = matches.where(np.isfinite(uv_px[:, view, 0]))
             if len(matches) < self._tracking.min_inliers:
                 return None
             guesses = np.array([guess, last_pose])
@@ -134,6 +137,7 @@ class TwoViewInitialiser:
             poses[view] = guess
         return poses
 
-
-def _median_flow(first: FloatArray, last: FloatArray) -> float:
-    return float(np.median(np.linalg.norm(last - first, axis=1)))
+    def _median_flow(self, first: FloatArray, last: FloatArray) -> float:
+        """Return how far the median feature moved in the picture."""
+        moved = distort(self._camera, last) - distort(self._camera, first)
+        return float(np.nanmedian(np.linalg.norm(moved, axis=1)))

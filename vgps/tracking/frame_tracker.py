@@ -10,6 +10,7 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import project, rays, reprojection_inliers
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.corners import is_shown
@@ -30,6 +31,7 @@ class TrackingResult:
     Attributes:
         raw_uv_px, uv_px: (N, 2) in the distorted and in the undistorted image.
         found: (N,) whether each feature was found.
+        lens: (N, 2, 2) from :mod:`vgps.lens_jacobian`; None for a pinhole.
         world_T_camera: (4, 4), or None if the frame is lost.
         pose_sigma: (6,) standard deviations [rotation rad; translation], with the features held.
     """
@@ -37,12 +39,23 @@ class TrackingResult:
     raw_uv_px: FloatArray
     uv_px: FloatArray
     found: BoolArray
+    lens: FloatArray | None = None
     world_T_camera: FloatArray | None = None
     pose_sigma: FloatArray | None = None
 
     def shown_by(self, mask: BoolArray | None) -> "TrackingResult":
         """Return the result without features where a mask (H, W) does not show the scene."""
         return replace(self, found=self.found & is_shown(mask, self.raw_uv_px)) if mask is not None else self
+
+    def agrees(
+        self, K: FloatArray, world_T_camera: FloatArray, points: FloatArray, limit_px: float
+    ) -> BoolArray:
+        """Return whether the observations agree with points (N, 3) seen from a pose."""
+        return reprojection_inliers(K, world_T_camera, points, self.uv_px, limit_px, self.lens)
+
+    def matches(self, points: FloatArray, kept: BoolArray) -> Correspondences:
+        """Return the observations that a mask (N,) keeps with their points (N, 3)."""
+        return Correspondences(points, self.uv_px, self.lens).where(kept)
 
 
 class FrameTracker:
@@ -119,7 +132,7 @@ class FrameTracker:
         usable = local_map.positioned & result.found
         if usable.sum() < self._config.min_inliers:
             return _shifted(result, shift)
-        matches = Correspondences(local_map.points[local_map.ids[usable]], result.uv_px[usable])
+        matches = result.matches(local_map.points[local_map.ids], usable)
         by_motion, _ = refine_pose(self._K, predicted, matches, np.ones(len(matches)), _GUESS_ITERATIONS)
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
@@ -151,7 +164,8 @@ class FrameTracker:
         # pixels beyond the fold of the lens's polynomial have no ray
         valid = np.asarray(np.isfinite(uv).all(axis=1))
         uv = np.where(valid[:, None], uv, 0.0)
-        return TrackingResult(raw_uv_px=match.uv_px, uv_px=uv, found=match.found & valid)
+        lens = lens_jacobian(self._camera, uv)
+        return TrackingResult(raw_uv_px=match.uv_px, uv_px=uv, found=match.found & valid, lens=lens)
 
     def _predict_pixels(self, local_map: LocalMap, predicted: FloatArray) -> FloatArray:
         """Return where to search (N, 2) in the distorted image.
@@ -184,11 +198,10 @@ class FrameTracker:
         prediction: Prediction,
     ) -> tuple[FloatArray, FloatArray]:
         points, limit_px = local_map.points[local_map.ids], 3.0 * self._config.inlier_px
-        usable = usable & reprojection_inliers(self._K, start, points, result.uv_px, limit_px)
+        usable = usable & result.agrees(self._K, start, points, limit_px)
         sigma = np.nan_to_num(local_map.sigma_px[local_map.ids[usable]], nan=self._mapping.sigma_floor_px)
         mu = 0.5 / np.maximum(sigma, self._mapping.sigma_floor_px) ** 2
-        matches = Correspondences(points[usable], result.uv_px[usable])
-        return refine_pose(self._K, start, matches, mu, prior=prediction)
+        return refine_pose(self._K, start, result.matches(points, usable), mu, prior=prediction)
 
     def _aligned(
         self,
@@ -210,7 +223,7 @@ class FrameTracker:
             shift: From :meth:`_row_shifts`, taken from the features' pixels.
         """
         points = local_map.points[local_map.ids]
-        agree = reprojection_inliers(self._K, tentative, points, result.uv_px, self._config.inlier_px)
+        agree = result.agrees(self._K, tentative, points, self._config.inlier_px)
         projected, inside = self._project(tentative, points)
         again = local_map.positioned & ~(result.found & agree)
         if shift is not None:
@@ -236,7 +249,7 @@ class FrameTracker:
         usable = positioned & result.found
         points = local_map.points[local_map.ids]
         pose, information = self._refine(local_map, result, usable, tentative, prediction)
-        agree = reprojection_inliers(self._K, pose, points, result.uv_px, self._config.inlier_px)
+        agree = result.agrees(self._K, pose, points, self._config.inlier_px)
         inliers = int((usable & agree).sum())
         if inliers < min_inliers:
             return result

@@ -5,6 +5,7 @@ import numpy as np
 from vgps.camera import row_shares, undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
@@ -51,7 +52,7 @@ class Mapper:
         start = np.searchsorted(feature, np.arange(len(rows)))
         uv_px = local_map.views[rows][observed]
         of_row = self._row_poses(local_map, view, uv_px)
-        points, error = triangulate(self._K, of_row, uv_px, start)
+        points, error = triangulate(self._K, of_row, uv_px, start, lens=lens_jacobian(self._camera, uv_px))
         sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / observed.sum(axis=1))
         largest = np.maximum.reduceat(error, start)
         good = (largest < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)

@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 import numpy.typing as npt
 
-from vgps.geometry import MIN_DEPTH, linearise_projection, project, reprojection_inliers
+from vgps.geometry import MIN_DEPTH, in_picture, linearise_projection, project, reprojection_inliers
 from vgps.model import BoolArray, FloatArray
 
 _HUBER_PX = 1.0  # beyond it errors count linearly, so that one outlier does not tilt the frame
@@ -17,21 +17,26 @@ _SMALL_DECREASE = 1e-6  # of the cost (18), in which an error of one standard de
 
 @dataclass(frozen=True)
 class Correspondences:
-    """Points (N, 3) of the world and where one frame shows them, ``uv_px`` (N, 2) undistorted."""
+    """Points (N, 3) of the world and where one frame shows them, ``uv_px`` (N, 2) undistorted.
+
+    ``lens`` (N, 2, 2), from :mod:`vgps.lens_jacobian`, makes errors those of the picture.
+    """
 
     points: FloatArray
     uv_px: FloatArray
+    lens: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
 
     def where(self, kept: BoolArray) -> "Correspondences":
         """Return the correspondences that a mask (N,) keeps."""
-        return Correspondences(self.points[kept], self.uv_px[kept])
+        lens = None if self.lens is None else self.lens[kept]
+        return Correspondences(self.points[kept], self.uv_px[kept], lens)
 
     def inliers(self, K: FloatArray, world_T_camera: FloatArray, limit_px: float) -> BoolArray:
         """Return (N,) whether each point reprojects within a limit under a pose (4, 4)."""
-        return reprojection_inliers(K, world_T_camera, self.points, self.uv_px, limit_px)
+        return reprojection_inliers(K, world_T_camera, self.points, self.uv_px, limit_px, self.lens)
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ def refine_pose(
     """
     pose, information = world_T_camera, np.zeros((6, 6))
     for _ in range(iterations):
-        residual, jacobian = linearise_projection(K, pose, matches.points, matches.uv_px)
+        residual, jacobian = linearise_projection(K, pose, matches.points, matches.uv_px, matches.lens)
         size = np.linalg.norm(residual, axis=1)
         weight = mu * np.minimum(1.0, _HUBER_PX / np.maximum(size, 1e-12))
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
@@ -165,7 +170,7 @@ def ransac_pose(
 def _median_error(K: FloatArray, poses: FloatArray, matches: Correspondences) -> FloatArray:
     """Return the median reprojection error (S,) in pixels of each pose (S, 4, 4)."""
     predicted, depth = project(K, poses, matches.points)
-    squared = np.sum((predicted - matches.uv_px) ** 2, axis=-1)
+    squared = np.sum(in_picture(matches.lens, np.moveaxis(predicted - matches.uv_px, -1, 0)) ** 2, axis=0)
     squared[depth <= MIN_DEPTH] = np.inf
     return np.asarray(np.sqrt(np.median(squared, axis=1)))
 

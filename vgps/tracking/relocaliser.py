@@ -5,6 +5,7 @@ import numpy as np
 
 from vgps.camera import undistort
 from vgps.config import TrackingConfig
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, Float32Array, FloatArray, GrayImage, IntArray
 from vgps.tracking.corners import new_corners
@@ -56,7 +57,8 @@ class Relocaliser:
         good = [best for best, second in pairs if best.distance < _RATIO * second.distance]
         uv = undistort(self._camera, corners[kept[[match.trainIdx for match in good]]])
         points = self._points[[match.queryIdx for match in good]]
-        return Correspondences(points, uv).where(np.asarray(np.isfinite(uv).all(axis=1)))
+        matches = Correspondences(points, uv, lens_jacobian(self._camera, uv))
+        return matches.where(np.asarray(np.isfinite(uv).all(axis=1)))
 
 
 def _describe(gray: GrayImage, raw_uv_px: FloatArray) -> tuple[IntArray, Float32Array]:

@@ -1,0 +1,83 @@
+"""An equidistant fisheye: a point is seen ``focal_px`` times its angle from the axis away from the centre."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.model import Float32Array, FloatArray
+from vgps.simulate.polygons import Polygon, cut, frustum
+
+_LARGEST_ANGLE = np.radians(25.0)  # of a piece of a polygon: its edges are nearly straight in the picture
+MAX_DEG = 170.0  # diagonal field of view; what lies closer to 90 degrees off the axis is not drawn
+
+
+@dataclass(frozen=True)
+class Fisheye:
+    """A fisheye with its axis through ``centre_px`` (2,)."""
+
+    focal_px: float
+    centre_px: FloatArray
+
+    @classmethod
+    def of_diagonal(cls, degrees: float, width: int, height: int) -> "Fisheye":
+        """Return the lens that sees this angle from corner to corner of a picture."""
+        centre = np.array([width - 1, height - 1]) / 2
+        return cls(float(np.hypot(width, height) / np.radians(degrees)), centre)
+
+    def rays(self, uv_px: FloatArray) -> FloatArray:
+        """Return x / z and y / z (..., 2) of pixels (..., 2)."""
+        offset = uv_px - self.centre_px
+        radius = np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-9)
+        return np.asarray(offset * np.tan(radius / self.focal_px) / radius)
+
+    def pixels(self, camera_p: FloatArray) -> FloatArray:
+        """Return the pixels (n, 2) of points (n, 3) in the camera frame."""
+        across = np.linalg.norm(camera_p[:, :2], axis=1)
+        scale = self.focal_px * np.arctan2(across, camera_p[:, 2]) / np.maximum(across, 1e-9)
+        return np.asarray(camera_p[:, :2] * scale[:, None] + self.centre_px)
+
+
+@dataclass(frozen=True)
+class RayGrid:
+    """The rays x / z, y / z (H, W, 2) of all pixels of a canvas, and the lens that they come from."""
+
+    lens: Fisheye
+    rays: Float32Array
+
+    @classmethod
+    def of_canvas(cls, lens: Fisheye, width: int, height: int) -> "RayGrid":
+        """Return the rays of a canvas."""
+        uv = np.stack(np.meshgrid(np.arange(float(width)), np.arange(float(height))), axis=-1)
+        return cls(lens, lens.rays(uv).astype(np.float32))
+
+    def sides(self) -> FloatArray:
+        """Return (5, 3) inward normals of a pyramid around the view, and the view axis."""
+        low, high = self.rays.min(axis=(0, 1)), self.rays.max(axis=(0, 1))
+        K = np.array([[1.0, 0.0, -low[0]], [0.0, 1.0, -low[1]], [0.0, 0.0, 1.0]])
+        return frustum(K, *(high - low).tolist())
+
+    def flat_at(self, uv_px: FloatArray) -> FloatArray:
+        """Return the map (3, 3) from pixels (u, v, 1) to rays (x / z, y / z, 1) near a pixel."""
+        height, width, _ = self.rays.shape
+        u, v = np.clip(uv_px.astype(int), 0, (width - 2, height - 2)).tolist()
+        corner = self.rays[v : v + 2, u : u + 2].astype(float)
+        ray, by_u, by_v = corner[0, 0], corner[0, 1], corner[1, 0]
+        A = np.column_stack([by_u - ray, by_v - ray])
+        return np.vstack([np.column_stack([A, ray - A @ (u, v)]), [0.0, 0.0, 1.0]])
+
+
+def pieces(polygon: Polygon) -> Iterator[Polygon]:
+    """Yield the pieces of a convex polygon, halved until each is seen under a small angle."""
+    if not polygon:
+        return
+    corners = np.array(polygon)
+    rays = corners / np.linalg.norm(corners, axis=1, keepdims=True)
+    products = rays @ rays.T
+    if products.min() > np.cos(_LARGEST_ANGLE):
+        yield polygon
+        return
+    one, other = np.unravel_index(int(products.argmin()), products.shape)
+    x, y, z = (rays[one] - rays[other]).tolist()
+    yield from pieces(cut(polygon, (x, y, z), 0.0))
+    yield from pieces(cut(polygon, (-x, -y, -z), 0.0))
