@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import vgps
 from vgps.model import FixClass
 from vgps.online.fusion import fuse
-from vgps.online.fusion_equations import OFFSET
+from vgps.online.fusion_equations import MEAN_ROLL, OFFSET
 from vgps.online.video_path import VideoPath
 
 CONFIG = vgps.Config()
@@ -57,6 +58,35 @@ def test_a_wrong_scale_and_heading_are_found_with_the_uncertainty_stated_before(
     np.testing.assert_allclose(np.exp(fits[-1].state.values[-1, 3]), 1.0 / 1.2, rtol=1e-3)
     first, last = (np.diag(fit.covariance)[3:7] for fit in (fits[0], fits[-1]))
     assert (first > last).all()
+
+
+def turned(path, map_turn_deg, mount_roll_deg):
+    """A path in a map that is turned about east, seen by a camera that is rolled about its axis."""
+    turn, roll = (
+        Rotation.from_euler(axis, angle, degrees=True).as_matrix()
+        for axis, angle in (("x", map_turn_deg), ("z", mount_roll_deg))
+    )
+    poses = path.poses.copy()
+    poses[:, :3, :3] = turn @ poses[:, :3, :3] @ roll
+    poses[:, :3, 3] = poses[:, :3, 3] @ turn.T
+    return VideoPath(t_s=path.t_s, poses=poses, moving=path.moving), roll.T @ ANTENNA
+
+
+@pytest.mark.parametrize(("mount_roll_deg", "limit_deg"), [(0.0, 0.7), (8.0, 1.5), (-30.0, 2.0)])
+def test_floats_do_not_tilt_the_path_whatever_the_roll_of_the_mounting(mount_roll_deg, limit_deg):
+    drive = DrivingCamera(400)
+    path, antenna = turned(drive.seen(), 3.0, mount_roll_deg)
+    kinds, wrong = fixed_then_float(4, 36, [0.0, 0.0, 1.0])
+    wrong[:, 2] *= np.arange(40) / 10.0  # a height that drifts looks like a slope
+    fits = []
+    for last in (60, 120, 200, 400):
+        fits.append(
+            fuse(cut(path, 0, last), drive.fixes(kinds, wrong), antenna, CONFIG, (fits or [None])[-1])
+        )
+    up = fits[-1].state.world_R_map[-1] @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
+    assert np.degrees(np.arccos(up[2, 2])) < limit_deg
+    found_deg = np.degrees(np.arcsin(fits[-1].state.values[-1, MEAN_ROLL]))
+    assert abs(abs(found_deg) - abs(mount_roll_deg)) < limit_deg
 
 
 def test_what_has_left_the_path_stays_as_a_prior():

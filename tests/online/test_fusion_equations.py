@@ -6,7 +6,7 @@ from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
 
 import vgps
 from vgps.online.fusion import fuse
-from vgps.online.fusion_equations import BIAS, UNKNOWNS, cost, normal_equations
+from vgps.online.fusion_equations import BIAS, MEAN_ROLL, UNKNOWNS, cost, normal_equations
 from vgps.online.fusion_nodes import fusion_nodes
 
 
@@ -43,6 +43,21 @@ def test_the_gradient_is_that_of_the_cost(fit):
             ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
             numeric = (ends[1] - ends[0]) / 2e-6
             assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3)
+
+
+def test_the_prior_of_the_mean_roll_lets_go_of_a_camera_that_is_clearly_rolled(fit):
+    rolled = np.zeros((len(fit.nodes.t_s), UNKNOWNS))
+    rolled[:, MEAN_ROLL] = 0.3 - fit.state.values[:, MEAN_ROLL]
+    state, nothing = fit.state.moved(rolled), replace(fit.nodes, mean_roll=np.inf)
+    with_prior, without = (normal_equations(nodes, state, fit.prior) for nodes in (fit.nodes, nothing))
+    gradient = with_prior.gradient[0, MEAN_ROLL] - without.gradient[0, MEAN_ROLL]
+    scale = fit.nodes.mean_roll
+    assert gradient == pytest.approx(2.0 * 0.3 / (scale**2 + 0.09))
+    assert cost(fit.nodes, state, fit.prior) - cost(nothing, state, fit.prior) == pytest.approx(
+        np.log1p((0.3 / scale) ** 2)
+    )
+    pull = 2.0 * scale / (scale**2 + scale**2)  # at its strongest
+    assert gradient < 0.3 * pull
 
 
 def test_the_gradient_is_that_of_the_cost_with_an_imu_too(fit):

@@ -35,7 +35,7 @@ from vgps.online.fusion_nodes import SAME_TIME_S, FusionNodes, fusion_nodes, vid
 from vgps.online.gravity import WINDOW_S, Gravity
 from vgps.online.video_path import VideoPath
 
-_NO_BIAS_RAD = 1e-6  # without an IMU the camera itself is level
+_ANY_ROLL_RAD, _NO_PITCH_RAD = 1.0, 1e-6  # biases of the elevations without an IMU
 _ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
 
 
@@ -162,7 +162,8 @@ def fuse(
     if gravity is not None:
         nodes = _levelled(nodes, gravity, path, last)
     state = _start(nodes) if last is None else _continue(nodes, last)
-    prior = prior or _vague_prior(state, _NO_BIAS_RAD if gravity is None else gravity.bias_rad)
+    bias_rad = np.array([_ANY_ROLL_RAD, _NO_PITCH_RAD]) if gravity is None else np.full(2, gravity.bias_rad)
+    prior = prior or _vague_prior(state, bias_rad)
     state, system = minimise(nodes, state, prior, config.drift.iterations)
     return FusedPath(
         nodes=nodes, state=state, prior=prior, covariance=system.last_covariance(), system=system
@@ -192,10 +193,11 @@ def _levelled(nodes: FusionNodes, gravity: Gravity, path: VideoPath, last: Fused
         nodes,
         elevation=np.einsum("ni,nij->nj", up.direction, nodes.camera[:, :3, [0, 2]]),
         level=np.stack([level, level], axis=1),
+        mean_roll=np.inf,
     )
 
 
-def _vague_prior(state: FusionState, bias_rad: float) -> FirstNodePrior:
+def _vague_prior(state: FusionState, bias_rad: FloatArray) -> FirstNodePrior:
     information = np.zeros(UNKNOWNS)
     information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
     information[ROTATION], information[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2

@@ -14,7 +14,7 @@ from vgps.model import FloatArray, IntArray
 from vgps.online.fusion_nodes import FusionNodes
 
 POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
-UNKNOWNS = 12
+MEAN_ROLL, UNKNOWNS = 10, 12
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
 _RIDGE = 1e-8  # keeps solvable what nothing determines
@@ -175,6 +175,7 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
     total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
     total += np.sum((x[:, OFFSET] * nodes.bound) ** 2) + np.sum((r.elevation * nodes.level) ** 2)
+    total += 2.0 * np.log1p((x[0, MEAN_ROLL] / nodes.mean_roll) ** 2)
     return float(0.5 * total) + prior.cost(state)
 
 
@@ -225,6 +226,9 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     bound = np.zeros((count, 3, UNKNOWNS))
     bound[:, :, OFFSET] = np.eye(3)
     total.add_each(bound, nodes.bound**2, x[:, OFFSET], every)
+    mean_roll_weight = 2.0 / (nodes.mean_roll**2 + x[0, MEAN_ROLL] ** 2)
+    total.diagonal[0, MEAN_ROLL, MEAN_ROLL] += mean_roll_weight
+    total.gradient[0, MEAN_ROLL] += mean_roll_weight * x[0, MEAN_ROLL]
     total.diagonal[0] += prior.information
     total.gradient[0] += prior.information @ prior.distance(state) + prior.vector
     return BlockSystem(total.diagonal, total.below, total.gradient)
