@@ -1,6 +1,11 @@
+import os
+import threading
+import time
+
+import pytest
 from threadpoolctl import threadpool_info
 
-from vgps.runtime.threads import one_blas_thread
+from vgps.runtime.threads import map_in_order, one_blas_thread, usable_cores
 
 
 def blas_threads() -> list[int]:
@@ -12,3 +17,44 @@ def test_blas_has_one_thread_inside_and_as_many_as_before_after_it() -> None:
     with one_blas_thread():
         assert set(blas_threads()) == {1}
     assert blas_threads() == before
+
+
+@pytest.fixture
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda: 2)
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_results_come_in_order_from_two_threads_that_do_not_run_ahead():
+    both, begun = threading.Barrier(2, timeout=10.0), []
+
+    def work(number: int) -> int:
+        begun.append(number)
+        if number < 2:
+            both.wait()  # passed only if two of them run at the same time
+        time.sleep(0.005 * (number % 2))
+        return number * number
+
+    for count, result in enumerate(map_in_order(work, range(12))):
+        assert result == count * count
+        assert len(begun) <= count + 5  # four under way, and the next one
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_an_error_in_a_thread_arrives():
+    with pytest.raises(ZeroDivisionError):
+        list(map_in_order(lambda number: 1 // (number - 5), range(8)))
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_few_items_stay_in_the_thread_of_the_caller():
+    assert set(map_in_order(lambda _: threading.get_ident(), range(3))) == {threading.get_ident()}
+
+
+@pytest.mark.parametrize(("given", "expected"), [("1", 1), ("0", None), ("1,4", 1), ("1000000", None)])
+def test_the_environment_lowers_the_number_of_threads(monkeypatch, given, expected):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    every = usable_cores()
+    assert 1 <= every <= (os.cpu_count() or 1)
+    monkeypatch.setenv("OMP_NUM_THREADS", given)
+    assert usable_cores() == (expected or every)

@@ -211,3 +211,16 @@ def test_states_are_moved_to_the_minimum_of_gtsam(held: bool) -> None:
     poses = result.problem.world_T_camera
     np.testing.assert_allclose(poses, reference.problem.world_T_camera, atol=1e-6)
     np.testing.assert_array_equal(poses[problem.fixed_frames], problem.world_T_camera[problem.fixed_frames])
+
+
+@pytest.mark.parametrize("case", ["huber", "held"])
+def test_the_result_does_not_depend_on_the_number_of_threads(case, monkeypatch):
+    monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)
+    ends = []
+    for threads in (1, 3):
+        monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda threads=threads: threads)
+        ends.append(solve(CASES[case](), SolverSettings(max_iterations=3)))
+    one, three = (end.problem for end in ends)
+    np.testing.assert_array_equal(one.world_T_camera, three.world_T_camera)
+    np.testing.assert_array_equal(one.world_p_landmark, three.world_p_landmark)
+    assert ends[0].report == ends[1].report

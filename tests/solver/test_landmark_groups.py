@@ -26,3 +26,13 @@ def test_landmarks_in_the_same_blocks_form_a_group() -> None:
     group = group_by_blocks(free, np.array([0, 0, 1, 1, 2, 3]), 4)
     assert group[0] == group[1] != group[2]
     assert group[3] == 0
+
+
+def test_many_landmarks_in_the_same_quarters_of_blocks_form_their_own_group() -> None:
+    last = BLOCK_FRAMES - 1
+    in_a_quarter, in_another, in_both, in_a_half = [0, 1], [last], [0, last], [0, BLOCK_FRAMES // 4]
+    tracks = [in_a_quarter] * 60 + [in_another] * 59 + [in_both] + [in_a_half] * 60
+    landmark = np.repeat(np.arange(180), [len(track) for track in tracks])
+    group = group_by_blocks(np.concatenate(tracks), landmark, 180)
+    assert [len(np.unique(group[part])) for part in (slice(60), slice(60, 120), slice(120, 180))] == [1, 1, 1]
+    assert len(np.unique(group)) == 3

@@ -1,12 +1,24 @@
-"""Linear algebra in one thread: the blocks here are too small to share.
+"""Threads: one for linear algebra on small blocks, several for parts of an array.
 
-On busy cores, threads waiting for each other cost fourfold, and their number changes the last digits.
+BLAS's own threads have too little to share in small blocks: on busy cores, threads waiting for each other
+cost fourfold, and their number changes the last digits.
 """
 
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
+from itertools import islice
+from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_FEWEST = 4  # items, of some milliseconds each, for which threads are worth starting
 
 
 @cache
@@ -19,3 +31,29 @@ def one_blas_thread() -> AbstractContextManager[object]:
     """Return a context in which BLAS uses one thread."""
     limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return limits
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use; ``OMP_NUM_THREADS`` lowers it."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return min(cores, int(wanted)) if wanted.isdecimal() and int(wanted) else cores
+
+
+def map_in_order(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """Yield ``function(item)`` of every item, in order, computed by a thread for each usable core.
+
+    No more than two items for each thread are under way. NumPy's arithmetic, indexing and products let other
+    threads run meanwhile.
+    """
+    threads = usable_cores()
+    if threads == 1 or len(items) < _FEWEST:
+        yield from map(function, items)
+        return
+    rest, waiting = iter(items), deque[Future[Result]]()
+    with ThreadPoolExecutor(threads) as pool:
+        waiting.extend(pool.submit(function, item) for item in islice(rest, 2 * threads))
+        while waiting:
+            result = waiting.popleft().result()
+            waiting.extend(pool.submit(function, item) for item in islice(rest, 1))
+            yield result

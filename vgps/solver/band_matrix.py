@@ -12,6 +12,7 @@ from scipy.linalg import lapack
 from vgps.model import FloatArray, IntArray
 
 POSE_DIM = 6  # tangent of a pose
+_LOWER = np.asfortranarray(np.tri(96))
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -73,12 +74,12 @@ class BandMatrix:
         offset = step * (rows.start + columns.start * self.stride)
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
-    def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
+    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
+        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
         if frames[-1] - frames[0] + 1 == len(frames):
-            self.add_lower(POSE_DIM * int(frames[0]), square)
+            self._subtract_lower(POSE_DIM * int(frames[0]), square.T)  # symmetric; in the band's own order
         else:
-            self.add_entries(*entries_in_band(frames, square, len(self.ab)))
+            self.add_entries(*entries_in_band(frames, -square, len(self.ab)))
 
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal.
@@ -89,6 +90,17 @@ class BandMatrix:
         stop = start + len(block)
         view = self.block(slice(start, stop), slice(start, stop))
         np.add(view, block, out=view)
+
+    def _subtract_lower(self, start: int, block: FloatArray) -> None:
+        """Subtract the lower triangle of a square block on the diagonal at ``start``, strip by strip."""
+        for begin in range(0, len(block), len(_LOWER)):
+            end = min(begin + len(_LOWER), len(block))
+            size = end - begin
+            columns = slice(start + begin, start + end)
+            tile = self.block(columns, columns)
+            np.subtract(tile, block[begin:end, begin:end] * _LOWER[:size, :size], out=tile)
+            below = self.block(slice(start + end, start + len(block)), columns)
+            np.subtract(below, block[end:, begin:end], out=below)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add to entries of the lower triangle, each of which is given once."""

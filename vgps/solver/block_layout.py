@@ -1,7 +1,9 @@
 """Fill-reducing order and storage of a block-sparse symmetric matrix over frames."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +12,21 @@ from vgps.solver.band_matrix import POSE_DIM
 
 BLOCK_FRAMES = 16  # fastest of 8, 12, 16 and 24 on two and four laps around a city block
 _BLOCK_COLUMNS = POSE_DIM * BLOCK_FRAMES
+
+
+class Piece(NamedTuple):
+    """Part of a square over frames that lies in one block.
+
+    Attributes:
+        rows, columns: Its place in the square.
+        start: Index of its first entry among the stored ones.
+        strides: Entries between its rows, and between its columns, among the stored ones.
+    """
+
+    rows: slice
+    columns: slice
+    start: int
+    strides: tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +44,7 @@ class BlockLayout:
         below: For each block the nonzero blocks below the diagonal of its column, in order of elimination.
         start: (T, T) index at which each block is stored; -1 if it is zero or stored as its transpose.
         size: Number of stored entries.
+        pieces: Those of each set of frames that was asked for, by its bytes.
     """
 
     columns: int
@@ -35,6 +53,28 @@ class BlockLayout:
     below: tuple[IntArray, ...]
     start: IntArray
     size: int
+    pieces: dict[bytes, tuple[Piece, ...]] = field(default_factory=dict, compare=False, repr=False)
+
+    def pieces_of(self, frames: IntArray) -> tuple[Piece, ...]:
+        """Return the parts of a square over ascending frames (s,), of which it needs the lower triangle."""
+        key = frames.tobytes()
+        if key not in self.pieces:
+            self.pieces[key] = tuple(self._cut(frames))
+        return self.pieces[key]
+
+    def _cut(self, frames: IntArray) -> Iterator[Piece]:
+        """Yield the parts: runs of successive frames within a block against those before and themselves."""
+        begin = np.flatnonzero((np.diff(frames, prepend=-2) != 1) | (frames % BLOCK_FRAMES == 0)).tolist()
+        runs = [slice(POSE_DIM * a, POSE_DIM * b) for a, b in pairwise([*begin, len(frames)])]
+        at = [divmod(frame, BLOCK_FRAMES) for frame in frames[begin].tolist()]
+        for i, (row, r) in enumerate(at):
+            for j, (column, c) in enumerate(at[: i + 1]):
+                if self.rank[row] >= self.rank[column]:
+                    start, width = int(self.start[row, column]), self.width(column)
+                    yield Piece(runs[i], runs[j], start + POSE_DIM * (r * width + c), (width, 1))
+                else:
+                    start, width = int(self.start[column, row]), self.width(row)
+                    yield Piece(runs[i], runs[j], start + POSE_DIM * (c * width + r), (1, width))
 
     def span(self, block: int) -> slice:
         """Return the columns of the matrix that a block covers."""

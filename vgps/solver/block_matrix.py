@@ -46,24 +46,12 @@ class BlockSparseMatrix:
         rows = sum(self.layout.width(i) for i in self.layout.below[column].tolist())
         return self.flat[at : at + rows * width].reshape(rows, width)
 
-    def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
-        blocks, begins = np.unique(frames // BLOCK_FRAMES, return_index=True)
-        ends = np.append(begins[1:], len(frames))
-        columns = [
-            POSE_DIM * (frames[a:b, None] - BLOCK_FRAMES * t) + np.arange(POSE_DIM)
-            for t, a, b in zip(blocks, begins, ends, strict=True)
-        ]
-        index = [_as_slice(part.ravel()) for part in columns]
-        for i, row in enumerate(blocks.tolist()):
-            for j, column in enumerate(blocks[: i + 1].tolist()):
-                part = square[
-                    POSE_DIM * begins[i] : POSE_DIM * ends[i], POSE_DIM * begins[j] : POSE_DIM * ends[j]
-                ]
-                if self.layout.rank[row] >= self.layout.rank[column]:
-                    _add(self.block(row, column), index[i], index[j], part)
-                else:
-                    _add(self.block(column, row), index[j], index[i], part.T)
+    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
+        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
+        for rows, columns, start, strides in self.layout.pieces_of(frames):
+            part = square[rows, columns]
+            block = np.ndarray(part.shape, np.float64, self.flat, 8 * start, (8 * strides[0], 8 * strides[1]))
+            np.subtract(block, part, out=block)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add to entries of the lower triangle, each of which is given once."""
@@ -164,16 +152,3 @@ class BlockSparseMatrix:
         for j, column in enumerate(numbers):
             for i in range(j, len(numbers)):
                 yield self.block(numbers[i], column), spans[i], spans[j]
-
-
-def _as_slice(index: IntArray) -> slice | IntArray:
-    first, last = int(index[0]), int(index[-1])
-    return slice(first, last + 1) if last - first + 1 == len(index) else index
-
-
-def _add(block: FloatArray, rows: slice | IntArray, columns: slice | IntArray, part: FloatArray) -> None:
-    if isinstance(rows, slice) and isinstance(columns, slice):
-        block[rows, columns] += part
-    else:
-        every = np.arange(max(block.shape))
-        block[np.ix_(every[rows], every[columns])] += part

@@ -7,23 +7,16 @@ the other, so that their arrays stay in the processor's cache.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-from scipy.linalg import blas
 
 from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.block_layout import BLOCK_FRAMES
 from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.problem import BundleProblem
 
 CHUNK_OBSERVATIONS = 12000  # observations processed at a time: their arrays stay in the processor's cache
-
-
-class _Squares(Protocol):
-    """A matrix to which squares over frames are added."""
-
-    def add_square(self, frames: IntArray, square: FloatArray) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -31,8 +24,9 @@ class LandmarkGroup:
     """Landmarks observed in nearly the same frames, whose observations form one dense matrix Z.
 
     Attributes:
-        frames: (s,) places of the frames that observe any of them, ascending, and of the states between such
-            frames that follow each other; the columns of a state are zero.
+        frames: (s,) places of the frames that observe any of them, ascending, of the states between such
+            frames that follow each other, and of all between them where these are few; the columns of these
+            and of states are zero.
         landmarks: Number of landmarks.
         start: Index in the chunk's buffer at which Z, (3 landmarks, 6 s) in C order, begins.
     """
@@ -56,10 +50,11 @@ class LandmarkGroup:
         """Whether the frames follow each other without a gap."""
         return int(self.frames[-1] - self.frames[0]) + 1 == len(self.frames)
 
-    def subtract_square(self, buffer: FloatArray, matrix: _Squares) -> None:
-        """Subtract Z^T Z from the matrix."""
+    def square(self, buffer: FloatArray, scratch: FloatArray) -> FloatArray:
+        """Return Z^T Z, (6 s, 6 s), in the scratch memory."""
         Z = buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
-        matrix.add_square(self.frames, blas.dsyrk(-1.0, Z.T, lower=1))
+        out = scratch[: self.width**2].reshape(self.width, self.width)
+        return np.matmul(Z.T, Z, out=out)  # BLAS's syrk; unlike with SciPy's, other threads run meanwhile
 
 
 @dataclass(frozen=True)
@@ -216,7 +211,7 @@ def _lay_out_groups(
     rank[np.argsort(group, kind="stable")] = np.arange(len(group)) - before
     base = int(frame.max()) + 1
     of = group[landmark]
-    pairs = _with_states_between(np.unique(of * base + frame), base, free)
+    pairs = _without_short_gaps(np.unique(of * base + frame), base, free)
     pair = np.searchsorted(pairs, of * base + frame)
     first = np.searchsorted(pairs, np.arange(len(members) + 1) * base)
     groups: list[LandmarkGroup] = []
@@ -228,14 +223,16 @@ def _lay_out_groups(
     return tuple(groups), begin[:, None] + (3 * rank[landmark, None] + np.arange(3)) * width[:, None]
 
 
-def _with_states_between(pairs: IntArray, base: int, free: IntArray) -> IntArray:
+def _without_short_gaps(pairs: IntArray, base: int, free: IntArray) -> IntArray:
     """Return pairs ``group * base + place``, ascending, with the states between successive free frames.
 
-    So a track without interruptions stays one dense block of the matrix.
+    Gaps shorter than a block of the matrix are closed too. So a track with short interruptions stays one
+    dense block of a band, or one in each block of a block matrix.
     """
     number = np.searchsorted(free, pairs % base)  # of each pair's frame among the free ones
     gap = np.diff(pairs)
-    gap[(np.diff(number) != 1) | (np.diff(pairs // base) != 0)] = 1
+    long = (np.diff(number) != 1) & (gap >= BLOCK_FRAMES)
+    gap[long | (np.diff(pairs // base) != 0)] = 1
     before = np.repeat(pairs[:-1], gap - 1)
     steps = np.arange(len(before)) - np.repeat(np.cumsum(gap - 1) - (gap - 1), gap - 1) + 1
     return np.sort(np.concatenate([pairs, before + steps]))

@@ -51,6 +51,11 @@ class SparsityStructure(Unknowns):
         return max([self.half_bandwidth, *widths]) + 1
 
     @cached_property
+    def widest_group(self) -> int:
+        """Most columns of a group of landmarks."""
+        return max((g.width for chunk in self.chunks for g in chunk.groups), default=0)
+
+    @cached_property
     def flops(self) -> float:
         """Multiplications and additions of one elimination and factorisation."""
         squares = float(sum(g.size * g.width for chunk in self.chunks for g in chunk.groups))
@@ -97,8 +102,8 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     Raises:
         ValueError: A landmark is observed twice in one frame.
     """
-    pairs = problem.frame * len(problem.world_p_landmark) + problem.landmark
-    if len(np.unique(pairs)) != len(pairs):
+    pairs = np.sort(problem.frame * len(problem.world_p_landmark) + problem.landmark)
+    if np.any(pairs[1:] == pairs[:-1]):
         raise ValueError("a landmark is observed twice in one frame")
     unknowns = number_unknowns(problem)
     cliques = _places_of_factors(problem, unknowns)

@@ -10,6 +10,9 @@ import numpy as np
 from vgps.model import IntArray
 from vgps.solver.block_layout import BLOCK_FRAMES
 
+_QUARTER = BLOCK_FRAMES // 4
+_WORTH_A_GROUP = 60  # landmarks with which a group of its own saves more than it costs
+
 
 def track_ends(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[IntArray, IntArray]:
     """Return first and last place (L,) of each track; the largest integer and -1 in no free frame.
@@ -50,8 +53,9 @@ def group_by_track(first: IntArray, last: IntArray) -> tuple[int, IntArray]:
 def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntArray:
     """Group landmarks by the set of blocks of frames that observe them.
 
-    A set is identified by the sum of a random number for each of its blocks. Two sets with the same sum would
-    share a group, which costs time but stays correct.
+    Where enough landmarks have a set of quarters of blocks in common, or else of halves, they form a group of
+    fewer empty entries. A set is identified by the sum of a random number for each of its parts. Two sets
+    with the same sum would share a group, which costs time but stays correct.
 
     Args:
         free: (N,) place of each observation's frame, -1 if it is held.
@@ -61,11 +65,22 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
     Returns:
         (L,) the group of each landmark, 0 for those in no free frame.
     """
-    observed = free >= 0
-    blocks = int(free.max(initial=0)) // BLOCK_FRAMES + 1
-    pairs = np.unique(landmark[observed] * blocks + free[observed] // BLOCK_FRAMES)
-    number = np.random.default_rng(0).integers(1, 2**62, blocks, dtype=np.uint64)
+    observed, rng = free >= 0, np.random.default_rng(0)
+    parts = int(free.max(initial=0)) // _QUARTER + 1
+    owner, part = np.divmod(_distinct(landmark[observed] * parts + free[observed] // _QUARTER), parts)
     code = np.zeros(landmarks, dtype=np.uint64)
-    np.add.at(code, pairs // blocks, number[pairs % blocks])
+    for least in (_WORTH_A_GROUP, _WORTH_A_GROUP, 1):  # quarters, halves, blocks
+        number = rng.integers(1, 2**62, parts, dtype=np.uint64)
+        sums = np.zeros(landmarks, dtype=np.uint64)
+        np.add.at(sums, owner, number[part])
+        _, alike, count = np.unique(sums, return_inverse=True, return_counts=True)
+        code = np.where((code == 0) & (count[alike] >= least), sums, code)
+        owner, part = np.divmod(_distinct(owner * parts + part // 2), parts)
     _, group = np.unique(np.append(code, np.uint64(0)), return_inverse=True)
     return group[:-1]
+
+
+def _distinct(numbers: IntArray) -> IntArray:
+    """Return the numbers that occur, ascending."""
+    numbers = np.sort(numbers)
+    return np.asarray(numbers[np.diff(numbers, prepend=-1) != 0])

@@ -9,6 +9,7 @@ gain.
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.runtime.threads import map_in_order
 from vgps.solver.chunks import Chunk, couple
 from vgps.solver.cost import observation_costs
 from vgps.solver.elimination import SparsityStructure
@@ -51,8 +52,12 @@ def move_with_frames(
 def landmark_costs(problem: BundleProblem, structure: SparsityStructure) -> FloatArray:
     """Return the cost of each landmark's observations, (L,)."""
     costs = np.zeros(len(problem.world_p_landmark))
-    for chunk in structure.chunks:
-        costs[chunk.landmarks] = _chunk_costs(problem, chunk)
+
+    def cost(chunk: Chunk) -> tuple[IntArray, FloatArray]:
+        return chunk.landmarks, _chunk_costs(problem, chunk)
+
+    for landmarks, found in map_in_order(cost, structure.chunks):
+        costs[landmarks] = found
     return costs
 
 

@@ -14,6 +14,7 @@ from scipy import sparse
 
 from vgps.geometry import in_picture
 from vgps.model import FloatArray
+from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.chunks import Chunk
 from vgps.solver.cost import camera_points, pixel_errors, robust_weight
@@ -67,13 +68,15 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
     blocks = np.zeros((len(LOWER), len(structure.free)))
     gradient = np.zeros((POSE_DIM, len(structure.free)))
 
+    def linearised(chunk: Chunk) -> tuple[LinearisedChunk, FloatArray | float, FloatArray]:
+        part = linearise_chunk(problem, chunk)
+        return part, 0.0 if rolling else pose_blocks(part), part.pose_gradient(part.r)
+
     def parts() -> Iterator[LinearisedChunk]:
-        for chunk in structure.chunks:
-            part = linearise_chunk(problem, chunk)
-            frames = slice(chunk.first_frame, chunk.first_frame + chunk.frames)
-            if not rolling:
-                blocks[:, frames] += pose_blocks(part)
-            gradient[:, frames] += part.pose_gradient(part.r)
+        for part, part_blocks, part_gradient in map_in_order(linearised, structure.chunks):
+            frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
+            blocks[:, frames] += part_blocks
+            gradient[:, frames] += part_gradient
             yield part
 
     on_disk = structure.submaps is not None

@@ -6,11 +6,14 @@ consists of (3, 3) blocks. Each is factored as ``H_ll^-1 = M^T M``, so that ever
 """
 
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
+from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.chunks import Chunk
 from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation
@@ -77,23 +80,32 @@ def reduce_to_poses(
     matrix.add_entries(hessian.row.astype(np.int64), hessian.col.astype(np.int64), hessian.data)
     matrix.add_diagonal(damping * linear.diagonal)
     explained = np.zeros((POSE_DIM, len(structure.free)))
-    scratch = np.empty(max((chunk.size for chunk in structure.chunks), default=0))
-    for part in linear.chunks:
-        chunk = part.chunk
+    spare: SimpleQueue[FloatArray] = SimpleQueue()  # memory to use again: new pages take time
+    size = max((chunk.size for chunk in structure.chunks), default=0)
+
+    def filled(part: LinearisedChunk) -> tuple[Chunk, FloatArray, FloatArray]:
         coupling, r = _coupling(part, factorise_landmarks(part, damping))
-        explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += part.pose_gradient(r)
-        buffer = scratch[: chunk.size]
-        _fill_groups(part, coupling, buffer)
+        try:
+            buffer = spare.get_nowait()
+        except Empty:
+            buffer = np.empty(size)
+        _fill_groups(part, coupling, buffer[: part.chunk.size])
+        return part.chunk, part.pose_gradient(r), buffer
+
+    scratch = np.empty(structure.widest_group**2)
+    for chunk, gradient, buffer in map_in_order(filled, linear.chunks):
+        explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += gradient
         for group in chunk.groups:
-            group.subtract_square(buffer, matrix)
+            matrix.subtract_square(group.frames, group.square(buffer, scratch))
+        spare.put(buffer)
     return matrix, linear.gradient - structure.to_columns(explained.T)
 
 
 def _coupling(linear: LinearisedChunk, factors: LandmarkFactors) -> tuple[FloatArray, FloatArray]:
     """Return B = J_l M^T of each observation (2, 3, n), and the residuals (2, n) that landmarks absorb."""
     at, jl = linear.chunk.landmark, linear.jl
-    m = factors.m[:, at]
-    y = factors.times(linear.gradient)[:, at]
+    m = factors.m.take(at, axis=1)
+    y = factors.times(linear.gradient).take(at, axis=1)
     B = np.empty_like(jl)
     for i in range(2):
         B[i, 0] = jl[i, 0] * m[0]
@@ -129,9 +141,13 @@ def _fill_groups(linear: LinearisedChunk, coupling: FloatArray, buffer: FloatArr
 
 def landmark_steps(linear: Linearisation, pose_step: FloatArray, damping: float) -> FloatArray:
     """Return the landmarks' steps (3, L) that follow from the poses' steps (F, 6)."""
-    steps = np.zeros((3, linear.landmarks))
-    for part in linear.chunks:
+
+    def step(part: LinearisedChunk) -> tuple[IntArray, FloatArray]:
         factors = factorise_landmarks(part, damping)
         gradient = part.gradient + part.landmark_gradient(part.moved_by_poses(pose_step))
-        steps[:, part.chunk.landmarks] = -factors.transposed_times(factors.times(gradient))
+        return part.chunk.landmarks, -factors.transposed_times(factors.times(gradient))
+
+    steps = np.zeros((3, linear.landmarks))
+    for landmarks, found in map_in_order(step, linear.chunks):
+        steps[:, landmarks] = found
     return steps

@@ -84,12 +84,12 @@ class SubmapMatrix:
         sizes = [span.stop - span.start for span in layout.columns]
         return cls(layout, tuple(BandMatrix(arrays.empty((rows, size))) for size in sizes), arrays)
 
-    def add_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Add a block (6 s, 6 s) over ascending frames (s,), zero above its diagonal."""
+    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
+        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
         if frames[-1] - frames[0] + 1 == len(frames):
-            self._add_lower(POSE_DIM * int(frames[0]), square)
+            self._add_lower(POSE_DIM * int(frames[0]), -np.tril(square))
         else:
-            self.add_entries(*entries_in_band(frames, square, len(self.parts[0].ab)))
+            self.add_entries(*entries_in_band(frames, -square, len(self.parts[0].ab)))
 
     def _add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal."""
