@@ -9,6 +9,7 @@ from bags import UNIX_S, write_mcap, write_ros1, write_ros2
 
 from vgps.errors import GpsLogError, VgpsError, VideoError
 from vgps.model import FixClass
+from vgps.readers.bag import BagVideo
 from vgps.readers.gps import gps_format, read_gps_log
 from vgps.readers.recording import open_recording
 
@@ -101,3 +102,13 @@ def test_a_bag_without_what_is_asked_for_says_so(tmp_path):
         open_recording(tmp_path / "empty.mcap")
     with pytest.raises(GpsLogError, match="no fixes; expected messages sensor_msgs/NavSatFix"):
         read_gps_log(tmp_path / "empty.mcap")
+
+
+def test_metadata_whose_aliases_fill_the_memory_are_refused(tmp_path):
+    folder = tmp_path / "rosbag2"
+    folder.mkdir()
+    (folder / "drive.db3").touch()
+    levels = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12)]
+    (folder / "metadata.yaml").write_text("\n".join(["a0: &a0 [1]", *levels]), encoding="utf-8")
+    with pytest.raises(GpsLogError, match=r"metadata.yaml.*too many values"):
+        BagVideo(folder)

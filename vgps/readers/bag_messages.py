@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import GrayImage, RgbImage
 from vgps.readers.container import check_size
@@ -107,6 +108,7 @@ def _compressed(message: Any, path: Path) -> Image.Image:
 
 def _bag(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
     read, highlevel = _deserialisers(path), optional_module("rosbags.highlevel", "ros", path)
+    _check_metadata(path / "metadata.yaml")
     typesys = optional_module("rosbags.typesys", "ros", path)
     # bags of ROS 2 before Iron have no definitions
     default = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -115,6 +117,25 @@ def _bag(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
         encoding = "cdr" if reader.is2 else "ros1"
         for connection, _, raw in reader.messages(connections=connections) if connections else ():
             yield connection.msgtype, connection.topic, read[encoding](raw, connection.msgtype)
+
+
+def _check_metadata(file: Path) -> None:
+    """Check what rosbags parses without bounds: aliases may stand for more than any memory holds.
+
+    Raises:
+        GpsLogError: A ROS 2 bag's metadata is not YAML, or absurdly long.
+    """
+    if not file.is_file():  # ROS 1
+        return
+    try:
+        parse_yaml(file.read_bytes())
+    except YamlTextError as error:
+        raise GpsLogError(
+            error.problem,
+            file=file,
+            place=None if error.line is None else f"line {error.line}",
+            remedy="reindex it: ros2 bag reindex FOLDER",
+        ) from error
 
 
 def _mcap(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:

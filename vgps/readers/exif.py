@@ -21,6 +21,7 @@ from vgps.readers.frame_times import FRAME_TIMES, FrameTimes
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
 _TAKEN, _SUBSECOND, _OFFSET = (0x9003, 0x9004), (0x9291, 0x9292), (0x9011, 0x9012)
 _ZONE = re.compile(r"([+-])(\d\d):?(\d\d)")
+_DAY_MINUTES = 24 * 60
 _XMP_BYTES = 1 << 17  # at most two segments from the start
 _XMP = re.compile(rb"drone-dji:(\w+)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 # RtkFlag of DJI's drones
@@ -57,7 +58,7 @@ def read_taken(path: Path) -> Taken:
         with Image.open(path) as picture:
             exif = picture.getexif()
             details, gps = dict(exif.get_ifd(_EXIF_IFD)), dict(exif.get_ifd(_GPS_IFD))
-    except (OSError, ValueError, SyntaxError):
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         details, gps = {}, {}
     local, gps_s = _local(details), _gps_time(gps)
     utc_s = gps_s if np.isfinite(gps_s) or local is None or local.tzinfo is None else unix_s(local)
@@ -128,7 +129,8 @@ def _local(details: dict[int, Any]) -> datetime | None:
         found = _ZONE.match(str(details.get(zone, "")))
         if found:
             minutes = int(found[1] + "1") * (60 * int(found[2]) + int(found[3]))
-            instant = instant.replace(tzinfo=timezone(timedelta(minutes=minutes)))
+            if abs(minutes) < _DAY_MINUTES:  # else no zone
+                instant = instant.replace(tzinfo=timezone(timedelta(minutes=minutes)))
         return instant
     return None
 

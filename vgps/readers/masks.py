@@ -73,7 +73,7 @@ class MaskFolder:
                         expected="{} x {} as the video".format(*self._size),
                     )
                 return np.asarray(np.asarray(picture.convert("L")) > 0)
-        except (OSError, ValueError, SyntaxError) as error:
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             raise RecordingError(
                 f"a mask that cannot be read ({error})", file=file, expected=_EXPECTED
             ) from error
