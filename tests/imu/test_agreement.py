@@ -7,7 +7,7 @@ from inertial import MOUNT, exact_log, path_of, swinging_motion
 from scipy.spatial.transform import Rotation
 
 from vgps.config import ImuConfig
-from vgps.imu.agreement import contradiction
+from vgps.imu.agreement import Agreement, agreement
 from vgps.imu.camera_imu import imu_at_camera
 from vgps.solution import Trajectory
 
@@ -30,12 +30,19 @@ def found(turn_deg=(0.0, 0.0, 0.0), late_s=0.0, unit=1.0, motion=MOTION):
     log = replace(log, t_s=log.t_s + late_s, rate_rad_s=unit * log.rate_rad_s)
     turn = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
     mount = replace(MOUNT, imu_R_camera=MOUNT.imu_R_camera @ turn)
-    return contradiction(pieces(), imu_at_camera(log, mount, None, ImuConfig()))
+    return agreement(pieces(), imu_at_camera(log, mount, None, ImuConfig()))
 
 
 @pytest.mark.parametrize("given", [{}, {"turn_deg": (0.5, -0.5, 0.5)}, {"late_s": 0.008}])
 def test_an_imu_that_turns_as_the_video_does_is_used(given):
-    assert found(**given) is None
+    assert found(**given).contradiction is None
+
+
+def test_a_clock_that_is_a_little_off_is_found():
+    late = found(late_s=0.015)
+    assert 0.0 < late.time_offset_sigma_s < 3e-3
+    assert late.time_offset_s == pytest.approx(-0.015, abs=2.0 * late.time_offset_sigma_s)
+    assert found().time_offset_s == 0.0
 
 
 @pytest.mark.parametrize(
@@ -51,7 +58,7 @@ def test_an_imu_that_turns_as_the_video_does_is_used(given):
     ],
 )
 def test_what_contradicts_is_named(given, message):
-    assert re.search(message, found(**given) or "")
+    assert re.search(message, found(**given).contradiction or "")
 
 
 def test_a_camera_that_does_not_turn_shows_nothing():
@@ -59,4 +66,4 @@ def test_a_camera_that_does_not_turn_shows_nothing():
     poses = path.world_T_camera.copy()
     poses[:, :3, :3] = poses[0, :3, :3]
     imu = imu_at_camera(exact_log(MOTION), MOUNT, None, ImuConfig())
-    assert contradiction([Trajectory(path.t_s, poses)], imu) is None
+    assert agreement([Trajectory(path.t_s, poses)], imu) == Agreement(None)

@@ -1,6 +1,7 @@
 """Whether an IMU turned as a path did: a wrong mounting or clock is named before it bends the path."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,10 +20,25 @@ _MIN_CORRELATION = 0.5
 _MAX_RATIO = 2.0
 _ROBUST_SIGMAS = 2.5
 _MAX_ROTATION_DEG, _MAX_OFFSET_S, _SIGMAS = 2.0, 0.02, 3.0  # beyond which an IMU harms more than it helps
+_LEAST_OFFSET_S = 1e-3  # of a clock that is worth a correction: 0.15 degrees in a fast turn of 150 deg/s
 
 
-def contradiction(paths: Sequence[Trajectory], imu: CameraImu) -> str | None:
-    """Return what contradicts the video in an IMU's rotations: mounting, clock or unit; None if nothing does.
+class Agreement(NamedTuple):
+    """What the rotations of a path say of an IMU.
+
+    Attributes:
+        contradiction: Of mounting, clock or unit; None if there is none.
+        time_offset_s: To be added to the IMU's times; 0 if it is not significant.
+        time_offset_sigma_s: Its standard deviation.
+    """
+
+    contradiction: str | None
+    time_offset_s: float = 0.0
+    time_offset_sigma_s: float = 0.0
+
+
+def agreement(paths: Sequence[Trajectory], imu: CameraImu) -> Agreement:
+    """Compare an IMU's rotations with the video's: unit, mounting and clock.
 
     Args:
         paths: Pieces of the path as tracked, each in a frame of its own; NaN where a pose is unknown.
@@ -31,20 +47,23 @@ def contradiction(paths: Sequence[Trajectory], imu: CameraImu) -> str | None:
     integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
     rotations = _rotations(paths, imu)
     if len(rotations) < _MIN_INTERVALS:
-        return None
+        return Agreement(None)
     by_path = Rotation.from_matrix(rotations.start_R_end).as_rotvec()
     by_path /= (rotations.end_s - rotations.start_s)[:, None]
     by_gyro = integral.mean_rates(rotations.start_s, rotations.end_s)
     if np.linalg.norm(by_path.std(axis=0)) < _MIN_VARIATION_RAD_S:
-        return None
+        return Agreement(None)
     correlation = _correlation(by_path, by_gyro)
     if correlation < _MIN_CORRELATION:
-        return f"its rates and those of the video correlate to {correlation:.2f} only"
+        return Agreement(f"its rates and those of the video correlate to {correlation:.2f} only")
     ratio = float(np.linalg.norm(by_gyro.std(axis=0)) / np.linalg.norm(by_path.std(axis=0)))
     if not 1.0 / _MAX_RATIO < ratio < _MAX_RATIO:
-        return f"it turns {ratio:.3g} times as far as the video (rates in rad/s are expected)"
+        return Agreement(f"it turns {ratio:.3g} times as far as the video (rates in rad/s are expected)")
     fit = fit_mount(rotations, integral, Mount(np.eye(3), 0.0, imu.bias[3:]), _ROBUST_SIGMAS)
-    return _difference(fit)
+    offset_s, sigma_s = fit.mount.time_offset_s, float(np.sqrt(fit.covariance[3, 3]))
+    if abs(offset_s) < max(_SIGMAS * sigma_s, _LEAST_OFFSET_S):
+        offset_s = 0.0
+    return Agreement(_difference(fit), offset_s, sigma_s)
 
 
 def _rotations(paths: Sequence[Trajectory], imu: CameraImu) -> RelativeRotations:

@@ -8,11 +8,9 @@ from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.gps.world_frame import world_fixes
-from vgps.imu.agreement import contradiction
 from vgps.imu.camera_imu import CameraImu, used_imu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray, Frame, GeodeticPoint, IntArray, Recording
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
@@ -132,15 +130,6 @@ def _run_camera(
 def camera_imu(recording: Recording, origin: GeodeticPoint | None, config: Config) -> CameraImu | None:
     """Return the IMU at the camera; None if there is none, or if it is not to be used."""
     return used_imu(recording.imu, recording.rig.imu, origin, config.imu)
-
-
-def wrong_imu(front_end: FrontEnd, config: Config) -> str | None:
-    """Return a warning if the rotations of the IMU contradict those of the video."""
-    imu = camera_imu(front_end.recording, front_end.origin, config)
-    wrong = None if imu is None else contradiction([map_trajectory(one) for one in front_end.maps], imu)
-    if imu is None or wrong is None:
-        return None
-    return f"{imu.source.name} is left out: {wrong}; calibrate it with vgps calibrate-imu"
 
 
 def front_end_of(

@@ -19,8 +19,9 @@ from vgps.pipeline.camera_refinement import (
     with_held_guess,
 )
 from vgps.pipeline.checkpoint import Checkpoint
-from vgps.pipeline.front_end import FrontEnd, run_front_end, wrong_imu
+from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
+from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
 from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_readout
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
@@ -80,10 +81,12 @@ def _smoothed(
     recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None
 ) -> Solution:
     front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
-    if (wrong := wrong_imu(front_end, config)) is not None:
+    found = imu_agreement(front_end, config)
+    if (wrong := contradiction_note(front_end, found)) is not None:
         progress.stage("again without the IMU, which contradicts the video")
         recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
         front_end = run_front_end(recording, config, progress)
+    front_end = with_imu_clock(front_end, found)
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config, progress)
 

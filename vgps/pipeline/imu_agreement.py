@@ -1,0 +1,38 @@
+"""The IMU of a recording against the rotations of stages A to C: left out, or its clock corrected."""
+
+from dataclasses import replace
+
+from vgps.config import Config
+from vgps.imu.agreement import Agreement, agreement
+from vgps.mapping.trajectory import map_trajectory
+from vgps.pipeline.front_end import FrontEnd, camera_imu
+
+_CALIBRATE = "vgps calibrate-imu"
+
+
+def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
+    """Compare the rotations of a front end's IMU, if it has one, with those of its maps."""
+    imu = camera_imu(front_end.recording, front_end.origin, config)
+    return Agreement(None) if imu is None else agreement([map_trajectory(one) for one in front_end.maps], imu)
+
+
+def contradiction_note(front_end: FrontEnd, found: Agreement) -> str | None:
+    """Return the warning that an IMU is left out; None if nothing contradicts it."""
+    imu = front_end.recording.imu
+    if imu is None or found.contradiction is None:
+        return None
+    return f"{imu.source.name} is left out: {found.contradiction}; calibrate it with {_CALIBRATE}"
+
+
+def with_imu_clock(front_end: FrontEnd, found: Agreement) -> FrontEnd:
+    """Return the front end with the IMU's clock as the rotations show it, and a warning if it was shifted."""
+    imu, offset_s = front_end.recording.imu, found.time_offset_s
+    if imu is None or not offset_s:
+        return front_end
+    note = (
+        f"{imu.source.name} was shifted by {offset_s:.4f} s (standard deviation "
+        f"{found.time_offset_sigma_s:.4f} s), as its rotations and the video's show: add it to "
+        f"imu_time_offset_s in rig.yaml, or run {_CALIBRATE}"
+    )
+    recording = replace(front_end.recording, imu=replace(imu, t_s=imu.t_s + offset_s))
+    return replace(front_end, recording=recording, warnings=(*front_end.warnings, note))
