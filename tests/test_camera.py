@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vgps.camera import camera_fields, distort, project, turning_radius, undistort
+from vgps.camera import camera_fields, distort, project, turning_radius, undistort, unused_share
 from vgps.model import Camera
 
 PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=510.0, cx=320.0, cy=240.0)
@@ -103,6 +103,16 @@ def test_a_folding_polynomial_has_no_pixel_beyond_its_turn():
     near, beyond = undistort(barrel, [[320 + 0.95 * widest, 240], [320 + 1.05 * widest, 240]])
     assert np.isfinite(near).all()
     assert np.isnan(beyond).all()
+
+
+def test_a_fisheye_ends_before_a_right_angle():
+    """Equidistant, a corner 100 degrees off the axis: 85 degrees are a circle of 340 px in 640 x 480."""
+    wide = replace(FISHEYE, fx=400 / np.radians(100), fy=400 / np.radians(100), distortion=(0.0,) * 4)
+    inside, outside = undistort(wide, [[320.0 - 339.0, 240.0], [320.0, 240.0 + 341.0]])
+    assert np.isfinite(inside).all() and np.isnan(outside).all()
+    u, v = np.meshgrid(np.arange(640) - 320.0, np.arange(480) - 240.0)
+    assert unused_share(wide) == pytest.approx(np.mean(np.hypot(u, v) > 340.0), abs=0.005)
+    assert unused_share(PINHOLE) == unused_share(CV5) == 0.0
 
 
 def test_tsai_with_a_negative_coefficient_is_not_inverted_beyond_its_turn():

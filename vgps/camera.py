@@ -13,6 +13,9 @@ import numpy.typing as npt
 
 from vgps.model import Camera, FloatArray, LensModel
 
+WIDEST_DEG = 85.0
+"""Angle from the axis of a fisheye beyond which nothing is used."""
+
 _CRITERIA = (3, 100, 1e-12)  # iterations and epsilon; the default stops some hundredths of a pixel away
 _ROUND_TRIP_PX = 0.01  # a point that misses itself by more after a round trip is outside the model's range
 
@@ -85,6 +88,7 @@ def turning_radius(camera: Camera) -> float:
     """Return the pinhole radius (tangent of the angle from the axis) of the largest image radius, or inf.
 
     Beyond it an ``opencv`` or ``fisheye`` polynomial folds back and maps points from outside into the image.
+    A fisheye ends at :data:`WIDEST_DEG`: a pinhole image of what is at right angles to the axis has no end.
     """
     if camera.model in {"pinhole", "tsai"}:
         return np.inf
@@ -93,7 +97,14 @@ def turning_radius(camera: Camera) -> float:
     if camera.model == "opencv":
         return float(np.sqrt(real.min())) if len(real) else np.inf
     theta = np.sqrt(real.min()) if len(real) else np.inf
-    return float(np.tan(theta)) if theta < np.pi / 2 else np.inf
+    return float(np.tan(min(theta, np.radians(WIDEST_DEG))))
+
+
+def unused_share(camera: Camera) -> float:
+    """Return the share of the picture that no ray belongs to, in which no features are used."""
+    u, v = (np.arange(0.5, 64.0) / 64 * np.array([[camera.width], [camera.height]])) - 0.5
+    u, v = np.meshgrid(u, v)
+    return float(np.isnan(undistort(camera, np.column_stack([u.ravel(), v.ravel()]))[:, 0]).mean())
 
 
 def centred_camera(

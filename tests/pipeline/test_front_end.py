@@ -15,9 +15,12 @@ from textured_room import (
 )
 
 from vgps.errors import GeometryError, GpsLogError, RecordingError
+from vgps.gps.world_frame import world_fixes
 from vgps.model import Rig
-from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.front_end import FrontEnd, front_end_of, run_front_end
 from vgps.runtime.progress import NoProgress
+from vgps.smoothing.context import SmoothingContext
 
 POSES = path(24)
 
@@ -67,6 +70,18 @@ def test_warnings_of_the_video_come_first():
     opened = room_recording(POSES[:12])
     opened.video.warnings = ("two frames could not be decoded",)
     assert run(opened).warnings[0] == "two frames could not be decoded"
+
+
+def test_what_a_lens_leaves_out_of_the_picture_is_a_warning():
+    """An equidistant fisheye whose picture is higher than 85 degrees from the axis at either side."""
+    focal_px = CAMERA.height / 2 / np.radians(100.0)
+    wide = replace(CAMERA, model="fisheye", fx=focal_px, fy=focal_px, distortion=(0.0,) * 4)
+    opened = replace(room_recording(POSES[:2]), camera=wide)
+    _, fixes = world_fixes(opened, CONFIG)
+    pipeline = FramePipeline(SmoothingContext(wide, CONFIG), np.zeros(3), fixes)
+    (warning,) = front_end_of(pipeline, opened, None).warnings
+    assert "of the picture is left out" in warning and "85 degrees off the axis" in warning
+    assert not front_end_of(pipeline, room_recording(POSES[:2]), None).warnings
 
 
 def test_progress_counts_every_frame_once():

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from vgps.camera import WIDEST_DEG, unused_share
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
@@ -11,7 +12,7 @@ from vgps.gps.world_frame import world_fixes
 from vgps.imu.camera_imu import CameraImu, used_imu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.local_map import LocalMap
-from vgps.model import FloatArray, Frame, GeodeticPoint, IntArray, Recording
+from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, IntArray, Recording
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.rig_recordings import check_settings, seen_by, settings_for
@@ -21,6 +22,8 @@ from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.merge_cameras import CameraMaps
 from vgps.tracking.control_points import world_controls
+
+_NOTABLE_SHARE = 0.01  # of a picture that is left out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +156,7 @@ def front_end_of(
             *getattr(recording.video, "warnings", ()),
             *frame_pipeline.warnings,
             *_failures(frame_pipeline),
+            *_unused(recording.camera),
         ),
         seconds=dict(frame_pipeline.timer.by_stage),
     )
@@ -163,6 +167,16 @@ def _failures(frame_pipeline: FramePipeline) -> tuple[str, ...]:
     if not count:
         return ()
     return (f"windows that iSAM2 could not solve: {count}; window.solver schur took their place",)
+
+
+def _unused(camera: Camera) -> tuple[str, ...]:
+    share = unused_share(camera)
+    if share < _NOTABLE_SHARE:
+        return ()
+    return (
+        f"{100.0 * share:.0f} % of the picture is left out: it lies beyond the lens model, or more than "
+        f"{WIDEST_DEG:g} degrees off the axis of a fisheye",
+    )
 
 
 def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
