@@ -35,6 +35,7 @@ def test_a_camera_of_the_rig_has_its_pose_its_lens_and_the_clock_of_the_first(tm
     np.testing.assert_allclose(rear.sigma, [*[np.radians(1.0)] * 3, *[0.01] * 3])
     assert rear.video.times_s[0] == pytest.approx(0.05)
     assert [frame.t_s for frame in rear.video.frames()] == pytest.approx(rear.video.times_s.tolist())
+    assert getattr(rear.video, "warnings", None) == ()
     assert (rear.video.width, rear.video.height, rear.video.path.name) == (64, 48, "rear.mp4")
 
 

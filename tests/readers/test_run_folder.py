@@ -193,6 +193,9 @@ def test_an_array_of_another_type_or_size_is_refused(
         ("camera", {}, r"key camera\.model: is missing"),
         ("camera", {**vars(PINHOLE), "readout_s": "fast"}, r"key camera\.readout_s"),
         ("camera", {**vars(PINHOLE), "readout_axis": "diagonal"}, r"key camera\.readout_axis"),
+        ("cameras", 2, "key cameras"),
+        ("cameras", [{"name": "rear"}], r"key cameras\.0\.camera"),
+        ("cameras", [{"name": "rear", "camera": vars(PINHOLE)}], r"cameras\.0\.reference_T_camera"),
     ],
 )
 def test_a_summary_of_another_kind_is_refused(

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from solutions import on_a_rig
 
 from vgps.cli.report import report
 from vgps.errors import RunFolderError
@@ -170,3 +171,9 @@ def test_a_long_table_of_fixes_refers_to_gps_csv(solution, tmp_path, monkeypatch
 def test_a_run_without_stage_d_has_no_table_of_costs(solution, tmp_path):
     html = page_of(replace(solution, report=SolverReport({}, {}, 0, "")), tmp_path)
     assert "stage D" not in html and "Computing time" in html
+
+
+def test_the_cameras_of_a_rig_are_named_and_their_landmarks_counted(solution, tmp_path):
+    html = page_of(on_a_rig(solution), tmp_path)
+    assert "poses of the first; with rear" in html
+    assert f"{2 * len(solution.observations.frame):,} observations" in html

@@ -35,6 +35,7 @@ GONE = {
     "benchmarks.loops": ("{gone}",),
     "benchmarks.online": ("{gone}",),
     "benchmarks.receivers.__main__": ("--recordings", "{gone}"),
+    "benchmarks.rigs": ("{gone}",),
     "benchmarks.stage_c": ("{gone}", "--logs", "gps.nmea"),
     "benchmarks.sky_view": ("--recording", "{gone}"),
     "benchmarks.tracker": ("{gone}", "--landmarks", "street.vgps"),

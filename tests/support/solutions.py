@@ -22,6 +22,7 @@ from vgps.solution import (
     Observations,
     SensorReport,
     Solution,
+    SolvedCamera,
     SolverReport,
     SubmapReport,
     Verdict,
@@ -33,6 +34,22 @@ EAST_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 NORTH_R_CAMERA = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 PINHOLE = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=501.0, cx=320.0, cy=240.0)
+
+
+def on_a_rig(solution: Solution) -> Solution:
+    """The run with another camera, which looks back and observes what the first does."""
+    back = np.diag([-1.0, 1.0, -1.0, 1.0])
+    back[2, 3] = -0.2
+    rear = SolvedCamera(
+        name="rear",
+        camera=PINHOLE,
+        reference_T_camera=back,
+        sigma=np.full(6, 0.01),
+        delay_s=np.full(len(solution.t_s), 0.005),
+        landmarks=solution.landmarks,
+        observations=solution.observations,
+    )
+    return replace(solution, cameras=(rear,))
 
 
 def make_poses(world_p_camera: np.ndarray, world_R_camera: np.ndarray) -> np.ndarray:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import yaml
 from run_files import assert_same, bytes_of, rows
+from solutions import on_a_rig
 
 from vgps.readers.run_folder import read_run
+from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Landmarks, Observations, Solution
 from vgps.writers.run_folder import FILES, write_run
 
@@ -36,6 +38,20 @@ def test_a_run_without_gps_and_without_landmarks_comes_back_too(solution: Soluti
     assert rows(tmp_path / "run/gps.csv") == []
     first = rows(tmp_path / "run/poses.csv")[0]
     assert [first[key] for key in ("latitude_deg", "longitude_deg", "height_m", "heading_deg")] == [""] * 4
+
+
+def test_a_run_of_a_rig_comes_back_with_the_poses_of_every_camera(solution: Solution, tmp_path: Path) -> None:
+    rig, run = on_a_rig(solution), tmp_path / "run"
+    write_run(rig, run)
+    assert_same(read_run(run), rig)
+    poses = read_trajectory(run / "cameras/rear/poses.tum").world_T_camera
+    np.testing.assert_allclose(poses, solution.world_T_camera @ rig.cameras[0].reference_T_camera, atol=1e-6)
+    summary = json.loads((run / "solution.json").read_text("utf-8"))
+    assert summary["schema_versions"]["cameras/rear/poses.tum"] == 1
+    assert summary["counts"]["landmarks"] == 2 * len(solution.landmarks.sigma_px)
+    assert summary["cameras"][0]["reference_p_camera"] == [0.0, 0.0, -0.2]
+    write_run(solution, run)  # of one camera, in its place
+    assert not (run / "cameras").exists()
 
 
 def test_every_file_has_a_schema_version(solution: Solution, tmp_path: Path) -> None:

@@ -45,6 +45,11 @@ class LaterVideo:
         """Height in pixels."""
         return self.video.height
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the reader found."""
+        return getattr(self.video, "warnings", ())
+
     def frames(self) -> Iterator[Frame]:
         """Yield all frames in order of presentation."""
         return (replace(frame, t_s=frame.t_s + self.later_s) for frame in self.video.frames())

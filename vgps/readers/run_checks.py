@@ -27,6 +27,9 @@ _FLOATS: dict[str, tuple[str | int, ...]] = {
     "sigma_position_m": ("frames", 3),
     "world_p_before": ("frames", 3),
     "camera_p_antenna": (3,),
+    "reference_T_camera": (4, 4),
+    "sigma": (6,),
+    "delay_s": ("frames",),
     "landmarks.world_p_landmark": ("landmarks", 3),
     "landmarks.sigma_px": ("landmarks",),
     "observations.uv_px": ("observations", 2),
@@ -108,6 +111,11 @@ class _Camera(BaseModel):
     readout_axis: Literal["rows", "columns"] = "rows"
 
 
+class _RigCamera(BaseModel):
+    name: str
+    camera: _Camera
+
+
 class _Sensors(BaseModel):
     lag_s: FiniteFloat
     lag_sigma_s: FiniteFloat | None
@@ -138,6 +146,7 @@ class _Summary(BaseModel):
     georeferenced: bool
     camera: _Camera
     camera_source: str | None = None
+    cameras: list[_RigCamera] = []
     sensors: _Sensors
     energy: _Energy
     iterations: int

@@ -63,7 +63,7 @@ def read_run(path: Path) -> Solution:
     check_summary(summary, path / "solution.json")
     arrays = _read_arrays(file)
     check_arrays(arrays, file)
-    for k in range(len(summary.get("cameras", []))):
+    for k in range(len(summary.get("cameras", []))):  # of a rig, as those of the first camera
         check_arrays({**arrays, **_part(arrays, f"cameras.{k}")}, file)
     config = _read_config(path / "config.yaml")
     try:

@@ -129,6 +129,9 @@ def _tiles(solution: Solution) -> list[Tile]:
     tiles.append(
         Tile("landmarks", f"{len(landmarks.sigma_px):,}", f"{len(observations.frame):,} observations")
     )
+    if solution.cameras:
+        names = ", ".join(camera.name for camera in solution.cameras)
+        tiles.append(Tile("cameras", f"{1 + len(solution.cameras)}", f"poses of the first; with {names}"))
     if len(solution.loops):
         note = "frames that find landmarks of an earlier visit"
         tiles.append(Tile("places seen again", f"{len(solution.loops):,}", note))
