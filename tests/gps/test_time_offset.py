@@ -190,6 +190,13 @@ def test_a_probable_time_offset_is_used_with_an_honest_sigma():
     assert np.sqrt(np.mean(np.square(errors))) < 2.0
 
 
+def test_fixes_that_err_by_less_are_not_shifted_by_what_may_be_chance():
+    fixes = late(0.25, wander(1))
+    assert likelier(fixes)[1]
+    one_is_good = np.where(np.arange(19) == 3, 0.07, fixes.r_m)
+    assert likelier(replace(fixes, r_m=one_is_good)) == (SENSORS, ())
+
+
 def test_fixes_within_a_second_count_once():
     t_s = np.arange(0.05, 19.0, 0.1)
     fast = late(0.4, np.repeat(wander(3), 10, axis=0)[: len(t_s)], t_s)  # the same error ten times a second

@@ -73,6 +73,8 @@ def likelier_time_offset(
     1995): clocks that agree to ``trusted_time_offset_s``, and any time offset of the prior. The standard
     deviation covers both. Fixes within a second of each other count once.
 
+    Only coarse fixes are shifted, by less than they err anyway: what may be chance must not spoil RTK-fixes.
+
     Args:
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
@@ -88,7 +90,9 @@ def likelier_time_offset(
     sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
     sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
     likely, probability = weighed(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
-    if probability < 0.5 or likely.sigma_s > config.time_offset.shown_share * prior.sigma_s:
+    shift_m = path.length_m / float(np.ptp(path.t_s)) * abs(likely.time_offset_s - prior.time_offset_s)
+    unclear = likely.sigma_s > config.time_offset.shown_share * prior.sigma_s
+    if probability < 0.5 or unclear or shift_m > fixes.r_m[fixes.used].min():
         return sensors, ()
     late = f"{likely.time_offset_s:.2f} s (standard deviation {likely.sigma_s:.2f} s)"
     return sensors.with_time_offset(likely), (
