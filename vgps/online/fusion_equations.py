@@ -81,8 +81,7 @@ class BlockSystem:
         return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
 
     def last_covariance(self) -> FloatArray:
-        """Return the covariance (12, 12) of the last node: the last block of the factor belongs to its Schur
-        complement."""
+        """Return the covariance (12, 12) of the last node, whose Schur complement ends the factor."""
         factor, n = self.cholesky(), UNKNOWNS
         last = np.zeros((n, n))
         for j in range(n):
@@ -175,8 +174,7 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
     total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
     total += np.sum((x[:, OFFSET] * nodes.bound) ** 2) + np.sum((r.elevation * nodes.level) ** 2)
-    total += 2.0 * np.log1p((x[0, MEAN_ROLL] / nodes.mean_roll) ** 2)
-    return float(0.5 * total) + prior.cost(state)
+    return float(0.5 * total + np.log1p((x[0, MEAN_ROLL] / nodes.mean_roll) ** 2)) + prior.cost(state)
 
 
 class _Sum:
@@ -219,13 +217,11 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     noise, _ = _squares(nodes, state, r)
     weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + noise))[:, None] / nodes.fixes.noise_m**2
     total.add_each(J, weight, r.fix, nodes.fixes.node)
-    every = np.arange(count)
-    level = np.zeros((count, 2, UNKNOWNS))
-    level[:, :, 4], level[:, :, 5], level[:, :, BIAS] = r.axes[:, 1], -r.axes[:, 0], -np.eye(2)
-    total.add_each(level, nodes.level**2, r.elevation, every)
-    bound = np.zeros((count, 3, UNKNOWNS))
-    bound[:, :, OFFSET] = np.eye(3)
-    total.add_each(bound, nodes.bound**2, x[:, OFFSET], every)
+    J = np.zeros((count, 5, UNKNOWNS))
+    J[:, :3, OFFSET], J[:, 3:, BIAS] = np.eye(3), -np.eye(2)
+    J[:, 3:, 4], J[:, 3:, 5] = r.axes[:, 1], -r.axes[:, 0]
+    weight = np.hstack([nodes.bound, nodes.level]) ** 2
+    total.add_each(J, weight, np.hstack([x[:, OFFSET], r.elevation]), np.arange(count))
     mean_roll_weight = 2.0 / (nodes.mean_roll**2 + x[0, MEAN_ROLL] ** 2)
     total.diagonal[0, MEAN_ROLL, MEAN_ROLL] += mean_roll_weight
     total.gradient[0, MEAN_ROLL] += mean_roll_weight * x[0, MEAN_ROLL]
