@@ -121,6 +121,7 @@ def session_solution(session: SessionRecord) -> Solution:
         warnings=session.warnings,
         config=session.config.model_dump(mode="json"),
         video_start_utc=session.rig.video_start_utc,
+        static_regions=session.frame_pipeline.tracker.static.rectangles,
     )
 
 
