@@ -8,7 +8,7 @@ from vgps.config.base import SettingsModel
 
 
 class CameraHeightConfig(SettingsModel):
-    """The camera's height above the plane that it drives on, which gives the scale where fixes do not."""
+    """The height of the camera above the plane that it drives on: stage D takes the scale from it."""
 
     basic: ClassVar[tuple[str, ...]] = ("m", "sigma_m")
 

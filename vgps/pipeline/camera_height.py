@@ -16,6 +16,9 @@ from vgps.solution import Solution
 from vgps.solver.landmark_refinement import move_with_frames
 
 _CONTRADICTION = 3.0  # standard deviations
+# Of the height, for all landmarks together: a patch of the ground is followed as if it faced the camera, so
+# that its flow, with the square of its distance y [px] from the horizon, counts larger by (15^2 / 12) / y^2.
+_COMMON = 0.01
 
 
 def tie_to_ground(front_end: FrontEnd, merged: MergedMaps, config: Config) -> MergedMaps:
@@ -63,7 +66,7 @@ def _ties(scene: Scene, heights: CameraHeights, config: CameraHeightConfig) -> H
         last=heights.last,
         ratio=heights.height / distance,
         sigma=heights.sigma,
-        prior_m=np.array([config.m, config.sigma_m]),
+        prior_m=np.array([config.m, np.hypot(config.sigma_m, _COMMON * config.m)]),
     )
 
 
@@ -82,9 +85,7 @@ def _scaled(scene: Scene, heights: CameraHeights, height_m: float) -> Scene:
 
 
 def _note(heights: CameraHeights, ties: HeightTies) -> str:
-    height_m, sigma_m = ties.prior_m.tolist()
-    scale_percent = 100 * ties.scale_sigma
     return (
-        f"camera_height {height_m:g} m (sigma {sigma_m:g}) gives the scale to {scale_percent:.1f} %: "
+        f"camera_height {ties.prior_m[0]:g} m gives the scale to {100 * ties.scale_sigma:.1f} %: "
         f"{len(ties.ratio)} of {heights.stretches} stretches of the path have a plane below them"
     )
