@@ -41,7 +41,6 @@ class CameraHeights:
         height: (K,) of the camera above the plane, in the map's unit.
         sigma: (K,) standard deviations of log height: landmarks, and unevenness of the ground.
         stretches: Number of all stretches.
-        tilt_rad: Of the ground across the path, in the camera.
     """
 
     first: IntArray
@@ -49,7 +48,6 @@ class CameraHeights:
     height: FloatArray
     sigma: FloatArray
     stretches: int
-    tilt_rad: float
 
 
 class _Passed(NamedTuple):
@@ -99,7 +97,6 @@ def measure_heights(scene: Scene) -> CameraHeights | str:
         height=np.exp(log_height),
         sigma=np.hypot(sigma, _unevenness(log_height)),
         stretches=len(flat),
-        tilt_rad=tilt,
     )
 
 
