@@ -13,7 +13,6 @@ with the recording's truth.
 
 import argparse
 import statistics
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,37 +21,20 @@ import numpy as np
 import pycolmap
 
 import vgps
-from scripts.common.colmap_peer import AdjustmentResult, adjust, map_images
+from scripts.common.colmap_peer import Engine, adjust, by_vgps, cost_of, map_images
 from scripts.common.colmap_problem import centre_priors, make_problem
 from scripts.common.command import ScriptParser
 from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from scripts.common.results import Results
-from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
 from vgps.geometry import interpolate_poses
 from vgps.readers.run_folder import read_run
 from vgps.runtime.timing import sequential_seconds
 from vgps.solution import Solution, Trajectory
-from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import cost_terms
-from vgps.solver.problem import BundleProblem
 
 ITERATIONS, TIGHT = 100, 1e-8  # and the share of the cost, that end the search for the minimum
-Engine = Callable[[int, float], AdjustmentResult]  # of the most iterations and the tolerance
-
-
-def by_vgps(problem: BundleProblem, max_iterations: int, tolerance: float) -> AdjustmentResult:
-    """Solve by vgps; as :func:`scripts.common.colmap_peer.adjust`."""
-    settings = SolverSettings(max_iterations=max_iterations, relative_tolerance=tolerance)
-    with stopwatch() as elapsed:
-        result = solve(problem, settings)
-    return AdjustmentResult(result.problem, result.report.iterations, elapsed.wall_s, elapsed.cpu_s)
-
-
-def cost_of(result: AdjustmentResult) -> float:
-    """Return vgps's cost of where an engine ended."""
-    return sum(cost_terms(result.problem).values())
 
 
 def least_iterations(engine: Engine, longest: int, target: float) -> int:

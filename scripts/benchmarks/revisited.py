@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pycolmap
 
-from scripts.benchmarks.colmap import Engine, by_vgps, cost_of
-from scripts.common.colmap_peer import AdjustmentResult, adjust
+from scripts.common.colmap_peer import AdjustmentResult, Engine, adjust, by_vgps, cost_of
 from scripts.common.command import ScriptParser
 from scripts.common.markdown import LiveTable
 from scripts.common.results import Results

@@ -5,6 +5,7 @@ need neither.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +18,8 @@ from scripts.common.colmap_problem import Priors
 from scripts.common.stopwatch import stopwatch
 from vgps.model import Camera, FloatArray, Recording
 from vgps.solution import Trajectory
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
 from vgps.solver.problem import BundleProblem
 from vgps.writers.colmap import IMAGE_NAME, colmap_camera
 
@@ -31,6 +34,22 @@ class AdjustmentResult:
     iterations: int
     wall_s: float
     cpu_s: float
+
+
+Engine = Callable[[int, float], AdjustmentResult]  # of the most iterations and the tolerance
+
+
+def by_vgps(problem: BundleProblem, max_iterations: int, tolerance: float) -> AdjustmentResult:
+    """Solve by vgps; as :func:`adjust`."""
+    settings = SolverSettings(max_iterations=max_iterations, relative_tolerance=tolerance)
+    with stopwatch() as elapsed:
+        result = solve(problem, settings)
+    return AdjustmentResult(result.problem, result.report.iterations, elapsed.wall_s, elapsed.cpu_s)
+
+
+def cost_of(result: AdjustmentResult) -> float:
+    """Return vgps's cost of where an engine ended."""
+    return sum(cost_terms(result.problem).values())
 
 
 def adjust(

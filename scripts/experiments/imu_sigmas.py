@@ -19,7 +19,7 @@ import vgps
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
 from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
-from scripts.experiments.nees import ratios, short_walk
+from scripts.common.short_walks import ratios, short_walk
 from vgps.config import read_config
 from vgps.model import FloatArray
 from vgps.simulate import AccelerometerConfig, simulate
