@@ -135,13 +135,13 @@ def _with_camera_sigmas(config: Config, sigma: FloatArray) -> Config:
 
 
 def _for_few_frames(config: Config, every: int) -> Config:
-    """Return settings for a rough solution in one round, in which each frame counts for several."""
+    """Return settings for a rough solution in one round without sigmas; each frame counts for several."""
     batch = config.batch
     changes = {
         "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
         "rounds": 1,
         "relative_tolerance": batch.early_tolerance,
-        "draws": 1,
+        "draws": 0,
     }
     gps = config.gps.model_copy(update={"n": 1})
     return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})

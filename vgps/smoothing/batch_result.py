@@ -106,6 +106,8 @@ def batch_result(
     scene = solved.given.scene
     path = Trajectory(scene.t_s, after.world_T_camera)
     covariance, warnings = _covariance(solved, context)
+    if context.config.batch.draws:
+        warnings += lever_arm_warnings(solved.given, after)
     # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
     covariance = covariance.scaled(_variance_factor(solved, path, sensors, context))
     return BatchResult(
@@ -120,7 +122,7 @@ def batch_result(
         time_offset_sigma_s=_time_offset_sigma(covariance, solved.given.sensors, sensors),
         antenna_sigma_m=_sigma(covariance, ANTENNA, sensors.antenna_sigma_m == 0.0),
         report=report,
-        warnings=(*warnings, *lever_arm_warnings(solved.given, after)),
+        warnings=warnings,
         problem=after,
         errors=solved.given.errors,
         imu_bias=None if solved.given.imu is None else middle_bias(solved.given.imu, after, covariance),
@@ -156,8 +158,11 @@ def report_with_warnings(
 
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
-    """Return the covariances at the optimum, or NaN with a warning if the system does not determine them."""
+    """Return the covariances at the optimum; NaN without draws, or with a warning if undetermined."""
     config, gps = context.config, solved.built.gps
+    unknown = Covariances(np.full((len(solved.given.scene.t_s), 6, 6), np.nan), {})
+    if not config.batch.draws:
+        return unknown, ()
     sources = ErrorSources(
         gps=gps.bounds,
         others=solved.built.other_factors,
@@ -172,8 +177,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
     try:
         return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
     except GeometryError as error:
-        unknown = np.full((len(solved.given.scene.t_s), 6, 6), np.nan)
-        return Covariances(unknown, {}), (f"the standard deviations of the poses are unknown: {error}",)
+        return unknown, (f"the standard deviations of the poses are unknown: {error}",)
 
 
 def _variance_factor(

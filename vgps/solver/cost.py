@@ -75,7 +75,7 @@ def camera_points(problem: BundleProblem) -> FloatArray:
 
 
 def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return projected minus observed pixels (2, N) of the picture, and (N,) which landmarks lie behind it.
+    """Return projected minus observed pixels (2, N) of the picture, and (N,) which lie behind the camera.
 
     As in GTSAM, a landmark behind the camera has a constant error: twice fx in both undistorted coordinates.
 
