@@ -173,7 +173,8 @@ class Gaussian:
         sigma = np.array(self.sigma_m)
         plain: gtsam.noiseModel.Gaussian = gtsam.noiseModel.Diagonal.Sigmas(sigma)
         if any(self.correlation):
-            plain = gtsam.noiseModel.Gaussian.Covariance(sigma[:, None] * self._correlations * sigma)
+            # not "smart", which leaves small covariances out
+            plain = gtsam.noiseModel.Gaussian.Covariance(sigma[:, None] * self._correlations * sigma, False)
         if self.cauchy_k is None:
             return plain
         return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(self.cauchy_k), plain)
