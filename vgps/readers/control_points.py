@@ -184,7 +184,7 @@ def _read_gcp_list(path: Path, system: PointSystem, images: list[str] | None) ->
 def _odm_crs(header: str, path: Path) -> str:
     """Return the coordinate system that the first line names."""
     utm = _UTM.search(header)
-    if utm is not None:
+    if utm is not None and 1 <= int(utm[1]) <= 60:
         return f"EPSG:{32600 + int(utm[1]) + 100 * (utm[2].upper() == 'S')}"
     if header.upper().startswith("EPSG:") or header.startswith("+proj"):
         return header

@@ -6,7 +6,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -70,7 +70,7 @@ def read_run(path: Path) -> Solution:
         solution = _assemble(arrays, summary, config)
     except KeyError as error:
         raise RunFolderError(f"{error} is missing", file=path, remedy=REMEDY) from error
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise RunFolderError(f"is damaged ({error})", file=path, remedy=REMEDY) from error
     return solution
 
@@ -167,6 +167,12 @@ def _read_config(file: Path) -> dict[str, Any]:
         raise RunFolderError(f"is damaged ({error})", file=file, remedy=REMEDY) from error
 
 
+def _instant(text: str) -> datetime:
+    """Return an instant in UTC; OverflowError if it has none, as beyond the year 9999."""
+    instant = datetime.fromisoformat(text)
+    return instant.astimezone(UTC) if instant.tzinfo else instant
+
+
 def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, Any]) -> Solution:
     origin, start = summary["world_origin"], summary.get("video_start_utc")  # absent in older runs
     return Solution(
@@ -189,7 +195,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         seconds=summary["seconds"],
         warnings=tuple(summary["warnings"]),
         config=config,
-        video_start_utc=None if start is None else datetime.fromisoformat(start),
+        video_start_utc=None if start is None else _instant(start),
         world_p_before=arrays.get("world_p_before"),
         control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
         graph=_part(arrays, "graph") or None,
