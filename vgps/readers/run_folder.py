@@ -177,7 +177,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
     origin, start = summary["world_origin"], summary.get("video_start_utc")  # absent in older runs
     return Solution(
         recording=None if summary["recording"] is None else Path(summary["recording"]),
-        world_origin=None if origin is None else GeodeticPoint(**origin),
+        world_origin=origin and GeodeticPoint(**{name: float(value) for name, value in origin.items()}),
         georeferenced=summary["georeferenced"],
         t_s=arrays["t_s"],
         world_T_camera=arrays["world_T_camera"],
