@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,24 +12,40 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.smoothing import lever_arm_check
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
+from vgps.smoothing.height_ties import HeightTies
 
 
 def doubts(warnings):
     return [text for text in warnings if "lever arm" in text]
 
 
-def drive(camera_p_antenna, fixes=None):
+def drive(camera_p_antenna, fixes=None, heights=None):
     """Return the warnings of stage D for a synthetic drive with gentle turns."""
     problem, true, _, exact = scene(disturbed=0.2)
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    sensors = Sensors.fixed(camera_p_antenna)
+    made, sensors = replace(made, heights=heights), Sensors.fixed(camera_p_antenna)
     return optimise_batch(made, exact if fixes is None else fixes, sensors, context(Config())).warnings
 
 
 def test_a_right_lever_arm_is_not_doubted():
     assert doubts(drive(ANTENNA)) == []
+
+
+def test_a_known_height_is_another_vector_that_all_frames_share(monkeypatch):
+    _, true, _, _ = scene()
+    heights = HeightTies(
+        first=np.array([10]),
+        last=np.array([40]),
+        ratio=np.array([1.0 / np.linalg.norm(true[40, :3, 3] - true[10, :3, 3])]),
+        sigma=np.array([0.01]),
+        prior_m=np.array([1.0, 0.01]),
+    )
+    monkeypatch.setattr(lever_arm_check, "_CONTRADICTION", 4.0)  # its turns are gentle
+    (text,) = doubts(drive(ANTENNA + np.array([0.0, 0.0, 1.0]), heights=heights))
+    assert re.search(r"at least 0\.\d\d m back of", text)
 
 
 def test_without_fixes_there_is_nothing_to_doubt():

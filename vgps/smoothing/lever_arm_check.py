@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.errors import GeometryError
+from vgps.gps.sensors import ANTENNA
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
@@ -35,11 +36,10 @@ def lever_arm_warnings(given: BatchInput, end: BundleProblem) -> tuple[str, ...]
         return ()
     if step @ np.linalg.solve(covariance, step) < _CONTRADICTION:
         return ()
-    sigmas = np.sqrt(np.diagonal(covariance))
+    ratio = np.abs(step) / np.sqrt(np.diagonal(covariance))
     shown = [
-        f"{abs(x):.2f} m {names[int(x > 0)]}"
-        for x, sigma, names in zip(step.tolist(), sigmas.tolist(), _DIRECTIONS, strict=True)
-        if abs(x) > 2.0 * sigma
+        f"{abs(step[k]):.2f} m {_DIRECTIONS[k][int(step[k] > 0)]}"
+        for k in np.flatnonzero(ratio >= min(2.0, ratio.max())).tolist()
     ]
     return (
         f"the fixes fit better an antenna at least {' and '.join(shown)} of where the lever arm has it, and "
@@ -59,5 +59,6 @@ def _better_lever_arm(given: BatchInput, end: BundleProblem) -> tuple[FloatArray
         linear = linearise(problem, all_pose_values(problem), structure)
         factor, gradient = factorise_pose_system(linear, structure)
         solution = linear.border.eliminate(factor, gradient, 0.0)
-    rows = slice(-3, None)  # the lever arm is the last of the shared vectors, after the time offset
+    before = sum(len(vector) for key, vector in problem.shared.items() if key < ANTENNA)
+    rows = slice(before, before + 3)
     return solution.shared_step[rows], np.linalg.inv(solution.complement)[rows, rows].astype(np.float64)
