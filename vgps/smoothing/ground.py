@@ -81,10 +81,11 @@ def _stretches(path: Trajectory, seen: Observations) -> Iterator[tuple[IntArray,
     steps = np.where(elsewhere, _STRETCH_M, np.linalg.norm(np.diff(centres, axis=0), axis=1))
     stretch = np.concatenate([[0.0], np.cumsum(steps)]) // _STRETCH_M
     order = np.argsort(seen.frame, kind="stable")
+    frame, landmark = seen.frame[order], seen.landmark[order]
     begins = np.flatnonzero(np.diff(stretch, prepend=-1.0))
     for begin, end in pairwise([*begins.tolist(), len(centres)]):
-        rows = slice(*np.searchsorted(seen.frame[order], [begin, end]))
-        yield np.arange(begin, end), np.unique(seen.landmark[order[rows]])
+        rows = slice(*np.searchsorted(frame, [begin, end]))
+        yield np.arange(begin, end), np.unique(landmark[rows])
 
 
 class _Section(NamedTuple):
