@@ -91,8 +91,8 @@ def likelier_time_offset(
     sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
     likely, probability = weighed(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
     shift_m = path.length_m / float(np.ptp(path.t_s)) * abs(likely.time_offset_s - prior.time_offset_s)
-    unclear = likely.sigma_s > config.time_offset.shown_share * prior.sigma_s
-    if probability < 0.5 or unclear or shift_m > fixes.r_m[fixes.used].min():
+    clear = likely.sigma_s <= config.time_offset.shown_share * prior.sigma_s
+    if not (probability >= 0.5 and clear and shift_m <= fixes.r_m[fixes.used].min()):
         return sensors, ()
     late = f"{likely.time_offset_s:.2f} s (standard deviation {likely.sigma_s:.2f} s)"
     return sensors.with_time_offset(likely), (
