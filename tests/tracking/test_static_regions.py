@@ -8,6 +8,7 @@ import pytest
 from room_pipeline import COUNT, errors_m, exact_fixes, fed, room
 from textured_room import CAMERA, CONFIG, FPS, followed_map, images, path
 
+from vgps.camera import undistort
 from vgps.model import Frame
 from vgps.tracking.matching import Match
 from vgps.tracking.static_regions import StaticRegions, still
@@ -61,9 +62,9 @@ def scene():
     return local_map, Match(local_map.raw_uv_px.copy(), np.ones(len(local_map.ids), bool))
 
 
-def regions(**mapping):
+def regions(camera=CAMERA, **mapping):
     config = CONFIG.mapping.model_copy(update=mapping)
-    return StaticRegions(CAMERA, CONFIG.tracking, config)
+    return StaticRegions(camera, CONFIG.tracking, config)
 
 
 def observe(static, scene, frame, pinned=True, pose=POSES[-1]):
@@ -92,6 +93,22 @@ def test_a_mask_that_is_given_counts_beside_it(scene):
     alone = static.masked(Frame(6, 0.6, images(1)[0])).mask
     both = static.masked(Frame(6, 0.6, images(1)[0], given)).mask
     np.testing.assert_array_equal(both, alone & given)
+
+
+def test_errors_at_the_edge_of_a_fisheye_count_in_the_picture():
+    """Features in a corner, 42 degrees off the axis, to 0.4 px: undistorted, it is 0.7 px."""
+    camera = replace(CAMERA, model="fisheye", distortion=(0.0,) * 4)
+    local_map, _ = followed_map(POSES[:-1], camera)
+    corner, error = 14.0 + 0.5 * np.arange(PINNED)[:, None], 0.4 * np.sqrt([0.5, 0.5])
+    for view in range(-5, 0):
+        local_map.raw_uv_px[:PINNED] = corner + error * (-1) ** view
+        local_map.views[:, view] = undistort(camera, local_map.raw_uv_px)
+    raw = local_map.raw_uv_px.copy()
+    raw[:PINNED] = corner + error
+    match = Match(raw, np.arange(len(raw)) < PINNED)
+    static = regions(camera, min_views=1)
+    static.observe(local_map, match, undistort(camera, raw), np.zeros(len(raw), bool), POSES[-1])
+    assert (static.cells.since >= 0).any()
 
 
 def test_features_that_stay_under_a_camera_that_does_not_turn_may_be_far_away(scene):
@@ -132,4 +149,7 @@ def test_a_pixel_that_stays():
             [none, none, [3.0, 3.0], none],
         ]
     )
-    np.testing.assert_array_equal(still(views, 1.0), [True, False, True])
+    np.testing.assert_array_equal(still(CAMERA, views, 1.0), [True, False, True])
+    edge = np.array([[[300.0, 220.0], [301.2, 220.0]]])  # of a lens that undistorting stretches twice
+    barrel = replace(CAMERA, model="fisheye", distortion=(0.0,) * 4)
+    assert still(barrel, edge, 1.0) and not still(CAMERA, edge, 1.0)

@@ -69,7 +69,7 @@ class TwoViewInitialiser:
 
         Many that never move would be inliers of a camera that does not turn.
         """
-        moves = ~still(views, self._tracking.forward_backward_px)
+        moves = ~still(self._camera, views, self._tracking.forward_backward_px)
         if moves.all():
             return moves
         last_pose = self._relative_pose(first[moves], last[moves])

@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from vgps.camera import distort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
+from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.tracking.matching import Match
@@ -54,7 +56,8 @@ class StaticRegions:
     """
 
     def __init__(self, camera: Camera, tracking: TrackingConfig, mapping: MappingConfig) -> None:
-        self._K, self._size, self._side = camera.K, (camera.height, camera.width), tracking.min_distance_px
+        self._camera, self._side = camera, tracking.min_distance_px
+        self._size = (camera.height, camera.width)
         self._still_px, self._limit_px = tracking.forward_backward_px, mapping.max_reprojection_px
         self._min_views = mapping.min_views
         self._forget = 0.5 ** (1.0 / mapping.max_track_frames)
@@ -113,7 +116,7 @@ class StaticRegions:
             world_T_camera: (4, 4) pose of the frame.
         """
         cells = self.cells
-        stays = np.linalg.norm(uv_px - local_map.last_uv_px, axis=1) < self._still_px
+        stays = np.linalg.norm(match.uv_px - local_map.raw_uv_px, axis=1) < self._still_px
         rows = np.flatnonzero(match.found & stays)
         static = rows[self._is_static(local_map, rows, uv_px[rows], world_T_camera)]
         cells.views += 1
@@ -128,14 +131,16 @@ class StaticRegions:
         poses, posed = local_map.view_poses()
         poses, posed = np.concatenate([poses, world_T_camera[None]]), np.append(posed, True)
         views = np.concatenate([local_map.views[rows], uv_px[:, None]], axis=1)[:, posed]
-        stays = (np.isfinite(views[..., 0]).sum(axis=1) >= self._min_views) & still(views, self._still_px)
+        stays = np.isfinite(views[..., 0]).sum(axis=1) >= self._min_views
+        stays &= still(self._camera, views, self._still_px)
         if stays.any():
             views = views[stays]
             feature, view = np.nonzero(np.isfinite(views[..., 0]))
             start = np.searchsorted(feature, np.arange(len(views)))
             cameras, uv = poses[posed][view], views[feature, view]
-            _, error = triangulate(self._K, cameras, uv, start)
-            turned = largest_angle_rad(world_rays(self._K, cameras, uv), start) * self._K[0, 0]
+            K, lens = self._camera.K, lens_jacobian(self._camera, uv)
+            _, error = triangulate(K, cameras, uv, start, lens=lens)
+            turned = largest_angle_rad(world_rays(K, cameras, uv), start) * K[0, 0]
             stays[stays] = (np.maximum.reduceat(error, start) > self._limit_px) & (turned > self._limit_px)
         return np.asarray(stays)
 
@@ -160,8 +165,15 @@ class StaticRegions:
         cells.since[new], cells.since[old] = cells.frame + 1, -1
 
 
-def still(views: FloatArray, limit_px: float) -> BoolArray:
-    """Return (N,) whether features stay where they were first seen, from pixels (N, V, 2), NaN if unseen."""
-    first = np.isfinite(views[..., :1]).argmax(axis=1)[:, None]
-    moved = np.abs(views - np.take_along_axis(views, first, axis=1))
+def still(camera: Camera, views: FloatArray, limit_px: float) -> BoolArray:
+    """Return (N,) whether features stay where the picture first shows them.
+
+    Args:
+        camera: Intrinsics.
+        views: (N, V, 2) their undistorted pixels, NaN if unseen.
+        limit_px: Largest motion along either side of the picture.
+    """
+    raw = distort(camera, views.reshape(-1, 2)).reshape(views.shape)
+    first = np.isfinite(raw[..., :1]).argmax(axis=1)[:, None]
+    moved = np.abs(raw - np.take_along_axis(raw, first, axis=1))
     return np.asarray(np.fmax.reduce(moved, axis=(1, 2)) < limit_px)
