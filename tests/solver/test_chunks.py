@@ -11,10 +11,9 @@ from vgps.solver.landmark_groups import group_by_track, track_ends
 def test_square_of_a_group_is_subtracted_at_its_frames(frames: list[int]) -> None:
     Z = np.random.default_rng(0).normal(size=(6, 18))
     band = BandMatrix.zeros(60, 61)
-    square = LandmarkGroup(np.array(frames), 2, 5).square(
-        np.append(np.full(5, np.nan), Z.ravel()), np.empty(400)
-    )
-    band.subtract_square(np.array(frames), square)
+    group = LandmarkGroup(np.array(frames), 2, 5)
+    buffer = np.append(np.full(5, np.nan), Z.ravel())
+    band.subtract_square(group.frames, group.matrix(buffer), np.empty(400))
     columns = (6 * np.array(frames)[:, None] + np.arange(6)).ravel()
     expected = np.zeros((60, 60))
     expected[np.ix_(columns, columns)] = -Z.T @ Z
@@ -60,7 +59,7 @@ def test_squares_of_the_groups_equal_those_of_their_landmarks(chunks: tuple[Chun
         for row, entry in zip(Z, chunk.entry, strict=True):
             buffer[entry[:, None] + np.arange(6)] = row
         for group in chunk.groups:
-            band.subtract_square(group.frames, group.square(buffer, np.empty(group.width**2)))
+            band.subtract_square(group.frames, group.matrix(buffer), np.empty(group.width**2))
         column = free[(chunk.first_frame + chunk.frame)[chunk.free_rows]]
         for landmark in range(len(chunk.landmarks)):
             rows = np.flatnonzero(chunk.landmark[chunk.free_rows] == landmark)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
+from vgps.solver.squares import square, subtract_square
 
 POSE_DIM = 6  # tangent of a pose
-_LOWER = np.asfortranarray(np.tri(96))
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -74,12 +74,13 @@ class BandMatrix:
         offset = step * (rows.start + columns.start * self.stride)
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
-    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
+    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
         if frames[-1] - frames[0] + 1 == len(frames):
-            self._subtract_lower(POSE_DIM * int(frames[0]), square.T)  # symmetric; in the band's own order
+            columns = slice(POSE_DIM * int(frames[0]), POSE_DIM * (int(frames[-1]) + 1))
+            subtract_square(Z, self.block(columns, columns))
         else:
-            self.add_entries(*entries_in_band(frames, -square, len(self.ab)))
+            self.add_entries(*entries_in_band(frames, -square(Z, scratch), len(self.ab)))
 
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal.
@@ -90,17 +91,6 @@ class BandMatrix:
         stop = start + len(block)
         view = self.block(slice(start, stop), slice(start, stop))
         np.add(view, block, out=view)
-
-    def _subtract_lower(self, start: int, block: FloatArray) -> None:
-        """Subtract the lower triangle of a square block on the diagonal at ``start``, strip by strip."""
-        for begin in range(0, len(block), len(_LOWER)):
-            end = min(begin + len(_LOWER), len(block))
-            size = end - begin
-            columns = slice(start + begin, start + end)
-            tile = self.block(columns, columns)
-            np.subtract(tile, block[begin:end, begin:end] * _LOWER[:size, :size], out=tile)
-            below = self.block(slice(start + end, start + len(block)), columns)
-            np.subtract(below, block[end:, begin:end], out=below)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add to entries of the lower triangle, each of which is given once."""

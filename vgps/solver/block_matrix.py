@@ -14,6 +14,7 @@ from scipy.linalg import blas, lapack
 from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.block_layout import BLOCK_FRAMES, BlockLayout
+from vgps.solver.squares import square
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,11 @@ class BlockSparseMatrix:
         rows = sum(self.layout.width(i) for i in self.layout.below[column].tolist())
         return self.flat[at : at + rows * width].reshape(rows, width)
 
-    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
+    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
+        squared = square(Z, scratch)
         for rows, columns, start, strides in self.layout.pieces_of(frames):
-            part = square[rows, columns]
+            part = squared[rows, columns]
             block = np.ndarray(part.shape, np.float64, self.flat, 8 * start, (8 * strides[0], 8 * strides[1]))
             np.subtract(block, part, out=block)
 

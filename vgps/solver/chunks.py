@@ -50,11 +50,9 @@ class LandmarkGroup:
         """Whether the frames follow each other without a gap."""
         return int(self.frames[-1] - self.frames[0]) + 1 == len(self.frames)
 
-    def square(self, buffer: FloatArray, scratch: FloatArray) -> FloatArray:
-        """Return Z^T Z, (6 s, 6 s), in the scratch memory."""
-        Z = buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
-        out = scratch[: self.width**2].reshape(self.width, self.width)
-        return np.matmul(Z.T, Z, out=out)  # BLAS's syrk; unlike with SciPy's, other threads run meanwhile
+    def matrix(self, buffer: FloatArray) -> FloatArray:
+        """Return Z, a view of the chunk's buffer."""
+        return buffer[self.start : self.start + self.size].reshape(3 * self.landmarks, self.width)
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def reduce_to_poses(
     for chunk, gradient, buffer in map_in_order(filled, linear.chunks):
         explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += gradient
         for group in chunk.groups:
-            matrix.subtract_square(group.frames, group.square(buffer, scratch))
+            matrix.subtract_square(group.frames, group.matrix(buffer), scratch)
         spare.put(buffer)
     return matrix, linear.gradient - structure.to_columns(explained.T)
 

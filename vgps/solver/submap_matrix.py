@@ -22,6 +22,7 @@ from vgps.solver.band_matrix import (
     factorised,
 )
 from vgps.solver.disk_arrays import DiskArrays
+from vgps.solver.squares import square
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,12 @@ class SubmapMatrix:
         sizes = [span.stop - span.start for span in layout.columns]
         return cls(layout, tuple(BandMatrix(arrays.empty((rows, size))) for size in sizes), arrays)
 
-    def subtract_square(self, frames: IntArray, square: FloatArray) -> None:
-        """Subtract a symmetric block (6 s, 6 s) over ascending frames (s,)."""
+    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
         if frames[-1] - frames[0] + 1 == len(frames):
-            self._add_lower(POSE_DIM * int(frames[0]), -np.tril(square))
+            self._add_lower(POSE_DIM * int(frames[0]), -np.tril(square(Z, scratch)))
         else:
-            self.add_entries(*entries_in_band(frames, -square, len(self.parts[0].ab)))
+            self.add_entries(*entries_in_band(frames, -square(Z, scratch), len(self.parts[0].ab)))
 
     def _add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal."""
