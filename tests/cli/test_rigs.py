@@ -27,7 +27,7 @@ def test_a_rig_is_refused(vgps_verb, rig: Path, words: tuple[str, ...]) -> None:
     code, out, err = vgps_verb(verb, rig, *options, "--out", rig.parent / "run")
     assert (code, out) == (2, "")
     assert err == (
-        f"vgps: {rig}: rig.yaml lists cameras, vgps {verb} takes one; "
+        f"vgps: {rig}: a rig of 2 cameras; expected one camera, as vgps {verb} takes it; "
         "name a rig.yaml without the key cameras: --rig FILE\n"
     )
     assert [path.name for path in rig.parent.iterdir()] == ["rig"]

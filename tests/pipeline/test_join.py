@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from block_laps import block_laps
+from solutions import on_a_rig
 from textured_room import CAMERA
 
 import vgps
@@ -120,6 +121,7 @@ def test_what_cannot_be_joined_is_one_line(runs: list[Path], tmp_path: Path) -> 
         "gone": (replace(run, recording=tmp_path / "nowhere"), "pictures of its recording cannot be read"),
         "none": (replace(run, recording=None), "names no recording"),
         "rolls": (replace(run, camera=replace(run.camera, readout_s=0.02)), "rolling shutters that differ"),
+        "rig": (on_a_rig(run), "rig: a run of 2 cameras; expected runs of one camera each"),
     }
     for name, (solution, message) in cases.items():
         write_run(solution, tmp_path / name)

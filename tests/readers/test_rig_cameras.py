@@ -85,5 +85,7 @@ def test_a_rig_needs_calibrations(tmp_path: Path) -> None:
 
 def test_a_verb_for_one_camera_refuses_a_rig(tmp_path: Path) -> None:
     recording = open_recording(folder(tmp_path, REAR))
-    with pytest.raises(RecordingError, match="vgps online takes one"):
+    with pytest.raises(
+        RecordingError, match="a rig of 2 cameras; expected one camera, as vgps online takes it"
+    ):
         refuse_several(recording, "vgps online")

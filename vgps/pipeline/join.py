@@ -105,9 +105,10 @@ def _input(run: Run) -> BatchInput:
         )
     if solution.cameras:
         raise RunFolderError(
-            f"is of a rig of {1 + len(solution.cameras)} cameras, and only runs of one camera are joined",
+            f"a run of {1 + len(solution.cameras)} cameras",
             file=run.name,
-            remedy="smooth the recording with a rig.yaml without the key cameras: --rig FILE",
+            expected="runs of one camera each",
+            remedy="smooth this recording with a rig.yaml without the key cameras: --rig FILE",
         )
     return replace(batch_input(solution, solution.graph), imu=None)
 

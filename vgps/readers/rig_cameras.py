@@ -94,8 +94,9 @@ def refuse_several(recording: Recording, verb: str) -> None:
     """
     if recording.cameras:
         raise RecordingError(
-            f"rig.yaml lists cameras, {verb} takes one",
+            f"a rig of {1 + len(recording.cameras)} cameras",
             file=recording.path,
+            expected=f"one camera, as {verb} takes it",
             remedy="name a rig.yaml without the key cameras: --rig FILE",
         )
 
