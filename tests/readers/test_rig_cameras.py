@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from clips import write_clip
+from clips import picture, write_clip
 from PIL import Image
 
 from vgps.errors import CalibrationError, RecordingError
@@ -56,10 +56,15 @@ def test_without_a_lens_of_its_own_it_has_that_of_the_first_and_may_have_masks(t
     [
         ({"video": "none.mp4"}, "no video none.mp4 of camera rear"),
         ({"time_offset_s": 100.0}, "is recorded from 100.00"),
-        ({"name": "../rear"}, "name"),
-        ({"reference_R_camera": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "a reflection"),
+        ({"name": "../rear"}, "1 to 40 letters, digits, - and _"),
+        (
+            {"reference_R_camera": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]},
+            "key reference_R_camera of camera rear: a reflection",
+        ),
+        ({"reference_p_camera": 0.3}, "key cameras.0.reference_p_camera: 0.3; expected a list"),
         ({"rotation_sigma_deg": -1.0}, "greater than or equal to 0"),
-        ({"roll": 1.0}, "unknown key"),
+        ({"vidio": "rear.mp4"}, "key cameras.0.vidio: unknown key; did you mean video?"),
+        ({"roll": 1.0}, "unknown key; known keys: name, video, camera, reference_R_camera"),
     ],
 )
 def test_a_mistake_in_a_camera_names_the_file(tmp_path: Path, change: dict, found: str) -> None:
@@ -72,8 +77,15 @@ def test_two_cameras_of_one_name_and_a_camera_of_another_size_are_refused(tmp_pa
     with pytest.raises(CalibrationError, match="2 cameras named rear"):
         open_recording(folder(tmp_path, REAR, REAR))
     (tmp_path / "rear.yaml").write_text(LENS.replace("48", "40"))
-    with pytest.raises(CalibrationError, match="camera rear is 64 x 48 in"):
+    with pytest.raises(
+        CalibrationError, match=r"rear.yaml: a camera of 64 x 40; expected 64 x 48 as in .*rear.mp4"
+    ):
         open_recording(folder(tmp_path, {**REAR, "camera": "rear.yaml"}))
+    write_clip(tmp_path / "wide.mp4", frames=4, draw=lambda index: picture(index, width=80))
+    with pytest.raises(
+        CalibrationError, match="camera rear has no calibration, and pictures of 80 x 48; expected 64 x 48"
+    ):
+        open_recording(folder(tmp_path, {**REAR, "video": "wide.mp4"}))
 
 
 def test_a_rig_needs_calibrations(tmp_path: Path) -> None:

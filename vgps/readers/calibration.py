@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import FiniteFloat
 
 from vgps.errors import CalibrationError
-from vgps.model import Camera, GeodeticPoint, ImuMount, Rig
+from vgps.model import Camera, GeodeticPoint, ImuMount, Rig, Video
 from vgps.readers.calibration_formats import camera_from_kalibr, camera_from_text
 from vgps.readers.rig_fields import RigFields
 from vgps.readers.table import read_bytes
@@ -121,6 +121,23 @@ def read_camera(path: str | Path) -> Camera:
     return camera
 
 
+def read_camera_of(video: Video, path: Path) -> Camera:
+    """Read the calibration of a video as :func:`read_camera` does.
+
+    Raises:
+        CalibrationError: Likewise; or it is of another size than the video.
+    """
+    camera = read_camera(path)
+    if (camera.width, camera.height) != (video.width, video.height):
+        raise CalibrationError(
+            f"a camera of {camera.width} x {camera.height}",
+            file=path,
+            expected=f"{video.width} x {video.height} as in {video.path}",
+            remedy="calibrate the camera at the video's size",
+        )
+    return camera
+
+
 def read_rig(path: str | Path) -> Rig:
     """Read ``rig.yaml``; a naive ``video_start_utc`` is UTC.
 
@@ -130,7 +147,7 @@ def read_rig(path: str | Path) -> Rig:
     """
     path = Path(path)
     fields = read_fields(RigFields, path)
-    antenna = np.array(fields.camera_p_antenna or (0.0, 0.0, 0.0))
+    gyro, antenna = fields.gyro_R_camera, np.array(fields.camera_p_antenna or (0.0, 0.0, 0.0))
     if (distance_m := float(np.linalg.norm(antenna))) > _FAR_M:
         log.warning(
             "%s: the antenna is %g m from the camera: camera_p_antenna is in metres", path, distance_m
@@ -140,7 +157,7 @@ def read_rig(path: str | Path) -> Rig:
         antenna_known=fields.camera_p_antenna is not None,
         video_start_utc=_utc(fields.video_start_utc, path),
         world_origin=GeodeticPoint(*fields.world_origin) if fields.world_origin else None,
-        gyro_R_camera=rotation_of(fields, "gyro_R_camera", path) if fields.gyro_R_camera else None,
+        gyro_R_camera=None if gyro is None else rotation_of(gyro, path, "key gyro_R_camera"),
         gyro_time_offset_s=fields.gyro_time_offset_s,
         gyro_bias_rad_s=np.array(fields.gyro_bias_rad_s),
         imu=_imu_mount(fields, path),
@@ -154,7 +171,7 @@ def _imu_mount(fields: RigFields, path: Path) -> ImuMount | None:
     if fields.imu_R_camera is None:
         return None
     return ImuMount(
-        imu_R_camera=rotation_of(fields, "imu_R_camera", path),
+        imu_R_camera=rotation_of(fields.imu_R_camera, path, "key imu_R_camera"),
         imu_p_camera=np.array(fields.imu_p_camera),
         gyro_bias_rad_s=np.array(fields.imu_gyro_bias_rad_s),
         accelerometer_bias_m_s2=np.array(fields.imu_accelerometer_bias_m_s2),

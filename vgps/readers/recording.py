@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.errors import CalibrationError, GpsLogError, RecordingError
+from vgps.errors import GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
 from vgps.readers.bag import BagVideo
-from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.calibration import read_camera_of, read_rig
 from vgps.readers.camera_guess import guess_cameras
 from vgps.readers.control_points import PointSystem, read_control_points
 from vgps.readers.exif import exif_fixes
@@ -158,15 +158,7 @@ def _camera(file: Path | None, video: Video) -> Camera | None:
     """Return the camera of a calibration or of a bag; None without one."""
     if file is None:
         return video.camera() if isinstance(video, BagVideo) else None
-    camera = read_camera(file)
-    if (camera.width, camera.height) != (video.width, video.height):
-        raise CalibrationError(
-            f"a camera of {camera.width} x {camera.height}",
-            file=file,
-            expected=f"{video.width} x {video.height} as in {video.path}",
-            remedy="calibrate the camera at the video's size",
-        )
-    return camera
+    return read_camera_of(video, file)
 
 
 def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry: Telemetry) -> GpsLog | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from vgps.errors import CalibrationError, RecordingError, VideoError
 from vgps.model import Camera, FloatArray, Frame, Recording, RigCamera, Video
-from vgps.readers.calibration import read_camera
+from vgps.readers.calibration import read_camera_of
 from vgps.readers.gopro_lens import with_readout
 from vgps.readers.masks import MaskFolder
 from vgps.readers.rig_fields import CameraFields, RigFields
@@ -116,15 +116,7 @@ def _opened(fields: CameraFields, rig_file: Path, reference: Source, camera: Cam
         raise RecordingError(f"no video {fields.video} of camera {name}", file=rig_file, place="key cameras")
     source = opened(file)
     _check_rigid(source)
-    lens_file = rig_file if fields.camera is None else rig_file.parent / fields.camera
-    lens = camera if fields.camera is None else read_camera(lens_file)
-    if (lens.width, lens.height) != (source.width, source.height):
-        raise CalibrationError(
-            f"camera {name} is {source.width} x {source.height} in {fields.video}",
-            file=lens_file,
-            expected=f"{lens.width} x {lens.height}, as calibrated",
-            remedy=f"give camera {name} a calibration of its own: camera: FILE in rig.yaml",
-        )
+    lens = _lens(fields, rig_file, source, camera)
     video: Video = LaterVideo(source, fields.time_offset_s) if fields.time_offset_s else source
     first_s, last_s = reference.times_s[[0, -1]]
     if not np.any((video.times_s >= first_s) & (video.times_s <= last_s)):
@@ -144,3 +136,18 @@ def _opened(fields: CameraFields, rig_file: Path, reference: Source, camera: Cam
         sigma=fields.sigma,
         masks=MaskFolder(masks, source) if masks.is_dir() else None,
     )
+
+
+def _lens(fields: CameraFields, rig_file: Path, source: Source, reference: Camera) -> Camera:
+    """Return the calibration of a camera, that of the reference unless it has its own."""
+    if fields.camera is not None:
+        return read_camera_of(source, rig_file.parent / fields.camera)
+    if (reference.width, reference.height) != (source.width, source.height):
+        raise CalibrationError(
+            f"camera {fields.name} has no calibration, and pictures of {source.width} x {source.height}",
+            file=rig_file,
+            place="key cameras",
+            expected=f"{reference.width} x {reference.height}, as the calibration of the reference camera",
+            remedy="calibrate it alone, and name the file there: camera: FILE",
+        )
+    return reference

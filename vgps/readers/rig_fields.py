@@ -17,15 +17,23 @@ Of a rig of several cameras: ``cameras``, a list of those beside the recording's
 - ``time_offset_s``: the time of its first frame on the clock of the reference's video.
 """
 
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, FiniteFloat
+from pydantic import AfterValidator, Field, FiniteFloat
 
 from vgps.model import FloatArray
-from vgps.readers.yaml_fields import Fields, NotNegative, Positive, Vector3, rotation_of
+from vgps.readers.yaml_fields import Fields, NotNegative, Positive, Rotation, Vector3, rotation_of
+
+
+def _folder_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_-]{1,40}", name):
+        raise ValueError("1 to 40 letters, digits, - and _")
+    return name
+
 
 Latitude = Annotated[FiniteFloat, Field(ge=-90, le=90)]
 Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
@@ -34,10 +42,10 @@ Longitude = Annotated[FiniteFloat, Field(ge=-180, le=180)]
 class CameraFields(Fields):
     """Another camera of the rig."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+    name: Annotated[str, AfterValidator(_folder_name)]
     video: Path
     camera: Path | None = None
-    reference_R_camera: tuple[Vector3, Vector3, Vector3]
+    reference_R_camera: Rotation
     reference_p_camera: Vector3 = (0.0, 0.0, 0.0)
     rotation_sigma_deg: NotNegative = 0.5
     position_sigma_m: NotNegative = 0.01
@@ -50,7 +58,8 @@ class CameraFields(Fields):
             CalibrationError: It is no rotation.
         """
         pose = np.eye(4)
-        pose[:3, :3] = rotation_of(self, "reference_R_camera", path)
+        place = f"key reference_R_camera of camera {self.name}"
+        pose[:3, :3] = rotation_of(self.reference_R_camera, path, place)
         pose[:3, 3] = self.reference_p_camera
         return pose
 
@@ -66,13 +75,13 @@ class RigFields(Fields):
     camera_p_antenna: Vector3 | None = None
     video_start_utc: datetime | None = None
     world_origin: tuple[Latitude, Longitude, FiniteFloat] | None = None
-    gyro_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    gyro_R_camera: Rotation | None = None
     gyro_time_offset_s: FiniteFloat = 0.0
     gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
     gyro_rotation_sigma_deg: Vector3 | None = None
     gyro_time_offset_sigma_s: FiniteFloat | None = None
     gyro_bias_sigma_rad_s: Vector3 | None = None
-    imu_R_camera: tuple[Vector3, Vector3, Vector3] | None = None
+    imu_R_camera: Rotation | None = None
     imu_p_camera: Vector3 = (0.0, 0.0, 0.0)
     imu_time_offset_s: FiniteFloat = 0.0
     imu_gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)

@@ -2,7 +2,7 @@
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
@@ -17,7 +17,9 @@ Readout = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 Pixels = Annotated[int, Field(gt=0, le=1_000_000)]
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+Rotation = tuple[Vector3, Vector3, Vector3]
 _ORTHOGONAL = 1e-3  # tolerance for the rounding of a printed rotation
+_MEANT = {"tuple_type": "a list", "model_type": "keys and values"}  # by pydantic's type of mistake
 
 
 class Fields(BaseModel):
@@ -70,26 +72,40 @@ def validated(fields: type[F], content: dict[str, Any], path: Path) -> F:
         return fields.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        known = list(fields.model_fields)
+        *above, last = map(str, first["loc"])
+        key = ".".join((*above, last))
         place = f"key {key}"
         if first["type"] == "missing":
             raise CalibrationError("missing", file=path, place=place, remedy=f"add {key}") from None
         if first["type"] == "extra_forbidden":
-            close = get_close_matches(key, known, 1, 0.6)
+            known = list(_fields_at(fields, above).model_fields)
+            close = get_close_matches(last, known, 1, 0.6)
             remedy = f"did you mean {close[0]}?" if close else f"known keys: {', '.join(known)}"
             raise CalibrationError("unknown key", file=path, place=place, remedy=remedy) from None
         expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        expected = _MEANT.get(first["type"], expected)
         raise CalibrationError(f"{first['input']!r}", file=path, place=place, expected=expected) from None
 
 
-def rotation_of(fields: Fields, key: str, path: Path) -> FloatArray:
-    """Return the rotation nearest to a printed matrix."""
-    matrix = np.array(getattr(fields, key))
+def _fields_at(fields: type[Fields], above: list[str]) -> type[Fields]:
+    """Return the fields that a file has under some keys and rows of lists."""
+    for name in above:
+        if name in fields.model_fields:
+            fields = get_args(fields.model_fields[name].annotation)[0]
+    return fields
+
+
+def rotation_of(rows: Rotation, path: Path, place: str) -> FloatArray:
+    """Return the rotation (3, 3) nearest to a printed matrix.
+
+    Raises:
+        CalibrationError: It is no rotation.
+    """
+    matrix = np.array(rows)
     # entries beyond 2 are far from a rotation, and their squares may overflow
     off = float(np.abs(matrix @ matrix.T - np.eye(3)).max()) if np.abs(matrix).max() <= 2 else np.inf
     if off > _ORTHOGONAL or np.linalg.det(matrix) < 0:
         found = "a reflection" if off <= _ORTHOGONAL else f"R R^T differs from the identity by {off:.2g}"
-        raise CalibrationError(found, file=path, place=f"key {key}", expected="a rotation matrix")
+        raise CalibrationError(found, file=path, place=place, expected="a rotation matrix")
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ vt, np.float64)
