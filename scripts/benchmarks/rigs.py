@@ -15,9 +15,10 @@ from scripts.common.command import ScriptParser
 from scripts.common.markdown import LiveTable
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
-from vgps.model import FloatArray, Frame, Recording, Video
+from vgps.model import Frame, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.offline import optimise_all
+from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FrameState, Trajectory
 
@@ -25,32 +26,11 @@ COLUMNS = ["recording", "cameras", "black [s]", "mean [m]", "max [m]", "frames w
 
 
 @dataclass(frozen=True)
-class Darkened:
+class Darkened(DerivedVideo):
     """A video that is black for a while."""
 
-    video: Video
     begin_s: float
     end_s: float
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.video.path
-
-    @property
-    def times_s(self) -> FloatArray:
-        """(F,) times of the frames."""
-        return self.video.times_s
-
-    @property
-    def width(self) -> int:
-        """Width in pixels."""
-        return self.video.width
-
-    @property
-    def height(self) -> int:
-        """Height in pixels."""
-        return self.video.height
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames, black from begin to end."""

@@ -14,7 +14,8 @@ from scripts.common.scenes import half_size, shortened
 from vgps.errors import RecordingError
 from vgps.geodesy import to_enu
 from vgps.geometry import interpolate_poses
-from vgps.model import FloatArray, Frame, GeodeticPoint, GpsLog, Recording, Video
+from vgps.model import FloatArray, Frame, GeodeticPoint, GpsLog, Recording
+from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.recording import find_gps_logs
 from vgps.simulate import SCENES, simulate
 from vgps.solution import Trajectory
@@ -23,38 +24,22 @@ SCENE_S = 30.0  # simulated recordings are this long, in pictures of half the si
 
 
 @dataclass(frozen=True)
-class VideoSection:
+class VideoSection(DerivedVideo):
     """Some of a video's frames as a video of its own: ``first`` to ``last``, both included."""
 
-    whole: Video
     first: int
     last: int
 
     @property
-    def path(self) -> Path:
-        """The file or folder of the whole."""
-        return self.whole.path
-
-    @property
     def times_s(self) -> FloatArray:
         """(F,) seconds since the section's first frame."""
-        times = self.whole.times_s[self.first : self.last + 1]
+        times = self.video.times_s[self.first : self.last + 1]
         return np.asarray(times - times[0])
-
-    @property
-    def width(self) -> int:
-        """Pixels."""
-        return self.whole.width
-
-    @property
-    def height(self) -> int:
-        """Pixels."""
-        return self.whole.height
 
     def frames(self) -> Iterator[Frame]:
         """Yield the section's frames; those before it are decoded and dropped."""
-        start_s = float(self.whole.times_s[self.first])
-        for frame in self.whole.frames():
+        start_s = float(self.video.times_s[self.first])
+        for frame in self.video.frames():
             if frame.index > self.last:
                 return
             if frame.index >= self.first:

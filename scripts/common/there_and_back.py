@@ -2,49 +2,33 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vgps.errors import RecordingError
 from vgps.model import FloatArray, Frame, GpsLog, IntArray, Recording
+from vgps.readers.derived_video import DerivedVideo
 from vgps.solution import Trajectory
 
 
 @dataclass(frozen=True)
-class ThereAndBackVideo:
-    """The first ``count`` frames of a recording's video, and if ``back`` the same backward."""
+class ThereAndBackVideo(DerivedVideo):
+    """The first ``count`` frames of a video, and if ``back`` the same backward."""
 
-    recording: Recording
     count: int
     back: bool = True
 
     @property
-    def path(self) -> Path:
-        """The video's file."""
-        return self.recording.video.path
-
-    @property
-    def width(self) -> int:
-        """Width in pixels."""
-        return self.recording.video.width
-
-    @property
-    def height(self) -> int:
-        """Height in pixels."""
-        return self.recording.video.height
-
-    @property
     def times_s(self) -> FloatArray:
         """(F,) times: there as they are, and back at the same intervals."""
-        there = self.recording.video.times_s[: self.count]
+        there = self.video.times_s[: self.count]
         return np.concatenate([there, turned(there, there[::-1])]) if self.back else there
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames there and back."""
         kept, times_s = [], self.times_s
-        for frame in self.recording.video.frames():
+        for frame in self.video.frames():
             if frame.index >= self.count:
                 break
             if self.back:
@@ -67,7 +51,7 @@ def turned(there_s: FloatArray, t_s: FloatArray) -> FloatArray:
 
 def one_pass(recording: Recording, count: int) -> Recording:
     """Return the first frames of a recording, and all its fixes."""
-    return replace(recording, video=ThereAndBackVideo(recording, count, back=False))
+    return replace(recording, video=ThereAndBackVideo(recording.video, count, back=False))
 
 
 def there_and_back(recording: Recording, back: Recording, count: int) -> Recording:
@@ -89,7 +73,7 @@ def there_and_back(recording: Recording, back: Recording, count: int) -> Recordi
     rows = np.flatnonzero(back.gps.t_s < times_s[-1])[::-1]
     return replace(
         recording,
-        video=ThereAndBackVideo(recording, count),
+        video=ThereAndBackVideo(recording.video, count),
         gps=_joined(there, _rows(back.gps, rows, turned(times_s, back.gps.t_s[rows]))),
     )
 

@@ -21,8 +21,9 @@ from scripts.common.markdown import LiveTable
 from scripts.common.recordings import read_truth
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.evaluation import evaluate
-from vgps.model import Camera, Float32Array, FloatArray, Frame, Recording
+from vgps.model import Camera, Float32Array, Frame, Recording
 from vgps.readers.camera_guess import guess_cameras
+from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.gpmf import Telemetry
 from vgps.simulate import SCENES, GpsConfig, simulate
 
@@ -54,21 +55,11 @@ LENSES = {
 
 
 @dataclass(frozen=True)
-class BentVideo:
-    """The frames of a pinhole camera as another lens shows them; a :class:`vgps.model.Video`."""
+class BentVideo(DerivedVideo):
+    """The frames of a pinhole camera as another lens shows them."""
 
-    recording: Recording
+    pinhole: Camera
     camera: Camera
-
-    @property
-    def path(self) -> Path:
-        """That of the pinhole camera."""
-        return self.recording.video.path
-
-    @property
-    def times_s(self) -> FloatArray:
-        """As of the pinhole camera."""
-        return self.recording.video.times_s
 
     @property
     def width(self) -> int:
@@ -82,8 +73,8 @@ class BentVideo:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the bent frames."""
-        u, v = source_pixels(self.camera, self.recording.camera)
-        for frame in self.recording.video.frames():
+        u, v = source_pixels(self.camera, self.pinhole)
+        for frame in self.video.frames():
             yield replace(frame, gray=np.asarray(cv2.remap(frame.gray, u, v, cv2.INTER_AREA), np.uint8))
 
 
@@ -112,7 +103,7 @@ def film(folder: Path, camera: Camera, seconds: float, seed: int) -> Recording:
     )
     simulate(folder, scene, seed)
     opened = vgps.open_recording(folder)
-    return replace(opened, video=BentVideo(opened, camera), camera=camera)
+    return replace(opened, video=BentVideo(opened.video, opened.camera, camera), camera=camera)
 
 
 def row(name: str, seed: int, seconds: float) -> dict[str, float | str]:

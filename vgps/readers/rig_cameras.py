@@ -10,6 +10,7 @@ import numpy as np
 from vgps.errors import CalibrationError, RecordingError, VideoError
 from vgps.model import Camera, FloatArray, Frame, Recording, RigCamera, Video
 from vgps.readers.calibration import read_camera_of
+from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.gopro_lens import with_readout
 from vgps.readers.masks import MaskFolder
 from vgps.readers.rig_fields import CameraFields, RigFields
@@ -19,31 +20,15 @@ from vgps.readers.yaml_fields import read_fields
 
 
 @dataclass(frozen=True)
-class LaterVideo:
+class LaterVideo(DerivedVideo):
     """A video that starts later than the clock, or earlier if ``later_s`` is negative."""
 
-    video: Source
     later_s: float
-
-    @property
-    def path(self) -> Path:
-        """The file or folder."""
-        return self.video.path
 
     @property
     def times_s(self) -> FloatArray:
         """(F,) times of the frames."""
         return self.video.times_s + self.later_s
-
-    @property
-    def width(self) -> int:
-        """Width in pixels."""
-        return self.video.width
-
-    @property
-    def height(self) -> int:
-        """Height in pixels."""
-        return self.video.height
 
     @property
     def warnings(self) -> tuple[str, ...]:
