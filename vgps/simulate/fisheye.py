@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,12 +46,6 @@ class RayGrid:
     lens: Fisheye
     rays: Float32Array
 
-    @classmethod
-    def of_canvas(cls, lens: Fisheye, width: int, height: int) -> "RayGrid":
-        """Return the rays of a canvas."""
-        uv = np.stack(np.meshgrid(np.arange(float(width)), np.arange(float(height))), axis=-1)
-        return cls(lens, lens.rays(uv).astype(np.float32))
-
     def sides(self) -> FloatArray:
         """Return (5, 3) inward normals of a pyramid around the view, and the view axis."""
         low, high = self.rays.min(axis=(0, 1)), self.rays.max(axis=(0, 1))
@@ -65,6 +60,14 @@ class RayGrid:
         ray, by_u, by_v = corner[0, 0], corner[0, 1], corner[1, 0]
         A = np.column_stack([by_u - ray, by_v - ray])
         return np.vstack([np.column_stack([A, ray - A @ (u, v)]), [0.0, 0.0, 1.0]])
+
+
+@lru_cache(maxsize=4)  # of instants that most frames share; others are many, and 10 MB each
+def ray_grid(focal_px: float, centre_px: tuple[float, float], size: tuple[int, int]) -> RayGrid:
+    """Return the rays of a canvas of this width and height."""
+    lens = Fisheye(focal_px, np.array(centre_px))
+    u, v = (np.arange(float(side)) for side in size)
+    return RayGrid(lens, lens.rays(np.stack(np.meshgrid(u, v), axis=-1)).astype(np.float32))
 
 
 def pieces(polygon: Polygon) -> Iterator[Polygon]:

@@ -55,7 +55,7 @@ def simulate(
         on_frame: Called after each frame with the number of frames done and in total.
 
     Raises:
-        ConfigError: There is no scene of that name, or a readout takes longer than a frame.
+        ConfigError: No scene of that name, a readout longer than a frame, or too wide a fisheye.
         RunFolderError: ``out`` has something other than an earlier simulation, or cannot be written.
     """
     config = scene_config(scene) if isinstance(scene, str) else scene
@@ -63,13 +63,13 @@ def simulate(
         raise ConfigError(
             f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
         )
-    motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
     if not 0.0 <= config.fisheye_deg <= MAX_DEG:
         raise ConfigError(
             f"a fisheye of {config.fisheye_deg:g} degrees",
             expected=f"0 (a pinhole) to {MAX_DEG:g}",
             place="fisheye_deg",
         )
+    motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
         if config.gps.seed is not None:

@@ -10,7 +10,7 @@ from scipy.signal import detrend
 from vgps.model import FloatArray
 from vgps.simulate.canvas import Box, Canvas, depth_bands
 from vgps.simulate.faces import faces_in_view, texture_maps
-from vgps.simulate.fisheye import Fisheye, RayGrid
+from vgps.simulate.fisheye import Fisheye, ray_grid
 from vgps.simulate.motion import Motion, MountedMotion
 from vgps.simulate.polygons import Polygon
 from vgps.simulate.ripmap import Ripmap
@@ -42,7 +42,6 @@ class Renderer:
         self.fisheye: Fisheye | None = None
         if config.fisheye_deg:
             self.fisheye = Fisheye.of_diagonal(config.fisheye_deg, config.width, config.height)
-        self._grids: dict[tuple[float, ...], RayGrid] = {}
         self._textures = [Ripmap(image, k in repeating) for k, image in enumerate(world.textures)]
 
     @property
@@ -121,11 +120,8 @@ class Renderer:
         size = zoom * self._config.width, zoom * self._config.height
         if self.fisheye is None:
             return Canvas.empty(*size, K)
-        lens = Fisheye(zoom * self.fisheye.focal_px, K[:2, 2])
-        key = (lens.focal_px, *K[:2, 2].tolist())
-        if key not in self._grids:
-            self._grids[key] = RayGrid.of_canvas(lens, *size)
-        return Canvas.empty(*size, np.eye(3), self._grids[key])
+        grid = ray_grid(zoom * self.fisheye.focal_px, (K[0, 2], K[1, 2]), size)
+        return Canvas.empty(*size, np.eye(3), grid)
 
 
 def _draw(canvas: Canvas, texture: Ripmap, polygon: Polygon, H: FloatArray) -> None:
