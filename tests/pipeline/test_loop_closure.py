@@ -1,3 +1,4 @@
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ from textured_room import CAMERA, room_recording
 import vgps
 from vgps.config import Config, LoopsConfig
 from vgps.errors import GeometryError
+from vgps.model import Frame
 from vgps.pipeline import loop_closure
 from vgps.pipeline.loop_closure import with_loops
 from vgps.places.loops import Loop
@@ -55,18 +57,27 @@ def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch)
             raise GeometryError("the optimiser made no step") from None
 
     monkeypatch.setattr(loop_closure, "optimise_readout", optimise)
-    monkeypatch.setattr(loop_closure, "find_loops", lambda *_: ("a loop",))
+    shown: list[Frame] = []
+
+    def find(_video: object, frames: Iterable[Frame], _config: object) -> tuple[str, ...]:
+        shown.extend(frames)
+        return ("a loop",)
+
+    monkeypatch.setattr(loop_closure, "find_loops", find)
     monkeypatch.setattr(loop_closure, "with_loops", lambda scene, *_: scene)
     monkeypatch.setattr(loop_closure, "_posed_video", lambda *_: None)
     poses = np.tile(np.eye(4), (2, 1, 1))
     none: Any = None
-    front_end: Any = SimpleNamespace(recording=room_recording(poses), t_s=np.zeros(2))
+    front_end: Any = SimpleNamespace(
+        recording=room_recording(poses), t_s=np.zeros(2), static_regions=np.array([[0, 0, 0, 0, 9, 9]])
+    )
     scene = Scene(np.zeros(2), poses, np.zeros((0, 3)), Observations(none, none, none))
     merged = MergedMaps(
         scene=scene, assessment=none, state=(), gray=np.zeros(0), georeferenced=True, warnings=()
     )
     result, loops = loop_closure.optimise_loops(front_end, merged, none, Config(), NoProgress())
     assert result[0] is first and loops.shape == (0, 2)
+    assert shown[0].mask is not None and shown[1].mask is None  # what never moves is not searched
 
 
 @pytest.mark.slow

@@ -16,8 +16,10 @@ def test_pixels_of_one_ray() -> None:
 
 def test_a_lens_is_seen_as_the_pinhole_sees_the_room() -> None:
     pose = path(1)[0]
-    (shown,) = seen_by(CAMERA, LENS, [Frame(2, 0.2, image(pose, LENS))], 10)
-    assert shown.index == 12
+    taken = Frame(2, 0.2, image(pose, LENS), image(pose, LENS) > 128)
+    (shown,) = seen_by(CAMERA, LENS, [taken], 10)
+    assert shown.index == 12 and shown.mask is not None
     inner = (slice(30, -30), slice(30, -30))
     difference = np.abs(shown.gray.astype(float) - image(pose, CAMERA))[inner]
     assert np.median(difference) < 3.0
+    assert np.mean(shown.mask == (shown.gray > 128)) > 0.95

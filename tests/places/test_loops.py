@@ -1,6 +1,7 @@
 """The textured room, visited twice: the path of the second visit is off, the images say by how much."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
@@ -63,6 +64,21 @@ def test_landmarks_of_the_first_visit_are_found_in_the_second() -> None:
         # the landmarks are where the true pose sees them, not where the path says
         error = loop.raw_uv_px - pixels(poses[loop.frame], video.points[loop.landmark])
         assert len(loop.landmark) > 50 and np.median(np.linalg.norm(error, axis=1)) < 0.2
+
+
+def test_nothing_is_found_where_a_later_frame_is_masked() -> None:
+    poses, right = two_visits(), np.ones((CAMERA.height, CAMERA.width), bool)
+    right[:, : CAMERA.width // 2] = False
+
+    def masked(mask: np.ndarray) -> Iterator[Frame]:
+        return (replace(frame, mask=mask) for frame in shown(poses))
+
+    video = video_of(poses, off_m=0.6, sigma_m=0.3)
+    loops = find_loops(video, masked(right), SETTINGS)
+    assert len(loops) == VISIT
+    for loop in loops:
+        assert len(loop.landmark) > 20 and loop.raw_uv_px[:, 0].min() > CAMERA.width // 2 - 1
+    assert find_loops(video, masked(np.zeros_like(right)), SETTINGS) == ()
 
 
 def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike() -> None:

@@ -23,6 +23,7 @@ def test_a_descriptor_with_two_equal_matches_has_none() -> None:
         return View(
             frame=0,
             gray=np.zeros((1, 1), np.uint8),
+            mask=None,
             uv_px=uv_px,
             descriptors=shown,
             near=np.arange(4),

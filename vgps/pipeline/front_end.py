@@ -16,6 +16,7 @@ from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, IntArray, Recor
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.rig_recordings import check_settings, seen_by, settings_for
+from vgps.pipeline.shown_frames import shown_frames
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -116,7 +117,7 @@ def _run_camera(
     context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
     done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
-    frames = _decoded(_masked(recording), frame_pipeline.timer)
+    frames = _decoded(shown_frames(recording), frame_pipeline.timer)
     with one_blas_thread():
         for frame in progress.track(frames, len(recording.video.times_s)):
             if frame.index < done:
@@ -185,12 +186,6 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     if recording.rig.antenna_known or config.gps.model == "none" or not fixes.used.any():
         return frame_pipeline.sensors
     return frame_pipeline.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
-
-
-def _masked(recording: Recording) -> Iterator[Frame]:
-    """Yield the frames of a recording with their masks."""
-    frames, masks = recording.video.frames(), recording.masks
-    return frames if masks is None else (replace(one, mask=masks.of_frame(one.index)) for one in frames)
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:

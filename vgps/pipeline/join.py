@@ -14,6 +14,7 @@ from vgps.model import Frame, IntArray, Recording
 from vgps.pipeline.join_checkpoint import JoinCheckpoint
 from vgps.pipeline.loop_closure import kept_loops, with_loops
 from vgps.pipeline.run_parts import all_landmarks, part_of_run
+from vgps.pipeline.shown_frames import shown_frames
 from vgps.places.common_camera import seen_by
 from vgps.places.loops import find_loops
 from vgps.places.revisits import PosedVideo
@@ -156,8 +157,8 @@ def _posed_video(runs: Sequence[Run], joint: JointScene) -> PosedVideo:
 def _frames(runs: Sequence[Run], joint: JointScene) -> Iterator[Frame]:
     """Yield the frames of all runs as the first run's camera shows them."""
     for run, first in zip(runs, joint.frames[:-1].tolist(), strict=True):
-        camera = run.solution.camera
-        yield from seen_by(joint.camera, camera, run.recording.video.frames(), first)
+        frames = shown_frames(run.recording, run.solution.static_regions)
+        yield from seen_by(joint.camera, run.solution.camera, frames, first)
 
 
 def _warnings(runs: Sequence[Run], ties: IntArray) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from vgps.gps.fixes import Fixes
 from vgps.model import Camera, IntArray
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.readout_estimation import Optimised, optimise_readout
+from vgps.pipeline.shown_frames import shown_frames
 from vgps.places.loops import Loop, find_loops
 from vgps.places.revisits import PosedVideo
 from vgps.runtime.progress import Progress
@@ -41,8 +42,8 @@ def optimise_loops(
         return first, none
     camera = front_end.recording.camera
     video = _posed_video(batch, refined.camera if refined else camera, merged.scene.rig)
-    frames = progress.track(front_end.recording.video.frames(), len(front_end.t_s))
-    loops = find_loops(video, frames, config.loops)
+    frames = shown_frames(front_end.recording, front_end.static_regions)
+    loops = find_loops(video, progress.track(frames, len(front_end.t_s)), config.loops)
     if not loops:
         return first, none
     progress.stage("optimising everything again, with places seen again")

@@ -21,5 +21,8 @@ def seen_by(camera: Camera, source: Camera, frames: Iterable[Frame], first: int)
     """
     maps = pinhole_maps(camera, source)
     for frame in frames:
-        shown = np.asarray(cv2.remap(frame.gray, *maps, cv2.INTER_LINEAR), np.uint8)
-        yield replace(frame, index=first + frame.index, gray=shown, mask=None)
+        gray = np.asarray(cv2.remap(frame.gray, *maps, cv2.INTER_LINEAR), np.uint8)
+        mask = frame.mask
+        if mask is not None:
+            mask = cv2.remap(mask.astype(np.uint8), *maps, cv2.INTER_NEAREST) > 0
+        yield replace(frame, index=first + frame.index, gray=gray, mask=mask)

@@ -67,13 +67,13 @@ def _matching(
     index = WordIndex()
     found: list[Loop] = []
     for frame in frames:
-        view = make_view(frame.gray, frame.index, video, config)
+        view = make_view(frame, video, config)
         words = index.words(view.descriptors)
         earlier = _candidates(pairs[pairs[:, 0] == frame.index, 1], words, index, config.candidates)
         if (loop := _best([views[k] for k in earlier], view, video, config)) is not None:
             found.append(loop)
         if frame.index in last_use:
-            views[frame.index] = replace(view, gray=on_disk(frame.gray, images))
+            views[frame.index] = replace(view, gray=on_disk(frame.gray, images), mask=None)
             index.add(frame.index, words)
         for done in [k for k in views if last_use[k] <= frame.index]:
             del views[done]
@@ -106,7 +106,7 @@ def _loop(earlier: View, later: View, video: PosedVideo, config: LoopsConfig) ->
         return None
     if not _within_sigmas(pose, earlier.frame, later.frame, video, config):
         return None
-    rows, raw = followed(earlier, later.gray, pose, video)
+    rows, raw = followed(earlier, later, pose, video)
     least = max(config.min_inliers, config.min_share * len(rows))
     rows, raw = rows[np.isfinite(raw[:, 0])], raw[np.isfinite(raw[:, 0])]
     uv = undistort(video.camera, raw)

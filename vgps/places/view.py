@@ -11,8 +11,9 @@ from vgps.camera import distort, undistort
 from vgps.config.loops import LoopsConfig
 from vgps.geometry import project, rays
 from vgps.landmarks.descriptors import Descriptors, describe
-from vgps.model import FloatArray, GrayImage, IntArray
+from vgps.model import BoolArray, FloatArray, Frame, GrayImage, IntArray
 from vgps.places.revisits import PosedVideo
+from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import pyramidal_flow
 from vgps.tracking.pose import Correspondences
 
@@ -28,6 +29,7 @@ class View:
     Attributes:
         frame: Its number.
         gray: Its image.
+        mask: (H, W) where it shows the scene; None for everywhere, and for an earlier view.
         uv_px: (N, 2) undistorted pixels of its features.
         descriptors: (N, 32) of them.
         near: (n,) features beside a landmark.
@@ -38,6 +40,7 @@ class View:
 
     frame: int
     gray: GrayImage
+    mask: BoolArray | None
     uv_px: FloatArray
     descriptors: Descriptors
     near: IntArray
@@ -46,15 +49,15 @@ class View:
     raw_uv_px: FloatArray
 
 
-def make_view(gray: GrayImage, frame: int, video: PosedVideo, config: LoopsConfig) -> View:
+def make_view(frame: Frame, video: PosedVideo, config: LoopsConfig) -> View:
     """Describe the features of a frame, and place those beside landmarks."""
-    raw, descriptors = describe(gray, config.features)
+    raw, descriptors = describe(frame.gray, config.features)
     uv = undistort(video.camera, raw)
-    kept = np.isfinite(uv).all(axis=1)
+    kept = np.isfinite(uv).all(axis=1) & is_shown(frame.mask, raw)
     uv, descriptors = uv[kept], descriptors[kept]
-    rows = np.flatnonzero(video.observations.frame == frame)
+    rows = np.flatnonzero(video.observations.frame == frame.index)
     landmark, observed = video.observations.landmark[rows], video.observations.uv_px[rows]
-    pose = video.poses[frame]
+    pose = video.poses[frame.index]
     _, depth = project(video.camera.K, pose, video.points[landmark])
     nearest: IntArray = np.full(len(uv), len(rows))
     if len(rows) and len(uv):
@@ -63,8 +66,9 @@ def make_view(gray: GrayImage, frame: int, video: PosedVideo, config: LoopsConfi
     ray = rays(video.camera.K, uv[near])
     points = ray * (depth[nearest[near], None] / ray[:, 2:])
     return View(
-        frame=frame,
-        gray=gray,
+        frame=frame.index,
+        gray=frame.gray,
+        mask=frame.mask,
         uv_px=uv,
         descriptors=descriptors,
         near=near,
@@ -95,7 +99,7 @@ def matched(earlier: View, later: View, ratio: float) -> Correspondences:
 
 
 def followed(
-    earlier: View, gray: GrayImage, world_T_camera: FloatArray, video: PosedVideo
+    earlier: View, later: View, world_T_camera: FloatArray, video: PosedVideo
 ) -> tuple[IntArray, FloatArray]:
     """Find the landmarks of an earlier view in the image of a later one whose pose is roughly known.
 
@@ -107,12 +111,15 @@ def followed(
     """
     uv, depth = project(video.camera.K, world_T_camera, video.points[earlier.landmark])
     start = distort(video.camera, uv)
-    size = np.array(gray.shape[::-1])
-    rows = np.flatnonzero((depth > 0) & np.all((start > 0) & (start < size), axis=1))
+    size = np.array(later.gray.shape[::-1])
+    inside = np.all((start > 0) & (start < size), axis=1) & is_shown(later.mask, start)
+    rows = np.flatnonzero((depth > 0) & inside)
     if not len(rows):
         return rows, np.zeros((0, 2))
     before, guess = (x[rows].astype(np.float32)[:, None] for x in (earlier.raw_uv_px, start))
-    there, found, _ = pyramidal_flow((earlier.gray, gray), before, guess, _LK_WINDOW_PX, _LK_LEVELS)
-    back, again, _ = pyramidal_flow((gray, earlier.gray), there, before, _LK_WINDOW_PX, _LK_LEVELS)
+    there, found, _ = pyramidal_flow((earlier.gray, later.gray), before, guess, _LK_WINDOW_PX, _LK_LEVELS)
+    back, again, _ = pyramidal_flow((later.gray, earlier.gray), there, before, _LK_WINDOW_PX, _LK_LEVELS)
     good = found & again & (np.linalg.norm(back - before, axis=2)[:, 0] < _LK_RETURN_PX)
-    return rows, np.where(good[:, None], there[:, 0].astype(np.float64), np.nan)
+    raw = there[:, 0].astype(np.float64)
+    good &= is_shown(later.mask, raw)
+    return rows, np.where(good[:, None], raw, np.nan)
