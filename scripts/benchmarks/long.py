@@ -63,8 +63,8 @@ def _observations(scene: Scene, times: int) -> tuple[Observations, FloatArray]:
             size += int((~kept).sum())
         inner = frame != (last if number % 2 else 0) if number else np.ones(len(frame), dtype=bool)
         at = last * number + (last - frame if number % 2 else frame)
-        rows.append((at[inner], ids[landmark[inner]], uv_px[inner]))
-    return Observations(*(np.concatenate(part) for part in zip(*rows, strict=True))), np.concatenate(points)
+        rows.append(Observations(at[inner], ids[landmark[inner]], uv_px[inner]))
+    return Observations.stacked(rows), np.concatenate(points)
 
 
 def _seen_in(scene: Scene, frame: int) -> BoolArray:

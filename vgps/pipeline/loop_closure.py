@@ -79,11 +79,7 @@ def with_loops(scene: Scene, loops: tuple[Loop, ...], camera: Camera) -> Scene:
     number = np.repeat(np.arange(len(loops)), counts)
     known = np.unique(old.landmark * len(scene.t_s) + old.frame)
     new = np.isfinite(uv_px).all(axis=1) & ~np.isin(landmark * len(scene.t_s) + frame, known)
-    observations = Observations(
-        np.concatenate([old.frame, frame[new]]),
-        np.concatenate([old.landmark, landmark[new]]),
-        np.concatenate([old.uv_px, uv_px[new]]),
-    )
+    observations = Observations.stacked([old, Observations(frame[new], landmark[new], uv_px[new])])
     of_track = np.full(len(old.frame), -1)
     return replace(scene, observations=observations, loop=np.concatenate([of_track, number[new]]))
 
@@ -93,7 +89,7 @@ def _posed_video(batch: BatchResult, camera: Camera, rig: RigViews | None) -> Po
     poses, seen = batch.trajectory.world_T_camera, batch.observations
     if rig is not None:
         own = rig.camera[seen.landmark] == 0
-        seen = Observations(seen.frame[own], seen.landmark[own], seen.uv_px[own])
+        seen = seen.rows(own)
     _, sigma_m = world_sigmas(poses, batch.covariance)
     return PosedVideo(
         poses=poses,

@@ -75,9 +75,8 @@ class Scene:
 
     def with_observations(self, kept: BoolArray) -> "Scene":
         """Return the scene with some of its observations (N,)."""
-        old = self.observations
-        observations = Observations(old.frame[kept], old.landmark[kept], old.uv_px[kept])
-        return replace(self, observations=observations, loop=None if self.loop is None else self.loop[kept])
+        loop = None if self.loop is None else self.loop[kept]
+        return replace(self, observations=self.observations.rows(kept), loop=loop)
 
 
 def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:

@@ -115,17 +115,16 @@ def _stacked(scenes: Sequence[Scene], shift_s: Sequence[float]) -> Scene:
     def rows(name: str) -> FloatArray:
         return np.concatenate([getattr(one.controls, name) for one in scenes])
 
-    observations = [one.observations for one in scenes]
     first = np.cumsum([0, *(len(one.points) for one in scenes[:-1])])  # landmark of each run
+    observations = [
+        replace(one.observations, landmark=one.observations.landmark + begin)
+        for one, begin in zip(scenes, first, strict=True)
+    ]
     return Scene(
         t_s=np.concatenate([one.t_s + shift for one, shift in zip(scenes, shift_s, strict=True)]),
         poses=np.concatenate([one.poses for one in scenes]),
         points=np.concatenate([one.points for one in scenes]),
-        observations=Observations(
-            np.concatenate([one.frame for one in observations]),
-            np.concatenate([one.landmark + begin for one, begin in zip(observations, first, strict=True)]),
-            np.concatenate([one.uv_px for one in observations]),
-        ),
+        observations=Observations.stacked(observations),
         zero_motions=tuple(held for one in scenes for held in one.zero_motions),
         controls=ControlObservations(
             rows("frame").astype(np.int64), rows("uv_px"), rows("world_p_point"), rows("sigma_m")

@@ -116,7 +116,7 @@ def _scene(
     context: SmoothingContext,
 ) -> Scene:
     """Return the scene of all cameras on the path of the reference."""
-    frame, landmark, uv_px, numbers = [], [], [], []
+    observations, numbers = [], []
     delay_s = np.zeros((1 + len(context.cameras), len(t_s)))
     standing: dict[int, ZeroMotion] = {}
     count = 0
@@ -124,10 +124,8 @@ def _scene(
         scene, of = one.merged.scene, frames_of(one.found.t_s, t_s)
         late = one.found.t_s - t_s[of]
         delay_s[one.number, of[of >= 0]] = np.where(np.abs(late) < _SAME_S, 0.0, late)[of >= 0]
-        old, known = scene.observations, of[scene.observations.frame] >= 0
-        frame.append(of[old.frame[known]])
-        landmark.append(count + old.landmark[known])
-        uv_px.append(old.uv_px[known])
+        known = scene.observations.rows(of[scene.observations.frame] >= 0)
+        observations.append(Observations(of[known.frame], count + known.landmark, known.uv_px))
         numbers.append(np.full(len(scene.points), one.number))
         count += len(scene.points)
         standing = {**_standing(one, of, scales[one.number]), **standing}
@@ -135,7 +133,7 @@ def _scene(
         t_s,
         poses,
         np.zeros((count, 3)),
-        Observations(np.concatenate(frame), np.concatenate(landmark), np.concatenate(uv_px)),
+        Observations.stacked(observations),
         tuple(standing.values()),
         context.controls,
         rig=RigViews(np.concatenate(numbers), delay_s),

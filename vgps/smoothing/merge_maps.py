@@ -1,7 +1,7 @@
 """Merge all maps of a video into one scene in the world, with a pose for every frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -213,7 +213,7 @@ def _positioned(local_map: LocalMap) -> np.ndarray:
 
 
 def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext) -> Scene:
-    points, frames, landmarks, uv = [], [], [], []
+    points, observations = [], []
     ties: list[ZeroMotion] = []
     offset = 0
     for local_map in maps:
@@ -221,14 +221,16 @@ def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext
         row_of = np.full(local_map.feature_count, -1)
         row_of[ids] = offset + np.arange(len(ids))
         log = local_map.observations()
-        known = row_of[log.landmark] >= 0
-        frames.append(log.frame[known])
-        landmarks.append(row_of[log.landmark[known]])
-        uv.append(log.uv_px[known])
+        known = log.rows(row_of[log.landmark] >= 0)
+        observations.append(replace(known, landmark=row_of[known.landmark]))
         points.append(local_map.points[ids])
         ties.extend(local_map.zero_motions)
         offset += len(ids)
-    observations = Observations(np.concatenate(frames), np.concatenate(landmarks), np.concatenate(uv))
     return Scene(
-        path.t_s, path.world_T_camera, np.concatenate(points), observations, tuple(ties), context.controls
+        path.t_s,
+        path.world_T_camera,
+        np.concatenate(points),
+        Observations.stacked(observations),
+        tuple(ties),
+        context.controls,
     )

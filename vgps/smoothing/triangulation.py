@@ -27,7 +27,7 @@ def triangulated(scene: Scene, wanted: BoolArray, context: SmoothingContext, min
     if not len(rows):
         return scene
     rows = rows[np.argsort(old.landmark[rows], kind="stable")]
-    seen = Observations(old.frame[rows], old.landmark[rows], old.uv_px[rows])
+    seen = old.rows(rows)
     landmark, start = np.unique(seen.landmark, return_index=True)
     points = scene.points.copy()
     poses, uv_px, lens = _views(scene, seen, context)

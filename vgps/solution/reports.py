@@ -1,0 +1,59 @@
+"""What was found of the sensors, and how the optimisation of stage D went."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class SensorReport:
+    """Estimates of the GPS's time offset, lever arm and errors, and of the camera's calibration.
+
+    Attributes:
+        time_offset_s: By which the positions are older than their time stamps.
+        time_offset_sigma_s: Its standard deviation; NaN if it was not estimated.
+        antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
+        camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
+            empty if it was not refined.
+        fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
+        imu: Biases in the middle of the recording, in the IMU's axes, ``accelerometer_m_s2``, ``gyro_rad_s``,
+            and, where known, their standard deviations (``.._sigma_..``); empty without an IMU.
+        camera_height: Where it is known, ``m`` above the ground, ``scale_sigma``, the standard deviation of
+            log scale by it alone, and ``stretches``, the number of those with a plane; else empty.
+    """
+
+    time_offset_s: float
+    time_offset_sigma_s: float
+    antenna_sigma_m: tuple[float, float, float]
+    camera_sigma: Mapping[str, float] = field(default_factory=dict)
+    fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    imu: Mapping[str, list[float]] = field(default_factory=dict)
+    camera_height: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SubmapReport:
+    """Submaps of stage D.
+
+    Attributes:
+        places: Frames, and states that stand between them, of each submap.
+        separators: Those of each submap that tracks and factors couple with the one before; 0 for the first.
+        peak_memory_mb: Most memory that the process held until stage D ended; NaN where it is not known.
+    """
+
+    places: tuple[int, ...]
+    separators: tuple[int, ...]
+    peak_memory_mb: float
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """Optimisation of stage D: cost per term before and after, iterations, and reason for stopping.
+
+    ``submaps`` is None if everything was solved at once.
+    """
+
+    cost_before: Mapping[str, float]
+    cost_after: Mapping[str, float]
+    iterations: int
+    stop_reason: str
+    submaps: SubmapReport | None = None
