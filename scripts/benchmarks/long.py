@@ -26,7 +26,7 @@ from vgps.runtime.memory import peak_memory_mb
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_problem import BatchInput
 from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.run_graph import batch_input
+from vgps.smoothing.graph_arrays import batch_input
 from vgps.solution import Observations
 
 _START_M = 0.05  # standard deviation of the start of poses and landmarks about the run's

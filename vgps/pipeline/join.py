@@ -24,8 +24,8 @@ from vgps.runtime.timing import StageTimer
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_problem import BatchInput
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.graph_arrays import batch_input
 from vgps.smoothing.joint_scene import JointScene, joint_scene
-from vgps.smoothing.run_graph import batch_input
 from vgps.solution import JoinedRuns, Solution
 
 

@@ -17,9 +17,9 @@ from vgps.smoothing.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.graph_arrays import graph_arrays
 from vgps.smoothing.imu_states import ImuBias, imu_links, middle_bias
 from vgps.smoothing.lever_arm_check import lever_arm_warnings
-from vgps.smoothing.run_graph import graph_arrays
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult
@@ -49,7 +49,7 @@ class BatchResult:
         problem: The last problem at its optimum.
         errors: Noise and walk of the fix classes that were learned from the recording.
         imu_bias: The IMU's bias in the middle of the recording; None without an IMU.
-        graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.run_graph`).
+        graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.graph_arrays`).
         cameras: The other cameras of a rig with their poses on it, refined.
     """
 
