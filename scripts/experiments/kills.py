@@ -24,7 +24,8 @@ from typing import Any
 
 from scripts.common.command import ScriptParser
 from vgps.landmarks.info import database_info
-from vgps.readers.run_folder import read_run, run_folders
+from vgps.readers.run_files import run_folders
+from vgps.readers.run_folder import read_run
 from vgps.simulate import SCENES, GpsConfig, simulate
 
 _SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)

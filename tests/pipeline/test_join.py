@@ -17,7 +17,8 @@ from vgps.landmarks.build import build_from_runs
 from vgps.model import Camera, GeodeticPoint
 from vgps.pipeline.join import _check_shutters
 from vgps.pipeline.join_folders import join_folders
-from vgps.readers.run_folder import read_run, read_summary, run_folders
+from vgps.readers.run_files import read_summary, run_folders
+from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, SceneConfig, simulate
 from vgps.simulate.camera_path import level_path

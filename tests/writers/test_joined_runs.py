@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.readers.run_folder import read_summary, run_folders
+from vgps.readers.run_files import read_summary, run_folders
 from vgps.solution import JoinedRuns, Solution
 from vgps.writers.joined_runs import write_joined
 

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from vgps.cli.app import print_line
-from vgps.readers.run_folder import read_run, read_summary
+from vgps.readers.run_files import read_summary
+from vgps.readers.run_folder import read_run
 
 
 def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = None) -> None:

@@ -22,7 +22,8 @@ from vgps.landmarks.patches import Pyramid, plane_axes
 from vgps.landmarks.rectify import Rectifier
 from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.readers.recording import open_recording
-from vgps.readers.run_folder import read_run, run_folders
+from vgps.readers.run_files import run_folders
+from vgps.readers.run_folder import read_run
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.solution import Solution
 

@@ -1,23 +1,15 @@
 """Run folders, read back into the Solution from which they were written."""
 
-import json
-import lzma
 import math
-import zipfile
-import zlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
-import numpy as np
-
-from vgps.config import Config, present_names
-from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import RunFolderError
 from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
-from vgps.readers.run_checks import REMEDY, Arrays, check_archive, check_arrays, check_summary
+from vgps.readers.run_checks import REMEDY, Arrays, check_arrays, check_summary
+from vgps.readers.run_files import joined_names, read_arrays, read_settings, read_summary
 from vgps.solution import (
     FixTable,
     FrameState,
@@ -31,22 +23,6 @@ from vgps.solution import (
     Verdict,
 )
 
-SCHEMA_VERSION = 1  # of the files of a run folder; files without a version are of this one
-# raised by zipfile and NumPy on damaged bytes; RuntimeError: a member marked as encrypted or newer
-_BAD_ARCHIVE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    OSError,
-    EOFError,
-    TypeError,
-    ValueError,
-    KeyError,
-    RuntimeError,
-    SyntaxError,  # these two: the header of an array
-    TokenError,
-)
-
 
 def read_run(path: Path) -> Solution:
     """Read a run folder: arrays from ``measurements.npz``, the rest from ``solution.json``, ``config.yaml``.
@@ -57,15 +33,15 @@ def read_run(path: Path) -> Solution:
         RunFolderError: One of the three is missing, damaged, of a later schema, or does not fit the others.
     """
     summary = read_summary(path)
-    if parts := _joined(summary):
+    if parts := joined_names(summary):
         raise RunFolderError("holds several runs", file=path, remedy=f"name one, as {path / parts[0]}")
     file = path / "measurements.npz"
     check_summary(summary, path / "solution.json")
-    arrays = _read_arrays(file)
+    arrays = read_arrays(file)
     check_arrays(arrays, file)
     for k in range(len(summary.get("cameras", []))):  # of a rig, as those of the first camera
         check_arrays({**arrays, **_part(arrays, f"cameras.{k}")}, file)
-    config = _read_config(path / "config.yaml")
+    config = read_settings(path / "config.yaml")
     try:
         solution = _assemble(arrays, summary, config)
     except KeyError as error:
@@ -73,98 +49,6 @@ def read_run(path: Path) -> Solution:
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise RunFolderError(f"is damaged ({error})", file=path, remedy=REMEDY) from error
     return solution
-
-
-def run_folders(path: Path) -> list[Path]:
-    """Return the run folders in a folder of joined runs, or the folder itself.
-
-    Raises:
-        RunFolderError: As :func:`read_summary`.
-    """
-    names = _joined(read_summary(path))
-    return [path] if names is None else [path / name for name in names]
-
-
-def _joined(summary: Mapping[str, Any]) -> list[str] | None:
-    """Return the names of the runs that a summary of joined runs lists; None for one run."""
-    names = summary.get("runs")
-    return names if isinstance(names, list) and names and all(isinstance(one, str) for one in names) else None
-
-
-def read_summary(path: Path) -> dict[str, Any]:
-    """Read ``solution.json`` of a run folder.
-
-    Raises:
-        RunFolderError: There is no such folder or file, or it is damaged or of a later schema.
-    """
-    if not path.is_dir():
-        raise RunFolderError("not a folder", file=path, expected="a run folder, as vgps smooth writes it")
-    file = path / "solution.json"
-    try:
-        summary = json.loads(_bytes(file))
-    except (ValueError, RecursionError) as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, expected="JSON", remedy=REMEDY) from error
-    if not isinstance(summary, dict):
-        raise RunFolderError("not a JSON object", file=file, remedy=REMEDY)
-    _check_schema(summary.get("schema_version"), file)
-    return summary
-
-
-def _check_schema(found: Any, file: Path) -> None:
-    """Refuse what a later vgps wrote differently; runs from before version 0.1.0 have no schema version."""
-    if found is None:
-        return
-    if not isinstance(found, int) or found < 1:
-        raise RunFolderError(f"{found!r}", file=file, place="key schema_version", expected="a whole number")
-    if found > SCHEMA_VERSION:
-        raise RunFolderError(
-            f"schema version {found}",
-            file=file,
-            expected=f"at most {SCHEMA_VERSION}",
-            remedy="update vgps: a later version wrote this run",
-        )
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except FileNotFoundError as error:
-        raise RunFolderError(
-            "is missing",
-            file=file,
-            expected="a run folder",
-            remedy="name what vgps smooth wrote with --out, or run it again",
-        ) from error
-    except OSError as error:
-        raise RunFolderError(f"cannot be read ({error.strerror})", file=file) from error
-
-
-def _read_arrays(file: Path) -> Arrays:
-    if not file.is_file():
-        raise RunFolderError("is missing", file=file, remedy=REMEDY)
-    try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            check_archive(archive.zip, file.stat().st_size)
-            arrays = {key: archive[key] for key in archive.files}
-    except _BAD_ARCHIVE as error:
-        raise RunFolderError(
-            f"is damaged ({error})", file=file, expected="a NumPy archive", remedy=REMEDY
-        ) from error
-    _check_schema(arrays["schema_version"].tolist() if "schema_version" in arrays else None, file)
-    return arrays
-
-
-def _read_config(file: Path) -> dict[str, Any]:
-    try:
-        config = parse_yaml(_bytes(file)) or {}
-    except YamlTextError as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, expected="YAML", remedy=REMEDY) from error
-    if not isinstance(config, dict):
-        raise RunFolderError("not a YAML mapping", file=file, remedy=REMEDY)
-    try:
-        return present_names(config, Config)[0]
-    except ValueError as error:
-        raise RunFolderError(f"is damaged ({error})", file=file, remedy=REMEDY) from error
 
 
 def _instant(text: str) -> datetime:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from vgps.readers.run_folder import SCHEMA_VERSION
+from vgps.readers.run_files import SCHEMA_VERSION
 from vgps.solution import JoinedRuns
 from vgps.writers.atomic import new_folder
 from vgps.writers.ply import write_ply

@@ -90,7 +90,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vgps.readers.run_folder import SCHEMA_VERSION
+from vgps.readers.run_files import SCHEMA_VERSION
 from vgps.solution import Solution
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from vgps.model import GeodeticPoint
-from vgps.readers.run_folder import SCHEMA_VERSION
+from vgps.readers.run_files import SCHEMA_VERSION
 from vgps.solution import Landmarks, Observations
 
 PROPERTIES = {

@@ -12,7 +12,7 @@ import yaml
 
 from vgps.crs import ELLIPSOIDAL
 from vgps.model import ControlPoints
-from vgps.readers.run_folder import SCHEMA_VERSION
+from vgps.readers.run_files import SCHEMA_VERSION
 from vgps.runtime.versions import versions
 from vgps.solution import FrameState, SensorReport, Solution, SolvedCamera, Trajectory
 from vgps.writers.atomic import check_writable, new_folder
