@@ -20,7 +20,7 @@ from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import reprojection_errors
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.marginals import marginal_covariances
-from vgps.solver.problem import StateVector
+from vgps.solver.state_vectors import StateVector
 
 INTERVAL_S = 0.1
 SIGMA_M = 0.05

@@ -13,8 +13,9 @@ from vgps.smoothing.camera_equations import mount_jacobian
 from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 
 FX, FY, CX, CY = REAR_K
 LENS = Camera(model="pinhole", width=640, height=480, fx=FX, fy=FY, cx=CX, cy=CY)

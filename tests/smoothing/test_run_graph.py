@@ -31,9 +31,9 @@ from vgps.solver import gtsam_backend
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.graph_optimiser import optimise_graph
 from vgps.solver.graph_reading import read_graph
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.levenberg_marquardt import SolverSettings
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import all_pose_values
 from vgps.writers.run_folder import write_run
 
 ROOT = Path(__file__).resolve().parents[2]

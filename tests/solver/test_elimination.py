@@ -17,7 +17,8 @@ from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.graph_optimiser import optimise_graph
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import marginal_covariances
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 
 LAP = 72  # frames
 

@@ -12,7 +12,8 @@ from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.marginals import Covariances, marginal_covariances, shared_blocks
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 
 CASES: dict[str, Callable[[], BundleProblem]] = {
     "plain": lambda: drive()[0],

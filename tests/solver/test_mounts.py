@@ -15,9 +15,10 @@ from vgps.solver.cost import reprojection_errors
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.graph_optimiser import optimise_graph
 from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.mounts import CameraMounts
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.row_times import RowTimes
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 

@@ -5,8 +5,9 @@ from synthetic_bundle import drive, one_point, through_lens, total_cost, with_lo
 
 from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import linearise, linearise_chunk, whitening
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 
 over_lenses = pytest.mark.parametrize(
     "filmed", [lambda problem: problem, through_lens], ids=["pinhole", "lens"]

@@ -9,8 +9,9 @@ from synthetic_bundle import ANTENNA, drive
 from factors import Gaussian, gps_factor_calibrating
 from vgps.solver.band_matrix import BandMatrix
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values, pose_values
 from vgps.solver.pose_equations import Border, linearise_pose_graph, whitened_jacobian
-from vgps.solver.problem import BundleProblem, all_pose_values, pose_values
+from vgps.solver.problem import BundleProblem
 
 
 def with_sensors(fixed: list[int] | None = None) -> BundleProblem:

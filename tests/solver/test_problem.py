@@ -7,7 +7,8 @@ from gtsam.symbol_shorthand import B, L, O, X
 from synthetic_bundle import drive, one_point
 from synthetic_states import drive_with_states
 
-from vgps.solver.problem import StateVector, all_pose_values, pose_values
+from vgps.solver.gtsam_values import all_pose_values, pose_values
+from vgps.solver.state_vectors import StateVector
 
 
 def test_frames_of_pose_factors() -> None:

@@ -13,8 +13,9 @@ from vgps.solver import chunks
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.row_times import RowTimes
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 

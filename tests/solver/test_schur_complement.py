@@ -9,8 +9,9 @@ from synthetic_states import drive_with_states
 
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import (
     LandmarkFactors,
     factorise_landmarks,

@@ -5,7 +5,8 @@ import pytest
 from gtsam.symbol_shorthand import O, X
 from synthetic_bundle import drive
 
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 from vgps.solver.unknowns import number_unknowns
 
 

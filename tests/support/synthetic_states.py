@@ -10,7 +10,8 @@ from gtsam.symbol_shorthand import A, B, O, X
 from synthetic_bundle import drive, held_frames
 
 from vgps.model import FloatArray
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 
 EVERY = 5  # frames that share an offset
 WALK_M = 0.05  # of the offset from one state to the next

@@ -17,7 +17,8 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.control_factors import control_factors
 from vgps.smoothing.factor_graph import Scene, build_problem, joined, other_pose_factors
 from vgps.smoothing.imu_states import imu_state_vectors
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,10 +38,11 @@ from vgps.smoothing.loop_ties import loop_gradient
 from vgps.smoothing.video_drift import drift_by_imu, drift_draws
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import pose_scores
 
 _STEPS_AT_ONCE = 2**23  # numbers of the draws' steps, in submaps

@@ -11,7 +11,8 @@ from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
 from vgps.solver.marginals import Covariances
-from vgps.solver.problem import BundleProblem, StateVector
+from vgps.solver.problem import BundleProblem
+from vgps.solver.state_vectors import StateVector
 
 
 def start_imu(scene: Scene, context: SmoothingContext) -> ImuStates | None:

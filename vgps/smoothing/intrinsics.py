@@ -24,8 +24,9 @@ from vgps.smoothing.parameter_step import ParameterPrior, ParameterStep, paramet
 from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
 _SIGNIFICANT_SIGMAS = 3.0  # of a change of the calibration that is worth a warning

@@ -10,9 +10,10 @@ from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import factorise_pose_system
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 
 _PRIOR_M = 10.0  # says nothing
 # Squared sigmas of the three coordinates together. Right lever arms reach 19 on pieces of kitti03 and kitti07

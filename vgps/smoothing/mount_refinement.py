@@ -16,8 +16,9 @@ from vgps.smoothing.context import RigMount
 from vgps.smoothing.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 
 _SIGNIFICANT_SIGMAS = 3.0  # of a change that is worth a warning
 

@@ -22,9 +22,10 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import pinhole_jacobian
 from vgps.smoothing.context import SmoothingContext
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import factorise_pose_system
 from vgps.solver.normal_equations import linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.row_equations import RollingChunk
 from vgps.solver.row_times import RowTimes
 from vgps.solver.schur_complement import absorbed_residuals

@@ -6,7 +6,8 @@ import numpy as np
 
 from vgps.geometry import in_picture
 from vgps.model import BoolArray, FloatArray
-from vgps.solver.problem import BundleProblem, pose_values
+from vgps.solver.gtsam_values import pose_values
+from vgps.solver.problem import BundleProblem
 
 _AT_ONCE = 2**19  # observations
 

@@ -11,8 +11,9 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from vgps.model import FloatArray, IntArray
 from vgps.solver.cost import cost_terms
 from vgps.solver.graph_vectors import split_vectors
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.noise_models import PixelNoise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.projection_factors import ProjectionFactors, readable_projections, split_projections
 
 _MAX_SHARED_SIZE = 300  # coordinates of shared vectors, which are a dense border of the reduced matrix

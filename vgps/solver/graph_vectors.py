@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import gtsam
 
 from vgps.model import FloatArray
-from vgps.solver.problem import MAX_STATE_SIZE, StateVector
+from vgps.solver.state_vectors import MAX_STATE_SIZE, StateVector
 
 
 @dataclass

@@ -8,7 +8,8 @@ from gtsam.noiseModel import mEstimator
 from gtsam.symbol_shorthand import L
 
 from factors import RowTime, rolling_projection_factor
-from vgps.solver.problem import BundleProblem, pose_values
+from vgps.solver.gtsam_values import pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.row_times import RowTimes
 
 

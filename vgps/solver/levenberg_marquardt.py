@@ -9,9 +9,10 @@ import numpy as np
 from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import SparsityStructure
+from vgps.solver.gtsam_values import all_pose_values, vectors_at
 from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
 from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.problem import BundleProblem, all_pose_values, vectors_at
+from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 LIGHT_DAMPING = 1e-2

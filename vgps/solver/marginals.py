@@ -11,8 +11,9 @@ from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.problem import BundleProblem, all_pose_values
+from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import reduce_to_poses
 
 _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in an undetermined direction

@@ -17,39 +17,9 @@ from gtsam.symbol_shorthand import X
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solver.mounts import CameraMounts
 from vgps.solver.row_times import RowTimes
+from vgps.solver.state_vectors import MAX_STATE_SIZE, StateVector
 
-MAX_STATE_SIZE = 6  # coordinates of a state, which takes the place of a pose in the reduced matrix
 RobustLoss = Literal["none", "huber", "cauchy"]
-
-
-@dataclass(frozen=True)
-class StateVector:
-    """A vector that belongs to a place in the video, such as the offset of a receiver during a second.
-
-    Attributes:
-        vector: (d,) its value, d <= 6.
-        frame: Frame after which it stands in the order of elimination; close to the frames with which it
-            shares factors, it keeps the reduced matrix narrow.
-        is_bias: Whether the graph knows it as ``imuBias.ConstantBias`` [accelerometer; gyro], d = 6.
-    """
-
-    vector: FloatArray
-    frame: int
-    is_bias: bool = False
-
-    def moved(self, vector: FloatArray) -> "StateVector":
-        """Return the state with another value (d,)."""
-        return replace(self, vector=vector)
-
-    def insert_into(self, values: gtsam.Values, key: int) -> None:
-        """Add the state to GTSAM's values."""
-        values.insert(
-            key, gtsam.imuBias.ConstantBias(self.vector[:3], self.vector[3:]) if self.is_bias else self.vector
-        )
-
-    def read_from(self, values: gtsam.Values, key: int) -> "StateVector":
-        """Return the state with its value among GTSAM's."""
-        return self.moved(values.atConstantBias(key).vector() if self.is_bias else values.atVector(key))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,34 +216,3 @@ class BundleProblem:
 def _check_range(name: str, index: IntArray, size: int) -> None:
     if len(index) and (index.min() < 0 or index.max() >= size):
         raise ValueError(f"{name} {index.min()}..{index.max()}, expected 0..{size - 1}")
-
-
-def pose_values(problem: BundleProblem) -> gtsam.Values:
-    """Return the poses that occur in ``pose_graph``, the shared vectors and the states."""
-    return _values(problem, problem.pose_graph_frames)
-
-
-def all_pose_values(problem: BundleProblem) -> gtsam.Values:
-    """Return every pose, whether or not it occurs in ``pose_graph``, the shared vectors and the states."""
-    return _values(problem, np.arange(len(problem.world_T_camera)))
-
-
-def _values(problem: BundleProblem, frames: IntArray) -> gtsam.Values:
-    values = gtsam.Values()
-    for key, vector in problem.shared.items():
-        values.insert(key, vector)
-    for key, state in problem.states.items():
-        state.insert_into(values, key)
-    for key, world_T_camera in zip(
-        problem.keys[frames].tolist(), problem.world_T_camera[frames], strict=True
-    ):
-        values.insert(key, gtsam.Pose3(world_T_camera))
-    return values
-
-
-def vectors_at(
-    values: gtsam.Values, problem: BundleProblem
-) -> tuple[dict[int, FloatArray], dict[int, StateVector]]:
-    """Return the shared vectors and the states of a problem, with their values in ``values``."""
-    shared = {key: values.atVector(key) for key in problem.shared}
-    return shared, {key: state.read_from(values, key) for key, state in problem.states.items()}
