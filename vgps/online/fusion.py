@@ -17,6 +17,7 @@ from vgps.geometry import cross_matrices, interpolate_vectors
 from vgps.gps.fixes import Fixes
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.block_system import BlockSystem
 from vgps.online.fusion_equations import (
     BIAS,
     OFFSET,
@@ -24,7 +25,6 @@ from vgps.online.fusion_equations import (
     ROTATION,
     SCALE,
     UNKNOWNS,
-    BlockSystem,
     FirstNodePrior,
     FusionState,
     minimise,

@@ -1,4 +1,4 @@
-"""Residuals and normal equations of the graph of live poses, and their solution by banded Cholesky.
+"""Residuals and normal equations of the graph of live poses, and their minimum.
 
 Everything is a chain, so that the matrix is block tridiagonal. Losses of Student's t are reweighted.
 """
@@ -6,18 +6,18 @@ Everything is a chain, so that the matrix is block tridiagonal. Losses of Studen
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cho_solve_banded
 from scipy.spatial.transform import Rotation
 
 from vgps.geometry import cross_matrices
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray
+from vgps.online.block_system import BlockSum, BlockSystem
 from vgps.online.fusion_nodes import FusionNodes
 
 POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
 MEAN_ROLL, UNKNOWNS = 10, 12
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
-_RIDGE = 1e-8  # keeps solvable what nothing determines
 _BIAS_HELD_RAD = 1e-4  # change of the bias from node to node
 
 
@@ -59,57 +59,6 @@ class FirstNodePrior:
         """Return its cost."""
         d = self.distance(state)
         return float(0.5 * d @ self.information @ d + self.vector @ d)
-
-
-@dataclass(frozen=True)
-class BlockSystem:
-    """Normal equations: blocks (N, 12, 12) of the diagonal and (N - 1, 12, 12) below it, gradient (N, 12)."""
-
-    diagonal: FloatArray
-    below: FloatArray
-    gradient: FloatArray
-
-    def cholesky(self) -> FloatArray:
-        """Return the Cholesky factor in LAPACK's lower band storage."""
-        n = UNKNOWNS
-        band = np.zeros((2 * n, n * len(self.diagonal)))
-        for j in range(n):
-            for i in range(j, n):
-                band[i - j, j::n] = self.diagonal[:, i, j]
-            for i in range(n):
-                band[n + i - j, j : len(self.below) * n : n] = self.below[:, i, j]
-        return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
-
-    def last_covariance(self) -> FloatArray:
-        """Return the covariance (12, 12) of the last node, whose Schur complement ends the factor."""
-        factor, n = self.cholesky(), UNKNOWNS
-        last = np.zeros((n, n))
-        for j in range(n):
-            last[j:, j] = factor[: n - j, -n + j]
-        inverse = np.linalg.inv(last)
-        return np.asarray(inverse.T @ inverse)
-
-    def covariances(self) -> FloatArray:
-        """Return the covariances (N, 12, 12) of all nodes, by elimination forwards and substitution back."""
-        out = np.empty_like(self.diagonal)
-        information, gains = self.diagonal[0], []
-        for k, below in enumerate(self.below):
-            out[k] = np.linalg.inv(information)
-            gains.append(below @ out[k])
-            information = self.diagonal[k + 1] - gains[k] @ below.T
-        out[-1] = np.linalg.inv(information)
-        for k in range(len(gains) - 1, -1, -1):
-            out[k] += gains[k].T @ out[k + 1] @ gains[k]
-        return out
-
-    def eliminated(self) -> tuple[FloatArray, FloatArray]:
-        """Return information (12, 12) and vector (12,) of the last node with all others eliminated."""
-        information, vector = self.diagonal[0], self.gradient[0]
-        for k, below in enumerate(self.below):
-            carried = np.linalg.solve(information, np.column_stack([below.T, vector]))
-            information = self.diagonal[k + 1] - below @ carried[:, :-1]
-            vector = self.gradient[k + 1] - below @ carried[:, -1]
-        return (information + information.T) / 2.0, vector
 
 
 @dataclass(frozen=True)
@@ -177,34 +126,10 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     return float(0.5 * total + np.log1p((x[0, MEAN_ROLL] / nodes.mean_roll) ** 2)) + prior.cost(state)
 
 
-class _Sum:
-    """Normal equations as they are summed."""
-
-    def __init__(self, count: int) -> None:
-        self.diagonal = np.tile(_RIDGE * np.eye(UNKNOWNS), (count, 1, 1))
-        self.below = np.zeros((count - 1, UNKNOWNS, UNKNOWNS))
-        self.gradient = np.zeros((count, UNKNOWNS))
-
-    def add_between(self, before: FloatArray, after: FloatArray, W: FloatArray, r: FloatArray) -> None:
-        """Add residuals r (N - 1, m) with information W (N - 1, m, m) and derivatives (N - 1, m, 12)."""
-        B, A = before.transpose(0, 2, 1) @ W, after.transpose(0, 2, 1) @ W
-        self.diagonal[:-1] += B @ before
-        self.diagonal[1:] += A @ after
-        self.below += A @ before
-        self.gradient[:-1] += (B @ r[:, :, None])[:, :, 0]
-        self.gradient[1:] += (A @ r[:, :, None])[:, :, 0]
-
-    def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
-        """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, 12)."""
-        weighted = J.transpose(0, 2, 1) * w[:, None, :]
-        np.add.at(self.diagonal, node, weighted @ J)
-        np.add.at(self.gradient, node, (weighted @ r[:, :, None])[:, :, 0])
-
-
 def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> BlockSystem:
     """Return the reweighted normal equations."""
     r, x, count = _residuals(nodes, state), state.values, len(nodes.t_s)
-    total = _Sum(count)
+    total = BlockSum(count, UNKNOWNS)
     before, after = np.zeros((2, count - 1, 3, UNKNOWNS))
     before[:, :, POSITION], after[:, :, POSITION] = -np.eye(3), np.eye(3)
     before[:, :, SCALE] = after[:, :, SCALE] = -0.5 * r.video_step
@@ -230,7 +155,7 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     return BlockSystem(total.diagonal, total.below, total.gradient)
 
 
-def _add_drift_and_walk(total: _Sum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:
+def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:
     x, drift = state.values, nodes.drift
     change = np.column_stack([np.diff(x[:, SCALE]), r.turn, np.diff(x[:, OFFSET.start :], axis=0)])
     tail, walk = nodes.walk_tail[1:], _squares(nodes, state, r)[1]

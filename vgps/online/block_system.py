@@ -1,0 +1,85 @@
+"""Normal equations of a chain of nodes, whose matrix is block tridiagonal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky_banded
+
+from vgps.model import FloatArray, IntArray
+
+_RIDGE = 1e-8  # keeps solvable what nothing determines
+
+
+@dataclass(frozen=True)
+class BlockSystem:
+    """Normal equations: blocks (N, n, n) of the diagonal and (N - 1, n, n) below it, gradient (N, n)."""
+
+    diagonal: FloatArray
+    below: FloatArray
+    gradient: FloatArray
+
+    def cholesky(self) -> FloatArray:
+        """Return the Cholesky factor in LAPACK's lower band storage."""
+        n = self.diagonal.shape[1]
+        band = np.zeros((2 * n, n * len(self.diagonal)))
+        for j in range(n):
+            for i in range(j, n):
+                band[i - j, j::n] = self.diagonal[:, i, j]
+            for i in range(n):
+                band[n + i - j, j : len(self.below) * n : n] = self.below[:, i, j]
+        return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
+
+    def last_covariance(self) -> FloatArray:
+        """Return the covariance (n, n) of the last node, whose Schur complement ends the factor."""
+        factor, n = self.cholesky(), self.diagonal.shape[1]
+        last = np.zeros((n, n))
+        for j in range(n):
+            last[j:, j] = factor[: n - j, -n + j]
+        inverse = np.linalg.inv(last)
+        return np.asarray(inverse.T @ inverse)
+
+    def covariances(self) -> FloatArray:
+        """Return the covariances (N, n, n) of all nodes, by elimination forwards and substitution back."""
+        out = np.empty_like(self.diagonal)
+        information, gains = self.diagonal[0], []
+        for k, below in enumerate(self.below):
+            out[k] = np.linalg.inv(information)
+            gains.append(below @ out[k])
+            information = self.diagonal[k + 1] - gains[k] @ below.T
+        out[-1] = np.linalg.inv(information)
+        for k in range(len(gains) - 1, -1, -1):
+            out[k] += gains[k].T @ out[k + 1] @ gains[k]
+        return out
+
+    def eliminated(self) -> tuple[FloatArray, FloatArray]:
+        """Return information (n, n) and vector (n,) of the last node with all others eliminated."""
+        information, vector = self.diagonal[0], self.gradient[0]
+        for k, below in enumerate(self.below):
+            carried = np.linalg.solve(information, np.column_stack([below.T, vector]))
+            information = self.diagonal[k + 1] - below @ carried[:, :-1]
+            vector = self.gradient[k + 1] - below @ carried[:, -1]
+        return (information + information.T) / 2.0, vector
+
+
+class BlockSum:
+    """Normal equations of N nodes with n unknowns each, as they are summed."""
+
+    def __init__(self, count: int, unknowns: int) -> None:
+        self.diagonal = np.tile(_RIDGE * np.eye(unknowns), (count, 1, 1))
+        self.below = np.zeros((count - 1, unknowns, unknowns))
+        self.gradient = np.zeros((count, unknowns))
+
+    def add_between(self, before: FloatArray, after: FloatArray, W: FloatArray, r: FloatArray) -> None:
+        """Add residuals r (N - 1, m) with information W (N - 1, m, m) and derivatives (N - 1, m, n)."""
+        B, A = before.transpose(0, 2, 1) @ W, after.transpose(0, 2, 1) @ W
+        self.diagonal[:-1] += B @ before
+        self.diagonal[1:] += A @ after
+        self.below += A @ before
+        self.gradient[:-1] += (B @ r[:, :, None])[:, :, 0]
+        self.gradient[1:] += (A @ r[:, :, None])[:, :, 0]
+
+    def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
+        """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, n)."""
+        weighted = J.transpose(0, 2, 1) * w[:, None, :]
+        np.add.at(self.diagonal, node, weighted @ J)
+        np.add.at(self.gradient, node, (weighted @ r[:, :, None])[:, :, 0])
