@@ -21,6 +21,7 @@ from scripts.common.recordings import read_truth
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu
 from vgps.geometry import interpolate_poses
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.offset_errors import between_receivers, errors_of
 from vgps.gps.offsets import with_offset_regions
@@ -29,7 +30,6 @@ from vgps.online import OnlineEstimate, OnlineSmoother
 from vgps.online.delay import DelayedEstimates
 from vgps.online.replay import replay
 from vgps.online.run import run_online
-from vgps.smoothing.covariance import region_sigmas
 
 CERTAIN_M, WITHIN = 1.0, 1.1
 LATER_S = 1.0

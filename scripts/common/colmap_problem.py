@@ -8,6 +8,7 @@ from gtsam.symbol_shorthand import X
 
 from vgps.config import StartConfig
 from vgps.geometry import largest_angle_rad, world_rays
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.alignment import Correspondences, align
@@ -43,8 +44,7 @@ class Priors:
 def sigmas_of(run: Solution) -> FloatArray:
     """Return (M, 3) the receiver's sigmas of the fixes, or those that their regions stand for, metres."""
     assert run.gps is not None and run.fixes is not None
-    plane, line = run.fixes.r_m / INSIDE_PLANE, run.fixes.h_m / INSIDE_LINE
-    return np.where(np.isfinite(run.gps.sigma_m), run.gps.sigma_m, np.stack([plane, plane, line], axis=1))
+    return np.where(np.isfinite(run.gps.sigma_m), run.gps.sigma_m, region_sigmas(run.fixes))
 
 
 def nearest(times_s: FloatArray, at_s: FloatArray) -> IntArray:

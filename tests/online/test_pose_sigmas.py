@@ -6,10 +6,10 @@ from walks import ToAndFro
 import vgps
 from vgps.config import DriftConfig, MotionConfig
 from vgps.geodesy import to_geodetic
+from vgps.gps.fix_errors import region_sigmas
 from vgps.model import FixClass
 from vgps.online.pose_sigmas import pose_sigmas
 from vgps.online.replay import fixes_of
-from vgps.smoothing.covariance import region_sigmas
 
 
 def test_sigmas_of_a_bridged_frame_grow_by_the_motion_model():

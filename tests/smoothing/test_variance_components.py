@@ -5,8 +5,8 @@ import pytest
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, independent_epochs
-from vgps.smoothing.covariance import region_sigmas
 from vgps.smoothing.variance_components import antenna_offsets, balanced_sigma_scale, variance_factor
 from vgps.solution import Trajectory
 

@@ -20,7 +20,6 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 """
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import gtsam
@@ -28,8 +27,8 @@ import numpy as np
 from scipy import sparse
 
 from vgps.config import DriftConfig
+from vgps.gps.fix_errors import fix_errors
 from vgps.gps.fixes import Fixes
-from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import linearise_held
@@ -232,28 +231,3 @@ def _residual_by_fix(
                 translation = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
                 result[row] += translation @ problem.world_T_camera[frame, :3, :3].T
     return result
-
-
-def fix_errors(fixes: Fixes, draws: int, rng: np.random.Generator) -> FloatArray:
-    """Draw errors (M, 3, K) east, north, up: a Gauss-Markov process through fixes of one correlation time.
-
-    The correlation time, after which an error counts as independent, is the two-sided integral of the
-    autocorrelation; the process decays to 1/e in half of it. It is scaled by the region of each fix: a fix
-    whose region was enlarged has the error of its class, only larger.
-    """
-    white = rng.standard_normal((len(fixes), 3, draws))
-    unit = np.empty_like(white)
-    for correlation_s in np.unique(fixes.correlation_s):
-        same = np.flatnonzero(fixes.correlation_s == correlation_s)
-        unit[same[0]] = white[same[0]]
-        for before, row in pairwise(same.tolist()):
-            gap_s = fixes.t_s[row] - fixes.t_s[before]
-            decay = np.exp(-2.0 * gap_s / correlation_s)
-            unit[row] = decay * unit[before] + np.sqrt(1.0 - decay**2) * white[row]
-    return np.asarray(region_sigmas(fixes)[:, :, None] * unit)
-
-
-def region_sigmas(fixes: Fixes) -> FloatArray:
-    """Return standard deviations (M, 3) east, north, up of errors of which the region holds 95 %."""
-    horizontal, vertical = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
-    return np.stack([horizontal, horizontal, vertical], axis=1)

@@ -9,9 +9,9 @@ with a prior, since a log contains few independent errors.
 import numpy as np
 
 from vgps.config import BatchConfig, Config
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, antenna_at, contributing_fixes, independent_epochs, place
 from vgps.model import FloatArray
-from vgps.smoothing.covariance import region_sigmas
 from vgps.solution import Trajectory
 
 
