@@ -68,8 +68,12 @@ def optimise_camera(
         used = config if every is None else _for_few_frames(config, every)
         if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
-        context = front_end.context(used)
-        context = replace(context, camera=camera, estimates_readout=estimates_readout)
+        context = replace(
+            front_end.context(used),
+            camera=camera,
+            estimates_readout=estimates_readout,
+            rough=every is not None,
+        )
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
@@ -135,13 +139,12 @@ def _with_camera_sigmas(config: Config, sigma: FloatArray) -> Config:
 
 
 def _for_few_frames(config: Config, every: int) -> Config:
-    """Return settings for a rough solution in one round without sigmas; each frame counts for several."""
+    """Return settings for a rough solution in one round; each frame counts for several."""
     batch = config.batch
     changes = {
         "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
         "rounds": 1,
         "relative_tolerance": batch.early_tolerance,
-        "draws": 0,
     }
     gps = config.gps.model_copy(update={"n": 1})
     return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})

@@ -106,7 +106,7 @@ def batch_result(
     scene = solved.given.scene
     path = Trajectory(scene.t_s, after.world_T_camera)
     covariance, warnings = _covariance(solved, context)
-    if context.config.batch.draws:
+    if not context.rough:
         warnings += lever_arm_warnings(solved.given, after)
     # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
     covariance = covariance.scaled(_variance_factor(solved, path, sensors, context))
@@ -158,10 +158,10 @@ def report_with_warnings(
 
 
 def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
-    """Return the covariances at the optimum; NaN without draws, or with a warning if undetermined."""
+    """Return the covariances at the optimum; NaN for a rough solution, or with a warning if undetermined."""
     config, gps = context.config, solved.built.gps
     unknown = Covariances(np.full((len(solved.given.scene.t_s), 6, 6), np.nan), {})
-    if not config.batch.draws:
+    if context.rough:
         return unknown, ()
     sources = ErrorSources(
         gps=gps.bounds,

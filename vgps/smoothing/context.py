@@ -24,6 +24,8 @@ class SmoothingContext:
     cameras: tuple[RigMount, ...] = ()
     estimates_readout: bool = False
     """Whether stage D improves the readout of a rolling shutter between its rounds."""
+    rough: bool = False
+    """Whether only the solution of stage D counts: it then draws no errors, and the sigmas are NaN."""
 
     @property
     def K(self) -> FloatArray:
