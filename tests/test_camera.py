@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lenses import TSAI
 
 from vgps.camera import camera_fields, distort, project, turning_radius, undistort, unused_share
 from vgps.model import Camera
@@ -14,18 +15,6 @@ CV4 = replace(WIDE, model="opencv", distortion=(-0.1435, 0.01, 0.001, -0.002))
 CV5 = replace(PINHOLE, model="opencv", distortion=(-0.2, 0.05, 0.001, -0.0005, -0.004))
 CV8 = replace(PINHOLE, model="opencv", distortion=(0.1, 0.05, 1e-3, -5e-4, 0.01, 0.2, 0.1, 0.01))
 FISHEYE = replace(PINHOLE, model="fisheye", fx=300.0, fy=305.0, distortion=(-0.01, 0.02, -0.005, 0.001))
-# 1/3 inch sensor of 720 x 480 pixels behind a wide converter, as in the thesis
-TSAI = Camera(
-    model="tsai",
-    width=720,
-    height=480,
-    fx=600.0,
-    fy=590.0,
-    cx=355.0,
-    cy=238.0,
-    distortion=(8e-3, 1e-4),
-    pixel_mm=(4.8 / 720 / 1.02, 3.6 / 480),
-)
 CAMERAS = [PINHOLE, CV4, CV5, CV8, FISHEYE, TSAI]
 names = [f"{camera.model}{len(camera.distortion)}" for camera in CAMERAS]
 over_cameras = pytest.mark.parametrize("camera", CAMERAS, ids=names)

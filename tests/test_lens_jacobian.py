@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lenses import TSAI
 
 from vgps.camera import centred_camera, undistort
 from vgps.lens_jacobian import lens_jacobian
@@ -10,17 +11,6 @@ from vgps.model import Camera
 SIZE = (640, 480)
 FISHEYE = replace(centred_camera("fisheye", SIZE, 300.0, (-0.01, 0.02)), fy=305.0)
 BROWN = replace(centred_camera("opencv", SIZE, 500.0), distortion=(-0.2, 0.05, 1e-3, -5e-4, -4e-3))
-TSAI = Camera(
-    model="tsai",
-    width=720,
-    height=480,
-    fx=600.0,
-    fy=590.0,
-    cx=355.0,
-    cy=238.0,
-    distortion=(8e-3, 1e-4),
-    pixel_mm=(4.8 / 720 / 1.02, 3.6 / 480),
-)
 
 
 @pytest.mark.parametrize("camera", [FISHEYE, BROWN, TSAI], ids=lambda camera: camera.model)

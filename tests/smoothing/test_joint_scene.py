@@ -1,5 +1,7 @@
 """Two runs of two frames as one scene, by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 from solutions import make_gps_log
 
@@ -15,16 +17,8 @@ from vgps.smoothing.joint_scene import joint_scene
 from vgps.solution import Observations
 
 WIDE = Camera(model="pinhole", width=320, height=240, fx=200.0, fy=200.0, cx=160.0, cy=120.0)
-LONG = Camera(
-    model="opencv",
-    width=640,
-    height=480,
-    fx=400.0,
-    fy=400.0,
-    cx=320.0,
-    cy=240.0,
-    distortion=(0.1, 0.0, 0.0, 0.0),
-)
+FLAT = Camera(model="pinhole", width=640, height=480, fx=400.0, fy=400.0, cx=320.0, cy=240.0)
+LONG = replace(FLAT, model="opencv", distortion=(0.1, 0.0, 0.0, 0.0))
 
 
 def run(camera: Camera, lever: FloatArray) -> BatchInput:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -165,17 +167,8 @@ def test_black_frames_are_counted_as_missed(panned):
 
 def test_the_distortion_of_a_lens_is_removed():
     """A distant scene through a barrel lens: the image is distorted, the rotation is not."""
-    lens = Camera(
-        model="opencv",
-        width=640,
-        height=480,
-        fx=500.0,
-        fy=500.0,
-        cx=320.0,
-        cy=240.0,
-        distortion=(-0.2, 0.03, 0.0, 0.0),
-    )
     flat = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    lens = replace(flat, model="opencv", distortion=(-0.2, 0.03, 0.0, 0.0))
     rotvec, rng = [0.03, -0.05, 0.08], np.random.default_rng(0)
     R = Rotation.from_rotvec(rotvec).as_matrix()
     uv = rng.uniform((60, 60), (580, 420), (200, 2))
