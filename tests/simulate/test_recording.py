@@ -134,6 +134,20 @@ def test_same_seed_same_bytes_other_seed_other_world(folder: Path, tmp_path: Pat
         assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes(), file
 
 
+def test_another_pass_shakes_differently_in_the_same_world(tmp_path: Path) -> None:
+    short = replace(TINY, speed=((0.0, 1.2), (0.2, 1.2)), hand_shake=1.0)
+    for name, own in (("first", None), ("second", 5)):
+        simulate(tmp_path / name, replace(short, pass_seed=own), seed=3)
+    first, second = tmp_path / "first", tmp_path / "second"
+    for file in ("gyro.csv", "truth.tum", "fix_errors.csv"):
+        assert (first / file).read_bytes() != (second / file).read_bytes(), file
+    # the same house and ground at nearly the same place
+    pictures = [gray_frames(folder)[0][:240].astype(float).ravel() for folder in (first, second)]
+    simulate(tmp_path / "elsewhere", short, seed=4)
+    elsewhere = gray_frames(tmp_path / "elsewhere")[0][:240].astype(float).ravel()
+    assert np.corrcoef(*pictures)[0, 1] > 0.6 > np.corrcoef(pictures[0], elsewhere)[0, 1]
+
+
 def test_moving_things_change_the_picture_and_not_the_truth(tmp_path: Path) -> None:
     short = replace(TINY, speed=((0.0, 1.2), (0.5, 1.2)))
     simulate(tmp_path / "still", short)

@@ -78,6 +78,7 @@ def simulate(
     gps_errors: Path | None = None,
     gps_reference: Path | None = None,
     gps_seed: Seed | None = None,
+    pass_seed: Seed | None = None,
     imu: bool = False,
     cameras: Annotated[int, Parameter(validator=Number(gte=1, lte=6))] = 1,
     shutter: Shutter | None = None,
@@ -89,7 +90,8 @@ def simulate(
         out: Recording folder to write.
         scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin; by default walk, or drive with a
             path, of which it is then the camera.
-        seed: Seed of the world and of the sensors' errors.
+        seed: Seed of the world, of the shaking, and of the sensors' errors.
+        pass_seed: Seed of all but the world, if not the same: another pass of its street.
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.
         gps_reference: Better log of the same antenna if that receiver moved; its RTK-fix epochs are
             the truth.
@@ -105,7 +107,7 @@ def simulate(
     given = given or GivenPath()
     name = scene or ("walk" if given.path is None else "drive")
     config = given.applied(scene_with_errors(name, gps_errors, gps_reference))
-    config = replace(config, **(shutter or Shutter()).changes(), cameras=cameras)
+    config = replace(config, **(shutter or Shutter()).changes(), cameras=cameras, pass_seed=pass_seed)
     config = replace(config, gps=replace(config.gps, seed=gps_seed))
     if imu:
         config = replace(config, accelerometer=AccelerometerConfig())

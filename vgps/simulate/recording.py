@@ -69,13 +69,15 @@ def simulate(
             expected=f"0 (a pinhole) to {MAX_DEG:g}",
             place="fisheye_deg",
         )
-    motion_rng, world_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([seed, k]) for k in range(5))
+    own = seed if config.pass_seed is None else config.pass_seed
+    motion_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([own, k]) for k in (0, 2, 3, 4))
+    world_rng = np.random.default_rng([seed, 1])
     with _new_folder(out) as folder:
         motion = build_motion(config, motion_rng)
         if config.gps.seed is not None:
             gps_rng = np.random.default_rng([config.gps.seed, 2])
         world = build_world(config, world_rng)
-        renderer = Renderer(world, motion, config, seed)
+        renderer = Renderer(world, motion, config, own)
         _write_camera(folder / "camera.yaml", config, renderer)
         _write_rig(folder / "rig.yaml", config)
         fixes = simulate_fixes(motion, config, gps_rng)
@@ -100,7 +102,7 @@ def simulate(
         (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
         write_video(folder / "video.mp4", _rendered(renderer, config.frames), config, on_frame)
         for k, (name, mount) in enumerate(ring(config.cameras).items(), start=1):
-            renderer = Renderer(world, MountedMotion(motion, mount), config, seed + k * _NEXT_CAMERA)
+            renderer = Renderer(world, MountedMotion(motion, mount), config, own + k * _NEXT_CAMERA)
             write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config, on_frame)
 
 

@@ -49,6 +49,8 @@ class SceneConfig:
         crf: Quality of the H.264 video (lower is better).
         gps, gyro: Receiver and gyro.
         accelerometer: Makes the gyro an IMU; None without one.
+        pass_seed: Seed of the shaking and of the sensors' errors, if these are to differ from recording to
+            recording in one world.
         start_utc: UTC of the first frame.
         world_origin: Origin of the ENU world.
     """
@@ -87,6 +89,7 @@ class SceneConfig:
     gps: GpsConfig = field(default_factory=GpsConfig)
     gyro: GyroConfig = field(default_factory=GyroConfig)
     accelerometer: AccelerometerConfig | None = None
+    pass_seed: int | None = None
     start_utc: datetime = datetime(2025, 6, 1, 12, 0, 0, tzinfo=UTC)
     world_origin: GeodeticPoint = _ORIGIN
 
