@@ -4,12 +4,14 @@ import numpy as np
 from synthetic_run import FRAMES, WallRun
 
 from vgps.config import LandmarksConfig
+from vgps.geometry import project
 from vgps.landmarks.observation_selection import (
     collect_observations,
     reliable_landmarks,
     select_views,
     template_frames,
 )
+from vgps.rolling_shutter import row_poses
 from vgps.solution import FrameState
 
 CONFIG = LandmarksConfig()
@@ -23,6 +25,20 @@ def test_observations_are_sorted_and_compared_with_projections(wall: WallRun) ->
     assert len(found.landmark) == len(shifted.landmark)
     assert (np.diff(found.landmark) >= 0).all()
     np.testing.assert_allclose(found.error_px, 0.5, atol=1e-9)
+
+
+def test_a_rolling_shutter_sees_landmarks_from_the_poses_of_its_rows(wall: WallRun) -> None:
+    camera = replace(wall.solution.camera, readout_s=0.03)
+    seen = wall.solution.observations
+    uv = seen.uv_px
+    for _ in range(4):
+        poses = row_poses(camera, wall.solution.t_s, wall.solution.world_T_camera, seen.frame, uv)
+        points = wall.solution.landmarks.world_p_landmark[seen.landmark]
+        uv = project(camera.K, poses, points[:, None])[0][:, 0]
+    rolling = replace(wall.solution, camera=camera, observations=replace(seen, uv_px=uv))
+    found = collect_observations(rolling)
+    assert np.linalg.norm(uv - seen.uv_px, axis=1).max() > 1.0
+    np.testing.assert_allclose(found.error_px, 0.0, atol=0.01)
 
 
 def test_only_tracked_frames_of_the_selected_parity_give_templates(wall: WallRun) -> None:

@@ -151,7 +151,7 @@ def _keyframe(
     observed = observations.take(observations.frame == frame)
     gray = np.clip(np.round(image), 0, 255).astype(np.uint8)
     pose = solution.world_T_camera[frame]
-    return make_keyframe(gray, solution.camera, pose, observed.landmark, observed.world_p_landmark, config)
+    return make_keyframe(gray, solution.camera, pose, observed, config)
 
 
 def _views(

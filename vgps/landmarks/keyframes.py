@@ -5,9 +5,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vgps.config import LandmarksConfig
-from vgps.geometry import project, rays
+from vgps.geometry import rays
 from vgps.landmarks.descriptors import describe
 from vgps.landmarks.model import Keyframe
+from vgps.landmarks.observation_selection import LandmarkObservations
 from vgps.model import BoolArray, Camera, FloatArray, GrayImage, IntArray
 
 
@@ -21,8 +22,7 @@ def make_keyframe(
     gray: GrayImage,
     camera: Camera,
     world_T_camera: FloatArray,
-    landmark: IntArray,
-    world_p_landmark: FloatArray,
+    observed: LandmarkObservations,
     config: LandmarksConfig,
 ) -> Keyframe:
     """Build a keyframe from the features that lie beside landmarks.
@@ -33,24 +33,22 @@ def make_keyframe(
         gray: (H, W) undistorted.
         camera: Its K.
         world_T_camera: (4, 4).
-        landmark: (N,) ids of landmarks observed in it.
-        world_p_landmark: (N, 3) their positions, in front of the camera.
+        observed: The landmarks in it, in front of the camera.
         config: Number of features, distance from a feature to its landmark, and width of the thumbnail.
     """
-    rotation, centre = world_T_camera[:3, :3], world_T_camera[:3, 3]
-    uv_landmark, depth_m = project(camera.K, world_T_camera, world_p_landmark)
     uv, descriptors = describe(gray, config.keyframe_features)
-    feature, row = _nearest_landmarks(uv, uv_landmark, config.keyframe_reach_px)
-    order = np.lexsort((feature, landmark[row]))
-    feature, row = feature[order], row[order]
+    feature, row = _nearest_landmarks(uv, observed.uv_px, config.keyframe_reach_px)
+    order = np.lexsort((feature, observed.landmark[row]))
+    feature, beside = feature[order], observed.take(row[order])
     ray = rays(camera.K, uv[feature])
-    points = ray * (depth_m[row, None] / ray[:, 2:])
+    points = ray * (beside.depth_m[:, None] / ray[:, 2:])
+    rotation, centre = beside.world_T_camera[:, :3, :3], beside.world_T_camera[:, :3, 3]
     width = config.thumbnail_px
     height = max(1, round(width * camera.height / camera.width))
     return Keyframe(
         world_T_camera=world_T_camera,
-        landmark=landmark[row],
-        world_p_landmark=points @ rotation.T + centre,
+        landmark=beside.landmark,
+        world_p_landmark=np.einsum("nij,nj->ni", rotation, points) + centre,
         descriptors=descriptors[feature],
         thumbnail=np.asarray(cv2.resize(gray, (width, height), interpolation=cv2.INTER_AREA), np.uint8),
     )

@@ -10,6 +10,7 @@ from vgps.landmarks.farthest_point_sampling import ViewMetric, sample_farthest
 from vgps.landmarks.patches import patch_in_image
 from vgps.landmarks.position_uncertainty import position_sigmas_m
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.rolling_shutter import row_poses
 from vgps.solution import FrameState, Solution
 
 
@@ -19,7 +20,7 @@ class LandmarkObservations:
 
     Attributes:
         landmark, frame: (N,) rows of the run's landmarks and frames.
-        world_T_camera: (N, 4, 4) pose of the frame.
+        world_T_camera: (N, 4, 4) pose of the frame, or of the row of a rolling shutter.
         world_p_landmark: (N, 3) metres.
         uv_px: (N, 2) projection of the landmark, undistorted.
         depth_m: (N,) depth of the landmark.
@@ -44,7 +45,8 @@ def collect_observations(solution: Solution) -> LandmarkObservations:
     observed = solution.observations
     order = np.lexsort((observed.frame, observed.landmark))
     landmark, frame = observed.landmark[order], observed.frame[order]
-    poses, points = solution.world_T_camera[frame], solution.landmarks.world_p_landmark[landmark]
+    uv_px, points = observed.uv_px[order], solution.landmarks.world_p_landmark[landmark]
+    poses = row_poses(solution.camera, solution.t_s, solution.world_T_camera, frame, uv_px)
     uv, depth = project(solution.camera.K, poses, points[:, None])
     return LandmarkObservations(
         landmark=landmark,
@@ -53,7 +55,7 @@ def collect_observations(solution: Solution) -> LandmarkObservations:
         world_p_landmark=points,
         uv_px=uv[:, 0],
         depth_m=depth[:, 0],
-        error_px=np.linalg.norm(uv[:, 0] - observed.uv_px[order], axis=1),
+        error_px=np.linalg.norm(uv[:, 0] - uv_px, axis=1),
     )
 
 
