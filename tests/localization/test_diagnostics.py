@@ -2,11 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from landmark_matches import matched
 from textured_wall import WallVideo, recording_of
 
 from vgps.config import LocalizationConfig
 from vgps.localization.diagnostics import loss_warnings, sensor_warnings, speed_warnings
-from vgps.localization.pose import NO_MATCHES, LandmarkMatches
+from vgps.localization.pose import NO_MATCHES
 from vgps.localization.tracker import TrackedFrame
 
 RECORDING = recording_of(WallVideo(5))
@@ -81,7 +82,7 @@ def frames_at(**north_m):
         pose = np.eye(4)
         pose[2, 3] = start if start is not None else followed if followed is not None else np.nan
         points = pose[:3, 3] + np.array([[0, 0, 20.0]])
-        matches = LandmarkMatches(np.array([1]), points, np.zeros((1, 2)), np.ones(1))
+        matches = matched(np.array([1]), points, np.zeros((1, 2)), np.ones(1))
         frames.append(
             TrackedFrame(
                 t_s=k / 10,

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from landmark_matches import matched
 from scipy.spatial.transform import Rotation
 from textured_wall import GYRO_R_CAMERA, gyro, pose_at
 
@@ -7,7 +8,7 @@ from vgps.config import LocalizationConfig
 from vgps.geometry import project
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.localization.graph_estimator import GraphEstimator
-from vgps.localization.pose import LandmarkMatches, pose_from_matches
+from vgps.localization.pose import pose_from_matches
 
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
 CONFIG = LocalizationConfig()
@@ -21,7 +22,7 @@ def matches_at(pose, seed, count=25):
     camera_p = np.column_stack([(uv - K[:2, 2]) / 300.0, np.ones(count)]) * depth
     points = camera_p @ pose[:3, :3].T + pose[:3, 3]
     noisy = project(K, pose, points)[0] + NOISE_PX * rng.normal(size=(count, 2))
-    return LandmarkMatches(np.arange(count), points, noisy, np.full(count, NOISE_PX))
+    return matched(np.arange(count), points, noisy, np.full(count, NOISE_PX))
 
 
 def angle_deg(a, b):

@@ -23,7 +23,7 @@ def predictor(database, rotations=WITHOUT_GYRO, exposure_s=0.0, **changes):
     def views(pose, count):
         return database.views(pose, CAMERA, max_landmarks=count)
 
-    return LandmarkPredictor(CAMERA.K, views, rotations, exposure_s, LocalizationConfig(**changes))
+    return LandmarkPredictor(CAMERA, views, rotations, exposure_s, LocalizationConfig(**changes))
 
 
 def radius(database, motion, rotations=WITHOUT_GYRO, **changes):

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from landmark_matches import matched
 from scipy.spatial.transform import Rotation
 
 from vgps.config import LocalizationConfig
 from vgps.geometry import linearise_projection, project
-from vgps.localization.pose import LandmarkMatches, pose_from_matches
+from vgps.localization.pose import pose_from_matches
 
 K = np.array([[720.0, 0, 320], [0, 700, 150], [0, 0, 1]])
 POSE = np.eye(4)
@@ -30,7 +31,7 @@ def off(pose):
 
 def solve(points, uv, initial=None, inlier_px=3.0, config=CONFIG):
     """Pose from matches of equal standard deviation."""
-    matches = LandmarkMatches(np.arange(len(uv)), points, uv, np.ones(len(uv)))
+    matches = matched(np.arange(len(uv)), points, uv, np.ones(len(uv)))
     return pose_from_matches(K, matches, inlier_px, config, initial)
 
 

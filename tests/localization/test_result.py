@@ -1,10 +1,11 @@
 from dataclasses import replace
 
 import numpy as np
+from landmark_matches import matched
 from textured_wall import ORIGIN, WallVideo, recording_of
 
 from vgps.config import Config
-from vgps.localization.pose import NO_MATCHES, LandmarkMatches
+from vgps.localization.pose import NO_MATCHES
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
 from vgps.solution import FrameState
@@ -13,7 +14,7 @@ from vgps.solution import FrameState
 def matches(*ids):
     rows = np.array(ids)
     points = np.column_stack([rows, rows, rows]).astype(float)
-    return LandmarkMatches(rows, points, points[:, :2] + 0.5, rows / 100)
+    return matched(rows, points, points[:, :2] + 0.5, rows / 100)
 
 
 def tracked_frame(t_s, observations, sigma=0.1):

@@ -15,7 +15,7 @@ CONFIG = LocalizationConfig()
 
 def expected_at(pose):
     templates = render_templates(CAMERA.K, pose, VIEWS, np.zeros((len(VIEWS), 2)), 15)
-    return ExpectedLandmarks(VIEWS, templates)
+    return ExpectedLandmarks(VIEWS, templates, np.zeros((len(VIEWS), 2)))
 
 
 def search(image, pose, expected, radius=12.0):

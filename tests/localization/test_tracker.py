@@ -20,7 +20,7 @@ class KnownPoses:
     def __init__(self, *poses):
         self.poses, self.calls = list(poses), 0
 
-    def candidates(self, image):
+    def candidates(self, image, at_middle_row):
         self.calls += 1
         return self.poses
 
@@ -31,7 +31,7 @@ def tracker(database, recovery, estimator=None, **changes):
     def views(pose, count):
         return database.views(pose, CAMERA, max_landmarks=count)
 
-    predictor = LandmarkPredictor(CAMERA.K, views, ROTATIONS, 0.0, config)
+    predictor = LandmarkPredictor(CAMERA, views, ROTATIONS, 0.0, config)
     estimator = estimator or FrameEstimator(config.max_velocity_gap_s)
     return LandmarkTracker(CAMERA.K, predictor, ROTATIONS, estimator, recovery, config)
 

@@ -56,6 +56,16 @@ def exposed(t_s: float, exposure_s: float, turn_deg_s: float = 40.0) -> np.ndarr
     return np.mean([picture(pose_at(t, turn_deg_s)) for t in times], axis=0).astype(np.float32)
 
 
+def rolling(t_s: float, readout_s: float, turn_deg_s: float = 40.0) -> np.ndarray:
+    """A picture whose rows were exposed one after the other."""
+    rows = np.arange(CAMERA.height)
+    times = t_s + readout_s * (rows / (CAMERA.height - 1) - 0.5)
+    to_wall = np.linalg.inv([wall_to_image(pose_at(t, turn_deg_s)) for t in times])
+    pixels = np.stack(np.broadcast_arrays(np.arange(CAMERA.width)[None], rows[:, None], 1), axis=-1)
+    at = np.einsum("vij,vuj->vui", to_wall, pixels)
+    return cv2.remap(WALL, (at[..., :2] / at[..., 2:]).astype(np.float32), None, cv2.INTER_LINEAR)
+
+
 def gyro(duration_s: float, bias: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> GyroLog:
     """200 Hz, from half a second before the first frame to half a second after the last."""
     step = 0.005
@@ -154,12 +164,13 @@ class WallDatabase:
 
 @dataclass
 class WallVideo:
-    """A video of the wall; frames in ``black`` show nothing."""
+    """A video of the wall; frames in ``black`` show nothing. With a readout nothing is blurred."""
 
     count: int
     exposure_s: float = 0.05
     black: tuple[int, ...] = ()
     turn_deg_s: float = 40.0
+    readout_s: float = 0.0
     path: Path = Path("wall.mp4")
     width: int = CAMERA.width
     height: int = CAMERA.height
@@ -170,7 +181,10 @@ class WallVideo:
 
     def frames(self):
         for i, t in enumerate(self.times_s):
-            image = exposed(t, self.exposure_s, self.turn_deg_s)
+            if self.readout_s:
+                image = rolling(t, self.readout_s, self.turn_deg_s)
+            else:
+                image = exposed(t, self.exposure_s, self.turn_deg_s)
             shown = np.full_like(image, 16) if i in self.black else image
             yield Frame(i, float(t), np.round(shown).astype(np.uint8))
 

@@ -18,24 +18,28 @@ def turned(t: float) -> np.ndarray:
     return pose
 
 
+KNOT_S = np.array([-0.04, 0.0])
+KNOTS = np.stack([turned(t) for t in KNOT_S])
+
+
 def test_points_are_shifted_to_their_rows_time() -> None:
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-2, 2, 50), rng.uniform(-1.5, 1.5, 50), rng.uniform(4, 9, 50)])
     middle, _ = project(CAMERA.K, turned(0.0), points)
-    shift = row_shifts(CAMERA, 0.04, turned(-0.04), turned(0.0), points)
-    t = CAMERA.readout_s * (middle[:, 1] / 479 - 0.5)
-    rows = np.concatenate(
-        [project(CAMERA.K, turned(at), point[None])[0] for at, point in zip(t, points, strict=True)]
-    )
+    shift = row_shifts(CAMERA, KNOT_S, KNOTS, turned(0.0), points)
+    rows = middle
+    for _ in range(5):  # the row in which a point is seen decides when it is seen
+        t = CAMERA.readout_s * (rows[:, 1] / 479 - 0.5)
+        rows = np.concatenate(
+            [project(CAMERA.K, turned(at), point[None])[0] for at, point in zip(t, points, strict=True)]
+        )
     np.testing.assert_allclose(shift, rows - middle, atol=0.01)
     assert np.abs(shift).max() > 2.0
 
 
 def test_unknown_points_and_points_behind_stay() -> None:
     points = np.array([[np.nan, 0.0, 5.0], [0.0, 1.0, -5.0]])
-    np.testing.assert_array_equal(
-        row_shifts(CAMERA, 0.04, turned(-0.04), turned(0.0), points), np.zeros((2, 2))
-    )
+    np.testing.assert_array_equal(row_shifts(CAMERA, KNOT_S, KNOTS, turned(0.0), points), np.zeros((2, 2)))
 
 
 def test_tracks_are_taken_to_the_middle_rows_times() -> None:

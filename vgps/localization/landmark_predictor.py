@@ -1,6 +1,7 @@
 """Prediction of the landmarks that a frame shows, their appearance and their search windows: (B) to (D)."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from vgps.localization.prediction import (
     predict_pose,
     search_radius_px,
 )
+from vgps.localization.row_motion import RowMotion
 from vgps.localization.search import ExpectedLandmarks
 from vgps.localization.template_rendering import render_templates
-from vgps.model import FloatArray
+from vgps.model import Camera, FloatArray
 
 ViewSource = Callable[[FloatArray, int], LandmarkViews]
 """The best views for a pose (4, 4): one per landmark, most promising first, at most this many."""
@@ -27,7 +29,7 @@ class LandmarkPredictor:
     """Predicts what a frame shows of the database.
 
     Args:
-        K: (3, 3) of the undistorted video.
+        camera: Of the video.
         views: The database's best views for a pose.
         rotations: Of the camera between frames.
         exposure_s: Of a frame; 0 if unknown, then templates are not blurred.
@@ -36,21 +38,34 @@ class LandmarkPredictor:
 
     def __init__(
         self,
-        K: FloatArray,
+        camera: Camera,
         views: ViewSource,
         rotations: RotationPredictor,
         exposure_s: float,
         config: LocalizationConfig,
     ) -> None:
-        self._K, self._views, self._rotations = K, views, rotations
+        self._K, self._views, self._rotations = camera.K, views, rotations
         self._exposure_s, self._config = exposure_s, config
+        self._rows = RowMotion(camera, rotations, config.max_velocity_gap_s)
 
     def landmarks(self, t_s: float, motion: MotionState, pose: FloatArray) -> ExpectedLandmarks:
         """Return the landmarks that a camera at a pose (4, 4) sees, with their templates: (B) and (C)."""
         views = self._views(pose, self._config.max_landmarks)
         blur = self._blur_px(t_s, motion, views.world_p_landmark)
         templates = render_templates(self._K, pose, views, blur, self._config.template_px)
-        return ExpectedLandmarks(views, templates)
+        shift = self._rows.shifts_px(t_s, motion, pose, views.world_p_landmark)
+        return ExpectedLandmarks(views, templates, shift)
+
+    def seen_from(
+        self, expected: ExpectedLandmarks, t_s: float, motion: MotionState, pose: FloatArray
+    ) -> ExpectedLandmarks:
+        """Return the landmarks where the rows of a camera at another pose (4, 4) show them."""
+        shift = self._rows.shifts_px(t_s, motion, pose, expected.views.world_p_landmark)
+        return replace(expected, shift_px=shift)
+
+    def at_middle_row(self, motion: MotionState, uv_px: FloatArray) -> FloatArray:
+        """Return pixels (N, 2) as the middle row's orientation shows them; see :class:`RowMotion`."""
+        return self._rows.at_middle_row(motion, uv_px)
 
     def radius_px(
         self, t_s: float, motion: MotionState, pose: FloatArray, views: LandmarkViews

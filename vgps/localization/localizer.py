@@ -45,7 +45,7 @@ class Localizer:
         def views(world_T_camera: FloatArray, max_landmarks: int) -> LandmarkViews:
             return database.views(world_T_camera, camera, max_landmarks=max_landmarks)
 
-        predictor = LandmarkPredictor(camera.K, views, self.rotations, rig.exposure_s or 0.0, config)
+        predictor = LandmarkPredictor(camera, views, self.rotations, rig.exposure_s or 0.0, config)
         recovery = DescriptorRecovery(database.keyframes(), camera.K, config)
         self._tracker = LandmarkTracker(
             camera.K, predictor, self.rotations, self._estimator, recovery, config

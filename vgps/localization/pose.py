@@ -15,37 +15,48 @@ _CONVERGED = 0.03  # step in standard deviations
 _MAX_STEPS = 16  # a guard: inliers and pose converge within a few
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LandmarkMatches:
     """Landmarks matched in a frame.
 
     Attributes:
         landmark: (N,) ids.
         world_p_landmark: (N, 3).
-        uv_px: (N, 2) undistorted.
+        uv_px: (N, 2) undistorted, as all of them would have been seen at the time of the frame.
         sigma_px: (N,) standard deviations, of match and landmark together.
+        shift_px: (N, 2) what a rolling shutter adds to ``uv_px``.
     """
 
     landmark: IntArray
     world_p_landmark: FloatArray
     uv_px: FloatArray
     sigma_px: FloatArray
+    shift_px: FloatArray
+
+    @property
+    def seen_px(self) -> FloatArray:
+        """(N, 2) undistorted pixels where the image shows them."""
+        return self.uv_px + self.shift_px
 
     def __len__(self) -> int:
         return len(self.landmark)
 
     def take(self, rows: BoolArray | IntArray) -> "LandmarkMatches":
         """Return the matches in ``rows``."""
-        return LandmarkMatches(
-            self.landmark[rows], self.world_p_landmark[rows], self.uv_px[rows], self.sigma_px[rows]
-        )
+        return LandmarkMatches(**{name: values[rows] for name, values in vars(self).items()})
 
     def inliers(self, K: FloatArray, world_T_camera: FloatArray, limit_px: float) -> BoolArray:
         """Return which matches (N,) lie within ``limit_px`` of their projections."""
         return reprojection_inliers(K, world_T_camera, self.world_p_landmark, self.uv_px, limit_px)
 
 
-NO_MATCHES = LandmarkMatches(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
+NO_MATCHES = LandmarkMatches(
+    landmark=np.zeros(0, np.int64),
+    world_p_landmark=np.zeros((0, 3)),
+    uv_px=np.zeros((0, 2)),
+    sigma_px=np.zeros(0),
+    shift_px=np.zeros((0, 2)),
+)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Relocalisation of a camera of unknown pose, by the descriptors of the database's keyframes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -34,13 +34,16 @@ class DescriptorRecovery:
         )
         self._descriptors = np.concatenate([keyframe.descriptors for keyframe in usable]) if usable else None
 
-    def candidates(self, image: Float32Array) -> list[FloatArray]:
+    def candidates(
+        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
+    ) -> list[FloatArray]:
         """Return poses (4, 4) that matches with the landmarks of one keyframe agree on, best supported first.
 
         Args:
             image: (H, W) undistorted grey.
+            at_middle_row: Undoes a rolling shutter: where pixels (N, 2) would be at the time of the frame.
         """
-        matches = self._match(image)
+        matches = self._match(image, at_middle_row)
         votes = [np.isin(matches.landmark, landmarks) for landmarks in self._of_keyframe]
         order = np.argsort([-vote.sum() for vote in votes], kind="stable")
         found: list[PoseEstimate] = []
@@ -51,7 +54,9 @@ class DescriptorRecovery:
         found.sort(key=lambda pose: -int(pose.inlier.sum()))
         return [pose.world_T_camera for pose in found[: self._config.recovery_candidates]]
 
-    def _match(self, image: Float32Array) -> LandmarkMatches:
+    def _match(
+        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
+    ) -> LandmarkMatches:
         """Match the image's features with landmarks, one feature per landmark."""
         gray = np.clip(image, 0, 255).astype(np.uint8)
         uv, descriptors = describe(gray, self._config.recovery_features)
@@ -65,7 +70,15 @@ class DescriptorRecovery:
         order = np.flatnonzero(good)[np.argsort(distance[good, 0], kind="stable")]
         best = rows[order, 0]
         landmark, first = np.unique(self._landmark[best], return_index=True)
-        return LandmarkMatches(landmark, self._points[best[first]], uv[order[first]], np.ones(len(landmark)))
+        seen = uv[order[first]]
+        middle = at_middle_row(seen)
+        return LandmarkMatches(
+            landmark=landmark,
+            world_p_landmark=self._points[best[first]],
+            uv_px=middle,
+            sigma_px=np.ones(len(landmark)),
+            shift_px=seen - middle,
+        )
 
     def _distinct(self, landmark: IntArray, distance: FloatArray) -> BoolArray:
         """Return Lowe's ratio test (N,): the best neighbour (N, k) against the best of another landmark."""

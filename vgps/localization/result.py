@@ -83,4 +83,4 @@ def _landmarks(track: Track) -> tuple[Landmarks, Observations]:
         np.clip(np.concatenate(track.gray)[first], 0, 255).astype(np.uint8),
     )
     frame = np.repeat(np.arange(len(matches)), [len(part) for part in matches])
-    return landmarks, Observations(frame, row.ravel(), np.concatenate([part.uv_px for part in matches]))
+    return landmarks, Observations(frame, row.ravel(), np.concatenate([part.seen_px for part in matches]))

@@ -106,7 +106,7 @@ def _track(
         image = localizer.undistort(frame.gray)
         tracked = localizer.add(frame.t_s, image)
         frames.append(tracked)
-        gray.append(_gray(image, tracked.observations.uv_px))
+        gray.append(_gray(image, tracked.observations.seen_px))
         poses[frame.t_s] = tracked.world_T_camera
         poses |= localizer.revised() if revise else {}
     return frames, gray, poses

@@ -34,14 +34,21 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class ExpectedLandmarks:
-    """Landmarks to search: ``views`` of N landmarks, and their rendered ``templates`` (N, M, M)."""
+    """Landmarks to search.
+
+    Attributes:
+        views: Of N landmarks.
+        templates: (N, M, M), rendered.
+        shift_px: (N, 2) how far a rolling shutter shows them from where the middle row's pose does.
+    """
 
     views: LandmarkViews
     templates: Float32Array
+    shift_px: FloatArray
 
     def take(self, rows: IntArray) -> "ExpectedLandmarks":
         """Return the landmarks in ``rows``."""
-        return ExpectedLandmarks(self.views.take(rows), self.templates[rows])
+        return ExpectedLandmarks(self.views.take(rows), self.templates[rows], self.shift_px[rows])
 
 
 def search_frame(
@@ -66,10 +73,17 @@ def search_frame(
     if len(views) == 0:
         return SearchResult(None, NO_MATCHES, 0.0)
     predicted, depth = project(K, world_T_camera, views.world_p_landmark)
-    found = match_templates(image, expected.templates, predicted, radius_px, config.min_contrast)
+    shift = expected.shift_px
+    found = match_templates(image, expected.templates, predicted + shift, radius_px, config.min_contrast)
     good = found.correlation >= config.min_correlation
     sigma = match_sigma_px(K, views, depth, config)
-    matches = LandmarkMatches(views.landmark, views.world_p_landmark, found.uv_px, sigma).take(good)
+    matches = LandmarkMatches(
+        landmark=views.landmark,
+        world_p_landmark=views.world_p_landmark,
+        uv_px=found.uv_px - shift,
+        sigma_px=sigma,
+        shift_px=shift,
+    ).take(good)
     median = float(np.median(found.correlation))
     pose = pose_from_matches(K, matches, config.ransac_px, config, world_T_camera)
     if pose is None or pose.inlier.sum() < required_inliers(len(matches), config):

@@ -1,7 +1,8 @@
 """The tracker of Matsuda 2007: predict, select landmarks, re-blur, match, estimate; relocalise if lost."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -55,8 +56,15 @@ class Estimator(Protocol):
 class Recovery(Protocol):
     """Interface of relocalisation without a prediction."""
 
-    def candidates(self, image: Float32Array) -> list[FloatArray]:
-        """Return poses (4, 4) worth a search around them, most likely first."""
+    def candidates(
+        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
+    ) -> list[FloatArray]:
+        """Return poses (4, 4) worth a search around them, most likely first.
+
+        Args:
+            image: (H, W) undistorted grey.
+            at_middle_row: Undoes a rolling shutter: where pixels (N, 2) would be at the time of the frame.
+        """
         ...
 
 
@@ -159,27 +167,40 @@ class LandmarkTracker:
             result.pose.world_T_camera, predicted, t_s - motion.t_s, widen
         ):
             return SearchResult(None, NO_MATCHES, result.correlation)
-        return self._search_closely(image, result, expected)
+        return self._search_closely(image, result, expected, (t_s, motion))
 
     def _recover(self, t_s: float, image: Float32Array) -> SearchResult:
         """Search around the poses that descriptors suggest."""
         before = self._estimator.motion
         bias = np.zeros(3) if before is None else before.gyro_bias_rad_s
-        for pose in self._recovery.candidates(image):
-            motion = MotionState(t_s=t_s, world_T_camera=pose, gyro_bias_rad_s=bias)
+        motion = MotionState(t_s=t_s, world_T_camera=np.eye(4), gyro_bias_rad_s=bias)
+        for pose in self._recovery.candidates(image, partial(self._predictor.at_middle_row, motion)):
+            motion = replace(motion, world_T_camera=pose)
             expected = self._predictor.landmarks(t_s, motion, pose)
             radius = np.full(len(expected.views), float(self._config.recovery_window_px))
             result = self._search(image, pose, expected, radius)
             if result.pose is not None:
                 expected = self._predictor.landmarks(t_s, motion, result.pose.world_T_camera)
-                return self._search_closely(image, result, expected)
+                return self._search_closely(image, result, expected, (t_s, motion))
         return SearchResult(None, NO_MATCHES, 0.0)
 
     def _search_closely(
-        self, image: Float32Array, result: SearchResult, expected: ExpectedLandmarks
+        self,
+        image: Float32Array,
+        result: SearchResult,
+        expected: ExpectedLandmarks,
+        reached: tuple[float, MotionState],
     ) -> SearchResult:
-        """Search again in small windows around the pose found: more matches, and fewer false ones."""
+        """Search again in small windows around the pose found: more matches, and fewer false ones.
+
+        Args:
+            image: (H, W) undistorted grey.
+            result: Of the first search.
+            expected: All landmarks.
+            reached: Time of the frame, and the state from which it was reached.
+        """
         assert result.pose is not None
+        expected = self._predictor.seen_from(expected, *reached, result.pose.world_T_camera)
         radius = np.full(len(expected.views), float(self._config.refine_window_px))
         closer = self._search(image, result.pose.world_T_camera, expected, radius)
         better = closer.pose is not None and len(closer.matches) >= len(result.matches)

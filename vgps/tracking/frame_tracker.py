@@ -154,10 +154,10 @@ class FrameTracker:
         """Return how far a rolling shutter shifts the features (N, 2); None for a global one."""
         if not self._camera.readout_s or len(local_map.t_s) < 2:
             return None
-        newest = local_map.pose(int(local_map.view_frames[-1]))
-        points = local_map.points[local_map.ids]
-        interval_s = float(local_map.t_s[-1] - local_map.t_s[-2])
-        return row_shifts(self._camera, interval_s, newest, world_T_camera, points)
+        newest = local_map.pose(int(local_map.view_frames[-1]))  # the camera moves on as it did since
+        knot_s = np.array([local_map.t_s[-2] - local_map.t_s[-1], 0.0])
+        knots, points = np.stack([newest, world_T_camera]), local_map.points[local_map.ids]
+        return row_shifts(self._camera, knot_s, knots, world_T_camera, points)
 
     def _undistorted(self, match: Match) -> TrackingResult:
         uv = undistort(self._camera, match.uv_px)

@@ -8,29 +8,31 @@ from vgps.geometry import project
 from vgps.model import Camera, FloatArray
 
 _MIN_DEPTH = 1e-3  # map units; points nearer than this are not shifted
+_PASSES = 2  # the second takes the row in which the first sees a point
 
 
 def row_shifts(
-    camera: Camera, interval_s: float, newest: FloatArray, world_T_camera: FloatArray, points: FloatArray
+    camera: Camera, knot_s: FloatArray, knots: FloatArray, world_T_camera: FloatArray, points: FloatArray
 ) -> FloatArray:
     """Return how far points (N, 3) are seen from where the pose of the middle row shows them, (N, 2) pixels.
 
-    The camera moves on as it did since the newest view. Pixels are those of the undistorted image.
+    Pixels are those of the undistorted image.
 
     Args:
         camera: A camera with a readout.
-        interval_s: Time since the newest view.
-        newest: (4, 4) pose of that view.
+        knot_s: (K,) times from which the path is drawn, since that of the middle row.
+        knots: (K, 4, 4) poses at these times.
         world_T_camera: (4, 4) pose of the frame.
         points: Points, NaN where unknown; these are not shifted.
     """
     middle, middle_depth = project(camera.K, world_T_camera, points)
-    at_s = row_shares(camera, middle) * (camera.readout_s or 0.0)
-    knot_s = np.array([-interval_s, 0.0])
-    rows = poses_at(knot_s, np.stack([newest, world_T_camera]), at_s, np.zeros(len(at_s), np.int64))
-    seen, depth = project(camera.K, rows, points[:, None])  # each point in its own camera
-    ahead = (middle_depth > _MIN_DEPTH) & (depth[:, 0] > _MIN_DEPTH)
-    return np.where(ahead[:, None], seen[:, 0] - middle, 0.0)
+    shift = np.zeros_like(middle)
+    for _ in range(_PASSES):
+        rows = poses_at(knot_s, knots, row_shares(camera, middle + shift) * (camera.readout_s or 0.0))
+        seen, depth = project(camera.K, rows, points[:, None])  # each point in its own camera
+        ahead = (middle_depth > _MIN_DEPTH) & (depth[:, 0] > _MIN_DEPTH)
+        shift = np.where(ahead[:, None], seen[:, 0] - middle, 0.0)
+    return shift
 
 
 def at_middle_rows(camera: Camera, t_s: FloatArray, uv_px: FloatArray) -> FloatArray:
