@@ -16,19 +16,38 @@ def flexible(start, fixes, time_offset_sigma_s=1.0, attached=False):
     return DriftModel(start, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached)
 
 
-def test_jacobian_is_the_offsets():
-    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7)
-    of = flexible(drifting(), fixes)
-    parameters = np.random.default_rng(0).normal(0, 1e-4, len(of.start))
-    numerical = np.stack(
+@pytest.mark.parametrize("attached", [False, True])
+@pytest.mark.parametrize("time_offset_sigma_s", [0.0, 0.5])
+def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigma_s):
+    rng = np.random.default_rng(0)
+    t_s = np.sort(rng.uniform(-0.2, 20.1, 40))
+    fixes = fixes_at(t_s, 0.5, 0.7, offset=rng.normal(0.0, 0.5, (40, 3)))
+    of = flexible(drifting(), fixes, time_offset_sigma_s, attached)
+    parameters = rng.normal(0, 1e-4, len(of.start))
+    parameters[3] *= time_offset_sigma_s > 0.0
+    loss = Loss(of.regions(), rng.random(40) < 0.8, 3.0)
+    J = np.stack(
         [
             (of.offsets(parameters + 1e-6 * e) - of.offsets(parameters - 1e-6 * e)) / 2e-6
             for e in np.eye(len(parameters))
         ],
         axis=2,
     )
-    found = of._jacobian(of.corrected(parameters)[0], of.time_offset_s(parameters))
-    np.testing.assert_allclose(found, numerical, atol=1e-3 * np.abs(numerical).max())
+    if not time_offset_sigma_s:
+        J[:, :, 3] = 0.0
+    offset = of.offsets(parameters)
+    weight = loss.rows / (1.0 + np.sum((offset / loss.region_m) ** 2, axis=1) / 9.0)
+    scale = np.sqrt(weight)[:, None] / loss.region_m
+    change = np.diff(np.eye(of.knots), axis=0, prepend=np.zeros((int(attached), of.knots)))
+    walk = np.zeros((4 * len(change), len(parameters)))
+    walk[:, 4:] = np.kron(change, np.diag(1.0 / of._sigma))
+    held = np.zeros((4, len(parameters)))
+    held[:3, :3] = attached * np.eye(3) / 1e-3
+    held[3, 3] = 1.0 / (time_offset_sigma_s or 1.0)
+    A = np.concatenate([(J * scale[:, :, None]).reshape(-1, len(parameters)), walk, held])
+    b = np.concatenate([(offset * scale).ravel(), walk @ parameters, held @ parameters])
+    expected = -np.linalg.lstsq(A, b, rcond=None)[0]
+    np.testing.assert_allclose(of._step(parameters, loss), expected, atol=2e-3 * np.abs(expected[4:]).max())
 
 
 @pytest.mark.parametrize("attached", [False, True])

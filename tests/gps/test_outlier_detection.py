@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 
 from vgps.config import Config
-from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detect_outliers, suspect_runs
+from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detect_outliers
 
 CONFIG = Config()
 T_FIX = np.arange(0.05, 19.0)
@@ -82,17 +82,16 @@ def test_false_fixes_at_the_start_are_rejected():
     assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
 
 
-def test_only_runs_between_jumps_are_suspect():
-    offset = np.zeros((19, 3))
-    offset[:4] += [9.0, 0.0, 0.0]
-    offset[12] += [0.0, 0.0, 30.0]
-    fixes, everything = fixes_at(T_FIX, 0.5, 0.7), np.ones(19, dtype=bool)
-    assert suspect_runs(np.zeros((19, 3)), everything, fixes, 8) == []
-    found = [np.flatnonzero(run).tolist() for run in suspect_runs(offset, everything, fixes, 8)]
-    assert found == [[0, 1, 2, 3], [4, 5, 6, 7, 8, 9, 10, 11], [13, 14, 15, 16, 17, 18]]
-    doubted = everything.copy()
-    doubted[12] = False
-    assert [np.flatnonzero(run).tolist() for run in suspect_runs(offset, doubted, fixes, 8)] == [[0, 1, 2, 3]]
+def test_errors_late_in_a_long_drive_are_found_as_in_a_short_piece():
+    """Six minutes and four times four shared errors, more than the trials of a short path."""
+    t_s, t_fix = 0.2 * np.arange(2000), np.arange(0.05, 399.0, 2.0)
+    rng = np.random.default_rng(0)
+    offset, wrong = rng.normal(0.0, 0.15, (len(t_fix), 3)), np.zeros(len(t_fix), dtype=bool)
+    for first in range(8, len(t_fix) - 6, 12):
+        wrong[first : first + 3] = True
+        offset[first : first + 3] += rng.choice([-1.0, 1.0], 3) * [2.0, 2.0, 2.5]
+    fixes = fixes_at(t_fix, 0.5, 0.7, offset=offset)
+    assert judged(trajectory(path(t_s), t_s), fixes).rejected.tolist() == wrong.tolist()
 
 
 def test_later_fixes_reverse_a_verdict():

@@ -45,14 +45,14 @@ class WindowConfig(SettingsModel):
 class DriftConfig(SettingsModel):
     """How the camera's scale and heading may drift: both walk at random from knot to knot."""
 
+    removed: ClassVar[Mapping[str, str]] = {"max_knots": "knots lie knot_frames apart, however long the path"}
+
     knot_frames: PositiveInt = 15
     """Frames from one knot of the drift model to the next."""
     scale_sigma: Share = 0.05
     """Standard deviation of the change in log scale from one knot to the next."""
     rotation_sigma_deg: PositiveFloat = 0.3
     """Standard deviation of the rotation, about each axis, from one knot to the next."""
-    max_knots: PositiveInt = 60
-    """Knots of a drift model beyond its two ends at most; on longer paths they lie further apart."""
     coarsest_m: PositiveFloat = 5.0
     """A fit begins with all regions enlarged by at least this: a wrong path then agrees with its fixes."""
     finest_m: PositiveFloat = 0.3

@@ -1,20 +1,19 @@
 """A path whose scale and rotation drift slowly, fitted to fixes: the energy (11) with few parameters.
 
 The errors of visual odometry change slowly. The model corrects scale and rotation of the path, the position
-of its start, and the time offset between video and GPS. A whole recording is fitted to its fixes in
-milliseconds, so that thousands of hypotheses about fixes can be tested in the time of one stage D.
+of its start, and the time offset between video and GPS. A fit takes milliseconds for a minute of video and
+grows linearly with its length, so that many hypotheses about fixes can be tested in the time of one stage D.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
 from vgps.config import DriftConfig
+from vgps.gps.drift_equations import DRIFT_DIM, DRIFTS, INTERVAL_DIM, POSITION, DriftEquations, KnotIntervals
 from vgps.gps.fixes import Fixes, antenna_at, place
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray
 from vgps.solution import Trajectory
 
 _SHIFT = slice(0, 3)
@@ -60,30 +59,20 @@ class DriftModel:
         attached: bool = False,
     ) -> None:
         poses, t_s = path.world_T_camera, path.t_s
-        self.knots = 2 + min(int(len(poses) / config.knot_frames), config.max_knots)
-        at = np.linspace(0, len(poses) - 1, self.knots)
-        frames = np.arange(len(poses))
-        # (F, K) weight of each knot in each frame
-        self._knot_weight = np.stack([np.interp(frames, at, row) for row in np.eye(self.knots)], axis=1)
-        self._step_knots = self._knot_weight[:-1].nonzero()  # pairs of a step and a knot that affects it
+        self.knots = 2 + int(len(poses) / config.knot_frames)
+        self._intervals = KnotIntervals(len(poses), self.knots)
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
-        self._sigma = sigma * np.sqrt(max((at[1] - at[0]) / config.knot_frames, 1e-9))
+        self._sigma = sigma * np.sqrt(max(self._intervals.spacing / config.knot_frames, 1e-9))
         self._time_offset_sigma_s = time_offset_sigma_s
-        self._shift_sigma_m = _FIXED_SIGMA_M if attached else np.inf
-        # (K or K - 1, K) changes from knot to knot
-        self._changes = np.diff(np.eye(self.knots), axis=0)
-        if attached:
-            self._changes = np.vstack([np.eye(1, self.knots), self._changes])
-        walk = np.kron(self._changes, np.diag(1.0 / self._sigma))
-        self._walk = walk.T @ walk
+        self._attached = attached
         self._config = config
 
     @property
     def start(self) -> FloatArray:
         """Parameters without any correction."""
-        return np.zeros(_KNOTS + 4 * self.knots)
+        return np.zeros(_KNOTS + DRIFT_DIM * self.knots)
 
     def time_offset_s(self, parameters: FloatArray) -> float:
         """Return the time offset of the fixes."""
@@ -91,7 +80,7 @@ class DriftModel:
 
     def corrected(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the corrected path (F, 4, 4), and the scale correction (F,) of each frame."""
-        by_frame = self._knot_weight @ parameters[_KNOTS:].reshape(-1, 4)
+        by_frame = self._intervals.at_frames(parameters[_KNOTS:].reshape(-1, DRIFT_DIM))
         scale = np.exp(np.clip(by_frame[:, 0], -5.0, 5.0))
         rotation = Rotation.from_rotvec(by_frame[:, 1:]).as_matrix()
         steps = np.diff(self._poses[:, :3, 3], axis=0)
@@ -118,8 +107,7 @@ class DriftModel:
         """
         cost = self._cost(parameters, loss)
         for _ in range(self._config.iterations):
-            hessian, gradient = self._normal(parameters, loss)
-            step = -cho_solve(cho_factor(hessian), gradient)
+            step = self._step(parameters, loss)
             for halving in range(_HALVINGS):
                 trial = parameters + step * 0.5**halving
                 trial_cost = self._cost(trial, loss)
@@ -162,82 +150,80 @@ class DriftModel:
         fixes = self._fixes
         return np.hypot(np.stack([fixes.r_m, fixes.r_m, fixes.h_m], axis=1), coarse_m)
 
-    def prior_cost(self, parameters: FloatArray) -> float:
-        """Return the cost of drift, shift and time offset: the sum of squares in sigmas."""
-        change = self._changes @ parameters[_KNOTS:].reshape(-1, 4) / self._sigma
-        shift = parameters[_SHIFT] / self._shift_sigma_m
-        offset = parameters[_TIME_OFFSET] / self._time_offset_sigma_s if self._time_offset_sigma_s else 0.0
-        return float(np.sum(change**2) + np.sum(shift**2) + offset**2)
+    def prior_costs(self, parameters: FloatArray) -> FloatArray:
+        """Return the costs (K - 1,) of the drift in each interval between knots: sums of squares in sigmas.
+
+        The first one's has those of shift and time offset.
+        """
+        squared: FloatArray = np.sum((self._changes(parameters) / self._sigma) ** 2, axis=1)
+        costs = squared[-(self.knots - 1) :]
+        costs[0] += squared[: -(self.knots - 1)].sum()
+        if self._attached:
+            costs[0] += np.sum((parameters[_SHIFT] / _FIXED_SIGMA_M) ** 2)
+        if self._time_offset_sigma_s:
+            costs[0] += (parameters[_TIME_OFFSET] / self._time_offset_sigma_s) ** 2
+        return costs
+
+    def _changes(self, parameters: FloatArray) -> FloatArray:
+        """Return the changes (K - 1, 4) from knot to knot; where attached (K, 4), also to the first."""
+        drift = parameters[_KNOTS:].reshape(-1, DRIFT_DIM)
+        return np.diff(drift, axis=0, prepend=np.zeros((1, DRIFT_DIM)) if self._attached else drift[:0])
 
     def _cost(self, parameters: FloatArray, loss: Loss) -> float:
         squared = self._squared(self.offsets(parameters), loss)
-        return float((loss.width**2 * np.log1p(squared / loss.width**2)).sum()) + self.prior_cost(parameters)
+        of_fixes = loss.width**2 * np.log1p(squared / loss.width**2)
+        return float(of_fixes.sum() + self.prior_costs(parameters).sum())
 
     def _squared(self, offset: FloatArray, loss: Loss) -> FloatArray:
         return np.where(loss.rows, np.sum((offset / loss.region_m) ** 2, axis=1), 0.0)
 
-    def _normal(self, parameters: FloatArray, loss: Loss) -> tuple[FloatArray, FloatArray]:
-        """Return the reweighted normal equations.
+    def _step(self, parameters: FloatArray, loss: Loss) -> FloatArray:
+        """Return the reweighted Gauss-Newton step.
 
         The Jacobian neglects second-order rotation and the rotation of the lever arm, which changes the
         iterates only, not the minimum.
         """
+        equations = self._equations(parameters, loss)
+        time_prior = None
+        if self._time_offset_sigma_s:
+            information = self._time_offset_sigma_s**-2
+            time_prior = information, information * parameters[_TIME_OFFSET]
+        by_interval, time_step = equations.step(*self._prior(parameters), time_prior)
+        drift = by_interval[:, DRIFTS].reshape(-1, 2, DRIFT_DIM)
+        return np.concatenate([by_interval[0, POSITION], [time_step], drift[:, 0].ravel(), drift[-1, 1]])
+
+    def _equations(self, parameters: FloatArray, loss: Loss) -> DriftEquations:
+        """Return the equations of the fixes, whitened and weighted by the loss."""
         corrected, _ = self.corrected(parameters)
         offset = self._offsets(corrected, self.time_offset_s(parameters))
         weight = np.where(loss.rows, 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2), 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
-        J = self._jacobian(corrected, self.time_offset_s(parameters)) * scale[:, :, None]
-        J, r = J.reshape(-1, J.shape[2]), (offset * scale).ravel()
-        hessian, gradient = J.T @ J, J.T @ r
-        knots = slice(_KNOTS, None)
-        hessian[knots, knots] += self._walk
-        gradient[knots] += self._walk @ parameters[knots]
-        hessian[_SHIFT, _SHIFT] += np.eye(3) / self._shift_sigma_m**2
-        gradient[_SHIFT] += parameters[_SHIFT] / self._shift_sigma_m**2
-        if self._time_offset_sigma_s:
-            hessian[_TIME_OFFSET, _TIME_OFFSET] += self._time_offset_sigma_s**-2
-            gradient[_TIME_OFFSET] += parameters[_TIME_OFFSET] * self._time_offset_sigma_s**-2
-        else:
-            hessian[_TIME_OFFSET], hessian[:, _TIME_OFFSET], gradient[_TIME_OFFSET] = 0.0, 0.0, 0.0
-            hessian[_TIME_OFFSET, _TIME_OFFSET] = 1.0
-        # keeps parameters that no fix determines
-        hessian[np.diag_indices_from(hessian)] += 1e-9 * (1.0 + np.diagonal(hessian))
-        return hessian, gradient
-
-    def _jacobian(self, corrected: FloatArray, time_offset_s: float) -> FloatArray:
-        """Return the Jacobian (M, 3, 4 + 4 K) of the offsets."""
+        placement = place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
+        frame, alpha = placement.frame, placement.alpha[:, None, None]
         steps = np.diff(corrected[:, :3, 3], axis=0)
-        zero = np.zeros(len(steps))
-        x, y, z = steps.T
-        # a step's derivative by log scale and by a rotation w: the step itself, and w x step
-        by_parameter = np.stack(
-            [steps, *np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(0, 2, 1)], axis=1
+        by_step, within, across = self._intervals.sums(steps)
+        J = np.zeros((len(frame), 3, INTERVAL_DIM))
+        J[:, :, POSITION] = np.eye(3)
+        J[:, :, DRIFTS] = within[frame] + alpha * by_step[frame]
+        return DriftEquations(
+            interval=self._intervals.of_frame[frame],
+            J=J * scale[:, :, None],
+            J_time=-steps[frame] / (self._t_s[frame + 1] - self._t_s[frame])[:, None] * scale,
+            r=offset * scale,
+            across=across,
         )
-        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
-        frame, alpha = placement.frame, placement.alpha
-        J = np.zeros((len(frame), 3, _KNOTS + 4 * self.knots))
-        J[:, :, _SHIFT] = np.eye(3)
-        interval = (self._t_s[frame + 1] - self._t_s[frame])[:, None]
-        J[:, :, _TIME_OFFSET] = -steps[frame] / interval
-        last = (
-            self._knot_weight[frame][:, :, None]
-            * by_parameter[frame].reshape(-1, 1, 12)
-            * alpha[:, None, None]
-        )
-        by_knot = (self._sums_before(frame, by_parameter.reshape(-1, 12)) + last).reshape(len(frame), -1, 3)
-        J[:, :, _KNOTS:] = by_knot.transpose(0, 2, 1)
-        return J
 
-    def _sums_before(self, frame: IntArray, by_parameter: FloatArray) -> FloatArray:
-        """Return sums (M, K, 12) over all steps before each of the frames (M,), weighted by knot."""
-        order = np.argsort(frame, kind="stable")
-        step, knot = self._step_knots
-        since = np.searchsorted(frame[order], step, side="right")  # first frame after the step
-        counted = since < len(frame)
-        step, knot, since = step[counted], knot[counted], since[counted]
-        entries = (self._knot_weight[step, knot], (since * self.knots + knot, step))
-        size = (len(frame) * self.knots, len(by_parameter))
-        increments = np.asarray(sparse.csr_array(entries, shape=size) @ by_parameter)
-        out = np.empty((len(frame), self.knots, 12))
-        out[order] = np.cumsum(increments.reshape(out.shape), axis=0)
-        return out
+    def _prior(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return Hessian (K - 1, 11, 11) and gradient (K - 1, 11) of walk and start in the intervals."""
+        information = self._sigma**-2
+        hessian = np.zeros((self.knots - 1, INTERVAL_DIM, INTERVAL_DIM))
+        gradient = np.zeros((self.knots - 1, INTERVAL_DIM))
+        hessian[:, DRIFTS, DRIFTS] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag(information))
+        pull = information * self._changes(parameters)[-(self.knots - 1) :]
+        gradient[:, DRIFTS] = np.concatenate([-pull, pull], axis=1)
+        if self._attached:
+            start = np.append(np.full(3, _FIXED_SIGMA_M**-2), information)
+            first = np.append(parameters[_SHIFT], parameters[_KNOTS : _KNOTS + DRIFT_DIM])
+            hessian[0, : len(start), : len(start)] += np.diag(start)
+            gradient[0, : len(start)] += start * first
+        return hessian, gradient

@@ -29,7 +29,7 @@ _REPEATED = {
 
 def state_probabilities(
     offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float = 0.0
-) -> tuple[FloatArray, float]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities of each fix's states given all fixes, by the forward-backward algorithm.
 
     The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
@@ -45,7 +45,7 @@ def state_probabilities(
 
     Returns:
         (M, 6), columns NOMINAL, LOWER, OUTLIER, REPEATED_NOMINAL, REPEATED_LOWER, REPEATED_OUTLIER, and the
-        log of the density of all offsets.
+        logs (M,) of the density of each offset given those before it.
     """
     log_density = _log_densities(offset, fixes, config, tolerance_m)
     highest = log_density.max(axis=1)
@@ -61,7 +61,7 @@ def state_probabilities(
     backward = np.ones_like(density)
     for k in range(len(density) - 2, -1, -1):
         backward[k] = change[k] @ (density[k + 1] * backward[k + 1]) / size[k + 1]
-    return forward * backward, float(np.log(size).sum() + highest.sum())
+    return forward * backward, np.log(size) + highest
 
 
 def _prior(fixes: Fixes, config: Config) -> FloatArray:

@@ -3,9 +3,9 @@
 Fixes are not gated on an initial estimate. All of them are fitted together by a path that deforms only as
 visual odometry drifts, first with regions as large as the error of the path, then with ever smaller ones down
 to those of the classes. Where the displacement between two fixes differs from the camera's, their offset
-jumps; the run of fixes between two jumps is left out on trial. The fit of highest likelihood by
-:mod:`vgps.gps.fix_states` decides. A verdict holds until the next assessment: later frames and fixes may
-reverse it.
+jumps; the run of fixes between two jumps is left out on trial (:mod:`vgps.gps.suspect_runs`). The fit of
+highest likelihood by :mod:`vgps.gps.fix_states` decides. A verdict holds until the next assessment: later
+frames and fixes may reverse it.
 """
 
 from collections.abc import Callable, Iterable
@@ -19,6 +19,7 @@ from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, REPEATED_NOMINAL, state_probabilities
 from vgps.gps.fixes import CLASSES, Fixes, place
 from vgps.gps.regions import lower_class
+from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trials
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import Trajectory
 
@@ -125,73 +126,74 @@ def detect_outliers(
         DriftModel(path, fixes.where(inside), camera_p_antenna, config.drift, time_offset_sigma_s)
         for time_offset_sigma_s in sorted(sigmas_s)
     ]
-    within = _assess(models, fixes.where(inside), _tolerance(path, models[0].knots, config), config)
+    within = _assess(models, path, fixes.where(inside), config)
     assessment = FixAssessment.unassessed(len(fixes))
     assessment.nominal[inside], assessment.lower[inside] = within.nominal, within.lower
     return assessment
 
 
-def _assess(models: list[DriftModel], fixes: Fixes, tolerance_m: float, config: Config) -> FixAssessment:
+def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Config) -> FixAssessment:
     """Assess fixes at the most likely of several fits.
 
     The fits start from the given path and from coarse fits to all fixes, then from fits to all accepted fixes
-    except one suspect run.
+    except one suspect run in each stretch, then except those runs without which stretches are likelier.
     """
+    stretches = Stretches.along(path, fixes, models[0].knots)
+    tolerance_m = _tolerance(path, models[0].knots, config)
     everything = np.ones(len(fixes), dtype=bool)
 
-    def likeliest(than: "_Fit | None", starts: Callable[[DriftModel], Iterable[FloatArray]]) -> "_Fit":
-        ends = [
-            _alternate(model, start, fixes, tolerance_m, config)
-            for model in models
-            for start in starts(model)
-        ]
-        return min([than, *ends] if than else ends, key=lambda end: end.energy)
+    def fits(starts: Callable[[DriftModel], Iterable[FloatArray]]) -> list[_Fit]:
+        ends = [(model, start) for model in models for start in starts(model)]
+        return [_alternate(model, start, fixes, tolerance_m, config, stretches) for model, start in ends]
 
-    best = likeliest(None, lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m)))
-    accepted = ~assess_offsets(best.offset, fixes, config, tolerance_m).rejected
-    runs = suspect_runs(
-        models[0].offsets(models[0].start), accepted, fixes, config.outliers.max_jumps, tolerance_m
-    )
-    if runs:
-        best = likeliest(
-            best, lambda model: (model.fit_coarse_to_fine(accepted & ~run, tolerance_m) for run in runs)
+    def fits_without(left_out: list[BoolArray]) -> list[_Fit]:
+        return fits(
+            lambda model: (model.fit_coarse_to_fine(accepted & ~run, tolerance_m) for run in left_out)
         )
+
+    best = _likeliest(fits(lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m))))
+    accepted = ~assess_offsets(best.offset, fixes, config, tolerance_m).rejected
+    beyond = _jumps(models[0].offsets(models[0].start)[accepted], fixes.where(accepted), tolerance_m)
+    runs = suspect_runs(beyond, accepted, stretches, config.outliers.max_jumps)
+    if left_out := trials(runs, len(fixes)):
+        ends = fits_without(left_out)
+        energies = np.reshape([end.energy for end in ends], (len(models), len(left_out), -1))
+        without = better_without(runs, energies.min(axis=0), best.energy)
+        best = _likeliest([best, *ends])
+        if len(without) > 1:
+            best = _likeliest(
+                [best, *fits_without([np.isin(np.arange(len(fixes)), np.concatenate(without))])]
+            )
     return assess_offsets(best.offset, fixes, config, tolerance_m)
 
 
-def suspect_runs(
-    offset: FloatArray, accepted: BoolArray, fixes: Fixes, max_jumps: int, tolerance_m: float = 0.0
-) -> list[BoolArray]:
-    """Return runs of fixes, a mask (M,) each, that may share an error: those between jumps of the offset.
-
-    Args:
-        offset: (M, 3) antenna minus fix, metres, along the given path.
-        accepted: (M,) fixes to consider.
-        fixes: In chronological order.
-        max_jumps: Number of jumps, the largest ones, to consider.
-        tolerance_m: Error of the path from one fix to the next.
-    """
-    rows = np.flatnonzero(accepted)
-    step, r, h = np.diff(offset[rows], axis=0), fixes.r_m[rows], fixes.h_m[rows]
-    beyond = np.maximum(
+def _jumps(offset: FloatArray, fixes: Fixes, tolerance_m: float) -> FloatArray:
+    """Return the changes (N - 1,) of the offset (N, 3) from fix to fix, in their regions."""
+    step, r, h = np.diff(offset, axis=0), fixes.r_m, fixes.h_m
+    return np.maximum(
         np.hypot(step[:, 0], step[:, 1]) / (r[1:] + r[:-1] + tolerance_m),
         np.abs(step[:, 2]) / (h[1:] + h[:-1] + tolerance_m),
     )
-    jumps = np.flatnonzero(beyond > 1.0)
-    jumps = np.sort(jumps[np.argsort(-beyond[jumps], kind="stable")[:max_jumps]])
-    runs = np.split(rows, jumps + 1)
-    return [np.isin(np.arange(len(offset)), run) for run in runs if 2 <= len(run) <= len(rows) // 2]
 
 
 class _Fit(NamedTuple):
-    """Negative log-likelihood of path and fixes up to a constant, and the offsets (M, 3) of the fit."""
+    """Negative log-likelihood (S,) of each stretch up to a constant, and the offsets (M, 3) of the fit."""
 
-    energy: float
+    energy: FloatArray
     offset: FloatArray
 
 
+def _likeliest(fits: list[_Fit]) -> _Fit:
+    return min(fits, key=lambda fit: float(fit.energy.sum()))
+
+
 def _alternate(
-    model: DriftModel, parameters: FloatArray, fixes: Fixes, tolerance_m: float, config: Config
+    model: DriftModel,
+    parameters: FloatArray,
+    fixes: Fixes,
+    tolerance_m: float,
+    config: Config,
+    stretches: Stretches,
 ) -> _Fit:
     """Assess and fit in turn until the verdicts no longer change."""
     current = assess_offsets(model.offsets(parameters), fixes, config, tolerance_m)
@@ -205,7 +207,7 @@ def _alternate(
             break
     offset = model.offsets(parameters)
     _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
-    return _Fit(0.5 * model.prior_cost(parameters) - log_likelihood, offset)
+    return _Fit(stretches.sums(-log_likelihood, 0.5 * model.prior_costs(parameters)), offset)
 
 
 def _tolerance(path: Trajectory, knots: int, config: Config) -> float:
