@@ -93,6 +93,22 @@ def test_step_that_overshoots_is_shortened(monkeypatch: pytest.MonkeyPatch) -> N
     assert 0.0 < solved.world_T_camera[0, 0, 3] < 2.0
 
 
+def test_step_that_is_far_too_short_is_lengthened() -> None:
+    """A row without an error claims seven times the true curvature: the step is an eighth of the way."""
+
+    def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list | None) -> np.ndarray:
+        if jacobians is not None:
+            rows = np.vstack([np.eye(3), np.sqrt(7.0) * np.eye(3)])
+            jacobians[0] = np.asfortranarray(np.hstack([np.zeros((6, 3)), rows]))
+        offset = values.atPose3(this.keys()[0]).translation() - np.array([1.0, 0.0, 0.0])
+        return np.concatenate([offset, np.zeros(3)])
+
+    graph = gtsam.NonlinearFactorGraph()
+    graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(6), [X(0)], error))
+    solved, _ = run(poses_only(graph), SolverSettings(lambda_start=1e-12, max_iterations=1))
+    np.testing.assert_allclose(solved.world_T_camera[0, :3, 3], [1.0, 0.0, 0.0], atol=1e-6)
+
+
 @pytest.mark.parametrize(("cost", "expected"), [(1e6, 1.0), (1.0, 1e-3)])
 def test_tolerance_is_the_larger_of_relative_and_absolute(cost: float, expected: float) -> None:
     settings = SolverSettings(relative_tolerance=1e-6, absolute_tolerance=1e-3)

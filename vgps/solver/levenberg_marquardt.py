@@ -19,6 +19,8 @@ LIGHT_DAMPING = 1e-2
 """Damping up to which a step is nearly Gauss-Newton's, so that no decrease means a minimum."""
 _STEP_FRACTIONS = (1.0, 0.5, 0.25)  # tried in turn while the gain is poor
 _POOR_GAIN_RATIO = 0.25  # below this ratio of actual to predicted decrease, shorter steps are tried
+_STEP_MULTIPLES = (2.0, 4.0, 8.0, 16.0)  # tried in turn while the gain is rich, and they lower the cost
+_RICH_GAIN_RATIO = 1.75
 _MAX_SMALL_STEPS = 3  # successive steps below the tolerance that end the search even under heavy damping
 
 
@@ -152,6 +154,8 @@ def _search(
         step = _solve_step(linear, structure, damping)
         negligible = step is not None and step.predicted <= settings.tolerance(iterate.cost)
         better = None if step is None else _line_search(iterate, structure, step, settings)
+        if step is not None and better is not None and damping <= LIGHT_DAMPING:
+            better = _further(iterate, better, structure, step)
         if better is not None or negligible:
             return _SearchResult(better or iterate, damping, negligible and damping <= LIGHT_DAMPING)
         damping *= settings.lambda_factor
@@ -195,6 +199,22 @@ def _line_search(
             break
     accepted = iterate.cost - best.cost > max(settings.min_gain_ratio * step.predicted, 0.0)
     return best if accepted else None
+
+
+def _further(iterate: _Iterate, better: _Iterate, structure: SparsityStructure, step: _Step) -> _Iterate:
+    """Return the better iterate, or a still better one beyond it if the full step falls far short.
+
+    Where a robust loss flattens, the model overestimates the curvature, and up to dozens of short steps, each
+    longer than the last, would lead out of it: here the step is doubled instead, while that lowers the cost.
+    """
+    if iterate.cost - better.cost <= _RICH_GAIN_RATIO * step.predicted:
+        return better
+    for multiple in _STEP_MULTIPLES:
+        trial = _retract(iterate, structure, step, multiple)
+        if not trial.cost < better.cost:
+            break
+        better = trial
+    return better
 
 
 def _retract(iterate: _Iterate, structure: SparsityStructure, step: _Step, fraction: float) -> _Iterate:
