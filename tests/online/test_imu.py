@@ -4,18 +4,30 @@ import io
 import json
 import shutil
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import vgps
 from vgps.errors import RecordingError
-from vgps.online import OnlineSmoother
+from vgps.evaluation import match_times
+from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import replay
 from vgps.online.run import run_online
 from vgps.online.session import OnlineOptions, pose_live, pose_recording
+from vgps.readers.derived_video import DerivedVideo
+from vgps.readers.trajectory import read_trajectory
 
 FRAMES = 25
+
+
+class Darkened(DerivedVideo):
+    """A video that is black from 12 to 14 seconds."""
+
+    def frames(self):
+        for frame in self.video.frames():
+            yield replace(frame, gray=np.zeros_like(frame.gray)) if 12.0 <= frame.t_s < 14.0 else frame
 
 
 def first_positions(opened, imu):
@@ -36,6 +48,31 @@ def test_the_gyro_predicts_rotations_and_the_path_stays_right(data_dir):
     alone, with_imu = first_positions(opened, None), first_positions(opened, opened.imu)
     away = np.linalg.norm(with_imu - alone, axis=1)
     assert 0.0 < away.max() < 0.1  # other predictions, the same features
+
+
+@pytest.mark.slow
+def test_two_dark_seconds_of_a_drive_are_bridged(data_dir):
+    folder = data_dir / "kitti07"
+    opened = vgps.open_recording(folder, gps="gps_fix.nmea", imu="imu.csv", rig="rig_imu.yaml")
+    opened = replace(opened, video=Darkened(opened.video))
+    smoother, stop, seen = OnlineSmoother(opened.camera, opened.rig, imu=opened.imu), threading.Event(), []
+
+    def sink(estimate, _):
+        seen.append(estimate)
+        if estimate.t_s > 14.0:
+            stop.set()
+
+    run_online(replay(opened, stop), smoother, sink, stop)
+    dark = [estimate for estimate in seen if 12.0 <= estimate.t_s < 14.0]
+    assert len(dark) == 20 and {estimate.state for estimate in dark} == {OnlineState.BRIDGED}
+    truth = read_trajectory(folder / "truth.tum")
+    _, rows = match_times(np.array([estimate.t_s for estimate in dark]), truth.t_s, 0.01)
+    found, true = np.array([estimate.global_T_camera for estimate in dark]), truth.world_T_camera[rows]
+    error = np.linalg.norm(found[:, :3, 3] - true[:, :3, 3], axis=1)
+    stated = np.linalg.norm([estimate.sigma_position_m for estimate in dark], axis=1)
+    assert error.max() < 1.0 and (error < 3.0 * stated).all() and stated[-1] > stated[0]
+    turned = np.linalg.norm(found[:, :3, :3] - true[:, :3, :3], axis=(1, 2))
+    assert turned.max() < 0.03  # the car turns by 54 degrees
 
 
 @pytest.mark.slow

@@ -5,7 +5,9 @@ from vgps.config import OnlineConfig
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, Similarity
 from vgps.online.estimate import OnlineState
+from vgps.online.inertial_bridge import BridgedPose
 from vgps.online.pose_publisher import PosePublisher
+from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
 
 CONFIG = OnlineConfig(bridge_s=0.35, blend_s=1.0, blend_m_s=2.0)
 SPEED_M, INTERVAL_S = 0.8, 0.1
@@ -20,7 +22,7 @@ class Drive:
         self.to_world = Similarity(1.0, np.eye(3), np.zeros(3))
         self.publisher = PosePublisher(self, CONFIG)
 
-    def frame(self, tracked=True):
+    def frame(self, tracked=True, bridged=None):
         self.t_s = np.append(self.t_s, INTERVAL_S * len(self.t_s))
         if tracked:
             last = self.current.next_frame - 1
@@ -28,11 +30,11 @@ class Drive:
                 pose = np.eye(4)
                 pose[0, 3] = SPEED_M * frame
                 self.current.apply(MapUpdate(frames=(NewFrame(self.t_s[frame], pose),)))
-        return self.publish()
+        return self.publish(bridged)
 
-    def publish(self):
+    def publish(self, bridged=None):
         placed = self.current is not None and self.current.aligned
-        return self.publisher.publish(len(self.t_s) - 1, self.to_world if placed else None)
+        return self.publisher.publish(len(self.t_s) - 1, self.to_world if placed else None, bridged)
 
     def begin(self, aligned=True):
         self.current = LocalMap(len(self.t_s), 5)
@@ -68,6 +70,22 @@ def test_a_gap_is_bridged_at_constant_velocity_then_lost_then_found():
     assert [kinds(found) for found in dark] == [[], [], [], ["lost"], [], []]
     again = drive.frame()
     assert again.state is OnlineState.TRACKED and kinds(again) == ["found"]
+
+
+def test_an_imu_bridges_longer_gaps_and_the_start_of_the_next_map():
+    drive = Drive()
+    drive.begin()
+    for _ in range(5):
+        drive.frame()
+    by_imu = np.eye(4)
+    by_imu[1, 3] = 7.0
+    bridged = BridgedPose(by_imu, UNKNOWN_SIGMAS)
+    dark = [drive.frame(tracked=False, bridged=bridged) for _ in range(6)]
+    drive.begin(aligned=False)
+    dark.append(drive.frame(tracked=False, bridged=bridged))
+    assert {found.state for found in dark} == {OnlineState.BRIDGED}
+    assert all((found.global_T_camera == by_imu).all() and not kinds(found) for found in dark)
+    np.testing.assert_array_equal(dark[-1].local_T_camera, by_imu)
 
 
 def test_after_a_correction_the_smooth_pose_nears_the_corrected_one_without_jumps():

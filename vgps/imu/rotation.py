@@ -18,6 +18,14 @@ _CLOSE_RAD_S = 0.05  # rates that differ by less agree, whatever the motion: a t
 
 
 @dataclass(frozen=True)
+class GyroBias:
+    """A bias (3,) and its standard deviation on each axis, rad/s."""
+
+    rate_rad_s: FloatArray
+    sigma_rad_s: float
+
+
+@dataclass(frozen=True)
 class PredictedRotation:
     """A rotation (3, 3) and its standard deviation about each axis, rad."""
 
@@ -50,8 +58,8 @@ class RotationPredictor:
         Returns:
             The rotation; None where the gyro has no samples, or turned otherwise than the last frames.
         """
-        last_s, bias = float(path.t_s[-1]), self._bias(path)
-        rotation = None if bias is None else self.between(last_s, t_s, bias)
+        last_s, bias = float(path.t_s[-1]), self.bias(path)
+        rotation = None if bias is None else self.between(last_s, t_s, bias.rate_rad_s)
         if rotation is None:
             return None
         angle = float(Rotation.from_matrix(rotation).magnitude())
@@ -71,14 +79,14 @@ class RotationPredictor:
         bias = self._imu.bias[3:] if bias is None else bias
         return np.asarray(self._integral.relative_rotations(*span, bias)[0])
 
-    def _bias(self, path: Trajectory) -> FloatArray | None:
-        """Return the bias (3,) by the last frames; None if they turned otherwise than the gyro."""
+    def bias(self, path: Trajectory) -> GyroBias | None:
+        """Return the bias by the last frames; None if they turned otherwise than the gyro."""
         known = np.flatnonzero(np.isfinite(path.world_T_camera[-_BIAS_FRAMES:, 0, 0]))
         known = known[:: max(1, len(known) // _BIAS_INTERVALS)]
         t_s, rotation = path.t_s[-_BIAS_FRAMES:][known], path.world_T_camera[-_BIAS_FRAMES:, :3, :3][known]
         kept = self._imu.covers(t_s[:-1], t_s[1:])
         if not kept.any():
-            return self._imu.bias[3:]
+            return GyroBias(self._imu.bias[3:], _BIAS_SIGMA)
         start_s, end_s = t_s[:-1][kept], t_s[1:][kept]
         by_gyro = self._integral.relative_rotations(start_s, end_s)
         by_path = rotation[:-1][kept].transpose(0, 2, 1) @ rotation[1:][kept]
@@ -87,7 +95,8 @@ class RotationPredictor:
         turned = Rotation.from_matrix(by_path).as_rotvec() / interval_s
         bias = np.median(off, axis=0)
         wrong, varies = _size(off - bias), _size(turned - np.median(turned, axis=0))
-        return None if wrong > max(varies, _CLOSE_RAD_S) else np.asarray(bias)
+        sigma = min(_BIAS_SIGMA, _size(off - bias) / np.sqrt(len(off)))
+        return None if wrong > max(varies, _CLOSE_RAD_S) else GyroBias(bias, sigma)
 
 
 def rotation_sigma_rad(imu: CameraImu, interval_s: float) -> float:

@@ -14,7 +14,7 @@ class OnlineState(StrEnum):
     STARTING = "starting"  # no map yet: the camera has not moved enough
     UNALIGNED = "unaligned"  # tracked, but scale, heading and position are not known yet
     TRACKED = "tracked"
-    BRIDGED = "bridged"  # no usable features: extrapolated at constant velocity for a short time
+    BRIDGED = "bridged"  # no usable features: by the IMU, or at constant velocity for a moment
     LOST = "lost"
 
 

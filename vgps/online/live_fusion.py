@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
+from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.retention import RetiredPoses
@@ -14,6 +15,7 @@ from vgps.model import FloatArray
 from vgps.online.fusion import FusedPath
 from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts
 from vgps.online.gravity import Gravity
+from vgps.online.inertial_bridge import BridgedPose, InertialBridge
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
 from vgps.online.video_path import VideoPath
 from vgps.pipeline.frame_pipeline import FramePipeline
@@ -43,14 +45,17 @@ class LiveFusion:
     Args:
         frame_pipeline: Stages A to C, without fixes in stage C.
         config: Settings, with the GPS model in use.
-        gravity: The vertical by an IMU, if there is one.
+        imu: Levels the path, and bridges frames without features; None without an IMU.
     """
 
-    def __init__(self, frame_pipeline: FramePipeline, config: Config, gravity: Gravity | None = None) -> None:
-        self._frame_pipeline, self._config, self._gravity = frame_pipeline, config, gravity
+    def __init__(self, frame_pipeline: FramePipeline, config: Config, imu: CameraImu | None = None) -> None:
+        self._frame_pipeline, self._config = frame_pipeline, config
+        self._gravity = None if imu is None else Gravity(imu, config.imu)
+        self._bridge = None if imu is None else InertialBridge(imu, config)
         self._map: LocalMap | None = None
         self._job: _Job | None = None
         self._latest: FitResult | None = None
+        self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._seen = (0, 0)  # frames and fixes of the last fit
 
     @property
@@ -62,6 +67,8 @@ class LiveFusion:
         """Use a fit that is due, and begin the next one if there are new fixes or many new frames."""
         pipeline, current = self._frame_pipeline, self._frame_pipeline.current
         if current is not self._map:
+            if self._map is not None and self._fused is not None:
+                self._ended = self._map, self._fused
             self._map, self._job, self._latest = current, None, None
         if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
             self._take()
@@ -139,13 +146,34 @@ class LiveFusion:
             return None
         return self._fused.to_world(self._path(current))
 
-    def sigmas(self) -> Sigmas:
-        """Return the standard deviations of the newest frame's pose; NaN before the first fit."""
+    def sigmas(self, bridged: BridgedPose | None = None) -> Sigmas:
+        """Return the standard deviations of the newest frame's pose, which the IMU may have bridged; NaN
+        before the first fit.
+        """
+        if bridged is not None:
+            return bridged.sigmas
         if self._fused is None or self._map is None:
             return UNKNOWN_SIGMAS
         covariance = self._fused.covariance_at_end(self._path(self._map), self._config)
         away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
         return pose_sigmas(covariance, away_s, self._config.motion)
+
+    def bridged(self) -> BridgedPose | None:
+        """Return the newest frame's pose by the IMU, if the last map with a fit ended before it; None if the
+        IMU does not show it well enough.
+        """
+        t_s, placed = self._frame_pipeline.t_s, self._ended
+        if self._map is not None and self._fused is not None:
+            placed = self._map, self._fused
+        if self._bridge is None or placed is None or placed[0].next_frame == len(t_s):
+            return None
+        local_map, fused = placed
+        path = self._path(local_map)
+        covariance = fused.covariance_at_end(path, self._config)
+        to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
+        if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
+            path = path.since(float(t_s[seen]))
+        return self._bridge.pose(path, to_world, covariance, float(t_s[-1]))
 
     def at(self, frame: int) -> tuple[FloatArray, Sigmas] | None:
         """Return the pose (4, 4) of an earlier frame by all fixes so far; None if its map has ended."""

@@ -10,6 +10,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray
 from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
+from vgps.online.inertial_bridge import BridgedPose
 from vgps.pipeline.frame_pipeline import FramePipeline
 
 _NO_POSE = np.full((4, 4), np.nan)
@@ -55,15 +56,20 @@ class PosePublisher:
         self._last: _Last | None = None
         self._state = OnlineState.STARTING
 
-    def publish(self, frame: int, to_world: Similarity | None) -> PublishedPose:
+    def publish(
+        self, frame: int, to_world: Similarity | None, bridged: BridgedPose | None = None
+    ) -> PublishedPose:
         """Return the published state of the newest frame.
 
         Args:
             frame: Its index.
             to_world: Where the newest map lies in the world; None if that is not known yet.
+            bridged: The pose by the IMU after the end of the map; None without.
         """
         current, t_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[frame])
         state, pose = self._newest(current, to_world, frame)
+        if bridged is not None:
+            state, pose = OnlineState.BRIDGED, bridged.world_T_camera
         events = self._changes(state, t_s)
         if current is not self._map or not np.isfinite(pose[0, 0]):
             self._last, self._map = None, current
@@ -73,7 +79,8 @@ class PosePublisher:
             self._blender.reset()
             smooth = pose
         else:
-            events += self._corrections(self._last, self._pose(current, to_world, self._last.frame), t_s)
+            if self._last.frame < current.next_frame or bridged is None:
+                events += self._corrections(self._last, self._pose(current, to_world, self._last.frame), t_s)
             smooth = self._blender.advance(pose, t_s - self._last.t_s)
         self._last = _Last(frame, t_s, pose)
         return PublishedPose(state, pose, smooth, tuple(events))

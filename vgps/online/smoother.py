@@ -17,7 +17,6 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FixArchive, FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
-from vgps.online.gravity import Gravity
 from vgps.online.live_fusion import LiveFusion
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
@@ -56,7 +55,7 @@ class OnlineSmoother:
         keep_all: Whether to keep all observations, which stage D needs.
         source: Name of the recording in the result.
         imu: Of a recording that is replayed: its gyro predicts the rotation from each frame to the next, and
-            gravity levels the path.
+            gravity levels the path, and it bridges frames without features.
 
     Attributes:
         video_start_utc: UTC of the first frame, if known; initially that of the rig.
@@ -83,8 +82,7 @@ class OnlineSmoother:
         self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
-        gravity = None if at_camera is None else Gravity(at_camera, config.imu)
-        self._fusion = LiveFusion(self._frame_pipeline, config, gravity)
+        self._fusion = LiveFusion(self._frame_pipeline, config, at_camera)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
@@ -144,8 +142,9 @@ class OnlineSmoother:
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
         self._place_fixes()
-        published = self._publisher.publish(frame, self._fusion.to_world(self._frame_pipeline.current))
-        sigmas = self._fusion.sigmas() if published.posed else UNKNOWN_SIGMAS
+        to_world, bridged = self._fusion.to_world(self._frame_pipeline.current), self._fusion.bridged()
+        published = self._publisher.publish(frame, to_world, bridged)
+        sigmas = self._fusion.sigmas(bridged) if published.posed else UNKNOWN_SIGMAS
         self._frames.append(published.global_T_camera, sigmas, tracked=published.state == "tracked")
         self._note_warnings(t_s)
         events = (*self._events, *published.events)

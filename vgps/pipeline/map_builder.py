@@ -128,4 +128,4 @@ class MapBuilder:
         between = interpolate_poses(times[[0, -1]], ends, times[1:-1])
         frames = (NewFrame(float(t), pose, True) for t, pose in zip(times[1:-1], between, strict=True))
         self.local_map.apply(MapUpdate(frames=tuple(frames)))
-        return f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged by interpolation"
+        return f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged"
