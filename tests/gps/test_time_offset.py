@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
-from vgps.gps.fixes import Fixes
-from vgps.gps.neighbour_pairs import knot_weights, neighbour_pairs
+from vgps.gps.fixes import Fixes, place
+from vgps.gps.neighbour_pairs import Knots, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import (
     best_time_offset,
@@ -151,9 +151,16 @@ def test_a_few_fixes_give_no_spurious_time_offset():
 @settings(max_examples=30, deadline=None)
 @given(st.integers(2, 12), st.lists(st.floats(-5.0, 30.0), min_size=1, max_size=20))
 def test_weights_of_knots_are_those_of_linear_interpolation(knots, at_s):
-    knots_s = np.linspace(1.0, 22.5, knots)
-    expected = np.stack([np.interp(at_s, knots_s, row) for row in np.eye(knots)], axis=1)
-    np.testing.assert_allclose(knot_weights(np.array(at_s), knots_s).toarray(), expected, atol=1e-12)
+    knots_s, rng = np.linspace(1.0, 22.5, knots), np.random.default_rng(0)
+    weights = np.stack([np.interp(at_s, knots_s, row) for row in np.eye(knots)], axis=1)
+    interpolation = Knots(place(knots_s, np.array(at_s)), knots)
+    factor, values = (rng.normal(size=(n, 2)) @ (1, 1j) for n in (knots, len(at_s)))
+    np.testing.assert_allclose(interpolation.interpolated(factor), weights @ factor, atol=1e-12)
+    np.testing.assert_allclose(interpolation.sums(values), weights.T @ values, atol=1e-12)
+    normal = weights.T @ np.diag(np.abs(values)) @ weights
+    band = interpolation.normal_band(np.abs(values))
+    np.testing.assert_allclose(band[1], np.diag(normal), atol=1e-12)
+    np.testing.assert_allclose(band[0, 1:], np.diag(normal, 1), atol=1e-12)
 
 
 def test_hypotheses_are_weighed_by_their_evidence():

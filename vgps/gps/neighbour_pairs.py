@@ -1,14 +1,14 @@
 """Displacements between successive fixes, compared with those of the camera at a time offset."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 from scipy.linalg import solveh_banded
 
 from vgps.config import TimeOffsetConfig
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.fixes import Fixes, Placement, antenna_at, place
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
@@ -64,10 +64,11 @@ class NeighbourPairs:
         _, self._group, self._group_size = np.unique(
             fixes.fix_class[rows], return_inverse=True, return_counts=True
         )
+        self._rows_of_group = [np.flatnonzero(self._group == k) for k in range(len(self._group_size))]
         t_s = path.t_s
         self._displacement = _displacements(fixes.world_p_fix)[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
-        self._knot_weight = knot_weights(fixes.t_s[self._rows], knots)
+        self._knots = Knots(place(knots, fixes.t_s[self._rows]), len(knots))
 
     @property
     def count(self) -> int:
@@ -77,7 +78,7 @@ class NeighbourPairs:
     @property
     def degrees_of_freedom(self) -> int:
         """Number of residuals minus that of the factors' parameters and the time offset."""
-        return 2 * self.count - 2 * int(self._knot_weight.shape[1]) - 1
+        return 2 * self.count - 2 * self._knots.count - 1
 
     @property
     def interval_s(self) -> FloatArray:
@@ -99,10 +100,10 @@ class NeighbourPairs:
         by_time_offset = (
             (self._camera_displacement(time_offset_s + _DELTA_S) - fit.displacement)
             / _DELTA_S
-            * self._at_pairs(fit.factor)
+            * self._knots.interpolated(fit.factor)
         )
         weight = self._weight(fit.difference)
-        shared = self._by_knot(weight * fit.displacement.conj() * by_time_offset)
+        shared = self._knots.sums(weight * fit.displacement.conj() * by_time_offset)
         absorbed = np.vdot(shared, self._solved(fit.displacement, weight, shared)).real  # by the factors
         information = np.sum(weight * np.abs(by_time_offset) ** 2) - absorbed + prior.sigma_s**-2
         # the gradient of the factors is zero at their optimum
@@ -133,12 +134,14 @@ class NeighbourPairs:
     def _fitted(self, time_offset_s: float) -> "_Fitted":
         """Return the best factors for a time offset by reweighted least squares."""
         displacement = self._camera_displacement(time_offset_s)
-        factor: ComplexArray = np.ones(self._knot_weight.shape[1], dtype=np.complex128)
+        factor: ComplexArray = np.ones(self._knots.count, dtype=np.complex128)
         for _ in range(_REWEIGHTINGS):
-            weight = self._weight(displacement * self._at_pairs(factor) - self._displacement)
-            right = self._by_knot(weight * displacement.conj() * self._displacement)
+            weight = self._weight(displacement * self._knots.interpolated(factor) - self._displacement)
+            right = self._knots.sums(weight * displacement.conj() * self._displacement)
             factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
-        return _Fitted(displacement, factor, displacement * self._at_pairs(factor) - self._displacement)
+        return _Fitted(
+            displacement, factor, displacement * self._knots.interpolated(factor) - self._displacement
+        )
 
     def _weight(self, difference: ComplexArray) -> FloatArray:
         """Return Cauchy's weight (n,) divided by the variance."""
@@ -150,35 +153,55 @@ class NeighbourPairs:
         """Return the spread (n,) per axis for the class of each pair's fixes, drawn towards that of all."""
         length = np.abs(difference)
         whole = float(np.median(length)) if len(length) else 0.0
-        of_group = np.array([np.median(length[self._group == k]) for k in range(len(self._group_size))])
+        of_group = [float(np.median(length[rows])) for rows in self._rows_of_group]
         spread = np.maximum([whole, *of_group], _MIN_SPREAD_M * _MEDIAN) / _MEDIAN
         share = self._group_size / (self._group_size + _PAIRS_OF_ALL)
         return np.asarray(spread[0] * (spread[1:] / spread[0]) ** share)[self._group]
 
-    def _at_pairs(self, factor: ComplexArray) -> ComplexArray:
-        """Return the factors (n,) at the pairs from those (K,) at the knots."""
-        return np.asarray(self._knot_weight @ factor)
-
-    def _by_knot(self, values: ComplexArray) -> ComplexArray:
-        """Return the sums (K,) of values (n,) with the weights of the knots."""
-        return np.asarray(self._knot_weight.T @ values)
-
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
         """Return the solution (K,) of the factors' normal equations, which are tridiagonal and real."""
-        squared = self._knot_weight.T @ sparse.diags_array(weight * np.abs(displacement) ** 2)
-        hessian = squared @ self._knot_weight
-        band = np.zeros((2, hessian.shape[0]))
-        band[0, 1:] = hessian.diagonal(1)
-        band[1] = hessian.diagonal() + self.config.factor_sigma**-2
+        band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
+        band[1] += self.config.factor_sigma**-2
         return np.asarray(solveh_banded(band, right), np.complex128)
 
 
-def knot_weights(at_s: FloatArray, knots_s: FloatArray) -> sparse.csr_array:
-    """Return the weights (n, K) of knots at some times, those of linear interpolation."""
-    at = place(knots_s, at_s)
-    entries = np.concatenate([1.0 - at.alpha, at.alpha])
-    index = (np.tile(np.arange(len(at_s)), 2), np.concatenate([at.frame, at.frame + 1]))
-    return sparse.csr_array((entries, index), shape=(len(at_s), len(knots_s)))
+@dataclass(frozen=True)
+class Knots:
+    """Linear interpolation at n times between ``count`` knots, K.
+
+    The search of a grid of time offsets solves for the knots thousands of times: products of sparse matrices
+    would take several times as long.
+    """
+
+    at: Placement
+    count: int
+
+    def interpolated(self, values: ComplexArray) -> ComplexArray:
+        """Return the values (n,) at the times from those (K,) at the knots."""
+        return np.asarray(
+            (1.0 - self.at.alpha) * values[self.at.frame] + self.at.alpha * values[self.at.frame + 1]
+        )
+
+    def sums(self, values: ComplexArray) -> ComplexArray:
+        """Return the sums (K,) of values (n,) with the weights of the knots."""
+        return np.asarray(self._sums(values.real) + 1j * self._sums(values.imag))
+
+    def normal_band(self, weight: FloatArray) -> FloatArray:
+        """Return the upper band (2, K) of the normal matrix of values (n,) of these weights."""
+        band, alpha = np.zeros((2, self.count)), self.at.alpha
+        band[0, 1:] = self._at_frame(weight * alpha * (1.0 - alpha))[:-1]
+        band[1] = self._at_frame(weight * (1.0 - alpha) ** 2)
+        band[1, 1:] += self._at_frame(weight * alpha**2)[:-1]
+        return band
+
+    def _sums(self, values: FloatArray) -> FloatArray:
+        sums = self._at_frame(values * (1.0 - self.at.alpha))
+        sums[1:] += self._at_frame(values * self.at.alpha)[:-1]
+        return sums
+
+    def _at_frame(self, values: FloatArray) -> FloatArray:
+        """Return the sums (K,) of values (n,) by the knot before them."""
+        return np.asarray(np.bincount(self.at.frame, values, self.count), np.float64)
 
 
 class _Fitted(NamedTuple):
