@@ -29,6 +29,7 @@ from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
 
+_EARLY_DECREASE = 0.1  # of the cost, by moves below half a standard deviation, that ends an early round
 _FIRST_DAMPING = 1e-9  # the scale of a video without fixes drifts along directions this weak
 
 
@@ -228,9 +229,14 @@ def _assess(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> Fix
 
 def _settings(config: BatchConfig, last: bool) -> SolverSettings:
     if last:
-        tolerance, iterations = config.relative_tolerance, 2 * config.iterations
-    else:
-        tolerance, iterations = config.early_tolerance, config.iterations
+        return SolverSettings(
+            max_iterations=2 * config.iterations,
+            relative_tolerance=config.relative_tolerance,
+            lambda_start=_FIRST_DAMPING,
+        )
     return SolverSettings(
-        max_iterations=iterations, relative_tolerance=tolerance, lambda_start=_FIRST_DAMPING
+        max_iterations=config.iterations,
+        relative_tolerance=config.early_tolerance,
+        absolute_tolerance=_EARLY_DECREASE,
+        lambda_start=_FIRST_DAMPING,
     )
