@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distinct_solution import distinct_values
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from run_files import assert_same
-from solutions import PINHOLE, distinct_values
+from solutions import PINHOLE
 
 from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run

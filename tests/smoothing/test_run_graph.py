@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
 from inertial import MOUNT, SplineMotion, exact_log
+from measurement_keys import documented
 from solutions import make_landmarks, make_solution
 from synthetic_bundle import ANTENNA
 from synthetic_map import CAMERA, context, map_of, scene
@@ -62,7 +63,8 @@ def optimised(graph, values):
 
 
 def check_minimum(solution, graph, values, gain=1e-6, moves_m=1e-3):
-    """The graph's error is the reported cost, and GTSAM finds no lower one nearby."""
+    """The graph has the reported cost, GTSAM finds no lower one nearby, and its arrays are documented."""
+    assert {f"graph.{key}" for key in solution.graph} <= documented()
     reported = sum(solution.report.cost_after.values())
     assert graph.error(values) == pytest.approx(reported, rel=1e-9)
     end = optimised(graph, values)

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from solutions import distinct_values, exact_run
+from distinct_solution import distinct_values
+from solutions import exact_run
 
 from vgps.solution import Solution
 

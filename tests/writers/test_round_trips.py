@@ -9,9 +9,10 @@ from datetime import UTC, datetime, timedelta
 import jsonschema
 import numpy as np
 import pytest
+from distinct_solution import distinct_values
 from exports import exported
 from scipy.spatial.transform import Rotation
-from solutions import distinct_values, make_poses
+from solutions import make_poses
 
 from vgps.crs import coordinate_system
 from vgps.errors import RunFolderError

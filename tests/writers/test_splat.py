@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from distinct_solution import distinct_values
 from exports import LENSES, consistent, exported
 from PIL import Image
-from solutions import distinct_values
 
 from vgps.camera import distort
 from vgps.geodesy import to_geodetic

@@ -71,7 +71,7 @@ def _moved(camera: RigMount, delta: FloatArray, sigma: FloatArray) -> RigMount:
 
 
 def mount_notes(cameras: tuple[RigMount, ...], given: tuple[RigMount, ...]) -> tuple[str, ...]:
-    """Return a note for each camera whose pose on the rig moved by more than its standard deviation."""
+    """Return a note for each camera whose pose on the rig moved by more than three standard deviations."""
     notes = []
     for camera, before in zip(cameras, given, strict=True):
         moved = _difference(camera, before)

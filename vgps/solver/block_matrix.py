@@ -90,9 +90,9 @@ class BlockSparseMatrix:
             if len(layout.below[k]):
                 panel = factor.panel(k)
                 panel[:] = blas.dtrsm(1.0, lower, panel.T, lower=1).T
-                square = blas.dsyrk(1.0, panel.T, trans=1, lower=1)
+                product = blas.dsyrk(1.0, panel.T, trans=1, lower=1)
                 for block, rows, columns in factor._blocks_over(layout.below[k]):
-                    np.subtract(block, square[rows, columns], out=block)
+                    np.subtract(block, product[rows, columns], out=block)
         return factor
 
     def solve(self, right: FloatArray) -> FloatArray:

@@ -48,6 +48,7 @@ cameras.0.observations.*        (N0, ...)    its observations, as above, in its 
 graph.offsets                   (K, 3)       the receiver's offsets ``o0..``, east, north, up
 graph.c0                        (1,)         change of the time offset, if it is estimated
 graph.d0                        (3,)         lever arm, if it is estimated
+graph.h0                        (1,)         height of the camera above the ground, if it is known
 graph.held                      (F,)         whether a frame's pose is held
 graph.video_sigma_scale         ()           factor of the pixel sigmas
 graph.time_offset_s             ()           removed from the times of the fixes
@@ -63,6 +64,8 @@ graph.fixes.sigma_m             (M, 3)       the receiver's own, NaN if they are
 graph.fixes.correlation         (M, 3)       of these, as ``gps.correlation``
 graph.fixes.used                (M,)         whether it has a factor, inside the video
 graph.fixes.correlation_s       (M,)         time after which its error counts as independent
+graph.errors.fix_class          (E,)         classes whose errors were learned from the recording
+graph.errors.noise_m, walk_m    (E,)         noise and walk of their errors
 graph.zero_motions.frame        (Z,)         standing frame without observations
 graph.zero_motions.reference    (Z,)         frame with observations that it stands at
 graph.zero_motions.pose         (Z, 4, 4)    reference_T_frame
@@ -72,13 +75,34 @@ graph.controls.uv_px            (C, 2)       control point in the undistorted im
 graph.controls.world_p_point    (C, 3)       ENU metres
 graph.controls.sigma_m          (C, 3)       of its position
 graph.controls.sigma_px         (C,)         of its position and its observation, in the image
+graph.frame_rates               (F, 3)       rates of a rolling shutter's frames beside the path's, rad/s
+graph.ground.frame              (S,)         frame on each stretch with ground below it
+graph.ground.camera_level       (S, 3)       what is level there, in the camera's axes
+graph.ground.sigma_rad          (S,)         standard deviation of its elevation
+graph.heights.first, last       (H,)         frames at the ends of stretches of a known height
+graph.heights.ratio, sigma      (H,)         height over length, and the sigma of its logarithm
+graph.heights.prior_m           (2,)         the height and its sigma, as given
+graph.imu.t_s                   (I,)         times of the samples of the IMU
+graph.imu.rate_rad_s            (I, 3)       in the camera's axes
+graph.imu.force_m_s2            (I, 3)       at the camera's centre, acceleration minus gravity
+graph.imu.broken                (I - 1,)     whether a gap lies between a sample and the next
+graph.imu.gravity_m_s2          ()           size of gravity
+graph.imu.gyro_density          ()           white noise, rad/s/sqrt(Hz)
+graph.imu.accelerometer_density ()           white noise, m/s^2/sqrt(Hz)
+graph.imu.bias                  (6,)         expected bias of force and rates
+graph.knots.frame               (J,)         frames with a velocity and a bias
+graph.knots.linked              (J - 1,)     whether the IMU covers the time from a knot to the next
+graph.knots.velocity            (J, 3)       before the last problem, m/s
+graph.knots.bias                (J, 6)       likewise; the preintegration is about it
+graph.velocities                (J, 3)       ``v0..`` at the end
+graph.biases                    (J, 6)       ``b0..`` at the end
 =============================== ============ ============================================================
 
 The ``cameras`` keys are those of a rig of several cameras. The ``gps`` keys are absent without a log, the
 ``fixes`` keys without verdicts, the ``control_points`` keys without such points; ``schema_version`` and
-``world_p_before`` in runs from before version 0.1.0. The
-``graph`` keys hold what the last problem of stage D took beside the rest, for :func:`vgps.factor_graph`; they
-are absent where stage D was not run, and in runs of version 0.1. The intrinsics are in ``solution.json``.
+``world_p_before`` in runs from before version 0.1.0. The ``graph`` keys hold what the last problem of stage D
+took beside the rest, for :func:`vgps.factor_graph`: those of a rolling shutter, ground, height and IMU where
+there is one, none where stage D was not run or by version 0.1. The intrinsics are in ``solution.json``.
 Nothing is pickled.
 """
 
