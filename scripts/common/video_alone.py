@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from scripts.common.stopwatch import Elapsed, stopwatch
 from vgps.config import TrackingConfig
 from vgps.evaluation.alignment import align
+from vgps.geometry import travelled
 from vgps.model import FloatArray, IntArray, Video
 from vgps.tracking.corners import new_corners
 from vgps.tracking.matching import pyramidal_flow
@@ -48,14 +49,9 @@ class Pieces(NamedTuple):
     scale: FloatArray
 
 
-def travelled_m(centres: FloatArray) -> FloatArray:
-    """Return (N,) the length of a path of centres (N, 3) up to each of them."""
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
-
-
 def scale_of_pieces(centres: FloatArray, true: FloatArray) -> Pieces:
     """Return the scale of centres (N, 3) by pieces of 10 m of the true path (N, 3)."""
-    length = travelled_m(true)
+    length = travelled(true)
     ends = np.unique(np.searchsorted(length, np.arange(0.0, length[-1], _PIECE_M)))
     chord, true_chord = (np.linalg.norm(np.diff(x[ends], axis=0), axis=1) for x in (centres, true))
     return Pieces(ends, chord / np.maximum(true_chord, 1e-9))
@@ -69,10 +65,10 @@ def drift_of(poses: FloatArray, true: FloatArray, *, is_metric: bool) -> Drift:
         is_metric: Whether the run has a scale of its own; otherwise the first 20 m of the truth give it.
     """
     centres, true_centres = poses[:, :3, 3], true[:, :3, 3]
-    pieces, length = scale_of_pieces(centres, true_centres), travelled_m(true_centres)
+    pieces, length = scale_of_pieces(centres, true_centres), travelled(true_centres)
     similar = align(centres, true_centres, with_scale=True)
     start = length <= _START_M
-    own = 1.0 if is_metric else travelled_m(centres)[start][-1] / length[start][-1]
+    own = 1.0 if is_metric else travelled(centres)[start][-1] / length[start][-1]
     rigid = align(centres / own, true_centres, with_scale=False)
     scale_drift, rotation_drift = _drifts(poses, true, pieces, length)
     return Drift(

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from vgps.compare.methods import Comparison
 from vgps.evaluation import to_json
+from vgps.geometry import travelled
 from vgps.writers.atomic import check_file, new_file
 from vgps.writers.page import embedded, tidy, write_page
 
@@ -90,7 +91,7 @@ def _plot_paths(comparison: Comparison) -> Figure:
     height = float(np.clip(_WIDTH * (high[1] - low[1]) / (high[0] - low[0]), 2.0, 7.0))
     figure = Figure(figsize=(10.0, height + 2.8), layout="constrained")
     above, side = figure.subplots(2, 1, height_ratios=[height, 2.2])
-    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(true, axis=0), axis=1))])
+    distance = travelled(true)
     above.plot(true[:, 0], true[:, 1], color="k", lw=2.0, label="truth")
     side.plot(distance, true[:, 2], color="k", lw=2.0, label="truth")
     for (name, evaluation), colour in zip(

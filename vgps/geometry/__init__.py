@@ -2,6 +2,7 @@
 
 from vgps.geometry.cross_product import cross_matrices
 from vgps.geometry.interpolation import interpolate_poses, interpolate_vectors
+from vgps.geometry.paths import travelled
 from vgps.geometry.projection import (
     MIN_DEPTH,
     in_picture,
@@ -26,6 +27,7 @@ __all__ = [
     "project",
     "rays",
     "reprojection_inliers",
+    "travelled",
     "triangulate",
     "world_rays",
     "world_sigmas",

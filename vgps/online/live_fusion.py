@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
+from vgps.geometry import travelled
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
@@ -237,7 +238,6 @@ class LiveFusion:
 
 def _length_around(poses: FloatArray) -> FloatArray:
     """Return the length (n,) of the path (n, 4, 4) some frames before and after each frame."""
-    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    length, row = np.append(0.0, np.cumsum(steps)), np.arange(len(poses))
+    length, row = travelled(poses[:, :3, 3]), np.arange(len(poses))
     last = np.minimum(row + _AROUND_FRAMES, len(poses) - 1)
     return np.asarray(length[last] - length[np.maximum(row - _AROUND_FRAMES, 0)])

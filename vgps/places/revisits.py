@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vgps.config.loops import LoopsConfig
+from vgps.geometry import travelled
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.solution import Observations
 
@@ -37,8 +38,7 @@ class PosedVideo:
     @cached_property
     def travelled(self) -> FloatArray:
         """(F,) distance along the path."""
-        steps = np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return travelled(self.poses[:, :3, 3])
 
     @cached_property
     def depth(self) -> FloatArray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vgps.geometry import travelled
 from vgps.model import FloatArray, GpsLog, IntArray
 from vgps.solution import FixTable, Solution, Verdict
 from vgps.writers.tables import region_ratios
@@ -120,8 +121,7 @@ def features_per_frame(solution: Solution) -> IntArray:
 
 def distance_m(solution: Solution) -> FloatArray:
     """Return (F,) the distance along the camera's path up to each frame."""
-    steps = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1)
-    return np.concatenate([np.zeros(min(1, len(solution.t_s))), np.cumsum(steps)])
+    return travelled(solution.world_T_camera[:, :3, 3])
 
 
 def antenna_positions(solution: Solution) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
+from vgps.geometry import travelled
 from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.alignment import Correspondences, align, covariance, linearise
@@ -82,5 +83,5 @@ def jackknife_sigmas(seen: Correspondences, at: Similarity, config: StartConfig)
 
 def _blocks(centres: FloatArray) -> IntArray:
     """Return the part (M,) of the path that each of its points (M, 3) is in, by distance along it."""
-    along = np.cumsum(np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1))
+    along = travelled(centres)
     return np.minimum(_BLOCKS * along / max(float(along[-1]), 1e-12), _BLOCKS - 1).astype(np.int64)

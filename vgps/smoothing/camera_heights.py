@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.spatial import cKDTree
 
+from vgps.geometry import travelled
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.factor_graph import Scene
 
@@ -69,7 +70,7 @@ class _Fit(NamedTuple):
 
 def measure_heights(scene: Scene) -> CameraHeights | str:
     """Return the ground below the path of a scene, or a sentence that says why there is none."""
-    length = _travelled(scene.poses)
+    length = travelled(scene.poses[:, :3, 3])
     coarse = _passed(scene, length, 0.01 * length[-1], np.inf)
     height = _commonest_height(coarse)
     if height is None:
@@ -98,11 +99,6 @@ def measure_heights(scene: Scene) -> CameraHeights | str:
         sigma=np.hypot(sigma, _unevenness(log_height)),
         stretches=len(flat),
     )
-
-
-def _travelled(poses: FloatArray) -> FloatArray:
-    """Return (F,) the length of the path up to each frame."""
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)))
 
 
 def _passed(scene: Scene, length: FloatArray, reach: float, gap: float) -> _Passed:

@@ -49,8 +49,7 @@ def chase_poses(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 
 def chase_scale_m(trajectory: Trajectory) -> float:
     """Return the distance that the camera covers in a second on average, within 0.3 to 5 m."""
-    steps = np.linalg.norm(np.diff(trajectory.world_T_camera[:, :3, 3], axis=0), axis=1)
-    return float(np.clip(steps.sum() / max(float(np.ptp(trajectory.t_s)), 1e-9), 0.3, 5.0))
+    return float(np.clip(trajectory.length_m / max(float(np.ptp(trajectory.t_s)), 1e-9), 0.3, 5.0))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from vgps.errors import RunFolderError
+from vgps.geometry import travelled
 from vgps.model import FloatArray, GrayImage, IntArray
 from vgps.readers.sources import Source
 from vgps.solution import Observations, Solution
@@ -82,13 +83,11 @@ def subset(solution: Solution, frame: IntArray) -> Solution:
 
 def _stretches(solution: Solution, choice: FrameChoice) -> IntArray:
     """Return the number of the stretch of each frame (F,)."""
-    steps = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1)
-    distance = np.concatenate([[0.0], np.cumsum(steps)])
     if choice.every_m is not None and choice.every_s is not None:
         raise RunFolderError("--every-m and --every-s together", remedy="give one of them")
     along, length = solution.t_s - solution.t_s[0], _SHARP_S if choice.every_s is None else choice.every_s
     if choice.every_m is not None:
-        along, length = distance, choice.every_m
+        along, length = travelled(solution.world_T_camera[:, :3, 3]), choice.every_m
     if not length > 0.0:
         raise RunFolderError(f"a stretch of {length:g} between frames", expected="more than 0")
     return np.asarray(np.floor(along / length + 1e-9), np.int64)
