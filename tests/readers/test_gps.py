@@ -10,7 +10,8 @@ from nmea_text import gga, gst, rmc, with_checksums, zda
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, Rig
-from vgps.readers.gps import check_overlap, gps_format, read_gps_log
+from vgps.readers.gps import gps_format, read_gps_log
+from vgps.readers.overlap import check_overlap
 
 NOON = datetime(2011, 9, 26, 12, tzinfo=UTC)
 AT_NOON = Rig(video_start_utc=NOON)
@@ -161,29 +162,6 @@ def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(GpsLogError, match=r"none\.nmea: cannot be read \(No such file"):
         read_gps_log(tmp_path / "none.nmea")
     assert gps_format(tmp_path / "none.nmea") is None
-
-
-def test_no_overlap_names_both_spans(log):
-    rig = Rig(video_start_utc=NOON)
-    read = log(gga("120000") + zda("120000", 25, 9, 2011) + gga("120010"))
-    with pytest.raises(GpsLogError) as error:
-        check_overlap(read, np.arange(11) / 10, rig)
-    assert "the log runs from 2011-09-25 12:00:00 to 2011-09-25 12:00:10 UTC" in str(error.value)
-    assert "runs from 2011-09-26 12:00:00 to 2011-09-26 12:00:01 UTC" in str(error.value)
-    with pytest.raises(GpsLogError, match=r"from 5\.0 s to 6\.0 s of the video's clock"):
-        check_overlap(log(CSV + "5,49,8,100,4\n6,49,8,100,4\n"), np.arange(3.0), Rig())
-
-
-def test_one_fix_within_the_video_is_an_overlap(log):
-    read = log(CSV + "-5,49,8,100,4\n2,49,8,100,4\n60,49,8,100,4\n")
-    check_overlap(read, np.arange(3.0), Rig())
-    with pytest.raises(GpsLogError):
-        check_overlap(read, np.arange(2.0), Rig())
-
-
-def test_a_year_out_of_the_calendar_has_a_message_too(log):
-    with pytest.raises(GpsLogError, match="no fix during the video"):
-        check_overlap(log(CSV + "1e15,49,8,100,4\n"), np.arange(3.0), Rig(video_start_utc=NOON))
 
 
 @pytest.mark.filterwarnings("error")

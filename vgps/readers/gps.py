@@ -2,17 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
 
 from vgps.errors import GpsLogError
-from vgps.model import FixClass, FloatArray, GpsLog, Rig
+from vgps.model import FixClass, GpsLog, Rig
 from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.fit import looks_like_fit, read_fit
-from vgps.readers.fixes import DAY_S, EPOCH, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
+from vgps.readers.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
 from vgps.readers.gopro import looks_like_video, read_gopro_gps
 from vgps.readers.gpmf import Telemetry, read_gpmf
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -28,8 +27,6 @@ from vgps.readers.ubx import looks_like_ubx, read_ubx
 from vgps.readers.ulog import looks_like_ulog, read_ulog
 
 _SAME_TIME_S = 1e-6
-_AT_ENDS_S = 2.0  # by which a log may begin after the video and end before it
-_FARTHEST_ZONE = 14 * 60  # minutes from UTC
 
 
 @dataclass(frozen=True)
@@ -131,44 +128,6 @@ def _head(path: Path) -> bytes:
         return b""  # reading the whole file raises the error
 
 
-def check_overlap(log: GpsLog, times_s: FloatArray, rig: Rig) -> None:
-    """Check that at least one fix was taken during the video.
-
-    Args:
-        log: Fixes on the video's clock.
-        times_s: (F,) frame times.
-        rig: Its ``video_start_utc`` gives the spans of the message in UTC.
-
-    Raises:
-        GpsLogError: No fix is within the video; the message gives both time spans.
-    """
-    first, last = float(times_s[0]), float(times_s[-1])
-    if np.any((log.t_s >= first) & (log.t_s <= last)):
-        return
-    start = rig.video_start_utc
-    spans = _span(start, log.t_s[0], log.t_s[-1]), _span(start, first, last)
-    raise GpsLogError(
-        f"no fix during the video: the log runs {spans[0]}",
-        file=log.source,
-        expected=f"fixes during the video, which runs {spans[1]}",
-        remedy=_zone(log, times_s, start)
-        or "check video_start_utc in rig.yaml, or give the log of the same day",
-    )
-
-
-def _zone(log: GpsLog, times_s: FloatArray, start: datetime | None) -> str:
-    """Return what to do if the log and the video agree but for a time zone; "" if they do not."""
-    if start is None:
-        return ""
-    for minutes in sorted(range(-_FARTHEST_ZONE, _FARTHEST_ZONE + 1, 30), key=abs):
-        moved = log.t_s + 60.0 * minutes
-        begins, ends = moved[0] <= times_s[0] + _AT_ENDS_S, moved[-1] >= times_s[-1] - _AT_ENDS_S
-        if begins and ends:
-            local = start.replace(tzinfo=timezone(timedelta(minutes=minutes)))
-            return f"if video_start_utc is local time, write it with its zone: {local.isoformat()}"
-    return ""
-
-
 def _remedy(data: bytes) -> str | None:
     if b"<kml" in data[:2000]:
         return "KML has no times; give the receiver's own log"
@@ -247,16 +206,3 @@ def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsL
         skipped=tuple(notes),
         correlation=np.array([fix.correlation for fix in fixes], float),
     )
-
-
-def _span(start: datetime | None, first_s: float, last_s: float) -> str:
-    if start is None:
-        return f"from {first_s:.1f} s to {last_s:.1f} s of the video's clock"
-    origin = EPOCH + timedelta(seconds=unix_s(start))
-    try:
-        ends = [
-            (origin + timedelta(seconds=float(t))).strftime("%Y-%m-%d %H:%M:%S") for t in (first_s, last_s)
-        ]
-    except OverflowError:
-        return f"from {first_s:.3g} s to {last_s:.3g} s of the video's clock"
-    return f"from {ends[0]} to {ends[1]} UTC"

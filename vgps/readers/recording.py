@@ -24,11 +24,12 @@ from vgps.readers.gopro import (
 )
 from vgps.readers.gopro_lens import with_readout
 from vgps.readers.gpmf import Telemetry
-from vgps.readers.gps import check_overlap, gps_format, gps_log, read_gps_log
+from vgps.readers.gps import gps_format, gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.masks import find_masks
+from vgps.readers.overlap import check_overlap
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
