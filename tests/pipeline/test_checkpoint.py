@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from run_files import bytes_of
 
@@ -11,7 +12,9 @@ from vgps.pipeline import checkpoint as module
 from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder, fingerprint
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.masks import MaskFolder
+from vgps.runtime import journal
 from vgps.runtime.progress import NoProgress
+from vgps.smoothing import long_steps
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +56,32 @@ def test_the_resumed_run_has_the_same_bytes(opened, tmp_path, frames):
     again.remove()
     assert files(out) == files(tmp_path / "whole")
     assert not checkpoint_folder(out).exists()
+
+
+@pytest.mark.parametrize("solved", [1, 3])
+def test_stage_d_goes_on_at_its_last_round(opened, tmp_path, monkeypatch, solved):
+    config, out, counts, at_most = vgps.Config(), tmp_path / "run", [], [np.inf]
+    monkeypatch.setattr(journal, "_WORTH_S", 0.0)
+    solve = long_steps.solve
+
+    def counting(*given):
+        if counts[-1] == at_most[-1]:
+            raise KeyboardInterrupt
+        counts[-1] += 1
+        return solve(*given)
+
+    def run(to, *, resume, stop_after=np.inf):
+        counts.append(0)
+        at_most.append(stop_after)
+        vgps.write_run(vgps.smooth(opened, config, None, Checkpoint(to, opened, config, resume=resume)), to)
+
+    monkeypatch.setattr(long_steps, "solve", counting)
+    run(tmp_path / "whole", resume=False)
+    with pytest.raises(KeyboardInterrupt):
+        run(out, resume=False, stop_after=solved)
+    run(out, resume=True)
+    assert counts == [counts[0], solved, counts[0] - solved]
+    assert files(out) == files(tmp_path / "whole")
 
 
 def test_a_checkpoint_of_another_run_is_refused(opened, tmp_path):

@@ -69,7 +69,10 @@ def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch)
     poses = np.tile(np.eye(4), (2, 1, 1))
     none: Any = None
     front_end: Any = SimpleNamespace(
-        recording=room_recording(poses), t_s=np.zeros(2), static_regions=np.array([[0, 0, 0, 0, 9, 9]])
+        recording=room_recording(poses),
+        t_s=np.zeros(2),
+        static_regions=np.array([[0, 0, 0, 0, 9, 9]]),
+        journal=None,
     )
     scene = Scene(np.zeros(2), poses, np.zeros((0, 3)), Observations(none, none, none))
     merged = MergedMaps(

@@ -1,11 +1,11 @@
-"""Checkpoints of stages A to C, from which an interrupted run goes on as if nothing had happened."""
+"""Checkpoints of a run, from which an interrupted one goes on as if nothing had happened."""
 
 import contextlib
 import hashlib
 import json
 import shutil
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,8 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import ControlPoints, GpsLog, ImuLog, Recording, RigCamera
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.map_builder import MapBuilder
-from vgps.runtime.state_file import read_state, write_state
+from vgps.runtime.journal import Journal
+from vgps.runtime.state_file import read_state, write_checkpoint
 from vgps.tracking.reference_patches import Patches
 from vgps.tracking.static_regions import StaticCells
 from vgps.writers.claim import claimed
@@ -40,18 +41,22 @@ _CLASSES = (
 
 
 class Checkpoint:
-    """The newest checkpoint of a run, in a hidden folder beside the run folder.
+    """The newest checkpoint of stages A to C, and the steps of D, in a hidden folder beside the run folder.
 
     Args:
         out: Run folder.
         recording, config: What the run is made of; a checkpoint of anything else is refused.
         resume: Whether to go on from a checkpoint that is there; else it is replaced.
+
+    Attributes:
+        journal: Long steps of stage D.
     """
 
     def __init__(self, out: Path, recording: Recording, config: Config, *, resume: bool) -> None:
         self._folder = checkpoint_folder(out)
         self._file, self._run = self._folder / "front_end.npz", fingerprint(recording, config)
         self._resume, self._next_s = resume, time.monotonic() + EVERY_S
+        self.journal = Journal(self._folder, self._run, resume=resume)
 
     def restore(self, frame_pipeline: FramePipeline) -> int:
         """Take over the state of the checkpoint, if there is one, and return its number of frames.
@@ -100,25 +105,6 @@ def checkpoint_folder(out: Path) -> Path:
     """Return the folder of the checkpoints of a run."""
     out = out.resolve()
     return out.with_name(f".{out.name}.resume")
-
-
-def write_checkpoint(
-    state: Mapping[str, Any], file: Path, classes: Sequence[type], without: Collection[str] = ()
-) -> None:
-    """Write a state as :func:`~vgps.runtime.state_file.write_state` does, and make its folder.
-
-    Raises:
-        RunFolderError: The disk cannot be written.
-    """
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_state(state, file, classes, without)
-    except OSError as error:
-        with contextlib.suppress(OSError):  # of an earlier checkpoint in it
-            file.parent.rmdir()
-        raise RunFolderError(
-            f"cannot be written ({error.strerror})", file=file, remedy="check the free space"
-        ) from error
 
 
 def forget_checkpoint(out: Path) -> None:

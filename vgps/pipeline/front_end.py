@@ -17,6 +17,7 @@ from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.rig_recordings import check_settings, seen_by, settings_for
 from vgps.pipeline.shown_frames import shown_frames
+from vgps.runtime.journal import Journal
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
@@ -43,6 +44,7 @@ class FrontEnd:
         warnings: Warnings for the user.
         seconds: Wall seconds by stage.
         others: Maps of the other cameras of a rig.
+        journal: Where stage D keeps its long steps.
     """
 
     recording: Recording
@@ -56,11 +58,15 @@ class FrontEnd:
     warnings: tuple[str, ...]
     seconds: Mapping[str, float]
     others: tuple[CameraMaps, ...] = ()
+    journal: Journal | None = None
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""
         imu = camera_imu(self.recording, self.origin, config)
-        return SmoothingContext(self.recording.camera, config, self.controls, imu, self.recording.cameras)
+        recording, journal = self.recording, self.journal
+        return SmoothingContext(
+            recording.camera, config, self.controls, imu, recording.cameras, journal=journal
+        )
 
     def with_camera(self, name: str, other: "FrontEnd") -> "FrontEnd":
         """Return the result with that of another camera of the rig."""

@@ -73,7 +73,8 @@ def join_runs(
         scene = with_loops(joint.scene, loops, joint.camera) if loops else joint.scene
         progress.stage("optimising all runs (D)")
         with timer.measure("batch"):
-            context = SmoothingContext(joint.camera, config, scene.controls)
+            journal = None if checkpoint is None else checkpoint.journal
+            context = SmoothingContext(joint.camera, config, scene.controls, journal=journal)
             batch = optimise_batch(scene, joint.fixes, Sensors.fixed(joint.camera_p_antenna), context)
     ties = np.zeros((len(runs), len(runs)), np.int64)
     np.add.at(ties, tuple(joint.run[kept_loops(loops, batch)].T), 1)

@@ -1,4 +1,4 @@
-"""A checkpoint of joined runs: the places that they share, from which an interrupted adjustment goes on."""
+"""A checkpoint of joined runs, from which an interrupted adjustment goes on."""
 
 import shutil
 from collections.abc import Callable, Sequence
@@ -6,24 +6,29 @@ from pathlib import Path
 
 from vgps.config import Config
 from vgps.errors import RunFolderError
-from vgps.pipeline.checkpoint import checkpoint_folder, digest, stamp, write_checkpoint
+from vgps.pipeline.checkpoint import checkpoint_folder, digest, stamp
 from vgps.places.loops import Loop
-from vgps.runtime.state_file import read_state
+from vgps.runtime.journal import Journal
+from vgps.runtime.state_file import read_state, write_checkpoint
 
 
 class JoinCheckpoint:
-    """The places that runs share, in a hidden folder beside the joined runs.
+    """The places that runs share, and the steps of stage D, in a hidden folder beside the joined runs.
 
     Args:
         out: Folder of the joined runs.
         runs: Run folders.
         config: Settings that replace those of the first run.
         resume: Whether to take over the places that are there; else they are replaced.
+
+    Attributes:
+        journal: Long steps of stage D.
     """
 
     def __init__(self, out: Path, runs: Sequence[Path], config: Config | None, *, resume: bool) -> None:
         self._file = checkpoint_folder(out) / "places.npz"
         self._runs, self._resume = _fingerprint(runs, config), resume
+        self.journal = Journal(self._file.parent, self._runs, resume=resume)
 
     def loops(self, find: Callable[[], tuple[Loop, ...]]) -> tuple[Loop, ...]:
         """Return the loops of the checkpoint; without one, find and store them.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -43,7 +44,9 @@ def optimise_loops(
     camera = front_end.recording.camera
     video = _posed_video(batch, refined.camera if refined else camera, merged.scene.rig)
     frames = shown_frames(front_end.recording, front_end.static_regions)
-    loops = find_loops(video, progress.track(frames, len(front_end.t_s)), config.loops)
+    tracked, journal = progress.track(frames, len(front_end.t_s)), front_end.journal
+    find = partial(find_loops, video, tracked, config.loops)
+    loops = find() if journal is None else journal.step((video.poses, video.points), find, (Loop,))
     if not loops:
         return first, none
     progress.stage("optimising everything again, with places seen again")

@@ -45,7 +45,7 @@ def smooth(
         recording: From :func:`vgps.open_recording`.
         config: Settings; the defaults if none are given.
         progress: Progress display.
-        checkpoint: Where stages A to C are kept, and resumed from.
+        checkpoint: Where the stages are kept, and resumed from.
 
     Raises:
         VgpsError: The recording does not determine the poses.
@@ -86,7 +86,8 @@ def _smoothed(
         progress.stage("again without the IMU, which contradicts the video")
         recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
         front_end = run_front_end(recording, config, progress)
-    front_end = with_imu_clock(front_end, found)
+    journal = None if checkpoint is None else checkpoint.journal
+    front_end = replace(with_imu_clock(front_end, found), journal=journal)
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config, progress)
 

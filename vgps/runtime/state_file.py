@@ -4,6 +4,7 @@ Objects are stored by the name of their class with their attributes, and made ag
 reader names. An object that is referred to twice is one object again.
 """
 
+import contextlib
 import json
 import zipfile
 import zlib
@@ -52,6 +53,25 @@ def write_state(
         scratch.replace(file)
     finally:
         scratch.unlink(missing_ok=True)
+
+
+def write_checkpoint(
+    state: Mapping[str, Any], file: Path, classes: Sequence[type], without: Collection[str] = ()
+) -> None:
+    """Write a state as :func:`write_state` does, and make its folder.
+
+    Raises:
+        RunFolderError: The disk cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_state(state, file, classes, without)
+    except OSError as error:
+        with contextlib.suppress(OSError):  # of an earlier checkpoint in it
+            file.parent.rmdir()
+        raise RunFolderError(
+            f"cannot be written ({error.strerror})", file=file, remedy="check the free space"
+        ) from error
 
 
 def read_state(file: Path, classes: Sequence[type]) -> dict[str, Any]:

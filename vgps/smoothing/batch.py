@@ -23,11 +23,12 @@ from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.frame_rates import frame_rates
 from vgps.smoothing.ground import find_ground
 from vgps.smoothing.imu_states import start_imu
+from vgps.smoothing.long_steps import solve_once
 from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
-from vgps.solver.bundle_adjustment import BundleResult, SolverSettings, solve
+from vgps.solver.bundle_adjustment import BundleResult, SolverSettings
 
 _EARLY_DECREASE = 0.1  # of the cost, by moves below half a standard deviation, that ends an early round
 _FIRST_DAMPING = 1e-9  # the scale of a video without fixes drifts along directions this weak
@@ -191,7 +192,7 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
         imu=state.imu,
     )
     built = batch_problem(given, round_.n)
-    result = solve(built.problem, _settings(batch, round_.last), batch.solver)
+    result = solve_once(built.problem, _settings(batch, round_.last), batch.solver, context.journal)
     if result.stuck and round_.first:
         raise GeometryError(
             f"the optimiser made no step: {result.report.stop_reason}",

@@ -20,6 +20,7 @@ from vgps.smoothing.factor_graph import Scene
 from vgps.smoothing.graph_arrays import graph_arrays
 from vgps.smoothing.imu_states import ImuBias, imu_links, middle_bias
 from vgps.smoothing.lever_arm_check import lever_arm_warnings
+from vgps.smoothing.long_steps import covariances_once
 from vgps.smoothing.variance_components import antenna_offsets, variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult
@@ -174,8 +175,13 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         inertial=imu_links(solved.built.other_factors),
         loop=solved.given.scene.loop,
     )
+    problem, batch = solved.result.problem, config.batch
+
+    def draw() -> Covariances:
+        return drawn_covariances(problem, sources, batch.draws, config.seed)
+
     try:
-        return drawn_covariances(solved.result.problem, sources, config.batch.draws, config.seed), ()
+        return covariances_once(problem, draw, context.journal), ()
     except GeometryError as error:
         return unknown, (f"the standard deviations of the poses are unknown: {error}",)
 

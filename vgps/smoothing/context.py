@@ -8,6 +8,7 @@ from vgps.config import Config
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.model import Camera, FloatArray, RigCamera
+from vgps.runtime.journal import Journal
 from vgps.solution import SolvedCamera
 
 RigMount = RigCamera | SolvedCamera
@@ -26,6 +27,8 @@ class SmoothingContext:
     """Whether stage D improves the readout of a rolling shutter between its rounds."""
     rough: bool = False
     """Whether only the solution of stage D counts: it then draws no errors, and the sigmas are NaN."""
+    journal: Journal | None = None
+    """Where stage D keeps its long steps."""
 
     @property
     def K(self) -> FloatArray:
