@@ -8,15 +8,13 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import ConfigError, VideoError
-from vgps.geodesy import to_enu
-from vgps.gps.fixes import Fixes, fixes_in_world
-from vgps.gps.regions import region_sizes
-from vgps.gps.world_frame import fix_origin
+from vgps.gps.fixes import Fixes
 from vgps.imu.camera_imu import used_imu
 from vgps.mapping.retention import RetentionPolicy
-from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GrayImage, GyroLog, ImuLog, Rig
-from vgps.online.archive import FixArchive, FrameArchive
-from vgps.online.estimate import OnlineEstimate, OnlineEvent, counts_as_news
+from vgps.model import Camera, FloatArray, Frame, GrayImage, GyroLog, ImuLog, Rig
+from vgps.online.archive import FrameArchive
+from vgps.online.estimate import OnlineEstimate, OnlineEvent
+from vgps.online.fix_intake import FixIntake
 from vgps.online.live_fusion import LiveFusion
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
@@ -30,8 +28,6 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.context import SmoothingContext
 from vgps.solution import Solution
 
-_SAME_TIME_S = 1e-6  # fixes closer in time are duplicates up to rounding
-_FURTHEST_AHEAD_S = 3600.0  # of the newest frame; later fixes are those of a clock that jumped
 _DISCARD_EVERY = 15  # frames; discarding costs more than keeping a few frames
 _GIVE_BACK_EVERY = 300  # frames; returning memory to the system takes milliseconds
 _MAX_WARNINGS = 500  # kept for the result
@@ -79,7 +75,8 @@ class OnlineSmoother:
         at_camera = used_imu(imu, rig.imu, rig.world_origin, config.imu)
         context = SmoothingContext(camera, config.with_gps(model="none"), imu=at_camera)
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
-        self._frames, self._fixes, self._placed = FrameArchive(), FixArchive(), 0
+        self._intake = FixIntake(self._frame_pipeline, config.gps, source, rig.world_origin)
+        self._frames = FrameArchive()
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
         self._fusion = LiveFusion(self._frame_pipeline, config, at_camera)
@@ -87,8 +84,7 @@ class OnlineSmoother:
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
-        self._refined = self._ahead = 0
-        self._origin: GeodeticPoint | None = rig.world_origin
+        self._refined = 0
         self.video_start_utc = rig.video_start_utc
 
     def add_fix(self, fix: Fix) -> bool:
@@ -101,20 +97,7 @@ class OnlineSmoother:
             Whether it was accepted; a fix without a position, at the time of another, or an hour ahead of the
             newest frame is not.
         """
-        frames_s = self._frame_pipeline.t_s
-        if len(frames_s) and fix.t_s - frames_s[-1] > _FURTHEST_AHEAD_S:
-            self._ahead += 1
-            if counts_as_news(self._ahead):
-                self.add_note(
-                    f"the receiver's clock jumped: {self._ahead} fixes from the future left out so far"
-                )
-            return False
-        taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self._fixes.times_s(self._placed))
-        if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
-            return False
-        self._fixes.append(fix)
-        self._place_fixes()
-        return True
+        return self._intake.add(fix)
 
     def add_gyro(self, t_s: float, rate_rad_s: FloatArray) -> None:
         """Record an angular rate (3,) in the gyro's axes, if ``keep_all`` is set."""
@@ -141,7 +124,7 @@ class OnlineSmoother:
         self.refine()
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
-        self._place_fixes()
+        self._intake.place()
         to_world, bridged = self._fusion.to_world(self._frame_pipeline.current), self._fusion.bridged()
         published = self._publisher.publish(frame, to_world, bridged)
         sigmas = self._fusion.sigmas(bridged) if published.posed else UNKNOWN_SIGMAS
@@ -157,7 +140,7 @@ class OnlineSmoother:
             published.local_T_camera,
             sigmas.position_m,
             sigmas.rotation_rad,
-            self._origin,
+            self._intake.origin,
             events,
             time.perf_counter() - begun,
         )
@@ -173,7 +156,7 @@ class OnlineSmoother:
             self._frame_pipeline.refine()
             self._fusion.refine()
         fix_buffer = self._frame_pipeline.fix_buffer
-        self._fixes.set_assessment(fix_buffer.number, fix_buffer.assessment)
+        self._intake.archive.set_assessment(fix_buffer.number, fix_buffer.assessment)
         self._report_verdicts()
         if frames % _DISCARD_EVERY == 0:
             self._archive_path()
@@ -235,10 +218,10 @@ class OnlineSmoother:
             camera=self._camera,
             rig=replace(self._rig, video_start_utc=self.video_start_utc),
             config=self._config,
-            origin=self._origin,
+            origin=self._intake.origin,
             frame_pipeline=self._frame_pipeline,
             frames=self._frames,
-            fixes=self._fixes,
+            fixes=self._intake.archive,
             gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
             imu=self._imu,
             warnings=tuple(self._warnings),
@@ -256,30 +239,13 @@ class OnlineSmoother:
             last = self._frame_pipeline.t_s[-1]
             raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
 
-    def _place_fixes(self) -> None:
-        """Convert new fixes to world coordinates, once a usable fix defines the origin."""
-        if self._placed == len(self._fixes):
-            return
-        log = self._fixes.log(self._source, slice(self._placed, None))
-        if self._origin is None:
-            if not len(self._frame_pipeline.t_s):
-                return
-            r_m, _ = region_sizes(log.fix_class, self._config.gps)
-            usable = np.flatnonzero(np.isfinite(r_m) & (log.t_s >= self._frame_pipeline.t_s[0]))
-            if not len(usable):
-                return
-            self._origin = fix_origin(log, int(usable[int(np.argmin(log.t_s[usable]))]))
-        position = to_enu(self._origin, log.latitude_deg, log.longitude_deg, log.height_m)
-        self._frame_pipeline.add_fixes(fixes_in_world(log, position, self._config.gps))
-        self._placed = len(self._fixes)
-
     def _report_verdicts(self) -> None:
         fix_buffer, current = self._frame_pipeline.fix_buffer, self._frame_pipeline.current
         if current is None or not current.aligned:
             return
         t_s = self._frame_pipeline.t_s
         since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
-        self._events += self._verdicts.changes(fix_buffer, self._fixes.fix_class, since_s, until_s)
+        self._events += self._verdicts.changes(fix_buffer, self._intake.archive.fix_class, since_s, until_s)
 
     def _note_warnings(self, t_s: float) -> None:
         """Add new warnings to the events, and up to ``_MAX_WARNINGS`` of them to the result."""
