@@ -1,6 +1,7 @@
 """Runs without a calibration: simulated lenses, and real recordings of cameras that nothing is known of."""
 
 import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from vgps.readers.calibration import read_camera
 from vgps.readers.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
+from vgps.runtime.timing import sequential_seconds
 from vgps.writers.run_folder import write_run
 
 
@@ -72,7 +74,10 @@ def test_a_guess_that_may_not_be_refined_is_told(recording):
 def test_a_simulated_walk_without_a_calibration_finds_its_camera(recording, tmp_path):
     opened = vgps.open_recording(without_camera(recording, tmp_path / "walk"))
     assert len(opened.guesses) == 2
+    begun = time.perf_counter()
     solution = vgps.smooth(opened)
+    elapsed_s = time.perf_counter() - begun
+    assert sequential_seconds(solution.seconds) == pytest.approx(elapsed_s, rel=0.01)  # all runs count
     write_run(solution, tmp_path / "run")
     found, true = read_camera(tmp_path / "run/camera.yaml"), read_camera(recording / "camera.yaml")
     assert found == solution.camera and found.model == "opencv"

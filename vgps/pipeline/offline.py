@@ -27,7 +27,7 @@ from vgps.pipeline.readout_estimation import with_readout
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
-from vgps.runtime.timing import StageTimer
+from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import FixTable, SensorReport, Solution
@@ -51,12 +51,17 @@ def smooth(
         VgpsError: The recording does not determine the poses.
     """
     config, progress = config or Config(), progress or NoProgress()
-    recording = with_found_camera(recording, config, progress)
-    solution = _smoothed(recording, config, progress, checkpoint)
-    better, settings = _better(recording, solution, config)
-    if better is not recording:
-        again = _smoothed(better, settings, progress, None)
-        solution = replace(again, config=solution.config)
+    timer = StageTimer()
+    with timer.measure("all"):
+        recording = with_found_camera(recording, config, progress)
+        solution = _smoothed(recording, config, progress, checkpoint)
+        better, settings = _better(recording, solution, config)
+        if better is not recording:
+            again = _smoothed(better, settings, progress, None)
+            solution = replace(again, config=solution.config)
+    # a resumed run has the seconds of stages that an earlier process ran
+    before_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
+    solution = replace(solution, seconds={**solution.seconds, "before": before_s})
     return with_gyro_note(solution, recording)
 
 

@@ -21,6 +21,7 @@ from vgps.solution import FrameState, Solution, Verdict
 from vgps.writers.page import embedded, write_page
 
 _STAGES = {
+    "before": "calibrating the camera, and runs before this one",
     "decode": "opening the video",
     "start": "initial map",
     "track": "A: tracking",
