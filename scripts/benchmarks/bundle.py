@@ -138,9 +138,7 @@ def main() -> None:
     parser = ScriptParser("benchmarks.bundle", __doc__)
     defaults = {"frames": 1110, "landmarks": 12000, "track": 12, "iterations": 4, "runs": 3, "laps": 1}
     for name, value in defaults.items():
-        parser.add_argument(
-            f"--{name}", type=int, default=value, help="number" if name != "track" else "frames"
-        )
+        parser.add_argument(f"--{name}", type=int, default=value, help=HELP.get(name, "number"))
     given = parser.parse_args()
     with parser.refusals():
         results = parser.results(given)

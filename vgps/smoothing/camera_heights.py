@@ -90,7 +90,7 @@ def measure_heights(scene: Scene) -> CameraHeights | str:
     tilt = float(np.arctan(np.median(fit.slope[flat])))
     if abs(tilt) > _MOST_TILT_RAD:
         return f"the surface below the camera is tilted by {np.degrees(abs(tilt)):.0f} degrees sideways"
-    log_height, sigma = _by_stretch(fit, passed, flat, height)
+    log_height, sigma = _by_stretch(fit, passed, flat)
     first, last = stretches[:-1][flat], stretches[1:][flat]
     return CameraHeights(
         first=first,
@@ -221,7 +221,7 @@ def _counts(fit: _Fit, stretches: int) -> _Counts:
     return _Counts(inside, np.asarray(0.5 * beside, dtype=np.float64))
 
 
-def _by_stretch(fit: _Fit, passed: _Passed, flat: BoolArray, height: float) -> tuple[FloatArray, FloatArray]:
+def _by_stretch(fit: _Fit, passed: _Passed, flat: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return log heights and their standard deviations of the stretches with a plane, each by its own."""
     weight = np.maximum(0.0, 1.0 - (fit.error / _BANDS[-1]) ** 2) ** 2
     normal, right = _normal_equations(fit, passed, np.where(np.isfinite(weight), weight, 0.0))
