@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
@@ -44,6 +46,33 @@ def test_returned_fixes_correct_the_pose_at_once():
     _, errors = live(drive, drive.seen(np.random.default_rng(0)), fixes)
     size = np.linalg.norm(errors, axis=1)
     assert size[-4:].max() < 0.15 < size[10:30].mean()
+
+
+def test_the_time_offset_of_late_fixes_is_found_and_widens_the_sigmas_before():
+    drive, late_s = DrivingCamera(600), 0.4
+    fixes = drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3)))
+    stamped = replace(fixes, t_s=fixes.t_s + late_s)
+    path = drive.seen(np.random.default_rng(2), share=0.5)
+    fits, errors = live(drive, path, stamped)
+    for fit, error_m, last in zip(fits, errors, range(25, 601, 10), strict=True):
+        sigma_m = np.sqrt(np.diag(fit.covariance_at_end(cut(path, 0, last), CONFIG)))[:3]
+        assert np.linalg.norm(error_m) < 3.0 * np.linalg.norm(sigma_m)
+    assert fits[-1].time_offset.time_offset_s == pytest.approx(late_s, abs=0.03)
+    assert np.linalg.norm(errors[0]) > 2.0 and np.linalg.norm(errors[-20:], axis=1).max() < 0.5
+    assert fits[0].time_offset.sigma_s > 0.3 and fits[-1].time_offset.sigma_s < 0.1
+
+
+def test_clocks_that_agree_are_left_alone():
+    drive = DrivingCamera(600)
+    fits, _ = live(
+        drive, drive.seen(np.random.default_rng(2)), drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3)))
+    )
+    assert abs(fits[-1].time_offset.time_offset_s) < 0.005 and fits[-1].time_offset.sigma_s < 0.03
+    held = CONFIG.model_copy(
+        update={"sensors": CONFIG.sensors.model_copy(update={"estimate_time_offset": "no"})}
+    )
+    fits, _ = live(drive, drive.seen(), drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3))), held)
+    assert fits[0].time_offset.sigma_s == fits[-1].time_offset.time_offset_s == 0.0
 
 
 def test_a_wrong_scale_and_heading_are_found_with_the_uncertainty_stated_before():

@@ -6,8 +6,9 @@ from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
 
 import vgps
 from vgps.online.fusion import fuse
-from vgps.online.fusion_equations import BIAS, MEAN_ROLL, UNKNOWNS, cost, normal_equations
+from vgps.online.fusion_equations import BIAS, MEAN_ROLL, TIME_OFFSET, UNKNOWNS, cost, normal_equations
 from vgps.online.fusion_nodes import fusion_nodes
+from vgps.online.node_fixes import seen_fixes
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_the_gradient_is_that_of_the_cost(fit):
     state = fit.state.moved(step)
     gradient = normal_equations(fit.nodes, state, fit.prior).gradient
     for node in (0, 3, 7):
-        for unknown in (0, 2, 5, 7, 9):
+        for unknown in (0, 2, 5, 7, 9, TIME_OFFSET):
             delta = np.zeros_like(step)
             delta[node, unknown] = 1e-6
             ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
@@ -111,7 +112,8 @@ def _first(state, count):
 def test_nodes_lie_at_fixes_and_not_far_apart():
     drive = DrivingCamera(200)
     fixes = drive.fixes(*fixed_then_float(3, 3, np.zeros(3)))  # the last at 5 s
-    nodes = fusion_nodes(drive.seen(), fixes, ANTENNA, vgps.Config(), None)
+    path = drive.seen()
+    nodes = fusion_nodes(path, seen_fixes(path, fixes, 0.0), ANTENNA, vgps.Config())
     assert np.diff(nodes.t_s).max() <= 1.5 + 1e-9 and nodes.t_s[-1] == drive.t_s[-1]
     np.testing.assert_allclose(nodes.t_s[nodes.fixes.node], fixes.t_s)
     assert np.flatnonzero(nodes.starts).tolist() == [0, 3]

@@ -82,7 +82,7 @@ def likelier_time_offset(
     second = np.floor((fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5)  # the stamps of 1 Hz in its middle
     spaced = fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
     pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
-    found = _without_prior(best_time_offset(pairs, prior), prior)
+    found = without_prior(best_time_offset(pairs, prior), prior)
     gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
     if gain <= 0.0 or pairs.degrees_of_freedom < 1:
         return sensors, ()
@@ -120,7 +120,7 @@ def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[Tim
     return TimeOffset(prior.time_offset_s + weighed_mean, sigma_s), float(share[1])
 
 
-def _without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
+def without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
     """Return what the fixes alone say of a time offset that was found under a prior."""
     information = max(found.sigma_s**-2 - prior.sigma_s**-2, _NO_INFORMATION)
     change = (found.time_offset_s - prior.time_offset_s) * found.sigma_s**-2 / information

@@ -147,9 +147,6 @@ class LocalMap:
         if update.poses is not None:
             row = update.first_frame - self.first_frame
             self._poses.values[row : row + len(update.poses)] = update.poses
-        if update.odometry is not None:
-            row = update.first_frame - self.first_frame
-            self._odometry.values[row : row + len(update.odometry)] = update.odometry
         if update.view is not None:
             self._push(update.view)
         if update.positions is not None:

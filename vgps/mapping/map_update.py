@@ -72,8 +72,6 @@ class MapUpdate:
         aligned: Whether the map's world is the world of the GPS fixes from now on.
         frames: New frames, in order.
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
-        odometry: Displacements (n, 3) from the frame before, in its axes, that replace those tracked from
-            frame ``first_frame`` on.
         view: Observations of the newest frame.
         positions: New positions of features.
         renew_full_tracks: Whether features whose history is full continue as new ones.
@@ -86,7 +84,6 @@ class MapUpdate:
     frames: tuple[NewFrame, ...] = ()
     first_frame: int = 0
     poses: FloatArray | None = None
-    odometry: FloatArray | None = None
     view: NewView | None = None
     positions: Positions | None = None
     renew_full_tracks: bool = False

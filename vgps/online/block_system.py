@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from vgps.model import FloatArray, IntArray
 
@@ -28,6 +28,11 @@ class BlockSystem:
             for i in range(n):
                 band[n + i - j, j : len(self.below) * n : n] = self.below[:, i, j]
         return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
+
+    def step(self) -> FloatArray:
+        """Return the increments (N, n) that solve them."""
+        step = cho_solve_banded((self.cholesky(), True), -self.gradient.ravel(), check_finite=False)
+        return np.asarray(step.reshape(self.gradient.shape))
 
     def last_covariance(self) -> FloatArray:
         """Return the covariance (n, n) of the last node, whose Schur complement ends the factor."""

@@ -15,28 +15,31 @@ from scipy.spatial.transform import Rotation
 from vgps.config import Config
 from vgps.geometry import cross_matrices, interpolate_vectors
 from vgps.gps.fixes import Fixes
+from vgps.gps.sensors import TimeOffset
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.block_system import BlockSystem
 from vgps.online.fusion_equations import (
-    BIAS,
     OFFSET,
     POSITION,
     ROTATION,
     SCALE,
+    TIME_OFFSET,
     UNKNOWNS,
     FirstNodePrior,
     FusionState,
     minimise,
     normal_equations,
     squared_deviations,
+    vague_prior,
 )
-from vgps.online.fusion_nodes import SAME_TIME_S, FusionNodes, fusion_nodes, video_drift
+from vgps.online.fusion_nodes import FusionNodes, fusion_nodes, video_drift
 from vgps.online.gravity import WINDOW_S, Gravity
+from vgps.online.live_time_offset import any_time_offset, believed_time_offset, with_time_offset_sigma
+from vgps.online.node_fixes import SAME_TIME_S, seen_fixes
 from vgps.online.video_path import VideoPath
 
 _ANY_ROLL_RAD, _NO_PITCH_RAD = 1.0, 1e-6  # biases of the elevations without an IMU
-_ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +50,15 @@ class FusedPath:
         nodes: Its nodes.
         state: Their values.
         prior: Of the first node.
-        covariance: (12, 12) of the last node.
-        system: The normal equations at these values.
+        time_offset: What is believed of the rest of the time offset.
+        covariance: (13, 13) of the last node.
+        system: The normal equations at these values, the time offset unknown.
     """
 
     nodes: FusionNodes
     state: FusionState
     prior: FirstNodePrior
+    time_offset: TimeOffset
     covariance: FloatArray
     system: BlockSystem
 
@@ -107,7 +112,7 @@ class FusedPath:
 
     @cached_property
     def _covariances(self) -> FloatArray:
-        return self.system.covariances()
+        return with_time_offset_sigma(self.system.covariances(), TIME_OFFSET, self.time_offset.sigma_s)
 
     def covariance_at(self, t_s: float) -> FloatArray:
         """Return the covariance (7, 7) of position, log scale and rotation at a time, by all fixes so far."""
@@ -145,28 +150,34 @@ def fuse(
 
     Args:
         path: At least two frames of a map that was aligned with the world once.
-        fixes: Fixes that take part, the time offset removed.
+        fixes: Fixes that take part, the time offset known before the map removed.
         camera_p_antenna: (3,) metres.
         config: Errors of fixes, drift, and the prior of a level camera.
         last: The fit of an earlier part of the same path.
         gravity: The vertical by an IMU, if there is one.
     """
-    prior = None
+    prior, rest_s = None, 0.0
     if last is not None:
         node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - SAME_TIME_S)), len(last.nodes.t_s) - 1)
         path, prior = path.since(float(last.nodes.t_s[node])), _prior_of(last, node)
-    inside = (fixes.t_s >= path.t_s[0] - SAME_TIME_S) & (fixes.t_s <= path.t_s[-1])
-    fixes = fixes.where(fixes.used & inside)
-    continued = _continued(fixes, last) if last is not None else None
-    nodes = fusion_nodes(path, fixes, camera_p_antenna, config, continued)
+        rest_s = last.time_offset.time_offset_s
+    seen = seen_fixes(path, fixes.where(fixes.used), rest_s)
+    continued = _continued(seen.fixes, last) if last is not None else None
+    nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued)
     if gravity is not None:
         nodes = _levelled(nodes, gravity, path, last)
     state = _start(nodes) if last is None else _continue(nodes, last)
     bias_rad = np.array([_ANY_ROLL_RAD, _NO_PITCH_RAD]) if gravity is None else np.full(2, gravity.bias_rad)
-    prior = prior or _vague_prior(state, bias_rad)
-    state, system = minimise(nodes, state, prior, config.drift.iterations)
+    prior = prior or vague_prior(state, bias_rad)
+    state = minimise(nodes, state, prior, config.drift.iterations)
+    unsure = replace(nodes, time_offset=any_time_offset(config.sensors))
+    system = normal_equations(unsure, state, prior)
+    covariance, preferred = system.last_covariance(), state.moved(system.step()).values[-1]
+    found = TimeOffset(float(preferred[TIME_OFFSET]), float(covariance[TIME_OFFSET, TIME_OFFSET]) ** 0.5)
+    believed = believed_time_offset(found, config.sensors)
+    covariance = with_time_offset_sigma(covariance, TIME_OFFSET, believed.sigma_s)
     return FusedPath(
-        nodes=nodes, state=state, prior=prior, covariance=system.last_covariance(), system=system
+        nodes=nodes, state=state, prior=prior, time_offset=believed, covariance=covariance, system=system
     )
 
 
@@ -197,14 +208,6 @@ def _levelled(nodes: FusionNodes, gravity: Gravity, path: VideoPath, last: Fused
     )
 
 
-def _vague_prior(state: FusionState, bias_rad: FloatArray) -> FirstNodePrior:
-    information = np.zeros(UNKNOWNS)
-    information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
-    information[ROTATION], information[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2
-    at = FusionState(state.values[:1], state.world_R_map[:1])
-    return FirstNodePrior(at, np.diag(information), np.zeros(UNKNOWNS))
-
-
 def _continued(fixes: Fixes, last: FusedPath) -> BoolArray:
     """Return whether the first fix (M,) goes on with an offset of the last fit, all others being false."""
     rows = np.zeros(len(fixes), dtype=bool)
@@ -232,11 +235,13 @@ def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
     if 0 < new < len(t_s):
         steps = np.diff(nodes.camera[new - 1 :, :3, 3], axis=0) @ (np.exp(values[-1, SCALE]) * R[-1]).T
         values[new:, POSITION] = values[new - 1, POSITION] + np.cumsum(steps, axis=0)
+    values[:, TIME_OFFSET] = nodes.time_offset.time_offset_s
     state = FusionState(values, R)
     known = before[last.nodes.starts]
     for start in np.flatnonzero(nodes.starts).tolist():
         if not (np.abs(known - t_s[start]) < SAME_TIME_S).any():
             fix = int(np.flatnonzero(nodes.fixes.node == start)[0])
-            antenna = values[start, POSITION] + R[start] @ nodes.fixes.arm[fix]
+            step = np.exp(values[start, SCALE]) * nodes.fixes.step[fix]
+            antenna = values[start, POSITION] + R[start] @ (step + nodes.fixes.arm[fix])
             values[start:, OFFSET] = nodes.fixes.world_p_fix[fix] - antenna
     return state

@@ -6,7 +6,6 @@ Everything is a chain, so that the matrix is block tridiagonal. Losses of Studen
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve_banded
 from scipy.spatial.transform import Rotation
 
 from vgps.geometry import cross_matrices
@@ -15,10 +14,11 @@ from vgps.online.block_system import BlockSum, BlockSystem
 from vgps.online.fusion_nodes import FusionNodes
 
 POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
-MEAN_ROLL, UNKNOWNS = 10, 12
+MEAN_ROLL, TIME_OFFSET, UNKNOWNS = 10, 12, 13
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
-_BIAS_HELD_RAD = 1e-4  # change of the bias from node to node
+_ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
+_HELD = np.array([1e-4, 1e-4, 1e-4])  # changes of biases (radians) and time offset (s) from node to node
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class FusionState:
     """Unknowns of the nodes.
 
     Attributes:
-        values: (N, 12) position, log scale, zeros, offset, and bias of the elevations; increments of the
-            rotation stand at the zeros.
+        values: (N, 13) position, log scale, zeros, offset, bias of the elevations, and what remains of the
+            time offset; increments of the rotation stand at the zeros.
         world_R_map: (N, 3, 3) rotation of the video's axes.
     """
 
@@ -35,7 +35,7 @@ class FusionState:
     world_R_map: FloatArray
 
     def moved(self, step: FloatArray) -> "FusionState":
-        """Return the state moved by increments (N, 12)."""
+        """Return the state moved by increments (N, 13)."""
         values = self.values + step
         values[:, ROTATION] = 0.0
         return FusionState(values, Rotation.from_rotvec(step[:, ROTATION]).as_matrix() @ self.world_R_map)
@@ -50,7 +50,7 @@ class FirstNodePrior:
     vector: FloatArray
 
     def distance(self, state: FusionState) -> FloatArray:
-        """Return d (12,) of a state's first node."""
+        """Return d (13,) of a state's first node."""
         d = state.values[0] - self.at.values[0]
         d[ROTATION] = Rotation.from_matrix(state.world_R_map[0] @ self.at.world_R_map[0].T).as_rotvec()
         return np.asarray(d)
@@ -59,6 +59,15 @@ class FirstNodePrior:
         """Return its cost."""
         d = self.distance(state)
         return float(0.5 * d @ self.information @ d + self.vector @ d)
+
+
+def vague_prior(state: FusionState, bias_rad: FloatArray) -> FirstNodePrior:
+    """Return next to nothing about the first node but biases (2,) of the elevations with these sigmas."""
+    information = np.zeros(UNKNOWNS)
+    information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
+    information[ROTATION], information[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2
+    at = FusionState(state.values[:1], state.world_R_map[:1])
+    return FirstNodePrior(at, np.diag(information), np.zeros(UNKNOWNS))
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,7 @@ class _Residuals:
     step: FloatArray
     turn: FloatArray
     fix_lever: FloatArray
+    fix_velocity: FloatArray
     fix: FloatArray
     elevation: FloatArray
     axes: FloatArray
@@ -81,17 +91,21 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
     middle = Rotation.from_rotvec(0.5 * turn).as_matrix() @ R[:-1]
     scale = np.exp(0.5 * (x[1:, SCALE] + x[:-1, SCALE]))
     video = np.diff(nodes.camera[:, :3, 3], axis=0)
-    step = scale[:, None] * (middle @ video[:, :, None])[:, :, 0]
+    video_step = scale[:, None] * (middle @ video[:, :, None])[:, :, 0]
     at = fixes.node
-    away = np.exp(x[at, SCALE])[:, None] * (R[at] @ fixes.step[:, :, None])[:, :, 0]
+    velocity, change_s = fixes.velocity, x[at, TIME_OFFSET] - fixes.time_offset_s
+    step = fixes.step - velocity * change_s[:, None]
+    placed = np.exp(x[at, SCALE])[:, None, None] * (R[at] @ np.stack([step, velocity], axis=2))
+    away = placed[:, :, 0]
     arm = (R[at] @ fixes.arm[:, :, None])[:, :, 0]
     axes = (R @ nodes.camera[:, :3, :3])[:, :, [0, 2]]
     return _Residuals(
-        step,
-        nodes.drift.step_information(step),
-        np.diff(x[:, POSITION], axis=0) - step,
+        video_step,
+        nodes.drift.step_information(video_step),
+        np.diff(x[:, POSITION], axis=0) - video_step,
         turn,
         np.stack([away, away + arm], axis=1),
+        placed[:, :, 1],
         x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix,
         axes[:, 2] - nodes.elevation - x[:, BIAS],
         axes,
@@ -118,7 +132,8 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     tail, heavy = nodes.walk_tail[1:], np.isfinite(nodes.walk_tail[1:])
     total = np.einsum("ni,nij,nj->", r.step, r.step_information, r.step)
     total += np.sum((np.diff(x[:, SCALE]) / drift.scale) ** 2)
-    total += np.sum((np.diff(x[:, BIAS], axis=0) / _BIAS_HELD_RAD) ** 2)
+    total += np.sum((np.diff(x[:, BIAS.start :], axis=0) / _HELD) ** 2)
+    total += ((x[0, TIME_OFFSET] - nodes.time_offset.time_offset_s) / nodes.time_offset.sigma_s) ** 2
     total += np.sum((r.turn / drift.rotation[:, None]) ** 2)
     total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
     total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
@@ -139,6 +154,7 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     J = np.zeros((len(r.fix), 3, UNKNOWNS))
     J[:, :, POSITION] = J[:, :, OFFSET] = np.eye(3)
     J[:, :, SCALE], J[:, :, ROTATION] = r.fix_lever[:, 0], -cross_matrices(r.fix_lever[:, 1])
+    J[:, :, TIME_OFFSET] = -r.fix_velocity
     noise, _ = _squares(nodes, state, r)
     weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + noise))[:, None] / nodes.fixes.noise_m**2
     total.add_each(J, weight, r.fix, nodes.fixes.node)
@@ -147,6 +163,9 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     J[:, 3:, 4], J[:, 3:, 5] = r.axes[:, 1], -r.axes[:, 0]
     weight = np.hstack([nodes.bound, nodes.level]) ** 2
     total.add_each(J, weight, np.hstack([x[:, OFFSET], r.elevation]), np.arange(count))
+    weight_s, prior_s = nodes.time_offset.sigma_s**-2.0, nodes.time_offset.time_offset_s
+    total.diagonal[0, TIME_OFFSET, TIME_OFFSET] += weight_s
+    total.gradient[0, TIME_OFFSET] += weight_s * (x[0, TIME_OFFSET] - prior_s)
     mean_roll_weight = 2.0 / (nodes.mean_roll**2 + x[0, MEAN_ROLL] ** 2)
     total.diagonal[0, MEAN_ROLL, MEAN_ROLL] += mean_roll_weight
     total.gradient[0, MEAN_ROLL] += mean_roll_weight * x[0, MEAN_ROLL]
@@ -166,23 +185,21 @@ def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState,
             drift.scale**-2.0,
             np.tile(drift.rotation[:, None] ** -2.0, 3),
             robust[:, None] / nodes.walk_m[1:] ** 2,
-            np.full((len(tail), 2), _BIAS_HELD_RAD**-2.0),
+            np.tile(_HELD**-2.0, (len(tail), 1)),
         ]
     )
     pick = np.tile(np.eye(UNKNOWNS)[3:], (len(tail), 1, 1))
-    total.add_between(-pick, pick, weight[:, :, None] * np.eye(9), change)
+    total.add_between(-pick, pick, weight[:, :, None] * np.eye(UNKNOWNS - 3), change)
 
 
-def minimise(
-    nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, iterations: int
-) -> tuple[FusionState, BlockSystem]:
-    """Return the optimised state and the normal equations there; a step that fails is halved."""
+def minimise(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, iterations: int) -> FusionState:
+    """Return the optimised state; a step that fails is halved."""
     current = cost(nodes, state, prior)
     for _ in range(iterations):
         system = normal_equations(nodes, state, prior)
-        step = cho_solve_banded((system.cholesky(), True), -system.gradient.ravel(), check_finite=False)
+        step = system.step()
         for halving in range(_HALVINGS):
-            trial = state.moved(step.reshape(-1, UNKNOWNS) * 0.5**halving)
+            trial = state.moved(step * 0.5**halving)
             trial_cost = cost(nodes, trial, prior)
             if trial_cost < current:
                 break
@@ -191,4 +208,4 @@ def minimise(
         decrease, state, current = current - trial_cost, trial, trial_cost
         if decrease < _MIN_DECREASE * max(abs(current), 1.0):
             break
-    return state, normal_equations(nodes, state, prior)
+    return state

@@ -62,7 +62,8 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
     whole = Trajectory(path.t_s[seen], poses[seen])
     assessment = given.assessment
     if len(whole) >= 2:
-        fixes = replace(given.fixes, used=given.fixes.used & judged)
+        rest_s = 0.0 if last is None else last.time_offset.time_offset_s
+        fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
         assessment = assessment.updated(found)
     fixes = assessment.applied(given.fixes)

@@ -1,9 +1,10 @@
 """The graph of live poses: nodes along the video's path, a fix or an interval of fixes at each.
 
 The video gives the shape of the path to centimetres over seconds; its scale and rotation drift. A fix is
-antenna + offset + noise (:mod:`vgps.gps.offsets`). So a node has position (3), log scale, rotation (3) of the
-video's axes, and the receiver's offset (3), and is tied to the one before it by the video's step, the drift
-and the walk of the offset. Unlike stage D this takes milliseconds, so that a fix counts as soon as it comes.
+antenna + offset + noise (:mod:`vgps.gps.offsets`), some time before its time stamp. So a node has position
+(3), log scale, rotation (3) of the video's axes, and the receiver's offset (3), and is tied to the one before
+it by the video's step, the drift and the walk of the offset. Unlike stage D this takes milliseconds, so that
+a fix counts as soon as it comes.
 """
 
 from dataclasses import dataclass, fields
@@ -16,11 +17,13 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.live_time_offset import HELD_S
+from vgps.online.node_fixes import SAME_TIME_S, NodeFixes, SeenFixes, node_fixes
 from vgps.online.video_path import VideoPath
 
 _NODE_S = 1.5  # longest time between nodes
-SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
 # Share of the rotation that ``drift`` allows for when fixes are judged. KITTI's visual odometries rotate by
 # 0.003 degrees per metre, that is 0.1 degrees while a car moves on by a knot; it is not measured for cameras
 # that are carried.
@@ -74,26 +77,6 @@ def video_drift(poses: FloatArray, frames: FloatArray, config: Config) -> VideoD
 
 
 @dataclass(frozen=True, kw_only=True)
-class NodeFixes:
-    """Fixes (M,) that take part.
-
-    Attributes:
-        node: (M,) node of each.
-        step: (M, 3) camera at the fix minus camera at the node, in the map.
-        arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
-        world_p_fix: (M, 3) the fixes.
-        noise_m: (M, 3) scales of Student's t, with ``tail`` (M,) degrees of freedom.
-    """
-
-    node: IntArray
-    step: FloatArray
-    arm: FloatArray
-    world_p_fix: FloatArray
-    noise_m: FloatArray
-    tail: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
 class FusionNodes:
     """Nodes (N,) and what ties them to each other and to the fixes.
 
@@ -108,6 +91,7 @@ class FusionNodes:
         starts: (N,) whether a fix there starts a new offset.
         elevation: (N, 2) sines of the elevation of the camera's x and z axes, but for a bias.
         level: (N, 2) square roots of the information that they are right.
+        time_offset: Prior of what remains of the time offset, which holds it.
         mean_roll: Scale (Cauchy) of the bias of x, the camera's mean roll; infinite if nothing is known.
     """
 
@@ -121,6 +105,7 @@ class FusionNodes:
     starts: BoolArray
     elevation: FloatArray
     level: FloatArray
+    time_offset: TimeOffset
     mean_roll: float
 
     def until(self, node: int) -> "FusionNodes":
@@ -139,22 +124,28 @@ class FusionNodes:
             starts=self.starts[rows],
             elevation=self.elevation[rows],
             level=np.where(last[:, None], 0.0, self.level[rows]),
+            time_offset=TimeOffset(0.0, np.inf),
             mean_roll=np.inf,
         )
 
 
 def fusion_nodes(
-    path: VideoPath, fixes: Fixes, camera_p_antenna: FloatArray, config: Config, continued: BoolArray | None
+    path: VideoPath,
+    seen: SeenFixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    continued: BoolArray | None = None,
 ) -> FusionNodes:
     """Return the nodes of a path: one for each interval of fixes, others between them, and one at either end.
 
     Args:
         path: At least two frames.
-        fixes: Fixes within the path that take part, the time offset removed.
+        seen: Fixes within the path that take part.
         camera_p_antenna: (3,) metres.
         config: Errors of fixes, drift, and the prior of a level camera.
         continued: (M,) which fixes do not start an offset because earlier ones, now forgotten, did.
     """
+    fixes = seen.fixes
     chain = chain_offsets(fixes, np.ones(len(fixes), dtype=bool), config.gps) if len(fixes) else _NO_CHAIN
     rows = chain.rows[chain.first]
     starts = chain.starts & ~continued[rows] if continued is not None else chain.starts
@@ -170,13 +161,14 @@ def fusion_nodes(
         t_s=t_s,
         camera=camera,
         drift=video_drift(camera, frames, config),
-        fixes=_node_fixes(path, fixes, camera_p_antenna, (camera, at[chain.offset]), config),
+        fixes=node_fixes(seen, camera_p_antenna, camera, at[chain.offset], config),
         bound=bound,
         walk_m=walk_m,
         walk_tail=tail,
         starts=begins,
         elevation=np.zeros((len(t_s), 2)),
         level=np.sqrt(knots)[:, None] / level_rad,
+        time_offset=TimeOffset(seen.rest_s, HELD_S),
         mean_roll=_LEVEL_SHARE * np.radians(config.start.level_sigma_deg),
     )
 
@@ -197,28 +189,6 @@ def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntAr
     between = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
     t_s = np.concatenate([*between, ends[-1:]])
     return t_s, np.searchsorted(t_s, fix_t_s - SAME_TIME_S)
-
-
-def _node_fixes(
-    path: VideoPath,
-    fixes: Fixes,
-    camera_p_antenna: FloatArray,
-    nodes: tuple[FloatArray, IntArray],
-    config: Config,
-) -> NodeFixes:
-    camera, node = nodes
-    seen = path.at(fixes.t_s)
-    errors = [in_the_mean(one) for one in errors_of(fixes, config.gps)]
-    return NodeFixes(
-        node=node,
-        step=seen[:, :3, 3] - camera[node, :3, 3],
-        arm=seen[:, :3, :3] @ camera_p_antenna,
-        world_p_fix=fixes.world_p_fix,
-        noise_m=np.array(
-            [[one.noise_m * ratio for ratio in (1.0, 1.0, one.vertical)] for one in errors]
-        ).reshape(-1, 3),
-        tail=np.array([one.tail for one in errors]),
-    )
 
 
 def _offset_ties(

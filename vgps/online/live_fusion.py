@@ -8,9 +8,10 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.geometry import travelled
+from vgps.gps.sensors import TimeOffset
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion import FusedPath
@@ -58,6 +59,8 @@ class LiveFusion:
         self._latest: FitResult | None = None
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._seen = (0, 0)  # frames and fixes of the last fit
+        # now, and when the newest map began: the fits find the rest
+        self._time_offset_s = self._known_s = config.sensors.time_offset_s
 
     @property
     def _fused(self) -> FusedPath | None:
@@ -71,10 +74,11 @@ class LiveFusion:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
             self._map, self._job, self._latest = current, None, None
+            self._known_s = self._time_offset_s
         if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
             self._take()
-        if self._latest is not None:  # stage C hands back the verdicts that it began with
-            pipeline.fix_buffer.update_assessment(self._latest.number, self._latest.assessment)
+        if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
+            self._update_fixes(self._latest)
         if current is None or not current.aligned or self._job is not None:
             return
         if self._fused is None:
@@ -109,17 +113,15 @@ class LiveFusion:
             self._start(fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
             return
         self._latest = result
-        self._frame_pipeline.fix_buffer.update_assessment(result.number, result.assessment)
-        self._scale_odometry()
+        self._update_fixes(result)
 
-    def _scale_odometry(self) -> None:
-        """Give the map's odometry the scale of the world, which the estimate of the time offset needs."""
-        if self._map is not None and self._fused is not None:
-            path = self._path(self._map)
-            steps = self._fused.scale(path)[1:, None] * np.diff(path.poses[:, :3, 3], axis=0)
-            odometry = (path.poses[:-1, :3, :3].transpose(0, 2, 1) @ steps[:, :, None])[:, :, 0]
-            first = self._map.next_frame - len(odometry)
-            self._map.apply(MapUpdate(first_frame=first, odometry=odometry))
+    def _update_fixes(self, result: FitResult) -> None:
+        """Take over the verdicts on the fixes and their time offset."""
+        fix_buffer, rest = self._frame_pipeline.fix_buffer, result.fused.time_offset
+        self._time_offset_s = self._known_s + rest.time_offset_s
+        fix_buffer.update_assessment(result.number, result.assessment)
+        found = TimeOffset(self._time_offset_s, rest.sigma_s)
+        fix_buffer.sensors = fix_buffer.sensors.with_time_offset(found)
 
     def place_map(self, world_T_camera: FloatArray) -> None:
         """Put the newest map into the world, after the last frame.
@@ -221,7 +223,7 @@ class LiveFusion:
     def _begin(self, current: LocalMap) -> None:
         pipeline, path = self._frame_pipeline, self._path(current)
         fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
-        fixes = fix_buffer.fixes.without_time_offset(sensors.time_offset_s)
+        fixes = fix_buffer.fixes.without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         given = FitInput(
             path=VideoPath(t_s=path.t_s.copy(), poses=path.poses.copy(), moving=path.moving),

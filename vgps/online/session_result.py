@@ -115,7 +115,9 @@ def session_solution(session: SessionRecord) -> Solution:
         observations=observations,
         gps=log,
         fixes=table,
-        sensors=SensorReport(sensors.time_offset_s, np.nan, (np.nan, np.nan, np.nan)),
+        sensors=SensorReport(
+            sensors.time_offset_s, sensors.prior_time_offset.sigma_s or np.nan, (np.nan, np.nan, np.nan)
+        ),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
         seconds=dict(session.frame_pipeline.timer.by_stage),
         warnings=session.warnings,

@@ -16,6 +16,7 @@ from vgps.online.archive import FrameArchive
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 from vgps.online.fix_intake import FixIntake
 from vgps.online.live_fusion import LiveFusion
+from vgps.online.live_time_offset import video_alone
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
 from vgps.online.session_result import SessionRecord, session_front_end, session_solution
@@ -73,7 +74,7 @@ class OnlineSmoother:
         retention = None if keep_all else RetentionPolicy.of(config)
         # stage C follows the video alone: a path bent to fixes no longer contradicts them
         at_camera = used_imu(imu, rig.imu, rig.world_origin, config.imu)
-        context = SmoothingContext(camera, config.with_gps(model="none"), imu=at_camera)
+        context = SmoothingContext(camera, video_alone(config), imu=at_camera)
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._intake = FixIntake(self._frame_pipeline, config.gps, source, rig.world_origin)
         self._frames = FrameArchive()

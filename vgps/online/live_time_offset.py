@@ -1,0 +1,53 @@
+"""What is believed of the time offset while the video runs, and what that means for the poses.
+
+A fit holds the time offset at what was believed before, and its normal equations tell what the fixes prefer.
+Two hypotheses are weighed by that (:func:`vgps.gps.time_offset.weighed`): clocks that agree, and any time
+offset. The video's scale drifts in spells, which look like a time offset while a vehicle speeds up; so what
+the fixes prefer counts with ``significance_sigmas`` times its standard deviation, and no better than clocks
+agree. The uncertainty of the time offset is added to that of the poses (Schmidt's considered parameter:
+Jazwinski, Stochastic Processes and Filtering Theory, 1970, section 8.4).
+"""
+
+import numpy as np
+
+from vgps.config import Config, SensorsConfig
+from vgps.gps.sensors import TimeOffset
+from vgps.gps.time_offset import weighed, without_prior
+from vgps.model import FloatArray
+
+HELD_S = 1e-4  # standard deviation with which a fit holds the time offset
+_AGREE_S = 1e-6  # standard deviation of clocks that agree
+
+
+def video_alone(config: Config) -> Config:
+    """Return the settings of a stage C that leaves fixes and their time offset to the fusion."""
+    sensors = config.sensors.model_copy(update={"estimate_time_offset": "no"})
+    return config.with_gps(model="none").model_copy(update={"sensors": sensors})
+
+
+def any_time_offset(config: SensorsConfig) -> TimeOffset:
+    """Return the prior of the rest of the time offset where clocks do not agree."""
+    return TimeOffset(0.0, config.time_offset_sigma_s)
+
+
+def believed_time_offset(found: TimeOffset, config: SensorsConfig) -> TimeOffset:
+    """Return the rest of the time offset with its standard deviation.
+
+    Args:
+        found: What the fixes prefer, under :func:`any_time_offset`.
+        config: Both hypotheses.
+    """
+    if config.estimate_time_offset == "no":
+        return TimeOffset(0.0, 0.0)
+    prior = any_time_offset(config)
+    said = without_prior(found, prior)
+    sigma_s = float(np.hypot(config.significance_sigmas * said.sigma_s, config.trusted_time_offset_s))
+    agree_s = _AGREE_S if config.estimate_time_offset == "auto" else prior.sigma_s
+    return weighed(TimeOffset(said.time_offset_s, sigma_s), prior, agree_s)[0]
+
+
+def with_time_offset_sigma(covariance: FloatArray, row: int, sigma_s: float) -> FloatArray:
+    """Return covariances (..., n, n) in which the time offset, in one row, has another standard deviation."""
+    gain = covariance[..., :, row] / covariance[..., row, row, None]
+    added = sigma_s**2 - covariance[..., row, row, None, None]
+    return np.asarray(covariance + added * gain[..., :, None] * gain[..., None, :])
