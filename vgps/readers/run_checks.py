@@ -210,6 +210,8 @@ def check_arrays(arrays: Arrays, file: Path) -> None:
         if array.dtype.kind not in _KINDS[key]:
             expected_type = "floats" if _KINDS[key] == "f" else None
             raise _damaged(f"values of type {array.dtype}", key, file, expected_type)
+        if key in _WORDS and not "".join(array.tolist()).isprintable():
+            raise _damaged("text with control characters", key, file)
     for key, name in _POINTERS.items():
         rows = arrays.get(key, np.zeros(0, np.int64))
         if rows.size and not 0 <= rows.min() <= rows.max() < sizes.get(name, 0):
