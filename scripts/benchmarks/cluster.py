@@ -12,15 +12,15 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from distributed import LocalCluster
 
 from scripts.common.command import ScriptParser
 from scripts.common.markdown import LiveTable
+from scripts.common.scenes import small_walk
 from scripts.common.stopwatch import stopwatch
-from vgps.simulate import SCENES, GpsConfig, simulate
+from vgps.simulate import simulate
 from vgps.writers.run_folder import FILES
 
 
@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=8, help="number of walks")
     given = parser.parse_args()
     results, columns = parser.results(given), LiveTable("workers", "killed", "s", "speed", "same bytes")
-    small = replace(SCENES["demo"], width=320, height=240, focal_px=260.0, gps=GpsConfig(fix_share=0.5))
+    small = small_walk(0.5)
     with tempfile.TemporaryDirectory() as folder:
         walks = Path(folder)
         for number in range(given.recordings):

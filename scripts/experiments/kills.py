@@ -18,15 +18,16 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from scripts.common.command import ScriptParser
+from scripts.common.scenes import small_walk
 from vgps.landmarks.info import database_info
 from vgps.readers.run_files import run_folders
 from vgps.readers.run_folder import read_run
-from vgps.simulate import SCENES, GpsConfig, simulate
+from vgps.simulate import simulate
 
 _SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 _EXPECTED = {
@@ -160,7 +161,7 @@ def main() -> None:
     rng, wrong = random.Random(given.seed), 0
     with tempfile.TemporaryDirectory() as scratch:
         recording, run, again = (Path(scratch) / name for name in ("recording", "run", "again"))
-        small = replace(SCENES["demo"], width=320, height=240, focal_px=260.0, gps=GpsConfig(fix_share=0.5))
+        small = small_walk(0.5)
         simulate(recording, small, seed=3)
         every = verbs(recording, run, again)
         if started(every[0], Path(scratch)).wait() != 0:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +22,7 @@ from pynmeagps import calc_checksum
 
 from scripts.common.command import ScriptParser
 from scripts.common.memory import resident_mb
+from scripts.common.scenes import small_walk
 from vgps.config import Config
 from vgps.geodesy import to_geodetic
 from vgps.model import GeodeticPoint, GrayImage
@@ -30,7 +31,7 @@ from vgps.online.gps_messages import Epochs, messages
 from vgps.readers.fixes import unix_s
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import SCENES, GpsConfig, simulate
+from vgps.simulate import simulate
 
 _RATE_HZ = 5.0
 _SPELL_S = 30.0
@@ -108,7 +109,7 @@ def main() -> None:
     given = parser.parse_args()
     results, rng = parser.results(given), random.Random(0)
     with tempfile.TemporaryDirectory() as scratch:
-        small = replace(SCENES["demo"], width=320, height=240, focal_px=260.0, gps=GpsConfig(fix_share=1.0))
+        small = small_walk(1.0)
         simulate(Path(scratch) / "walk", small, seed=3)
         opened = open_recording(Path(scratch) / "walk")
         true = read_trajectory(Path(scratch) / "walk/truth.tum").world_T_camera
