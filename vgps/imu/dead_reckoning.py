@@ -16,10 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import ImuConfig
 from vgps.geometry import interpolate_poses, interpolate_vectors
-from vgps.geometry.angular_rates import GyroIntegral
 from vgps.imu.camera_imu import CameraImu
 from vgps.imu.rotation import RotationPredictor
-from vgps.model import FloatArray, GyroLog
+from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
 _FIT_S, _SHORTEST_S = 4.0, 1.0  # of the path that is fitted; over longer ones the video drifts
@@ -65,7 +64,6 @@ class DeadReckoning:
     def __init__(self, imu: CameraImu, config: ImuConfig) -> None:
         self._imu, self._config = imu, config
         self._rotation = RotationPredictor(imu, config)
-        self._integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
 
     def pose(self, path: Trajectory, errors: PathErrors, t_s: float) -> Reckoned | None:
         """Return the pose at a time after the end of a path.
@@ -108,7 +106,7 @@ class DeadReckoning:
         """Return the camera's rotations (T, 3, 3): of the path, and after its end by the gyro."""
         R = interpolate_poses(path.t_s, path.world_T_camera, times)[:, :3, :3]
         last = int(np.searchsorted(times, path.t_s[-1]))
-        rate, step_s = self._integral.steps(float(times[last]), float(times[-1]))
+        rate, step_s = self._rotation.integral.steps(float(times[last]), float(times[-1]))
         turns = Rotation.from_rotvec((rate - bias_rad_s) * step_s[:, None]).as_matrix()
         for row, turn in enumerate(turns, last + 1):
             R[row] = R[row - 1] @ turn

@@ -39,11 +39,14 @@ class RotationPredictor:
     Args:
         imu: Samples at the camera.
         config: Errors of the gyro.
+
+    Attributes:
+        integral: Of the rates.
     """
 
     def __init__(self, imu: CameraImu, config: ImuConfig) -> None:
         self._imu, self._config = imu, config
-        self._integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
+        self.integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
 
     def predict(self, path: Trajectory, t_s: float) -> PredictedRotation | None:
         """Return the camera's rotation from its axes at a later time to those of the last frame.
@@ -77,7 +80,7 @@ class RotationPredictor:
         if not self._imu.covers(*span)[0]:
             return None
         bias = self._imu.bias[3:] if bias is None else bias
-        return np.asarray(self._integral.relative_rotations(*span, bias)[0])
+        return np.asarray(self.integral.relative_rotations(*span, bias)[0])
 
     def bias(self, path: Trajectory) -> GyroBias | None:
         """Return the bias by the last frames; None if they turned otherwise than the gyro."""
@@ -88,7 +91,7 @@ class RotationPredictor:
         if not kept.any():
             return GyroBias(self._imu.bias[3:], _BIAS_SIGMA)
         start_s, end_s = t_s[:-1][kept], t_s[1:][kept]
-        by_gyro = self._integral.relative_rotations(start_s, end_s)
+        by_gyro = self.integral.relative_rotations(start_s, end_s)
         by_path = rotation[:-1][kept].transpose(0, 2, 1) @ rotation[1:][kept]
         interval_s = (end_s - start_s)[:, None]
         off = Rotation.from_matrix(by_path.transpose(0, 2, 1) @ by_gyro).as_rotvec() / interval_s
