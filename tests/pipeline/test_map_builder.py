@@ -10,7 +10,7 @@ from vgps.mapping.map_update import MapUpdate, NewFeatures, NewView
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Frame
 from vgps.pipeline.map_builder import MapBuilder
-from vgps.tracking.frame_tracker import TrackingResult
+from vgps.tracking.tracking_result import TrackingResult
 
 UNKNOWN = np.full((4, 4), np.nan)
 FEATURES = np.array([[10.0, 10.0], [50.0, 20.0], [90.0, 80.0]])

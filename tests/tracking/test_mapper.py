@@ -167,6 +167,20 @@ def test_a_full_track_goes_on_as_a_new_feature_at_the_same_place():
     assert np.isfinite(local_map.views[..., 0]).sum(axis=1).tolist() == [1] * len(before)
 
 
+def test_a_feature_whose_views_disagree_gathers_evidence_that_it_moves():
+    history = CONFIG.mapping.max_track_frames
+    local_map, _ = followed_map(path(history))
+    disturb(local_map, 0, -1, [30.0, 30.0])
+    forget_positions(local_map, np.array([0]))
+    for count in range(1, history + 3):
+        update = mapper().triangulate_due(local_map)
+        local_map.apply(replace(update, renew_full_tracks=False))
+        evidence = local_map.moving_views[local_map.ids]
+        assert evidence[0] == min(count, history) and set(evidence[1:]) == {-min(count, history)}
+    local_map.apply(MapUpdate(renew_full_tracks=True))
+    np.testing.assert_array_equal(local_map.moving_views[local_map.ids], evidence)
+
+
 def empty_map():
     local_map = LocalMap(0, 5)
     nothing = np.zeros((0, 2))

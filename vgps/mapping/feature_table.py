@@ -1,4 +1,4 @@
-"""Position, reliability and luminance of every feature of a map, by feature id."""
+"""Position, reliability, luminance and evidence of motion of every feature of a map, by feature id."""
 
 import copy
 
@@ -17,6 +17,7 @@ class FeatureTable:
         self._points = np.full((_GROWTH, 3), np.nan)
         self._sigma_px = np.full(_GROWTH, np.nan)
         self._gray = np.zeros(_GROWTH, dtype=np.uint8)
+        self._moving_views = np.zeros(_GROWTH, dtype=np.int64)
         self._count = 0
 
     def __len__(self) -> int:
@@ -37,6 +38,11 @@ class FeatureTable:
         """(T,) luminance of each feature in its first observation."""
         return self._gray[: self._count]
 
+    @property
+    def moving_views(self) -> IntArray:
+        """(T,) number of views in which each feature fitted no static point, less those in which it did."""
+        return self._moving_views[: self._count]
+
     def copy(self) -> "FeatureTable":
         """Return a table whose positions can change while this one grows."""
         twin = copy.copy(self)
@@ -52,6 +58,7 @@ class FeatureTable:
             self._points = np.concatenate([self._points, np.full((more, 3), np.nan)])
             self._sigma_px = np.concatenate([self._sigma_px, np.full(more, np.nan)])
             self._gray = np.concatenate([self._gray, np.zeros(more, dtype=np.uint8)])
+            self._moving_views = np.concatenate([self._moving_views, np.zeros(more, dtype=np.int64)])
         self._gray[ids] = gray
         return ids
 
@@ -59,6 +66,7 @@ class FeatureTable:
         """Add features (n,) with the rows of others (n,), and return their ids."""
         new = self.add(self._gray[ids])
         self._points[new], self._sigma_px[new] = self._points[ids], self._sigma_px[ids]
+        self._moving_views[new] = self._moving_views[ids]
         return new
 
     def place(self, positions: Positions) -> None:
@@ -73,5 +81,5 @@ class FeatureTable:
     def drop_first(self, count: int) -> None:
         """Discard the first features and lower the ids of the others by ``count``."""
         self._points, self._sigma_px = self._points[count:].copy(), self._sigma_px[count:].copy()
-        self._gray = self._gray[count:].copy()
+        self._gray, self._moving_views = self._gray[count:].copy(), self._moving_views[count:].copy()
         self._count -= count

@@ -8,6 +8,13 @@ from vgps.model import FloatArray
 _START = 256  # rows allocated at first
 
 
+def read_only(values: FloatArray) -> FloatArray:
+    """Return a view of an array that cannot be written to."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
 class GrowingArray:
     """Float rows of one shape; memory doubles when it is full, so appending n rows costs O(n).
 

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 
 from vgps.mapping.feature_table import FeatureTable
-from vgps.mapping.growing_array import GrowingArray
+from vgps.mapping.growing_array import GrowingArray, read_only
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Similarity
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
@@ -50,17 +50,17 @@ class LocalMap:
     @property
     def poses(self) -> FloatArray:
         """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where unknown; read-only."""
-        return _read_only(self._poses.values)
+        return read_only(self._poses.values)
 
     @property
     def t_s(self) -> FloatArray:
         """(n,) times of these frames; read-only."""
-        return _read_only(self._t_s.values)
+        return read_only(self._t_s.values)
 
     @property
     def odometry(self) -> FloatArray:
         """(n, 3) tracked displacement from the previous frame, in its axes, NaN where unknown; read-only."""
-        return _read_only(self._odometry.values)
+        return read_only(self._odometry.values)
 
     @property
     def zero_motions(self) -> tuple[ZeroMotion, ...]:
@@ -91,17 +91,22 @@ class LocalMap:
     @property
     def points(self) -> FloatArray:
         """(T, 3) position of every feature ever followed, NaN where it has none; read-only."""
-        return _read_only(self._features.points)
+        return read_only(self._features.points)
 
     @property
     def sigma_px(self) -> FloatArray:
         """(T,) reliability sigma_j (13) of every feature, NaN where it has no position; read-only."""
-        return _read_only(self._features.sigma_px)
+        return read_only(self._features.sigma_px)
 
     @property
     def gray(self) -> np.ndarray:
         """(T,) luminance of every feature in its first observation."""
         return self._features.gray
+
+    @property
+    def moving_views(self) -> IntArray:
+        """(T,) number of views in which each feature fitted no static point, less those in which it did."""
+        return self._features.moving_views
 
     @property
     def positioned(self) -> BoolArray:
@@ -151,6 +156,8 @@ class LocalMap:
             self._push(update.view)
         if update.positions is not None:
             self._features.place(update.positions)
+        if update.more_moving_views is not None:
+            self._features.moving_views[self.ids] += update.more_moving_views
         if update.renew_full_tracks:
             self._renew_full_tracks()
         if update.features is not None:
@@ -239,9 +246,3 @@ class LocalMap:
         self.discarded_features += count
         self.ids = self.ids - count
         self._log.lower_ids(count)
-
-
-def _read_only(values: FloatArray) -> FloatArray:
-    view = values.view()
-    view.flags.writeable = False
-    return view

@@ -74,6 +74,7 @@ class MapUpdate:
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
         view: Observations of the newest frame.
         positions: New positions of features.
+        more_moving_views: (N,) what is added to ``moving_views`` of the followed features.
         renew_full_tracks: Whether features whose history is full continue as new ones.
         features: Features that start in the newest view.
         zero_motions: Constraints of standing frames; they replace earlier ones of the same frames.
@@ -86,6 +87,7 @@ class MapUpdate:
     poses: FloatArray | None = None
     view: NewView | None = None
     positions: Positions | None = None
+    more_moving_views: IntArray | None = None
     renew_full_tracks: bool = False
     features: NewFeatures | None = None
     zero_motions: tuple[ZeroMotion, ...] = ()

@@ -22,10 +22,11 @@ from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.map_alignment import align_to_control, align_to_fixes
 from vgps.tracking.control_points import control_poses
-from vgps.tracking.frame_tracker import FrameTracker, TrackingResult
+from vgps.tracking.frame_tracker import FrameTracker
 from vgps.tracking.mapper import Mapper
 from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
+from vgps.tracking.tracking_result import TrackingResult
 
 _MAX_REASON = 200  # characters of an error in a warning
 
@@ -39,7 +40,7 @@ class FramePipeline:
         warnings: Warnings for the user.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
-        tracker: Stage A, which also finds what never moves in the picture.
+        tracker: Stage A, which also finds what is to be left out of the picture.
 
     Args:
         context: Camera, control points and settings.
@@ -202,8 +203,7 @@ class FramePipeline:
             self._grow_next_map(frame)
             return
         builder.relocaliser, self._next = None, None
-        warning = builder.bridge(self.t_s, frame.index, result.world_T_camera)
-        self.warnings += [warning] if warning else []
+        self.warnings += filter(None, [builder.bridge(self.t_s, frame.index, result.world_T_camera)])
         builder.add_pose(frame.t_s, result.world_T_camera)
         if builder.stands(frame, result, self.config.tracking, self._retention):
             builder.add_zero_motion(frame.index, result)
@@ -211,9 +211,9 @@ class FramePipeline:
         builder.add_view(frame, result)
         with self.timer.measure("map"):
             local_map.apply(self._mapper.triangulate_due(local_map))
-            local_map.apply(self._mapper.new_features(local_map, frame))
-        builder.since_window += 1
-        builder.moved = True
+            local_map.apply(self.tracker.moving.leave_out(local_map))
+            local_map.apply(self._mapper.new_features(local_map, frame, self.tracker.moving))
+        builder.since_window, builder.moved = builder.since_window + 1, True
 
     def _align(self, builder: MapBuilder) -> None:
         """Align the map with the world by control points or fixes, once they suffice."""

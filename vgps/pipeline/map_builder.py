@@ -13,9 +13,9 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.mapping.trajectory import map_trajectory
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray, Frame, GrayImage
-from vgps.tracking.frame_tracker import TrackingResult
 from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
+from vgps.tracking.tracking_result import TrackingResult
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite

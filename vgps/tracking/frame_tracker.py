@@ -1,7 +1,7 @@
 """Stage A, Kume 2010: match the followed features in a new frame and pose the camera by them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -9,53 +9,20 @@ import numpy as np
 
 from vgps.camera import distort, undistort
 from vgps.config import MappingConfig, TrackingConfig
-from vgps.geometry import project, rays, reprojection_inliers
+from vgps.geometry import project, rays
 from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
-from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import Match, Matcher, make_matcher
-from vgps.tracking.pose import Correspondences, Prediction, lmeds_pose, refine_pose
+from vgps.tracking.moving_regions import MovingRegions
+from vgps.tracking.pose import Prediction, lmeds_pose, refine_pose
 from vgps.tracking.reference_patches import ReferencePatches
 from vgps.tracking.row_motion import row_shifts
 from vgps.tracking.static_regions import StaticRegions
+from vgps.tracking.tracking_result import TrackingResult
 
 _MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackingResult:
-    """Observations of the map's followed features in one frame, and the frame's pose unless it is lost.
-
-    Attributes:
-        raw_uv_px, uv_px: (N, 2) in the distorted and in the undistorted image.
-        found: (N,) whether each feature was found.
-        lens: (N, 2, 2) from :mod:`vgps.lens_jacobian`; None for a pinhole.
-        world_T_camera: (4, 4), or None if the frame is lost.
-        pose_sigma: (6,) standard deviations [rotation rad; translation], with the features held.
-    """
-
-    raw_uv_px: FloatArray
-    uv_px: FloatArray
-    found: BoolArray
-    lens: FloatArray | None = None
-    world_T_camera: FloatArray | None = None
-    pose_sigma: FloatArray | None = None
-
-    def shown_by(self, mask: BoolArray | None) -> "TrackingResult":
-        """Return the result without features where a mask (H, W) does not show the scene."""
-        return replace(self, found=self.found & is_shown(mask, self.raw_uv_px)) if mask is not None else self
-
-    def agrees(
-        self, K: FloatArray, world_T_camera: FloatArray, points: FloatArray, limit_px: float
-    ) -> BoolArray:
-        """Return whether the observations agree with points (N, 3) seen from a pose."""
-        return reprojection_inliers(K, world_T_camera, points, self.uv_px, limit_px, self.lens)
-
-    def matches(self, points: FloatArray, kept: BoolArray) -> Correspondences:
-        """Return the observations that a mask (N,) keeps with their points (N, 3)."""
-        return Correspondences(points, self.uv_px, self.lens).where(kept)
 
 
 class FrameTracker:
@@ -63,6 +30,7 @@ class FrameTracker:
 
     Attributes:
         static: What never moves in the picture.
+        moving: What moves on its own.
     """
 
     def __init__(
@@ -73,16 +41,18 @@ class FrameTracker:
         self._rng = rng
         self._matcher: Matcher = make_matcher(tracking)
         self.static = StaticRegions(camera, tracking, mapping)
+        self.moving = MovingRegions(camera, tracking, mapping)
         self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
 
     def state(self, maps: Sequence[LocalMap]) -> dict[str, Any]:
-        """Return what the next frames depend on: the reference patches of maps, and the static cells."""
+        """Return what the next frames depend on: the reference patches of maps, and what is left out."""
         patches = [(one, self._patches[one].patches) for one in maps if one in self._patches]
-        return {"patches": patches, "static": self.static.cells}
+        return {"patches": patches, "static": self.static.cells, "moving": self.moving.state(maps)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over a state; see :meth:`state`."""
         self.static.cells = state["static"]
+        self.moving.restore(state["moving"])
         for local_map, given in state["patches"]:
             self._patches[local_map] = ReferencePatches(self._camera)
             self._patches[local_map].patches = given
@@ -128,18 +98,18 @@ class FrameTracker:
         match = self._matcher.match(previous, frame.gray, local_map.raw_uv_px, search_uv)
         first = result = self._undistorted(match).shown_by(frame.mask)
         shift = self._row_shifts(local_map, predicted)
-        result = _shifted(result, shift, -1.0)
+        result = result.shifted(shift, -1.0)
         usable = local_map.positioned & result.found
         if usable.sum() < self._config.min_inliers:
-            return _shifted(result, shift)
+            return result.shifted(shift)
         matches = result.matches(local_map.points[local_map.ids], usable)
         by_motion, _ = refine_pose(self._K, predicted, matches, np.ones(len(matches)), _GUESS_ITERATIONS)
         guesses = np.array([by_motion, predicted, local_map.pose(int(local_map.view_frames[-1]))])
         samples, good_px = self._config.lmeds_samples, 0.4 * self._config.inlier_px
         tentative = lmeds_pose(self._K, matches, guesses, samples, self._rng, good_px)
         tentative, _ = self._refine(local_map, result, usable, tentative, prediction)
-        result, shift = _shifted(result, shift), self._row_shifts(local_map, tentative)
-        result = _shifted(result, shift, -1.0)
+        result, shift = result.shifted(shift), self._row_shifts(local_map, tentative)
+        result = result.shifted(shift, -1.0)
         aligned = self._aligned(local_map, (previous, frame), result, tentative, shift)
         matched = local_map.positioned & (result.found | aligned.found)
         min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
@@ -148,7 +118,7 @@ class FrameTracker:
             fitting = final.found & first.found & local_map.positioned
             match = Match(first.raw_uv_px, first.found)
             self.static.observe(local_map, match, first.uv_px, fitting, final.world_T_camera)
-        return _shifted(final, shift)
+        return final.shifted(shift)
 
     def _row_shifts(self, local_map: LocalMap, world_T_camera: FloatArray) -> FloatArray | None:
         """Return how far a rolling shutter shifts the features (N, 2); None for a global one."""
@@ -179,7 +149,7 @@ class FrameTracker:
         depth = float(np.median(depths)) if len(depths) else 1.0
         assumed = newest[:3, 3] + depth * rays(self._K, local_map.last_uv_px) @ newest[:3, :3].T
         raw, inside = self._project(predicted, np.where(positioned[:, None], points, assumed))
-        return np.where(inside[:, None], raw, local_map.raw_uv_px)
+        return self.moving.predict(local_map, np.where(inside[:, None], raw, local_map.raw_uv_px))
 
     def _project(self, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the distorted pixels (N, 2) of points (N, 3), and whether each lies in the image (N,)."""
@@ -234,7 +204,7 @@ class FrameTracker:
         aligned = patches.align(local_map, tentative, images[1].gray, start, self._config.rematch_px)
         found = np.where(aligned.tried, aligned.found & (inside | ~again), result.found & ~again)
         result = self._undistorted(Match(aligned.uv_px, found)).shown_by(images[1].mask)
-        return _shifted(result, shift, -1.0)
+        return result.shifted(shift, -1.0)
 
     def _final_pose(
         self,
@@ -256,8 +226,3 @@ class FrameTracker:
         sigma = np.sqrt(np.diag(np.linalg.pinv(information)))
         found = result.found & (agree | ~positioned)
         return replace(result, found=found, world_T_camera=pose, pose_sigma=sigma)
-
-
-def _shifted(result: TrackingResult, shift: FloatArray | None, sign: float = 1.0) -> TrackingResult:
-    """Return the result with its undistorted pixels shifted (N, 2)."""
-    return result if shift is None else replace(result, uv_px=result.uv_px + sign * shift)

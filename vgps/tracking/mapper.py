@@ -11,6 +11,7 @@ from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.solver.row_times import RowTimes
 from vgps.tracking.corners import new_corners
+from vgps.tracking.moving_regions import MovingRegions
 
 _MIN_VIEWS = 2  # to triangulate a feature
 
@@ -35,7 +36,21 @@ class Mapper:
         unpositioned = ~local_map.positioned & (view_count >= _MIN_VIEWS)
         due = local_map.positioned & (local_map.ids % every == local_map.view_frames[-1] % every)
         positions = self.triangulate(local_map, np.flatnonzero(unpositioned | due))
-        return MapUpdate(positions=positions, renew_full_tracks=True)
+        more = self._more_moving_views(local_map, positions)
+        return MapUpdate(positions=positions, more_moving_views=more, renew_full_tracks=True)
+
+    def _more_moving_views(self, local_map: LocalMap, positions: Positions | None) -> IntArray:
+        """Return +1 for the features (N,) whose views disagree, -1 for those with a position, else 0.
+
+        The evidence is limited to the length of a track.
+        """
+        more = -local_map.positioned.astype(np.int64)
+        if positions is not None:
+            order = np.argsort(local_map.ids)
+            row = order[np.searchsorted(local_map.ids, positions.ids, sorter=order)]
+            more[row] = np.where(np.isnan(positions.sigma_px), 1, -1)
+        so_far, limit = local_map.moving_views[local_map.ids], self._config.max_track_frames
+        return np.asarray(np.clip(so_far + more, -limit, limit) - so_far)
 
     def triangulate(self, local_map: LocalMap, rows: IntArray) -> Positions | None:
         """Return positions of followed features, by their rows, from all their views (19).
@@ -86,9 +101,17 @@ class Mapper:
         enough = largest_angle_rad(directions, start) > np.radians(self._config.min_parallax_deg)
         return rows[enough], observed[enough]
 
-    def new_features(self, local_map: LocalMap, frame: Frame) -> MapUpdate:
-        """Return new corners (A-1) of the newest view's frame, if too few features are followed."""
+    def new_features(
+        self, local_map: LocalMap, frame: Frame, moving: MovingRegions | None = None
+    ) -> MapUpdate:
+        """Return new corners (A-1) of the newest view's frame, if too few features are followed.
+
+        Features of what moves on its own do not count, and none starts there.
+        """
         followed = len(local_map.ids)
+        if moving is not None:
+            followed -= int(np.count_nonzero(moving.holds(local_map)))
+            frame = moving.masked(frame)
         if followed >= self._tracking.refill_share * self._tracking.max_features:
             return MapUpdate()
         count = self._tracking.max_features - followed

@@ -6,7 +6,7 @@ static if its pixel stays and no point in front of the camera fits its views. A 
 moves straight towards a far point, shows nothing that contradicts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.tracking.matching import Match
+from vgps.tracking.picture_cells import PictureCells
 
 
 @dataclass
@@ -56,13 +57,12 @@ class StaticRegions:
     """
 
     def __init__(self, camera: Camera, tracking: TrackingConfig, mapping: MappingConfig) -> None:
-        self._camera, self._side = camera, tracking.min_distance_px
-        self._size = (camera.height, camera.width)
+        self._camera = camera
+        self._grid = PictureCells((camera.height, camera.width), tracking.min_distance_px)
         self._still_px, self._limit_px = tracking.forward_backward_px, mapping.max_reprojection_px
         self._min_views = mapping.min_views
         self._forget = 0.5 ** (1.0 / mapping.max_track_frames)
-        shape = [int(np.ceil(size / self._side)) for size in self._size]
-        zero, none = np.zeros(shape), np.zeros(shape, np.int64)
+        zero, none = np.zeros(self._grid.shape), np.zeros(self._grid.shape, np.int64)
         self.cells = StaticCells(
             frame=-1,
             views=0,
@@ -84,19 +84,12 @@ class StaticRegions:
         rows = rows[np.lexsort(rows.T[::-1])]
         begins = np.any(np.diff(rows, axis=0, prepend=-2) != (0, 0, 0, 1), axis=1)
         ends = np.append(begins[1:], True)[: len(rows)]
-        first, last = rows[begins, 2:], rows[ends, 2:] + 1
-        corners = np.floor(self._side * np.hstack([first[:, ::-1], last[:, ::-1]]))
-        corners = np.minimum(corners, np.tile(self._size[::-1], 2)).astype(np.int64)
-        return np.hstack([rows[begins, :2], corners])
+        return np.hstack([rows[begins, :2], self._grid.boxes(rows[begins, 2:], rows[ends, 2:] + 1)])
 
     def masked(self, frame: Frame) -> Frame:
         """Return the next frame with what never moves left out of its mask."""
-        self.cells.frame, left_out = frame.index, self.cells.since >= 0
-        if not left_out.any():
-            return frame
-        row, column = ((np.arange(size) / self._side).astype(int) for size in self._size)
-        shown = ~left_out[row][:, column]
-        return replace(frame, mask=shown if frame.mask is None else shown & frame.mask)
+        self.cells.frame = frame.index
+        return self._grid.without(frame, self.cells.since >= 0)
 
     def observe(
         self,
@@ -120,8 +113,8 @@ class StaticRegions:
         rows = np.flatnonzero(match.found & stays)
         static = rows[self._is_static(local_map, rows, uv_px[rows], world_T_camera)]
         cells.views += 1
-        cells.static = self._forget * cells.static + self._counts(match.uv_px[static])
-        cells.moving = self._forget * cells.moving + self._counts(match.uv_px[fitting & ~stays])
+        cells.static = self._forget * cells.static + self._grid.counts(match.uv_px[static])
+        cells.moving = self._forget * cells.moving + self._grid.counts(match.uv_px[fitting & ~stays])
         self._judge()
 
     def _is_static(
@@ -143,13 +136,6 @@ class StaticRegions:
             turned = largest_angle_rad(world_rays(K, cameras, uv), start) * K[0, 0]
             stays[stays] = (np.maximum.reduceat(error, start) > self._limit_px) & (turned > self._limit_px)
         return np.asarray(stays)
-
-    def _counts(self, raw_uv_px: FloatArray) -> FloatArray:
-        """Return (R, C) how many pixels (n, 2) lie in each cell."""
-        counts = np.zeros_like(self.cells.static)
-        cell = (raw_uv_px[:, ::-1] / self._side).astype(int)
-        np.add.at(counts, tuple(np.clip(cell, 0, np.subtract(counts.shape, 1)).T), 1.0)
-        return counts
 
     def _judge(self) -> None:
         cells = self.cells
