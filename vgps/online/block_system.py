@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 
 from vgps.model import FloatArray, IntArray
 
@@ -36,12 +36,15 @@ class BlockSystem:
 
     def last_covariance(self) -> FloatArray:
         """Return the covariance (n, n) of the last node, whose Schur complement ends the factor."""
-        factor, n = self.cholesky(), self.diagonal.shape[1]
+        inverse = np.linalg.inv(self._last_block(self.cholesky()))
+        return np.asarray(inverse.T @ inverse)
+
+    def _last_block(self, factor: FloatArray) -> FloatArray:
+        n = self.diagonal.shape[1]
         last = np.zeros((n, n))
         for j in range(n):
             last[j:, j] = factor[: n - j, -n + j]
-        inverse = np.linalg.inv(last)
-        return np.asarray(inverse.T @ inverse)
+        return last
 
     def covariances(self) -> FloatArray:
         """Return the covariances (N, n, n) of all nodes, by elimination forwards and substitution back."""
@@ -58,12 +61,10 @@ class BlockSystem:
 
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
         """Return information (n, n) and vector (n,) of the last node with all others eliminated."""
-        information, vector = self.diagonal[0], self.gradient[0]
-        for k, below in enumerate(self.below):
-            carried = np.linalg.solve(information, np.column_stack([below.T, vector]))
-            information = self.diagonal[k + 1] - below @ carried[:, :-1]
-            vector = self.gradient[k + 1] - below @ carried[:, -1]
-        return (information + information.T) / 2.0, vector
+        factor, n = self.cholesky(), self.diagonal.shape[1]
+        carried = solve_banded((2 * n - 1, 0), factor, self.gradient.ravel(), check_finite=False)
+        last = self._last_block(factor)
+        return last @ last.T, last @ carried[-n:]
 
 
 class BlockSum:

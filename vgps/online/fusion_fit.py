@@ -10,6 +10,7 @@ from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_o
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion import FusedPath, fuse
 from vgps.online.gravity import Gravity
+from vgps.online.node_fixes import SAME_TIME_S
 from vgps.online.video_path import VideoPath
 from vgps.solution import Trajectory
 
@@ -51,6 +52,23 @@ def fit(given: FitInput, config: Config) -> FitResult:
         given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
     )
     return FitResult(fused, given.number, given.assessment, surprising)
+
+
+def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
+    """Return a fit to the fixes that came since the last fit, of the path since its last fix.
+
+    It takes a fraction of the time of a whole fit, so that a pose need not go without them. Returns None if
+    there are none, or if they call for verdicts.
+    """
+    fixes, last, end_s = given.assessment.applied(given.fixes), given.last, given.path.t_s[-1]
+    assert last is not None
+    if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
+        return None
+    path = given.path.since(float(last.nodes.t_s[last.nodes.fixes.node.max(initial=0)]))
+    fused = fuse(path, fixes, given.camera_p_antenna, config, last, given.gravity)
+    if detects_outliers(config) and fused.surprise(last, path, config) > _SURPRISE:
+        return None
+    return fused
 
 
 def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.config import Config
-from vgps.geometry import travelled
 from vgps.gps.sensors import TimeOffset
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.local_map import LocalMap
@@ -15,17 +14,16 @@ from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion import FusedPath
-from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts
+from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.gravity import Gravity
 from vgps.online.inertial_bridge import BridgedPose, InertialBridge
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
-from vgps.online.video_path import VideoPath
+from vgps.online.video_path import VideoPath, length_around
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.smoothing.drift_correction import move_frames
 
 # Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
 _FIT_FRAMES, _VERDICT_FRAMES = 1, 4
-_AROUND_FRAMES = 15  # before and after a frame whose scale is taken
 _NO_LENGTH_M = 1e-9
 
 
@@ -41,8 +39,8 @@ class _Job:
 class LiveFusion:
     """Place of the newest map in the world by the fixes, fitted again with every fix.
 
-    The map itself follows the video alone. A fix that agrees with the path counts at once; one that surprises
-    waits some frames for a verdict, while the pose goes on with the video, which is exact over such a time.
+    The map itself follows the video alone. A fix that agrees with the path counts from the next frame on;
+    one that surprises waits some frames for a verdict, while the pose goes on with the video.
 
     Args:
         frame_pipeline: Stages A to C, without fixes in stage C.
@@ -57,10 +55,11 @@ class LiveFusion:
         self._map: LocalMap | None = None
         self._job: _Job | None = None
         self._latest: FitResult | None = None
+        self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
+        self._newest_seen = (0, 0)  # the fit in use and the number of fixes
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._seen = (0, 0)  # frames and fixes of the last fit
-        # now, and when the newest map began: the fits find the rest
-        self._time_offset_s = self._known_s = config.sensors.time_offset_s
+        self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
 
     @property
     def _fused(self) -> FusedPath | None:
@@ -73,7 +72,7 @@ class LiveFusion:
         if current is not self._map:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
-            self._map, self._job, self._latest = current, None, None
+            self._map, self._job, self._latest, self._newest = current, None, None, None
             self._known_s = self._time_offset_s
         if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
             self._take()
@@ -134,7 +133,7 @@ class LiveFusion:
         moved = world_T_camera[self._map.first_posed : self._map.next_frame]
         if np.isfinite(moved[:, 0, 0]).all():
             poses = self._map.poses[-len(moved) :]
-            scale = _length_around(moved) / np.maximum(_length_around(poses), _NO_LENGTH_M)
+            scale = length_around(moved) / np.maximum(length_around(poses), _NO_LENGTH_M)
             self._map.apply(move_frames(self._map, moved, scale))
 
     def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
@@ -143,11 +142,22 @@ class LiveFusion:
         executor.shutdown(wait=False)
         self._job = _Job(len(self._frame_pipeline.t_s) + frames, given, future)
 
+    def use_new_fixes(self) -> None:
+        """Let the fixes that came with the newest frame count, before the fit to all of them is there."""
+        current, seen = self._frame_pipeline.current, (id(self._latest), self._fix_count())
+        if self._fused is None or current is None or current is not self._map or seen == self._newest_seen:
+            return
+        self._newest, self._newest_seen = self._fused, seen
+        try:
+            self._newest = newest_fit(self._given(current), self._config) or self._fused
+        except np.linalg.LinAlgError:
+            return  # the fit to all says so
+
     def to_world(self, current: LocalMap | None) -> Similarity | None:
         """Return the similarity from the newest map to the world at its end; None before the first fit."""
-        if self._fused is None or current is None or current is not self._map:
+        if self._newest is None or current is None or current is not self._map:
             return None
-        return self._fused.to_world(self._path(current))
+        return self._newest.to_world(self._path(current))
 
     def sigmas(self, bridged: BridgedPose | None = None) -> Sigmas:
         """Return the standard deviations of the newest frame's pose, which the IMU may have bridged; NaN
@@ -155,9 +165,9 @@ class LiveFusion:
         """
         if bridged is not None:
             return bridged.sigmas
-        if self._fused is None or self._map is None:
+        if self._newest is None or self._map is None:
             return UNKNOWN_SIGMAS
-        covariance = self._fused.covariance_at_end(self._path(self._map), self._config)
+        covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
         away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
         return pose_sigmas(covariance, away_s, self._config.motion)
 
@@ -220,12 +230,12 @@ class LiveFusion:
             t_s=current.t_s[first:], poses=current.poses[first:], moving=~np.isin(frames, standing)
         )
 
-    def _begin(self, current: LocalMap) -> None:
+    def _given(self, current: LocalMap) -> FitInput:
         pipeline, path = self._frame_pipeline, self._path(current)
         fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
         fixes = fix_buffer.fixes.without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
-        given = FitInput(
+        return FitInput(
             path=VideoPath(t_s=path.t_s.copy(), poses=path.poses.copy(), moving=path.moving),
             fixes=fixes.where(rows),
             number=fix_buffer.number[rows],
@@ -234,12 +244,7 @@ class LiveFusion:
             last=self._fused,
             gravity=self._gravity,
         )
-        self._seen = len(pipeline.t_s), self._fix_count()
-        self._start(fit, given, _FIT_FRAMES)
 
-
-def _length_around(poses: FloatArray) -> FloatArray:
-    """Return the length (n,) of the path (n, 4, 4) some frames before and after each frame."""
-    length, row = travelled(poses[:, :3, 3]), np.arange(len(poses))
-    last = np.minimum(row + _AROUND_FRAMES, len(poses) - 1)
-    return np.asarray(length[last] - length[np.maximum(row - _AROUND_FRAMES, 0)])
+    def _begin(self, current: LocalMap) -> None:
+        self._seen = len(self._frame_pipeline.t_s), self._fix_count()
+        self._start(fit, self._given(current), _FIT_FRAMES)

@@ -126,6 +126,7 @@ class OnlineSmoother:
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
         self._intake.place()
+        self._fusion.use_new_fixes()
         to_world, bridged = self._fusion.to_world(self._frame_pipeline.current), self._fusion.bridged()
         published = self._publisher.publish(frame, to_world, bridged)
         sigmas = self._fusion.sigmas(bridged) if published.posed else UNKNOWN_SIGMAS

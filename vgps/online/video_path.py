@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.geometry import interpolate_poses
+from vgps.geometry import interpolate_poses, travelled
 from vgps.model import BoolArray, FloatArray
+
+_AROUND_FRAMES = 15  # before and after a frame whose scale is taken
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,3 +43,10 @@ class VideoPath:
             poses=np.concatenate([self.at(begin), self.poses[first:]]),
             moving=np.append(False, self.moving[first:]),
         )
+
+
+def length_around(poses: FloatArray) -> FloatArray:
+    """Return the length (n,) of the path (n, 4, 4) some frames before and after each frame."""
+    length, row = travelled(poses[:, :3, 3]), np.arange(len(poses))
+    last = np.minimum(row + _AROUND_FRAMES, len(poses) - 1)
+    return np.asarray(length[last] - length[np.maximum(row - _AROUND_FRAMES, 0)])
