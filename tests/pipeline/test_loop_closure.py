@@ -72,6 +72,7 @@ def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch)
         recording=room_recording(poses),
         t_s=np.zeros(2),
         static_regions=np.array([[0, 0, 0, 0, 9, 9]]),
+        moving_regions=np.zeros((0, 6), int),
         journal=None,
     )
     scene = Scene(np.zeros(2), poses, np.zeros((0, 3)), Observations(none, none, none))

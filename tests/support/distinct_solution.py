@@ -154,4 +154,5 @@ def distinct_values() -> Solution:
         config={"gps": {"model": "cylinder", "n": 4, "omega": 1e-8, "limit": None}, "names": ["a", "b"]},
         graph=make_graph_arrays(),
         static_regions=np.array([[1, 2, 0, 0, 320, 480]]),
+        moving_regions=np.array([[3, 3, 0, 0, 160, 480]]),
     )

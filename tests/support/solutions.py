@@ -180,6 +180,7 @@ def short_drive() -> Solution:
         config={"gps": {"model": "cylinder", "n": 2, "omega": 0.5}},
         world_p_before=poses[:, :3, 3] + (0.0, 0.0, 1.0),
         static_regions=np.array([[1, 3, 0, 440, 200, 480], [2, 5, 300, 440, 500, 480]]),
+        moving_regions=np.array([[2, 2, 100, 100, 200, 240]]),
     )
 
 

@@ -32,3 +32,9 @@ def test_what_never_moves_is_framed_while_it_is_left_out(logged: Logged) -> None
     assert [len(boxes) for boxes in logged.rows(entity, "Boxes2D:centers")] == [1, 2, 1]  # frames 1, 2, 4
     assert logged.rows(entity, "Boxes2D:centers")[0] == [[100.0, 460.0]]
     assert logged.rows(entity, "Boxes2D:half_sizes")[2] == [[100.0, 20.0]]
+
+
+def test_what_moves_on_its_own_is_framed_in_its_frame(logged: Logged) -> None:
+    entity = "/world/camera/image/moving_regions"
+    assert [len(boxes) for boxes in logged.rows(entity, "Boxes2D:centers")] == [1, 0]
+    assert logged.rows(entity, "Boxes2D:centers")[0] == [[150.0, 170.0]]

@@ -87,11 +87,13 @@ def test_solution_json_is_strict_json_and_sums_the_run_up(solution: Solution, tm
         "submaps": 2,
         "loops": 0,
         "frames_with_static_regions": 2,
+        "frames_with_moving_regions": 1,
         "fixes": 2,
         "fixes_used": 1,
         "fixes_unused": 1,
     }
     assert summary["static_share"] == pytest.approx(0.5)
+    assert summary["moving_share"] == pytest.approx(0.25)
     assert summary["energy"]["before"] == {"terms": {"video": 12.5, "gps": 3.0}, "total": 15.5}
     assert summary["energy"]["after"]["terms"] == {"video": 1.25, "gps": None}
     assert summary["world_origin"]["height_m"] == 163.0

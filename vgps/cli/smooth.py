@@ -87,14 +87,14 @@ def print_summary(solution: Solution, out: Path) -> None:
     """Print the warnings of a run, its check points, its numbers of frames and fixes, and its speed."""
     from vgps.cluster import summary_line
     from vgps.evaluation.check_points import summary_line as check_points_line
-    from vgps.evaluation.static_regions import static_sentence
+    from vgps.evaluation.left_out import left_out_sentences
 
     for warning in solution.warnings:
         print_note(warning)
     if (checked := check_points_line(solution)) is not None:
         print_line(checked)
-    if (static := static_sentence(solution)) is not None:
-        print_line(static)
+    for sentence in left_out_sentences(solution):
+        print_line(sentence)
     if len(solution.loops):
         print_line(f"{len(solution.loops)} frames tied to earlier visits of the same places")
     print_line(f"{summary_line(solution)}: {out}")

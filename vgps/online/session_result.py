@@ -124,6 +124,7 @@ def session_solution(session: SessionRecord) -> Solution:
         config=session.config.model_dump(mode="json"),
         video_start_utc=session.rig.video_start_utc,
         static_regions=session.frame_pipeline.tracker.static.rectangles,
+        moving_regions=session.frame_pipeline.tracker.moving.boxes,
     )
 
 

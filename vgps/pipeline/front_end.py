@@ -40,7 +40,7 @@ class FrontEnd:
         fixes: All fixes in the world frame, at the times of their time stamps.
         sensors: Time offset of the fixes, as estimated so far, and lever arm.
         controls: Observations of control points.
-        static_regions: (n, 6) as in :class:`~vgps.solution.Solution`.
+        static_regions, moving_regions: (n, 6) as in :class:`~vgps.solution.Solution`.
         warnings: Warnings for the user.
         seconds: Wall seconds by stage.
         others: Maps of the other cameras of a rig.
@@ -55,6 +55,7 @@ class FrontEnd:
     sensors: Sensors
     controls: ControlObservations
     static_regions: IntArray
+    moving_regions: IntArray
     warnings: tuple[str, ...]
     seconds: Mapping[str, float]
     others: tuple[CameraMaps, ...] = ()
@@ -158,6 +159,7 @@ def front_end_of(
         sensors=_sensors(frame_pipeline, recording),
         controls=controls,
         static_regions=frame_pipeline.tracker.static.rectangles,
+        moving_regions=frame_pipeline.tracker.moving.boxes,
         warnings=(
             *recording.notes,
             *getattr(recording.video, "warnings", ()),

@@ -158,7 +158,7 @@ def _posed_video(runs: Sequence[Run], joint: JointScene) -> PosedVideo:
 def _frames(runs: Sequence[Run], joint: JointScene) -> Iterator[Frame]:
     """Yield the frames of all runs as the first run's camera shows them."""
     for run, first in zip(runs, joint.frames[:-1].tolist(), strict=True):
-        frames = shown_frames(run.recording, run.solution.static_regions)
+        frames = shown_frames(run.recording, run.solution.left_out)
         yield from seen_by(joint.camera, run.solution.camera, frames, first)
 
 

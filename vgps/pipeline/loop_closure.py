@@ -43,7 +43,8 @@ def optimise_loops(
         return first, none
     camera = front_end.recording.camera
     video = _posed_video(batch, refined.camera if refined else camera, merged.scene.rig)
-    frames = shown_frames(front_end.recording, front_end.static_regions)
+    left_out = np.vstack([front_end.static_regions, front_end.moving_regions])
+    frames = shown_frames(front_end.recording, left_out)
     tracked, journal = progress.track(frames, len(front_end.t_s)), front_end.journal
     find = partial(find_loops, video, tracked, config.loops)
     loops = find() if journal is None else journal.step((video.poses, video.points), find, (Loop,))

@@ -197,6 +197,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         control_points=recording.control_points,
         graph=batch.graph,
         static_regions=front_end.static_regions,
+        moving_regions=front_end.moving_regions,
         cameras=solved_cameras(front_end, merged, batch),
     )
 

@@ -8,14 +8,14 @@ import numpy as np
 from vgps.model import Frame, IntArray, Recording
 
 
-def shown_frames(recording: Recording, static_regions: IntArray | None = None) -> Iterator[Frame]:
+def shown_frames(recording: Recording, left_out: IntArray | None = None) -> Iterator[Frame]:
     """Yield the frames of a recording with their masks.
 
     Args:
         recording: The recording.
-        static_regions: (n, 6) as in :class:`~vgps.solution.Solution`, left out of the masks; none by default.
+        left_out: (n, 6) as in :class:`~vgps.solution.Solution`, left out of the masks; nothing by default.
     """
-    masks, regions = recording.masks, np.zeros((0, 6), int) if static_regions is None else static_regions
+    masks, regions = recording.masks, np.zeros((0, 6), int) if left_out is None else left_out
     first, last = regions[:, :2].T
     for frame in recording.video.frames():
         mask = None if masks is None else masks.of_frame(frame.index)

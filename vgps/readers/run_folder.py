@@ -84,7 +84,7 @@ def _assemble(arrays: Arrays, summary: Mapping[str, Any], config: Mapping[str, A
         control_points=_control_points(arrays, summary.get("control_points")),  # absent in older runs
         graph=_part(arrays, "graph") or None,
         camera_source=summary.get("camera_source"),  # absent in older runs
-        **{key: arrays[key] for key in ("loops", "static_regions") if key in arrays},  # likewise
+        **{key: arrays[key] for key in ("loops", "static_regions", "moving_regions") if key in arrays},
         cameras=tuple(_solved_camera(arrays, k, one) for k, one in enumerate(summary.get("cameras", []))),
     )
 

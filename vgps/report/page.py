@@ -139,6 +139,9 @@ def _tiles(solution: Solution) -> list[Tile]:
     if len(share := solution.static_share[solution.static_share > 0]):
         note = f"of the picture never moves and was left out, in {len(share):,} frames"
         tiles.append(Tile("bonnet, text, reflection", f"up to {100 * share.max():.1f} %", note))
+    if len(share := solution.moving_share[solution.moving_share > 0]):
+        note = f"of the picture in boxes around what moves on its own, left out in {len(share):,} frames"
+        tiles.append(Tile("moving objects", f"up to {100 * share.max():.1f} %", note))
     total_s = sequential_seconds(solution.seconds)
     if total_s:
         tiles.append(

@@ -69,6 +69,7 @@ class Solution:
         camera_source: What was assumed of a camera without a calibration, as a sentence; None with one.
         static_regions: (n, 6) what never moved in the picture and was left out: first and last frame; left,
             top, right and bottom of a rectangle in the original image, pixels.
+        moving_regions: (m, 6) boxes around what moved on its own and was left out, likewise.
         cameras: The other cameras of a rig; ``landmarks`` and ``observations`` are those of the reference.
     """
 
@@ -98,6 +99,7 @@ class Solution:
     camera_source: str | None = None
     loops: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     static_regions: IntArray = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
+    moving_regions: IntArray = field(default_factory=lambda: np.zeros((0, 6), dtype=np.int64))
     cameras: tuple[SolvedCamera, ...] = ()
 
     @property
@@ -108,7 +110,21 @@ class Solution:
     @property
     def static_share(self) -> FloatArray:
         """(F,) share of each picture that was left out because it never moves."""
-        first, last, left, top, right, bottom = self.static_regions.T
+        return self._share(self.static_regions)
+
+    @property
+    def moving_share(self) -> FloatArray:
+        """(F,) share of each picture in boxes around what was left out because it moves on its own."""
+        return self._share(self.moving_regions)
+
+    @property
+    def left_out(self) -> IntArray:
+        """(n + m, 6) all that was left out of the pictures, as ``static_regions``."""
+        return np.vstack([self.static_regions, self.moving_regions])
+
+    def _share(self, regions: IntArray) -> FloatArray:
+        """Return the share (F,) of each picture that rectangles (n, 6) cover."""
+        first, last, left, top, right, bottom = regions.T
         share = (right - left) * (bottom - top) / (self.camera.width * self.camera.height)
         change = [np.bincount(frame, share, len(self.t_s) + 1) for frame in (first, last + 1)]
         return np.cumsum(change[0] - change[1])[:-1].round(9)  # whose zeros are exact

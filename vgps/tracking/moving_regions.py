@@ -29,9 +29,6 @@ _FITTING = 10  # features that must fit the scene outside all groups, for each t
 class MovingRegions:
     """The groups in the newest view of a map.
 
-    Attributes:
-        boxes: (n, 6) a box around each group in each frame: the frame twice, left, top, right, bottom.
-
     Args:
         camera: The camera.
         tracking, mapping: Settings of stages A and B, whose limits hold here too: as few features as pose a
@@ -44,8 +41,13 @@ class MovingRegions:
         self._min_features, self._min_views = tracking.min_inliers, mapping.min_views
         self._limit_px = mapping.max_reprojection_px
         self._region: BoolArray = np.zeros(self._cells.shape, dtype=bool)
-        self.boxes: IntArray = np.zeros((0, 6), dtype=np.int64)
+        self._boxes: list[IntArray] = [np.zeros((0, 6), dtype=np.int64)]
         self._ids: WeakKeyDictionary[LocalMap, IntArray] = WeakKeyDictionary()  # of a map's whole time
+
+    @property
+    def boxes(self) -> IntArray:
+        """(n, 6) a box around each group in each frame: the frame twice; left, top, right, bottom, pixels."""
+        return np.concatenate(self._boxes)
 
     def state(self, maps: Sequence[LocalMap]) -> tuple[IntArray, list[tuple[LocalMap, IntArray]]]:
         """Return what the next frames of maps depend on."""
@@ -53,7 +55,7 @@ class MovingRegions:
 
     def restore(self, state: tuple[IntArray, list[tuple[LocalMap, IntArray]]]) -> None:
         """Take over a state; see :meth:`state`."""
-        self.boxes = state[0]
+        self._boxes = [state[0]]
         self._ids.update(state[1])
 
     def holds(self, local_map: LocalMap) -> BoolArray:
@@ -164,4 +166,4 @@ class MovingRegions:
         column, row, width, height = stats[1:, :4].T
         first = np.stack([row, column], axis=1)
         boxes = self._cells.boxes(first, first + np.stack([height, width], axis=1))
-        self.boxes = np.vstack([self.boxes, np.hstack([np.full((len(boxes), 2), frame), boxes])])
+        self._boxes.append(np.hstack([np.full((len(boxes), 2), frame), boxes]))

@@ -9,7 +9,7 @@ from vgps.solution import Solution
 from vgps.viewer import plots
 from vgps.viewer.chase_camera import CHASE, chase_scale_m
 from vgps.viewer.colours import BAD_PX
-from vgps.viewer.features import FEATURES, MAGNIFICATION, REPROJECTIONS, RESIDUALS, STATIC
+from vgps.viewer.features import FEATURES, MAGNIFICATION, MOVING, REPROJECTIONS, RESIDUALS, STATIC
 from vgps.viewer.geo_map import MAP
 from vgps.viewer.graph import GRAPH
 from vgps.viewer.run_stream import TIME
@@ -72,7 +72,7 @@ def _chase_view(solution: Solution) -> rrb.View:
 def _view_3d(
     name: str, eye: FloatArray | None, target: FloatArray | None, plane_m: float, follow: str | None = None
 ) -> rrb.View:
-    hidden = [FEATURES, REPROJECTIONS, RESIDUALS, STATIC, *([] if follow else [CHASE])]
+    hidden = [FEATURES, REPROJECTIONS, RESIDUALS, STATIC, MOVING, *([] if follow else [CHASE])]
     return rrb.Spatial3DView(
         origin=WORLD,
         contents=["+ $origin/**", *(f"- /{path}" for path in hidden)],

@@ -12,7 +12,7 @@ from vgps.viewer.scene import IMAGE
 FEATURES, REPROJECTIONS, RESIDUALS = (
     f"{IMAGE}/{name}" for name in ("features", "reprojections", "residuals_x10")
 )
-STATIC = f"{IMAGE}/static_regions"
+STATIC, MOVING = f"{IMAGE}/static_regions", f"{IMAGE}/moving_regions"
 MAGNIFICATION = 10.0
 """Factor by which residuals are drawn longer: errors of half a pixel would be invisible."""
 
@@ -41,11 +41,15 @@ def log_features(stream: RunStream, observations: ReprojectedObservations) -> No
     stream.log_static(RESIDUALS, rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(0.8), draw_order=29.0))
 
 
-def log_static_regions(stream: RunStream, solution: Solution) -> None:
-    """Log rectangles around what never moves in the picture and was left out, whenever they change."""
-    first, last, *_ = solution.static_regions.T
-    for frame in np.unique(np.concatenate([first, last + 1])).tolist():
-        now = solution.static_regions[(first <= frame) & (frame <= last)]
-        if frame < len(stream.t_s):
-            boxes = rr.Boxes2D(array=now[:, 2:], array_format=rr.Box2DFormat.XYXY, colors=[colours.REJECTED])
-            stream.log_from_frame(STATIC, frame, boxes)
+def log_left_out(stream: RunStream, solution: Solution) -> None:
+    """Log rectangles around what never moves, and what moves on its own, whenever they change."""
+    for entity, regions, colour in (
+        (STATIC, solution.static_regions, colours.REJECTED),
+        (MOVING, solution.moving_regions, colours.MOVING),
+    ):
+        first, last, *_ = regions.T
+        for frame in np.unique(np.concatenate([first, last + 1])).tolist():
+            now = regions[(first <= frame) & (frame <= last)]
+            if frame < len(stream.t_s):
+                boxes = rr.Boxes2D(array=now[:, 2:], array_format=rr.Box2DFormat.XYXY, colors=[colour])
+                stream.log_from_frame(entity, frame, boxes)

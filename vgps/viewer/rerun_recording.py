@@ -16,7 +16,7 @@ from vgps.model import Recording
 from vgps.solution import Solution, Verdict
 from vgps.viewer.blueprint import blueprint
 from vgps.viewer.chase_camera import log_chase_camera
-from vgps.viewer.features import log_features, log_static_regions
+from vgps.viewer.features import log_features, log_left_out
 from vgps.viewer.geo_map import log_map
 from vgps.viewer.graph import log_graph
 from vgps.viewer.plots import log_plots
@@ -92,7 +92,7 @@ def log_run(
     if world_origin is not None:
         log_map(run, solution, world_origin)
     log_features(run, observations)
-    log_static_regions(run, solution)
+    log_left_out(run, solution)
     if recording is not None:
         try:
             notes.extend(log_video(run, f"{IMAGE}/video", recording.video, still_s=picture_s))

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from vgps.evaluation.static_regions import static_sentence
+from vgps.evaluation.left_out import left_out_sentences
 from vgps.solution import Solution, Verdict
 from vgps.viewer import colours
 from vgps.viewer.run_stream import RunStream
@@ -30,7 +30,7 @@ def summary(solution: Solution, notes: tuple[str, ...] = ()) -> str:
             f"## {solution.recording or 'Run'}",
             f"{len(solution.t_s)} frames, {len(solution.landmarks.sigma_px)} landmarks, "
             f"{len(solution.observations.frame)} observations; fixes: {verdicts}.",
-            *([] if (static := static_sentence(solution)) is None else [f"{static[0].upper()}{static[1:]}."]),
+            *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in left_out_sentences(solution)),
             "",
             "### Warnings",
             *warnings,
@@ -46,7 +46,8 @@ def summary(solution: Solution, notes: tuple[str, ...] = ()) -> str:
             "- path: blue; bridged frames: orange; path before stage D: violet",
             f"- features: green at a reprojection error of 0 px to red from {colours.BAD_PX:g} px; "
             "white dots: the reprojected landmarks",
-            "- red rectangles in the video: what never moves (a bonnet, text, a reflection), left out",
+            "- red rectangles in the video: what never moves (a bonnet, text, a reflection), left out; "
+            "orange ones: what moves on its own, left out",
             f"- landmarks: green at sigma_j = {colours.GOOD_SIGMA_PX:g} px to "
             f"red from {colours.BAD_SIGMA_PX:g} px",
             "- used fixes: rtk_fix green, rtk_float yellow, ppp teal, dgps blue, sbas violet, single pink; "

@@ -40,6 +40,7 @@ control_points.sigma_m          (P, 3)       standard deviations of the mark, ea
 control_points.check            (P,)         whether it is a check point
 loops                           (n, 2)       frames that see a place again, and the frames that saw it before
 static_regions                  (n, 6)       what never moves: first, last frame, left, top, right, bottom px
+moving_regions                  (m, 6)       what moves on its own, likewise
 cameras.0.reference_T_camera    (4, 4)       pose of the first of a rig's other cameras on the reference
 cameras.0.sigma                 (6,)         its standard deviations, about its own axes [rad; m]
 cameras.0.delay_s               (F,)         times of its frames after those of the reference
