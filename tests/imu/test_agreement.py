@@ -25,12 +25,12 @@ def pieces(noise_deg=0.02):
     return [Trajectory(path.t_s[:50], poses[:50]), Trajectory(path.t_s[50:], poses[50:])]
 
 
-def found(turn_deg=(0.0, 0.0, 0.0), late_s=0.0, unit=1.0, motion=MOTION):
+def found(turn_deg=(0.0, 0.0, 0.0), late_s=0.0, unit=1.0, motion=MOTION, noise_deg=0.02):
     log = exact_log(motion, gyro_bias=0.03)
     log = replace(log, t_s=log.t_s + late_s, rate_rad_s=unit * log.rate_rad_s)
     turn = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
     mount = replace(MOUNT, imu_R_camera=MOUNT.imu_R_camera @ turn)
-    return agreement(pieces(), imu_at_camera(log, mount, None, ImuConfig()))
+    return agreement(pieces(noise_deg), imu_at_camera(log, mount, None, ImuConfig()))
 
 
 @pytest.mark.parametrize("given", [{}, {"turn_deg": (0.5, -0.5, 0.5)}, {"late_s": 0.008}])
@@ -43,6 +43,13 @@ def test_a_clock_that_is_a_little_off_is_found():
     assert 0.0 < late.time_offset_sigma_s < 3e-3
     assert late.time_offset_s == pytest.approx(-0.015, abs=2.0 * late.time_offset_sigma_s)
     assert found().time_offset_s == 0.0
+
+
+def test_a_clock_that_may_be_right_or_is_off_by_next_to_nothing_stays():
+    by_chance = found(late_s=0.004)
+    assert by_chance.time_offset_s == 0.0 and 3.0 * by_chance.time_offset_sigma_s > 0.004
+    hardly = found(late_s=0.0005, noise_deg=0.001)
+    assert hardly.time_offset_s == 0.0 and 3.0 * hardly.time_offset_sigma_s < 0.0005
 
 
 @pytest.mark.parametrize(

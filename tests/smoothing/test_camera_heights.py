@@ -34,14 +34,16 @@ def scene_of(poses: np.ndarray, across: np.ndarray, down: np.ndarray, foot: np.n
     return Scene(0.1 * np.arange(FRAMES), poses, points, observations)
 
 
-def street(rng: np.random.Generator, *, noise: float = 0.02, ground: bool = True, tilt: float = 0.0) -> Scene:
-    """Return ground on the lane, and as many landmarks on what stands beside it."""
+def street(rng: np.random.Generator, *, uneven: float = 0.0, ground: bool = True, tilt: float = 0.0) -> Scene:
+    """Return ground on the lane, its height differing by stretches, and as many landmarks beside it."""
     count = 3 * FRAMES
     foot = rng.integers(0, FRAMES, 2 * count)
     across = np.where(
         np.arange(2 * count) < count, rng.uniform(-2, 2, 2 * count), rng.uniform(-6, 6, 2 * count)
     )
-    down = (HEIGHT + np.tan(tilt) * across) * (1.0 + noise * rng.standard_normal(2 * count))
+    down = (HEIGHT + np.tan(tilt) * across) * (1.0 + 0.02 * rng.standard_normal(2 * count))
+    if uneven:
+        down *= np.exp(uneven * rng.standard_normal(FRAMES))[(foot * STEP / (6.0 * HEIGHT)).astype(int)]
     beside = rng.uniform(-5.0, HEIGHT, 2 * count)
     return scene_of(poses_of(), across, np.where(np.arange(2 * count) < count * ground, down, beside), foot)
 
@@ -64,6 +66,15 @@ def test_the_height_is_found_in_any_unit_within_its_sigma(scale):
         ratio.append(error / ground.sigma)
         assert np.abs(error).max() < 0.03
     assert np.sqrt(np.mean(np.concatenate(ratio) ** 2)) < 1.3
+
+
+def test_ground_that_is_uneven_is_in_the_sigmas():
+    ratio = []
+    for seed in range(20):
+        ground = measure_heights(street(np.random.default_rng(seed), uneven=0.02))
+        assert isinstance(ground, CameraHeights)
+        ratio.append(np.log(ground.height / HEIGHT) / ground.sigma)
+    assert 0.5 < np.sqrt(np.mean(np.concatenate(ratio) ** 2)) < 1.5
 
 
 def test_a_drift_of_scale_is_followed():
@@ -96,6 +107,11 @@ def test_without_a_plane_the_reason_is_said():
 def test_a_wall_or_a_camera_on_its_side_is_no_ground():
     found = measure_heights(street(np.random.default_rng(3), tilt=np.radians(25.0)))
     assert isinstance(found, str)
+
+
+def test_a_camera_that_is_held_askew_is_said():
+    found = measure_heights(street(np.random.default_rng(3), tilt=np.radians(12.0)))
+    assert found == "the surface below the camera is tilted by 12 degrees sideways"
 
 
 def test_a_sky_has_no_ground():

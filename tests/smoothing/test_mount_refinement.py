@@ -1,5 +1,6 @@
 """Poses of cameras on a rig, found from a drive whose truth is known."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import gtsam
@@ -10,6 +11,7 @@ from synthetic_rigs import REAR, REAR_K, rig_drive
 
 from vgps.model import Camera, RigCamera
 from vgps.smoothing.camera_equations import mount_jacobian
+from vgps.smoothing.context import RigMount
 from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.elimination import analyse_sparsity
@@ -52,23 +54,43 @@ def test_jacobians_are_the_derivatives() -> None:
         np.testing.assert_allclose(found[column], slope, atol=1e-3 * max(np.abs(slope).max(), 1.0))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_camera_that_was_measured_badly_returns_to_its_place(seed: int) -> None:
+def refined(given: tuple[RigMount, ...], rounds: int, seed: int = 0) -> Iterator[tuple[RigMount, ...]]:
+    """Yield the cameras of a drive after each round."""
     problem, _ = rig_drive(frames=30, landmarks=300, seed=seed, noise_px=0.3)
     problem = replace(problem, sigma_px=np.full_like(problem.sigma_px, 0.3))
-    given = (rear(retracted(REAR, OFF)),)
     cameras, problem = given, mounted(problem, given[0].reference_T_camera)
-    for _ in range(3):
+    for _ in range(rounds):
         problem = solve(problem, TIGHT).problem
         cameras, step = refine_mounts(cameras, problem, given)
         assert step is not None
+        yield cameras
         problem = mounted(problem.moved(step.poses, step.points), cameras[0].reference_T_camera)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_camera_that_was_measured_badly_returns_to_its_place(seed: int) -> None:
+    given = (rear(retracted(REAR, OFF)),)
+    *_, cameras = refined(given, rounds=3, seed=seed)
     error = gtsam.Pose3(REAR).localCoordinates(gtsam.Pose3(cameras[0].reference_T_camera))
     assert (np.abs(error) < 4.0 * cameras[0].sigma).all()
     assert (cameras[0].sigma < given[0].sigma).all()
     assert np.linalg.norm(error[:3]) < 0.3 * np.linalg.norm(OFF[:3])
     (note,) = mount_notes(cameras, given)
     assert note.startswith("the pose of camera rear on the rig was refined by ")
+
+
+def test_further_rounds_pull_no_farther_from_a_place_that_was_measured_well() -> None:
+    given = (rear(retracted(REAR, OFF), 0.002, 0.005),)
+    first, second = (one.reference_T_camera for (one,) in refined(given, rounds=2))
+    way = gtsam.Pose3(REAR).localCoordinates(gtsam.Pose3(first))[:3]
+    assert 0.3 < np.linalg.norm(way) / np.linalg.norm(OFF[:3]) < 0.7
+    np.testing.assert_allclose(gtsam.Pose3(first).localCoordinates(gtsam.Pose3(second)), 0.0, atol=5e-4)
+
+
+def test_only_a_change_beyond_chance_is_noted() -> None:
+    given, sigma = (rear(REAR),), rear(REAR).sigma
+    assert mount_notes((rear(retracted(REAR, 2.5 * sigma)),), given) == ()
+    assert len(mount_notes((rear(retracted(REAR, 3.5 * sigma)),), given)) == 1
 
 
 def test_a_camera_without_standard_deviations_is_held() -> None:

@@ -44,6 +44,35 @@ def test_turns_show_the_distance_of_the_cameras_and_so_the_metre() -> None:
         assert scale == pytest.approx(unit, rel=1e-6) and sigma < 1e-3
 
 
+def drifting(path: CameraPath, step: float, rng: np.random.Generator) -> CameraPath:
+    """Return the path with an error that walks at random, metres per frame."""
+    poses = path.poses.copy()
+    poses[:, :3, 3] += np.cumsum(step * rng.standard_normal((FRAMES, 3)), axis=0)
+    return CameraPath(poses, path.tracked, path.reference_T_camera)
+
+
+def scales(mount: np.ndarray, step: float) -> np.ndarray:
+    """Return scales and standard deviations (30, 2) of paths that drift."""
+    found = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        paths = [drifting(path_of(np.eye(4)), step, rng), drifting(path_of(mount), step, rng)]
+        found.append(metres_per_unit(paths[0], paths[1:]))
+    return np.array(found)
+
+
+def test_the_metre_has_the_standard_deviation_of_paths_that_drift() -> None:
+    scale, sigma = scales(MOUNT, 0.002).T
+    assert 0.7 < np.sqrt(np.mean((np.log(scale) / sigma) ** 2)) < 1.3
+
+
+def test_a_distance_that_may_be_nothing_shows_no_metre() -> None:
+    close = MOUNT.copy()
+    close[:3, 3] *= 0.02
+    scale, sigma = scales(close, 0.01).T
+    assert np.isinf(sigma).all() and (scale < 0.5).all()
+
+
 def test_cameras_in_one_place_show_no_metre() -> None:
     turned = MOUNT.copy()
     turned[:3, 3] = 0.0

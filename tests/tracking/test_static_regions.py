@@ -86,6 +86,21 @@ def test_features_that_stay_while_the_camera_turns_are_left_out_with_their_surro
     assert not shown[row, column].any() and 0.5 < shown.mean() < 1.0
 
 
+def test_a_cell_in_which_more_features_move_is_kept(scene):
+    local_map, match = scene
+    uv = match.uv_px.copy()
+    uv[PINNED : 3 * PINNED] = np.repeat(uv[:PINNED], 2, axis=0)  # two come to where each stays
+    static, moved = regions(min_views=1), np.arange(len(uv)) // PINNED
+    found = Match(uv, moved == 0)
+    static.masked(Frame(5, 0.5, images(1)[0]))
+    static.observe(local_map, found, local_map.last_uv_px, np.isin(moved, (1, 2)), POSES[-1])
+    column, row = (uv[:PINNED] // SIDE).astype(int).T
+    alone = np.array([(abs(column - c) <= 1) & (abs(row - r) <= 1) for c, r in zip(column, row, strict=True)])
+    alone = alone.sum(axis=1) == 1  # else the static features of neighbours outnumber those that move
+    assert alone.any() and not (static.cells.since[row[alone], column[alone]] >= 0).any()
+    assert (static.cells.since >= 0).any()  # cells beside them, in which nothing moves
+
+
 def test_a_mask_that_is_given_counts_beside_it(scene):
     static, given = regions(min_views=1), np.ones((CAMERA.height, CAMERA.width), bool)
     given[:, :50] = False
