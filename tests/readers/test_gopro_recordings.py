@@ -156,7 +156,7 @@ def test_the_walks_axes_by_gravity_and_by_its_own_orientation(data_dir):
 
 
 def test_the_walks_picture_turned_as_its_two_orientations_say(data_dir):
-    times, first_R_camera = picture_rotations(read_gpmf(data_dir / "gopro_walk/video.mp4"))
+    times, first_R_camera, _ = picture_rotations(read_gpmf(data_dir / "gopro_walk/video.mp4"))
     assert len(times) == 316
     np.testing.assert_allclose(
         first_R_camera @ first_R_camera.transpose(0, 2, 1), [np.eye(3)] * 316, atol=1e-9

@@ -7,7 +7,7 @@ import pytest
 from gpmf_bytes import device, encode, stream, telemetry, text
 from scipy.spatial.transform import Rotation
 
-from vgps.model import Camera, GyroLog, ImuLog, Recording, Rig
+from vgps.model import Camera, GyroLog, ImuLog, ImuMount, Recording, Rig
 from vgps.readers import stabilisation
 from vgps.readers.gpmf import parse
 from vgps.readers.recording import open_recording
@@ -38,12 +38,18 @@ def made(image_deg: float | None):
 def recording(found, source: Path | None = None) -> Recording:
     source = source or found.path
     t_s, three, never = np.arange(10) / 10, np.zeros((10, 3)), np.zeros(10, bool)
-    imu = ImuLog(t_s=t_s, rate_rad_s=three, force_m_s2=three, saturated=never, source=source)
+    force = np.tile([5.0, 9.0, 0.0], (10, 1))
+    imu = ImuLog(t_s=t_s, rate_rad_s=three, force_m_s2=force, saturated=never, source=source)
+    mount = ImuMount(
+        imu_R_camera=np.diag([-1.0, -1.0, 1.0]),
+        imu_p_camera=np.array([0.0, 0.0, 0.1]),
+        accelerometer_bias_m_s2=np.array([-0.2, 0.0, 0.0]),
+    )
     return Recording(
         path=found.path,
         video=None,
         camera=CAMERA,
-        rig=Rig(gyro_R_camera=-np.eye(3)),
+        rig=Rig(gyro_R_camera=-np.eye(3), imu=mount),
         gyro=GyroLog(t_s, three, source),
         imu=imu,
     )
@@ -55,8 +61,22 @@ def test_rates_of_a_stabilised_picture_are_its_own():
     # the picture turns back by 12 of the 30 degrees that the body turns in a second
     expected = np.radians(RATE_DEG_S - 12.0)
     np.testing.assert_allclose(found.gyro.rate_rad_s, np.tile([0.0, expected, 0.0], (29, 1)), atol=0.01)
-    assert found.imu is None
-    assert "stand in for the camera's gyro, and the accelerometer is left out" in found.notes[0]
+    assert "stand in for the camera's gyro, and the accelerometer is turned with it" in found.notes[0]
+
+
+def test_an_imu_beside_a_stabilised_picture_is_turned_with_it():
+    found = with_picture_motion(recording(made(12.0)), made(12.0))
+    np.testing.assert_array_equal(found.rig.imu.imu_R_camera, np.eye(3))
+    np.testing.assert_allclose(found.rig.imu.imu_p_camera, [0.0, 0.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(found.rig.imu.accelerometer_bias_m_s2, [0.2, 0.0, 0.0], atol=1e-12)
+    log = found.imu
+    assert log.t_s[0] == 0.0 and 0.85 < log.t_s[-1] < 29 / 30 and len(log.t_s) == len(log.saturated)
+    expected = np.radians(RATE_DEG_S - 12.0)
+    np.testing.assert_allclose(log.rate_rad_s, np.tile([0.0, expected, 0.0], (len(log.t_s), 1)), atol=0.01)
+    # the body's own axes are those of a camera turned by half a turn about z; the image turns about y on it
+    angle = np.radians(12.0 * log.t_s)
+    expected = np.stack([-5.0 * np.cos(angle), np.full(len(angle), -9.0), 5.0 * np.sin(angle)], axis=1)
+    np.testing.assert_allclose(log.force_m_s2, expected, atol=2e-3)
 
 
 def test_a_picture_that_stays_on_the_body_keeps_the_sensors():
@@ -87,4 +107,4 @@ def test_sensors_of_the_user_stay(tmp_path):
 def test_real_walks_say_so(data_dir, name, samples, words):
     opened = open_recording(data_dir / name / "video.mp4", camera=None)
     assert (None if opened.gyro is None else len(opened.gyro.t_s)) == samples
-    assert opened.imu is None and words in opened.notes[0]
+    assert (opened.imu is None) == (samples is None) and words in opened.notes[0]

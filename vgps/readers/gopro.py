@@ -5,6 +5,8 @@ the first frame's exposure; without them samples are spread over their payload. 
 own delay of some tenths of a second between being at a position and reporting it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -126,13 +128,25 @@ def gopro_exposures(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | Non
     return _times(telemetry, "SHUT"), _values(telemetry, "SHUT", 1)[:, 0]
 
 
-def picture_rotations(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | None:
+class PictureRotations(NamedTuple):
+    """Rotations of a stabilised image at the frames.
+
+    Attributes:
+        t_s: (N,) times.
+        first_R_camera: (N, 3, 3) from the image's axes to those of the first sample's reference.
+        camera_R_body: (N, 3, 3) from the body's axes, those of a camera that is fixed to it, to the image's.
+    """
+
+    t_s: FloatArray
+    first_R_camera: FloatArray
+    camera_R_body: FloatArray
+
+
+def picture_rotations(telemetry: Telemetry) -> PictureRotations | None:
     """Return the rotation of the stabilised image: the body's (CORI) and the stabilisation's (IORI).
 
-    Returns:
-        Times (N,) and first_R_camera (N, 3, 3), from camera axes to those of the first sample's reference;
-        None without both streams. On a walk with a MAX, whose stabilisation rotated the image by up to 19
-        degrees, the rates correlate to 0.9995 with those of poses from the video; the gyro's to 0.73.
+    None without both streams. On a walk with a MAX, whose stabilisation rotated the image by up to 19
+    degrees, the rates correlate to 0.9995 with those of poses from the video; the gyro's to 0.73.
     """
     if not {"CORI", "IORI"} <= telemetry.sensors.keys():
         return None
@@ -140,8 +154,11 @@ def picture_rotations(telemetry: Telemetry) -> tuple[FloatArray, FloatArray] | N
     n = min(len(camera), len(image))
     if not (np.any(camera[:n], axis=1) & np.any(image[:n], axis=1)).all():
         raise GyroLogError("a rotation of length zero", file=telemetry.path, place="CORI, IORI")
-    rotation = Rotation.from_quat(image[:n]) * Rotation.from_quat(camera[:n])
-    return _times(telemetry, "CORI")[:n], rotation.inv().as_matrix()
+    on_body = Rotation.from_quat(image[:n])
+    rotation = on_body * Rotation.from_quat(camera[:n])
+    return PictureRotations(
+        _times(telemetry, "CORI")[:n], rotation.inv().as_matrix(), np.asarray(on_body.as_matrix())
+    )
 
 
 def picture_turn_rad(telemetry: Telemetry) -> float | None:
