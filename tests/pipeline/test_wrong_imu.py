@@ -31,6 +31,19 @@ def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
 
 
 @pytest.mark.slow
+def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(data_dir):
+    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+    late = replace(opened, imu=replace(opened.imu, t_s=opened.imu.t_s + 0.06))
+    found, right = vgps.smooth(late), vgps.smooth(opened)
+    clock = [text for text in found.warnings if "imu.csv was shifted by -0.0" in text]
+    assert clock and not any("left out" in text for text in found.warnings)
+    assert (
+        np.linalg.norm(found.world_T_camera[:, :3, 3] - right.world_T_camera[:, :3, 3], axis=1).mean() < 0.02
+    )
+    assert found.sensors.imu != {}
+
+
+@pytest.mark.slow
 def test_without_fixes_the_imu_predicts_rotations_only(data_dir):
     opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
     alone = vgps.smooth(replace(opened, gps=None))

@@ -27,7 +27,7 @@ class Agreement(NamedTuple):
     """What the rotations of a path say of an IMU.
 
     Attributes:
-        contradiction: Of mounting, clock or unit; None if there is none.
+        contradiction: Of mounting or unit; None if there is none.
         time_offset_s: To be added to the IMU's times; 0 if it is not significant.
         time_offset_sigma_s: Its standard deviation.
     """
@@ -35,6 +35,11 @@ class Agreement(NamedTuple):
     contradiction: str | None
     time_offset_s: float = 0.0
     time_offset_sigma_s: float = 0.0
+
+    @property
+    def misled(self) -> bool:
+        """Whether the clock was so far off that the rotations which the IMU predicted were wrong."""
+        return abs(self.time_offset_s) > _MAX_OFFSET_S
 
 
 def agreement(paths: Sequence[Trajectory], imu: CameraImu) -> Agreement:
@@ -94,17 +99,11 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 
 def _difference(fit: Fit) -> str | None:
-    """Return the rotation and the time offset that the fit finds, if either is significant and large."""
+    """Return the rotation that the fit finds, if it is significant and large."""
     sigma = np.sqrt(np.diag(fit.covariance))
     turn = np.degrees(Rotation.from_matrix(fit.mount.gyro_R_camera).as_rotvec())
-    sigma_deg, offset_s = np.degrees(sigma[:3]), fit.mount.time_offset_s
-    parts = []
-    shown = np.abs(turn) > _SIGMAS * sigma_deg
-    if np.linalg.norm(turn[shown]) > _MAX_ROTATION_DEG:
-        about = ", ".join(f"{angle:.1f}" for angle in turn)
-        parts.append(
-            f"it is mounted otherwise than imu_R_camera says, by {about} degrees about the camera's axes"
-        )
-    if abs(offset_s) > max(_SIGMAS * sigma[3], _MAX_OFFSET_S):
-        parts.append(f"imu_time_offset_s should be larger by {offset_s:.3f} s")
-    return " and ".join(parts) or None
+    shown = np.abs(turn) > _SIGMAS * np.degrees(sigma[:3])
+    if np.linalg.norm(turn[shown]) <= _MAX_ROTATION_DEG:
+        return None
+    about = ", ".join(f"{angle:.1f}" for angle in turn)
+    return f"it is mounted otherwise than imu_R_camera says, by {about} degrees about the camera's axes"

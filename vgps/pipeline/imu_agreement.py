@@ -5,6 +5,7 @@ from dataclasses import replace
 from vgps.config import Config
 from vgps.imu.agreement import Agreement, agreement
 from vgps.mapping.trajectory import map_trajectory
+from vgps.model import Recording
 from vgps.pipeline.front_end import FrontEnd, camera_imu
 
 _CALIBRATE = "vgps calibrate-imu"
@@ -18,21 +19,23 @@ def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
 
 def contradiction_note(front_end: FrontEnd, found: Agreement) -> str | None:
     """Return the warning that an IMU is left out; None if nothing contradicts it."""
-    imu = front_end.recording.imu
-    if imu is None or found.contradiction is None:
+    imu, contradiction = front_end.recording.imu, found.contradiction
+    if found.misled:
+        contradiction = contradiction or f"its clock seems to be off by {found.time_offset_s:.3f} s"
+    if imu is None or contradiction is None:
         return None
-    return f"{imu.source.name} is left out: {found.contradiction}; calibrate it with {_CALIBRATE}"
+    return f"{imu.source.name} is left out: {contradiction}; calibrate it with {_CALIBRATE}"
 
 
-def with_imu_clock(front_end: FrontEnd, found: Agreement) -> FrontEnd:
-    """Return the front end with the IMU's clock as the rotations show it, and a warning if it was shifted."""
-    imu, offset_s = front_end.recording.imu, found.time_offset_s
+def with_imu_clock(recording: Recording, found: Agreement) -> Recording:
+    """Return a recording with the IMU's clock as the rotations show it, and a note if it was shifted."""
+    imu, offset_s = recording.imu, found.time_offset_s
     if imu is None or not offset_s:
-        return front_end
+        return recording
     note = (
         f"{imu.source.name} was shifted by {offset_s:.4f} s (standard deviation "
         f"{found.time_offset_sigma_s:.4f} s), as its rotations and the video's show: add it to "
         f"imu_time_offset_s in rig.yaml, or run {_CALIBRATE}"
     )
-    recording = replace(front_end.recording, imu=replace(imu, t_s=imu.t_s + offset_s))
-    return replace(front_end, recording=recording, warnings=(*front_end.warnings, note))
+    shifted = replace(imu, t_s=imu.t_s + offset_s)
+    return replace(recording, imu=shifted, notes=(*recording.notes, note))

@@ -87,12 +87,20 @@ def _smoothed(
 ) -> Solution:
     front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
     found = imu_agreement(front_end, config)
+    if found.misled and found.contradiction is None:
+        progress.stage("again with the IMU's clock as the video shows it")
+        recording = with_imu_clock(recording, found)
+        front_end = run_front_end(recording, config, progress)
+        found = imu_agreement(front_end, config)
     if (wrong := contradiction_note(front_end, found)) is not None:
         progress.stage("again without the IMU, which contradicts the video")
         recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
         front_end = run_front_end(recording, config, progress)
+    shifted = with_imu_clock(front_end.recording, found)
+    notes = shifted.notes[len(front_end.recording.notes) :]
     journal = None if checkpoint is None else checkpoint.journal
-    front_end = replace(with_imu_clock(front_end, found), journal=journal)
+    warnings = (*front_end.warnings, *notes)
+    front_end = replace(front_end, recording=shifted, warnings=warnings, journal=journal)
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config, progress)
 
