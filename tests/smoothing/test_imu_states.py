@@ -1,8 +1,23 @@
 """What a run reports of its IMU's biases."""
 
+import gtsam
 import numpy as np
+import pytest
+from gtsam.symbol_shorthand import X
+from inertial import MOUNT, exact_log
+from scipy.interpolate import CubicSpline
+from synthetic_bundle import ANTENNA
 
+from vgps.config import Config, ImuConfig, StartConfig
+from vgps.gps.sensors import Sensors
+from vgps.imu.camera_imu import imu_at_camera
+from vgps.imu.factors import imu_graph
+from vgps.imu.start import start_states
+from vgps.imu.states import as_bias, bias_key, velocity_key
+from vgps.simulate import Motion
+from vgps.smoothing.factor_graph import Scene, joined, other_pose_factors
 from vgps.smoothing.imu_states import ImuBias
+from vgps.solution import Observations, Trajectory
 
 
 def test_biases_are_reported_in_the_axes_of_the_imu():
@@ -16,3 +31,30 @@ def test_biases_are_reported_in_the_axes_of_the_imu():
     }
     unknown = ImuBias(np.arange(6.0), np.full((6, 6), np.nan)).report(quarter)
     assert unknown.keys() == {"accelerometer_m_s2", "gyro_rad_s"}
+
+
+def test_what_is_level_is_shared_between_a_bias_and_a_tilt():
+    """Where a camera only goes straight, a bias across its path and its roll look alike: priors decide."""
+    t_s, bias, level_deg = np.arange(11.0), 0.2, 1.0
+    values = np.zeros((14, 6))
+    values[:, 0] = 3.0 * np.arange(-1.0, 13.0)
+    motion = Motion(CubicSpline(np.arange(-1.0, 13.0), values))
+    path = Trajectory(t_s, motion.poses(t_s))
+    across = MOUNT.imu_R_camera @ [bias, 0.0, 0.0]
+    config = Config(start=StartConfig(level_sigma_deg=level_deg), imu=ImuConfig(accelerometer_bias_walk=1e-6))
+    imu = imu_at_camera(exact_log(motion, accelerometer_bias=across), MOUNT, None, config.imu)
+    none = np.zeros(0, dtype=np.int64)
+    nothing = Observations(none, none, np.zeros((0, 2)))
+    scene = Scene(t_s, path.world_T_camera, np.zeros((0, 3)), nothing)
+    states = start_states(path, np.zeros(11, dtype=bool), imu, config.imu)
+    others = other_pose_factors(scene, Sensors.fixed(ANTENNA), config, states)
+    graph, start = joined(others, imu_graph(imu, states, t_s, config.imu)), gtsam.Values()
+    for k, pose in enumerate(map(gtsam.Pose3, path.world_T_camera)):
+        graph.push_back(gtsam.GPSFactor(X(k), pose.translation(), gtsam.noiseModel.Isotropic.Sigma(3, 0.01)))
+        start.insert(X(k), pose)
+        start.insert(velocity_key(k), states.velocity[k])
+        start.insert(bias_key(k), as_bias(states.bias[k]))
+    found = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
+    roll = np.arcsin(found.atPose3(X(5)).rotation().matrix()[2, 0])
+    level, drawn = np.radians(level_deg), config.imu.accelerometer_bias_sigma / imu.gravity_m_s2
+    assert abs(roll) == pytest.approx(bias / imu.gravity_m_s2 / (1.0 + (drawn / level) ** 2), rel=0.1)

@@ -146,9 +146,9 @@ def _with_rows(
 
 
 def _with_ground(state: _State, solved: BatchSolution, config: StartConfig) -> _State:
-    """Return the state with the ground under the path of a round, unless gravity or held frames level it."""
+    """Return the state with the ground under the path of a round, unless held frames level it."""
     scene, fixed = state.scene, solved.given.fixed
-    if state.imu is not None or (fixed is not None and fixed.any()):
+    if fixed is not None and fixed.any():
         return state
     sigma_rad = float(np.radians(config.crossfall_sigma_deg))
     ground = find_ground(scene.trajectory, scene.points, solved.given.scene.observations, sigma_rad)

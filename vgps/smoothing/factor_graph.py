@@ -221,14 +221,13 @@ def other_pose_factors(
 ) -> gtsam.NonlinearFactorGraph:
     """Return the factors of sensors, motion and a level camera: all but those of fixes and control points.
 
-    With an IMU, gravity says what is level, and its knots bridge frames without features.
+    With an IMU, its knots bridge frames without features. What is level is assumed beside gravity, too: until
+    the camera turns, a bias of the accelerometer looks like a tilt.
     """
     unseen = scene.unseen
     if imu is not None:
         unseen[imu.frame] = False
     motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
-    level = gtsam.NonlinearFactorGraph()
-    if imu is None:
-        level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
+    level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
     heights = gtsam.NonlinearFactorGraph() if scene.heights is None else scene.heights.graph()
     return joined(sensors.priors(), motion, level, heights)
