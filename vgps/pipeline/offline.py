@@ -60,8 +60,8 @@ def smooth(
             again = _smoothed(better, settings, progress, None)
             solution = replace(again, config=solution.config)
     # a resumed run has the seconds of stages that an earlier process ran
-    before_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
-    solution = replace(solution, seconds={**solution.seconds, "before": before_s})
+    rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
+    solution = replace(solution, seconds={**solution.seconds, "rest": rest_s})
     return with_gyro_note(solution, recording)
 
 

@@ -21,7 +21,6 @@ from vgps.solution import FrameState, Solution, Verdict
 from vgps.writers.page import embedded, write_page
 
 _STAGES = {
-    "before": "calibrating the camera, and runs before this one",
     "decode": "opening the video",
     "start": "initial map",
     "track": "A: tracking",
@@ -33,6 +32,7 @@ _STAGES = {
     "drift": "drift, verdicts, time offset",
     "drift beside": "drift, verdicts, time offset, in parallel",
     "batch": "D: final optimisation",
+    "rest": "the rest: calibration, earlier runs of all stages",
 }
 _TERMS = {"video": "video: reprojection errors", "poses": "poses: fixes, motion, standstills"}
 _MIN_S = 0.05  # shorter stages would be shown as 0.0 s
