@@ -23,10 +23,11 @@ def test_before_the_motion_shows_it_both_hypotheses_stand():
 
 @pytest.mark.parametrize(
     ("preferred_s", "sigma_s", "least_s", "most_s"),
-    [(0.4, 0.01, 0.39, 0.41), (-0.3, 0.02, -0.31, -0.28), (0.03, 0.01, 0.0, 0.005), (0.1, 0.04, 0.0, 0.05)],
+    [(0.4, 0.01, 0.39, 0.41), (-0.3, 0.02, -0.31, -0.28), (0.03, 0.01, 0.0, 0.0), (0.1, 0.04, 0.0, 0.0)],
 )
-def test_what_may_be_chance_moves_little(preferred_s, sigma_s, least_s, most_s):
+def test_what_may_be_chance_moves_nothing(preferred_s, sigma_s, least_s, most_s):
     believed = believed_time_offset(found(preferred_s, sigma_s), CONFIG)
+    # whatever is decided, the other hypothesis is within its sigmas
     assert least_s <= believed.time_offset_s <= most_s
     assert abs(believed.time_offset_s - preferred_s) < 3.0 * max(believed.sigma_s, 0.02)
 
