@@ -1,6 +1,6 @@
 """Stage D, Kume 2010: batch optimisation of all poses and features by Levenberg-Marquardt."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,23 +61,24 @@ def optimise_batch(
     """
     config = context.config
     assessment = assessment or FixAssessment.unassessed(len(fixes))
-    rounds, iterations, given = config.batch.rounds, 0, context.cameras
-    errors = largest_errors(config.gps) if rounds > 1 else {}
+    iterations, given = 0, context.cameras
+    errors = largest_errors(config.gps) if config.batch.rounds > 1 else {}
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
     time_offset_warnings: tuple[str, ...] = ()
-    for round_ in range(rounds):
-        if round_ == 1:  # before the first round, seams between merged maps look like time offsets
-            state, time_offset_warnings = _with_time_offset(state, fixes)
-            state = replace(state, errors=_learned(state, fixes, config))
-        for n in exponent_schedule(config.gps.exponent) if round_ == 0 else [config.gps.exponent]:
-            solved = _solve_round(state, fixes, fixed, _Round(round_ == 0, round_ == rounds - 1, n))
-            state = state.after(solved.result)
-            iterations += solved.result.report.iterations
-        if round_ < rounds - 1:
+    *earlier, last = _stages(config)
+    for stage in earlier:
+        solved = _solve_stage(state, fixes, fixed, stage)
+        state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
+        if stage.ends_round:
             context, state = _with_rows(context, state, solved)
             context, state = _with_mounts(context, state, solved, given)
             state = _with_ground(state, solved, config.start)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
+            if stage.first:  # before it, seams between merged maps look like time offsets
+                state, time_offset_warnings = _with_fix_errors(state, fixes)
+        del solved  # its observations, before the next stage selects its own
+    solved = _solve_stage(state, fixes, fixed, last)
+    state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
     notes = (*time_offset_warnings, *warnings, *result.warnings, *mount_notes(context.cameras, given))
@@ -85,12 +86,21 @@ def optimise_batch(
 
 
 @dataclass(frozen=True)
-class _Round:
-    """Position of a round in the sequence, and the exponent of its GPS walls."""
+class _Stage:
+    """Whether a solution is of the first or the last round and ends it, and the exponent of its GPS walls."""
 
     first: bool
     last: bool
+    ends_round: bool
     n: int
+
+
+def _stages(config: Config) -> Iterator[_Stage]:
+    """Yield the solutions of all rounds: the first one raises the exponent in stages."""
+    exponent, rounds = config.gps.exponent, config.batch.rounds
+    for round_ in range(rounds):
+        for n in exponent_schedule(exponent) if round_ == 0 else [exponent]:
+            yield _Stage(round_ == 0, round_ == rounds - 1, n == exponent, n)
 
 
 @dataclass(frozen=True)
@@ -121,15 +131,17 @@ class _State:
         return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
 
 
-def _with_time_offset(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
-    """Return the state with the time offset estimated from the fixes, and warnings."""
+def _with_fix_errors(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
+    """Return the state with the fixes' time offset, noise and walk learned from the path, and warnings."""
     assessed, config = state.assessment.applied(fixes), state.context.config
     path = state.scene.trajectory
     sensors, warnings = update_time_offset(state.sensors, path, assessed, config.sensors)
     held = config.sensors.estimate_time_offset == "auto" and not sensors.prior_time_offset.sigma_s
     if held and config.gps.has_memory and not warnings:  # errors without memory let the poses say more
         sensors, warnings = likelier_time_offset(sensors, path, assessed, config.sensors)
-    return replace(state, sensors=sensors), warnings
+    state = replace(state, sensors=sensors)
+    errors = learn_errors(state.usable(fixes), path, sensors.camera_p_antenna, config)
+    return replace(state, errors=errors), warnings
 
 
 def _with_rows(
@@ -166,15 +178,10 @@ def _with_mounts(
     return replace(context, cameras=cameras), replace(state, scene=scene)
 
 
-def _learned(state: _State, fixes: Fixes, config: Config) -> dict[FixClass, LearnedErrors]:
-    """Return noise and walk of the classes, learned from the path of the first round."""
-    return learn_errors(state.usable(fixes), state.scene.trajectory, state.sensors.camera_p_antenna, config)
-
-
-def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _Round) -> BatchSolution:
-    """Build and solve the problem of a round."""
+def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: _Stage) -> BatchSolution:
+    """Build and solve the problem of a stage."""
     context, batch = state.context, state.context.config.batch
-    scene, sigma = select_observations(state.scene, context, batch.first_tolerance if round_.first else 1.0)
+    scene, sigma = select_observations(state.scene, context, batch.first_tolerance if stage.first else 1.0)
     sensors = state.sensors
     if context.config.gps.has_memory:  # a walking offset and a time offset explain the same differences
         sensors = sensors.holding_time_offset()
@@ -191,9 +198,9 @@ def _solve_round(state: _State, fixes: Fixes, fixed: BoolArray | None, round_: _
         errors=state.errors,
         imu=state.imu,
     )
-    built = batch_problem(given, round_.n)
-    result = solve_once(built.problem, _settings(batch, round_.last), batch.solver, context.journal)
-    if result.stuck and round_.first:
+    built = batch_problem(given, stage.n)
+    result = solve_once(built.problem, _settings(batch, stage.last), batch.solver, context.journal)
+    if result.stuck and stage.first:
         raise GeometryError(
             f"the optimiser made no step: {result.report.stop_reason}",
             remedy="check the camera's calibration, the GPS log and their clocks",
