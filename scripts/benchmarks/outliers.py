@@ -22,12 +22,12 @@ from scripts.common.colmap_problem import Priors, make_problem
 from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.markdown import mean_and_range, table
 from scripts.common.recordings import true_poses
+from scripts.common.simulated_fixes import simulated_fixes
 from vgps.config import Config, GpsModel, Region
-from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import Sensors
-from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
+from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.context import SmoothingContext
@@ -73,25 +73,6 @@ def settings(model: GpsModel, sigma_m: float, seed: int) -> Config:
     return config.model_copy(update={"gps": config.gps.model_copy(update={"regions": regions})})
 
 
-def as_fixes(t_s: FloatArray, world_p_fix: FloatArray, sigma_m: float, config: Config) -> Fixes:
-    """Return positions (F, 3) as fixes that are all RTK-fix."""
-    unknown = np.full(len(t_s), np.nan)
-    log = GpsLog(
-        t_s=t_s,
-        latitude_deg=unknown,
-        longitude_deg=unknown,
-        height_m=unknown,
-        fix_class=(FixClass.RTK_FIX,) * len(t_s),
-        sigma_m=np.full((len(t_s), 3), sigma_m),
-        hdop=unknown,
-        satellites=unknown,
-        correction_age_s=unknown,
-        line=np.arange(len(t_s)),
-        source=Path("simulated"),
-    )
-    return fixes_in_world(log, world_p_fix, config.gps)
-
-
 def by_vgps(
     model: GpsModel, start: BundleProblem, run: Solution, priors: Priors, seed: int
 ) -> tuple[FloatArray, FixAssessment | None]:
@@ -99,7 +80,7 @@ def by_vgps(
     sigma_m = float(priors.sigma_m[0, 0])
     config = settings(model, sigma_m, seed)
     t_s, antenna = run.t_s[: len(start.world_T_camera)], np.zeros(3)
-    fixes = as_fixes(t_s, priors.world_p_camera, sigma_m, config)
+    fixes = simulated_fixes(t_s, priors.world_p_camera, FixClass.RTK_FIX, sigma_m, config)
     observations = Observations(start.frame, start.landmark, start.uv_px)
     scene = Scene(t_s, start.world_T_camera, start.world_p_landmark, observations)
     judged = detects_outliers(config)
