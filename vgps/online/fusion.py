@@ -96,10 +96,6 @@ class FusedPath:
         out[:, :3, 3] = (1.0 - share) * placed(before) + share * placed(after)
         return out
 
-    def scale(self, path: VideoPath) -> FloatArray:
-        """Return the scale (n,) from the map to the world at the frames of a path."""
-        return np.asarray(np.exp(np.interp(path.t_s, self.nodes.t_s, self.state.values[:, SCALE])))
-
     def surprise(self, last: "FusedPath", path: VideoPath, config: Config) -> float:
         """Return the largest squared deviation, in sigmas, of what is new since the last fit: noise, walk and
         bound of offsets, and the correction of the newest position."""

@@ -56,7 +56,7 @@ class LiveFusion:
         self._job: _Job | None = None
         self._latest: FitResult | None = None
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
-        self._newest_seen = (0, 0)  # the fit in use and the number of fixes
+        self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._seen = (0, 0)  # frames and fixes of the last fit
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
@@ -111,7 +111,7 @@ class LiveFusion:
         if result.surprising:
             self._start(fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
             return
-        self._latest = result
+        self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
 
     def _update_fixes(self, result: FitResult) -> None:
@@ -144,10 +144,10 @@ class LiveFusion:
 
     def use_new_fixes(self) -> None:
         """Let the fixes that came with the newest frame count, before the fit to all of them is there."""
-        current, seen = self._frame_pipeline.current, (id(self._latest), self._fix_count())
-        if self._fused is None or current is None or current is not self._map or seen == self._newest_seen:
+        current, fixes = self._frame_pipeline.current, self._fix_count()
+        if self._fused is None or current is None or current is not self._map or fixes == self._newest_fixes:
             return
-        self._newest, self._newest_seen = self._fused, seen
+        self._newest, self._newest_fixes = self._fused, fixes
         try:
             self._newest = newest_fit(self._given(current), self._config) or self._fused
         except np.linalg.LinAlgError:
