@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from solutions import EAST_R_CAMERA, PINHOLE, make_poses, make_solution
 
-from vgps.camera import distort, project
+from vgps.camera import distort, project, undistort
 from vgps.evaluation.check_points import mark_statistics, marks_of, summary_line
 from vgps.geodesy import to_geodetic
 from vgps.model import Camera, ControlPoints
+from vgps.rolling_shutter import row_poses
 
 LENS = replace(PINHOLE, model="opencv", distortion=(-0.1, 0.02, 1e-3, -5e-4))
 
@@ -62,6 +63,21 @@ def test_exact_marks_reproject_exactly_through_the_lens():
     for mark in marks_of(run_with_marks(PLACES)):
         np.testing.assert_allclose(mark.reprojected_px, mark.uv_px, atol=1e-3)
         assert mark.rms_px < 1e-3
+
+
+def test_marks_in_the_rows_of_a_rolling_shutter_reproject_exactly():
+    run = run_with_marks(PLACES)
+    camera, points = replace(LENS, readout_s=0.5), run.control_points
+    uv = points.uv_px
+    for _ in range(8):  # the row in which a mark is seen decides from where
+        poses = row_poses(camera, run.t_s, run.world_T_camera, points.frame, undistort(camera, uv))
+        away = points.world_p_point - poses[:, :3, 3]
+        uv = project(camera, np.einsum("nji,nj->ni", poses[:, :3, :3], away))
+    assert np.abs(uv - points.uv_px).max() > 1.0
+    rolling = replace(run, camera=camera, control_points=replace(points, uv_px=uv))
+    for mark in marks_of(rolling):
+        assert mark.rms_px < 1e-3
+        np.testing.assert_allclose(mark.residual_m, 0.0, atol=1e-4)
 
 
 def test_intersections_are_those_of_opencv():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from vgps.camera import project as project_distorted
+from vgps.geometry import project
+from vgps.rolling_shutter import row_poses
 from vgps.solution import Solution
 from vgps.viewer.residuals import fix_placement, gps_terms, reproject, reprojection_errors, video_terms
 
@@ -31,6 +33,18 @@ def test_the_one_error_is_found_in_the_undistorted_image(solution: Solution) -> 
     planted = (reprojected.frame == 0) & (reprojected.landmark == 0)
     np.testing.assert_allclose(reprojected.error_px[planted], [[-PLANTED[0], -PLANTED[1]]], atol=1e-9)
     np.testing.assert_allclose(reprojected.error_px[~planted], 0.0, atol=1e-9)
+
+
+def test_a_rolling_shutter_is_reprojected_from_the_poses_of_its_rows(solution: Solution) -> None:
+    rolling = replace(solution, camera=replace(solution.camera, readout_s=0.3))
+    seen = reproject(rolling)
+    uv_px = rolling.observations.uv_px[seen.order]
+    poses = row_poses(rolling.camera, rolling.t_s, rolling.world_T_camera, seen.frame, uv_px)
+    points = rolling.landmarks.world_p_landmark[seen.landmark]
+    np.testing.assert_allclose(
+        seen.error_px, project(rolling.camera.K, poses, points[:, None])[0][:, 0] - uv_px
+    )
+    assert np.abs(seen.error_px - reproject(solution).error_px).max() > 0.1
 
 
 def test_the_term_of_a_frame_is_equation_12(solution: Solution) -> None:

@@ -9,6 +9,7 @@ from vgps.geodesy import to_enu
 from vgps.geometry import project
 from vgps.geometry.projection import MIN_DEPTH, largest_angle_rad, triangulate, world_rays
 from vgps.model import FloatArray, IntArray
+from vgps.rolling_shutter import row_poses
 from vgps.solution import Solution
 
 _STEPS = 10  # of Gauss-Newton, which starts at the point nearest to all rays
@@ -122,10 +123,11 @@ def _mark(solution: Solution, name: str, rows: IntArray, world_p_mark: FloatArra
     points, camera = solution.control_points, solution.camera
     assert points is not None
     frame, uv = points.frame[rows], points.uv_px[rows]
-    poses = solution.world_T_camera[frame]
+    undistorted = undistort(camera, uv)
+    poses = row_poses(camera, solution.t_s, solution.world_T_camera, frame, undistorted)
     pinhole, depth = project(camera.K, poses, world_p_mark[None])
     pinhole = np.where(depth > MIN_DEPTH, pinhole[:, 0], np.nan)
-    position, angle_rad = _intersection(camera.K, poses, undistort(camera, uv))
+    position, angle_rad = _intersection(camera.K, poses, undistorted)
     return Mark(
         name=name,
         check=bool(points.check[rows].any()),

@@ -11,6 +11,7 @@ from vgps.geometry import project
 from vgps.gps.fixes import CLASSES, Fixes, Placement, penalty, place
 from vgps.gps.regions import ellipsoid_shapes, lower_class
 from vgps.model import FloatArray, GpsLog, IntArray
+from vgps.rolling_shutter import row_poses
 from vgps.solution import FixTable, Solution, Verdict
 
 _CHUNK = 200_000  # observations projected together: 4x4 poses of all of a long run would not fit in memory
@@ -44,7 +45,7 @@ class ReprojectedObservations:
 
 def reproject(solution: Solution) -> ReprojectedObservations:
     """Reproject all observed landmarks; NaN in the distorted image where the lens cannot show them."""
-    observations = solution.observations
+    observations, camera = solution.observations, solution.camera
     order = np.argsort(observations.frame, kind="stable")
     frame, landmark = observations.frame[order], observations.landmark[order]
     uv_px = observations.uv_px[order]
@@ -52,15 +53,15 @@ def reproject(solution: Solution) -> ReprojectedObservations:
     reprojected = np.full_like(uv_px, np.nan)
     for start in range(0, len(frame), _CHUNK):
         rows = slice(start, start + _CHUNK)
-        poses = solution.world_T_camera[frame[rows]]
-        uv, depth = project(solution.camera.K, poses, points[rows, None])  # one point per camera
+        poses = row_poses(camera, solution.t_s, solution.world_T_camera, frame[rows], uv_px[rows])
+        uv, depth = project(camera.K, poses, points[rows, None])  # one point per camera
         reprojected[rows] = np.where(depth > 0, uv[:, 0], np.nan)
     return ReprojectedObservations(
         order=order,
         frame=frame,
         landmark=landmark,
-        observed_px=distort(solution.camera, uv_px),
-        reprojected_px=distort(solution.camera, reprojected),
+        observed_px=distort(camera, uv_px),
+        reprojected_px=distort(camera, reprojected),
         error_px=reprojected - uv_px,
         per_frame=np.bincount(frame, minlength=len(solution.t_s)),
     )
