@@ -6,7 +6,10 @@ import pytest
 from clips import picture, shade
 from PIL import Image
 
+from vgps.camera import centred_camera, row_shares
 from vgps.errors import VideoError
+from vgps.readers.gopro_lens import with_readout
+from vgps.readers.gpmf import Telemetry
 from vgps.readers.images import ImageFolder, list_images
 
 
@@ -78,6 +81,26 @@ def test_an_image_of_another_size_is_refused(folder):
     (folder / "frame_times.csv").write_text("frame,t_s\n0,0\n1,1\n2,2\n")
     with pytest.raises(VideoError, match=r"f2\.png: an image of 32 x 48; expected 64 x 48"):
         list(ImageFolder(folder).frames())
+
+
+@pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, 3), (8, 1)])
+def test_the_rows_of_a_turned_picture_are_its_columns(tmp_path, orientation, turns):
+    images = tmp_path / "images"
+    images.mkdir()
+    rows = np.tile(np.linspace(0, 255, 48).astype(np.uint8)[:, None], (1, 64))
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    for index in range(2):
+        Image.fromarray(rows).save(images / f"{index:06d}.jpg", exif=exif)
+    (tmp_path / "frame_times.csv").write_text("frame,t_s\n0,0.0\n1,0.1\n")
+    video = ImageFolder(images)
+    assert video.quarter_turns == turns
+    size = (video.width, video.height)
+    lens = with_readout(centred_camera("opencv", size, 60.0), Telemetry(images), video.quarter_turns)
+    gray = next(iter(video.frames())).gray.astype(float)
+    v, u = (index.ravel() for index in np.indices(gray.shape))
+    order = np.corrcoef(row_shares(lens, np.column_stack([u, v]).astype(float)), gray[v, u])[0, 1]
+    assert abs(order) > 0.99 and (order < 0) == (turns >= 2)  # then its readout is negative
 
 
 def test_mirrored_pictures_are_refused(tmp_path):

@@ -14,7 +14,7 @@ from vgps.model import FloatArray, Frame, GrayImage, RgbImage
 from vgps.readers.container import check_size, open_container
 from vgps.readers.exif import Taken, picture_times, read_taken
 from vgps.readers.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
-from vgps.readers.luma import ahead, colours, luma, upright_size
+from vgps.readers.luma import ahead, colours, luma, quarter_turns, upright_size
 
 _ORIENTATION, _MIRRORED = 0x0112, {2, 4, 5, 7}
 log = logging.getLogger(__name__)
@@ -53,6 +53,7 @@ class ImageFolder:
             raise VideoError("the first image cannot be decoded", file=self.files[0])
         _check_orientation(self.files[0])
         self.width, self.height = upright_size(first)
+        self.quarter_turns = quarter_turns(first)
 
     @property
     def times_s(self) -> FloatArray:
