@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -10,6 +11,7 @@ from solutions import short_drive
 
 import vgps
 from vgps.config import RollingShutterConfig
+from vgps.pipeline import readout_estimation
 from vgps.pipeline.readout_estimation import with_readout
 from vgps.simulate import simulate
 from vgps.smoothing.readout import Readout
@@ -83,3 +85,28 @@ def test_what_is_said_of_a_readout() -> None:
     )
     chance = with_readout(drive, Readout(3e-3, 1e-3, 1 / 30), 3e-3, config).warnings[-1]
     assert "which may be chance" in chance
+
+
+@pytest.mark.slow
+def test_a_readout_of_the_wrong_sign_is_told(shaken: Path) -> None:
+    recording = vgps.open_recording(shaken)
+    wrong = replace(recording, camera=replace(recording.camera, readout_s=-0.03))
+    (note,) = (each for each in vgps.smooth(wrong).warnings if "readout" in each)
+    assert "has a readout of -30.0 ms, and the video shows" in note and "negative if" in note
+
+
+def test_a_known_readout_is_compared_with_what_the_video_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive, config = short_drive(), vgps.Config()
+    rolling = replace(drive, camera=replace(drive.camera, readout_s=0.02))
+    front_end, batch = SimpleNamespace(others=()), SimpleNamespace()
+
+    def told(solution: vgps.Solution, settings: vgps.Config = config) -> int:
+        found = readout_estimation.with_contradicted_readout(solution, batch, front_end, settings)
+        return len(found.warnings) - len(solution.warnings)
+
+    for seen_s, expected in ((0.021, 0), (-0.019, 1)):
+        seen = Readout(seen_s, 1e-3, 1 / 30)
+        monkeypatch.setattr(readout_estimation, "_estimate", lambda *given, seen=seen: seen)
+        assert told(rolling) == expected
+    assert told(rolling, vgps.Config(rolling_shutter=RollingShutterConfig(estimate="no"))) == 0
+    assert told(replace(drive, camera=replace(drive.camera, readout_s=None))) == 0

@@ -52,6 +52,15 @@ def test_the_sigma_holds() -> None:
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
 
 
+def test_a_given_readout_is_contradicted_by_what_cannot_be_chance() -> None:
+    seen = Readout(0.010, 0.001, 0.033)
+    given = {0.010: False, 0.014: False, -0.010: True, 0.0: True}  # 5 sigmas are 5 ms
+    assert {each: seen.contradicts(each, 5.0) for each in given} == given
+    exact = Readout(0.010, 1e-5, 0.033)
+    assert not exact.contradicts(0.012, 5.0) and exact.contradicts(0.014, 5.0)  # a tenth of a frame is 3.3 ms
+    assert not Readout(0.05, 1e-3, 0.033).contradicts(0.0, 5.0)  # longer than a frame
+
+
 def test_a_global_shutter_is_not_taken_for_a_rolling_one() -> None:
     problem, _ = rolling_drive(readout_s=1e-9)
     found = estimate_readout(optimum(replace(problem, row_times=None)), T_S, CAMERA, NO_SIGMA)

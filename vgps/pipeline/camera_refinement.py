@@ -85,6 +85,18 @@ def optimise_camera(
     return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
 
 
+def optimise_roughly(front_end: FrontEnd, merged: MergedMaps, camera: Camera, config: Config) -> BatchResult:
+    """Return a rough solution of stage D in one round with a camera that is held.
+
+    Raises:
+        GeometryError: No step lowers the cost.
+    """
+    held = None if is_tied(front_end, merged, config) else _held_frames(merged.scene, config)
+    context = replace(front_end.context(_for_few_frames(config, 1)), camera=camera, rough=True)
+    fixes, sensors = front_end.fixes, front_end.sensors
+    return optimise_batch(merged.scene, fixes, sensors, context, held, merged.assessment)
+
+
 def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording) -> Solution:
     """Return the solution with the refined calibration, and a warning if it is not the given one."""
     notes: tuple[str, ...]

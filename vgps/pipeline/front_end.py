@@ -1,7 +1,9 @@
 """Stages A to C over a whole recording, and their result."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
 
 from vgps.camera import WIDEST_DEG, unused_share
 from vgps.config import Config
@@ -81,8 +83,20 @@ class FrontEnd:
         )
 
 
+class Probe(Protocol):
+    """Looks at what the first frames of a video show."""
+
+    def stops(self, frames: int, so_far: Callable[[], FrontEnd]) -> bool:
+        """Return whether to stop after some number of frames, of which a function gives the result."""
+        ...
+
+
 def run_front_end(
-    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None = None
+    recording: Recording,
+    config: Config,
+    progress: Progress,
+    checkpoint: Checkpoint | None = None,
+    probe: Probe | None = None,
 ) -> FrontEnd:
     """Run stages A to C over all frames of every camera.
 
@@ -91,6 +105,7 @@ def run_front_end(
         config: Settings.
         progress: Progress display.
         checkpoint: Where the state of the reference camera is kept, and resumed from.
+        probe: May stop after the first frames of the reference camera; then the result is that of these.
 
     Raises:
         ConfigError: Settings that a rig of several cameras does not support.
@@ -100,7 +115,7 @@ def run_front_end(
     """
     if recording.cameras:
         check_settings(config)
-    found = _run_camera(recording, config, progress, checkpoint)
+    found = _run_camera(recording, config, progress, checkpoint, probe)
     for camera in recording.cameras:
         progress.stage(f"camera {camera.name}")
         alone = _run_camera(seen_by(camera, recording), settings_for(camera, config), progress)
@@ -116,13 +131,18 @@ def run_front_end(
 
 
 def _run_camera(
-    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None = None
+    recording: Recording,
+    config: Config,
+    progress: Progress,
+    checkpoint: Checkpoint | None = None,
+    probe: Probe | None = None,
 ) -> FrontEnd:
     """Run stages A to C over all frames of a camera, from those of a checkpoint on if one is given."""
     origin, fixes = world_fixes(recording, config)
     controls = world_controls(recording.control_points, recording.camera, origin) or NO_CONTROL_OBSERVATIONS
     context = SmoothingContext(recording.camera, config, controls, camera_imu(recording, origin, config))
     frame_pipeline = FramePipeline(context, recording.rig.camera_p_antenna, fixes)
+    so_far = partial(front_end_of, frame_pipeline, recording, origin, controls)
     done = 0 if checkpoint is None else checkpoint.restore(frame_pipeline)
     frames = _decoded(shown_frames(recording), frame_pipeline.timer)
     with one_blas_thread():
@@ -130,12 +150,14 @@ def _run_camera(
             if frame.index < done:
                 continue
             frame_pipeline.add_frame(frame)
+            if probe is not None and probe.stops(len(frame_pipeline.t_s), so_far):
+                break
             if checkpoint is not None:
                 checkpoint.offer(frame_pipeline)
         frame_pipeline.finish_window()
     if checkpoint is not None:
         checkpoint.write(frame_pipeline)
-    return front_end_of(frame_pipeline, recording, origin, controls)
+    return so_far()
 
 
 def camera_imu(recording: Recording, origin: GeodeticPoint | None, config: Config) -> CameraImu | None:

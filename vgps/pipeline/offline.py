@@ -1,6 +1,6 @@
 """Offline smoothing: stages A to C over the whole video, then D over everything."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
+from vgps.pipeline.antenna_notes import antenna_notes
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import (
     is_tied,
@@ -23,7 +24,8 @@ from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
 from vgps.pipeline.loop_closure import optimise_loops
-from vgps.pipeline.readout_estimation import with_readout
+from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
+from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -54,38 +56,50 @@ def smooth(
     timer = StageTimer()
     with timer.measure("all"):
         recording = with_found_camera(recording, config, progress)
-        solution = _smoothed(recording, config, progress, checkpoint)
-        better, settings = _better(recording, solution, config)
-        if better is not recording:
-            again = _smoothed(better, settings, progress, None)
-            solution = replace(again, config=solution.config)
+        probe = readout_probe(recording, config)
+        solution, run = _smoothed(_Run(recording, config), progress, checkpoint, probe)
+        better = _better(run, solution)
+        if better.recording is not run.recording:
+            solution, _ = _smoothed(better, progress)
     # a resumed run has the seconds of stages that an earlier process ran
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
-    solution = replace(solution, seconds={**solution.seconds, "rest": rest_s})
+    seconds = {**solution.seconds, "rest": rest_s}
+    solution = replace(solution, config=config.model_dump(mode="json"), seconds=seconds)
     return with_gyro_note(solution, recording)
 
 
-def _better(recording: Recording, solution: Solution, config: Config) -> tuple[Recording, Config]:
-    """Return what another run deserves, or the same recording if there is no need of one.
+@dataclass(frozen=True)
+class _Run:
+    """What a run is made of."""
 
-    Stages A to C run again with a camera that is far from the guess, and with a rolling shutter that was
-    found: they took it for a global one. Its readout is improved further.
+    recording: Recording
+    config: Config
+
+
+def _better(run: _Run, solution: Solution) -> _Run:
+    """Return what another run deserves, or the same if there is no need of one.
+
+    Stages A to C run again with a camera that is far from the guess, or a rolling shutter found after them.
     """
-    better, found_s = recording, solution.camera.readout_s
-    if recording.guesses:
-        refined = with_gyro_focal(recording, solution)
-        better = refined if moved_far(refined.camera, recording.camera, config) else recording
-    if not found_s or recording.camera.readout_s is not None:
-        return better, config
-    rolling = config.rolling_shutter.model_copy(update={"estimate": "yes"})
-    better = replace(better, camera=replace(better.camera, readout_s=found_s))
-    return better, config.model_copy(update={"rolling_shutter": rolling})
+    better, found_s = run.recording, solution.camera.readout_s
+    if run.recording.guesses:
+        refined = with_gyro_focal(run.recording, solution)
+        better = refined if moved_far(refined.camera, better.camera, run.config) else better
+    if not found_s or run.recording.camera.readout_s is not None:
+        return _Run(better, run.config)
+    return _Run(*with_readout_seen(better, run.config, found_s))
 
 
 def _smoothed(
-    recording: Recording, config: Config, progress: Progress, checkpoint: Checkpoint | None
-) -> Solution:
-    front_end = run_front_end(recording, config, progress, checkpoint)  # stages A, B and C
+    run: _Run, progress: Progress, checkpoint: Checkpoint | None = None, probe: ReadoutProbe | None = None
+) -> tuple[Solution, _Run]:
+    """Return the solution and its run: one with a rolling shutter if the first frames show it."""
+    recording, config = run.recording, run.config
+    front_end = run_front_end(recording, config, progress, checkpoint, probe)  # stages A, B and C
+    if probe is not None and probe.found is not None:
+        progress.stage("from the first frame again, with the rolling shutter that was seen")
+        rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
+        return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
     found = imu_agreement(front_end, config)
     if found.misled and found.contradiction is None:
         progress.stage("again with the IMU's clock as the video shows it")
@@ -102,7 +116,7 @@ def _smoothed(
     warnings = (*front_end.warnings, *notes)
     front_end = replace(front_end, recording=shifted, warnings=warnings, journal=journal)
     progress.stage("optimising everything (D)")
-    return optimise_all(front_end, config, progress)
+    return optimise_all(front_end, config, progress), run
 
 
 def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None = None) -> Solution:
@@ -128,8 +142,8 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     elif front_end.recording.guesses:
         solution = with_held_guess(solution, front_end.recording)
     if readout is not None:
-        solution = with_readout(solution, readout, batch.readout_s, config)
-    return solution
+        return with_readout(solution, readout, batch.readout_s, config)
+    return with_contradicted_readout(solution, batch, front_end, config)
 
 
 def _with_level_imu(front_end: FrontEnd, merged: MergedMaps, config: Config) -> FrontEnd:
@@ -197,7 +211,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             *merged.warnings,
             *batch.warnings,
             *close_calls(batch.assessment, front_end.fixes.t_s),
-            *_antenna_notes(front_end, merged, batch, config),
+            *antenna_notes(front_end, merged, batch, config),
         ),
         config=config.model_dump(mode="json"),
         video_start_utc=recording.rig.video_start_utc,
@@ -213,28 +227,6 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
 def _imu_report(front_end: FrontEnd, batch: BatchResult) -> dict[str, list[float]]:
     mount = front_end.recording.rig.imu
     return {} if batch.imu_bias is None or mount is None else batch.imu_bias.report(mount.imu_R_camera)
-
-
-def _antenna_notes(
-    front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config
-) -> tuple[str, ...]:
-    """Return a warning if the lever arm is not known: what the motion says of it."""
-    sigma_m, prior_m = batch.antenna_sigma_m, front_end.sensors.antenna_sigma_m
-    if front_end.recording.rig.antenna_known or not merged.georeferenced or not np.isfinite(sigma_m).all():
-        return ()
-    shown = [
-        axis
-        for axis, sigma in zip(("right", "down", "forward"), sigma_m.tolist(), strict=True)
-        if sigma < config.sensors.time_offset.shown_share * prior_m
-    ]
-    place, sigmas = (", ".join(f"{x:.2f}" for x in row) for row in (batch.sensors.camera_p_antenna, sigma_m))
-    says = f"shows it along {' and '.join(shown)} only" if shown else "does not show it"
-    says = "shows it" if len(shown) == 3 else says
-    return (
-        f"the antenna's place in the camera is not given: it was taken as zero, uncertain by {prior_m:g} m, "
-        f"and the motion {says} (estimate {place} m, standard deviations {sigmas} m): measure it and give "
-        "camera_p_antenna in rig.yaml",
-    )
 
 
 def _fix_table(front_end: FrontEnd, batch: BatchResult, config: Config) -> FixTable | None:

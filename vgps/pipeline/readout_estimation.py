@@ -5,7 +5,7 @@ from dataclasses import replace
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
-from vgps.model import Camera
+from vgps.model import Camera, FloatArray
 from vgps.pipeline.camera_refinement import optimise_camera
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.batch_result import BatchResult
@@ -78,9 +78,41 @@ def with_readout(solution: Solution, found: Readout, readout_s: float | None, co
     )
 
 
-def _estimate(batch: BatchResult, camera: Camera, config: Config) -> Readout | None:
+def with_contradicted_readout(
+    solution: Solution, batch: BatchResult, front_end: FrontEnd, config: Config
+) -> Solution:
+    """Return the solution with a warning if the video contradicts the readout that its camera has."""
+    given_s = solution.camera.readout_s
+    if given_s is None or config.rolling_shutter.estimate == "no" or front_end.others:
+        return solution
+    seen = _estimate(batch, solution.camera, config)
+    if seen is None or not seen.contradicts(given_s, config.rolling_shutter.min_sigmas):
+        return solution
+    note = (
+        f"the camera has a readout of {1e3 * given_s:.1f} ms, and the video shows {1e3 * seen.readout_s:.1f} "
+        f"(standard deviation {1e3 * seen.sigma_s:.1f}): correct readout_s in camera.yaml (negative if the "
+        "last row is read first), or leave it out to have it estimated"
+    )
+    return replace(solution, warnings=(*solution.warnings, note))
+
+
+def readout_of(batch: BatchResult, camera: Camera, camera_sigma: FloatArray) -> Readout:
+    """Return the readout to which a step from a solution leads.
+
+    Args:
+        batch: The solution.
+        camera: Its camera.
+        camera_sigma: (4,) standard deviations of the calibration, as for :func:`estimate_readout`.
+
+    Raises:
+        GeometryError: The poses are not determined.
+    """
     as_seen = replace(batch.problem, uv_px=batch.observations.uv_px)
+    return estimate_readout(as_seen, batch.trajectory.t_s, camera, camera_sigma)
+
+
+def _estimate(batch: BatchResult, camera: Camera, config: Config) -> Readout | None:
     try:
-        return estimate_readout(as_seen, batch.trajectory.t_s, camera, config.intrinsics.held_sigmas)
+        return readout_of(batch, camera, config.intrinsics.held_sigmas)
     except GeometryError:  # undetermined poses, of which the run warns anyway
         return None

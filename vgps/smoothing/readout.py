@@ -34,6 +34,7 @@ from vgps.solver.schur_complement import absorbed_residuals
 _SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _BLOCK_S = 1.0  # errors of all tracks together, as of a path between frames, are independent after this time
 _LONGEST_SHARE = 1.1  # of the time between frames: a readout cannot be longer
+_NOTABLE_SHARE = 0.1  # of the time between frames: an error that bends the path
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,21 @@ class Readout:
 
     def is_shown(self, min_sigmas: float) -> bool:
         """Whether it differs from zero by so many standard deviations, and is possible."""
-        possible = abs(self.readout_s) <= _LONGEST_SHARE * self.frame_s
+        possible = abs(self.readout_s) <= self._longest_s
         return possible and abs(self.readout_s) > min_sigmas * self.sigma_s
 
     def would_show(self, min_sigmas: float) -> bool:
         """Whether half the time between frames, a common readout, would be so many standard deviations."""
         return 0.5 * self.frame_s > min_sigmas * self.sigma_s
+
+    def contradicts(self, given_s: float, min_sigmas: float) -> bool:
+        """Whether it is possible, and notably and by so many standard deviations not a given one."""
+        difference_s, possible = abs(self.readout_s - given_s), abs(self.readout_s) <= self._longest_s
+        return possible and difference_s > max(min_sigmas * self.sigma_s, _NOTABLE_SHARE * self.frame_s)
+
+    @property
+    def _longest_s(self) -> float:
+        return _LONGEST_SHARE * self.frame_s
 
 
 def estimate_readout(

@@ -1,0 +1,30 @@
+"""What a run says of a lever arm that nobody measured."""
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.pipeline.front_end import FrontEnd
+from vgps.smoothing.batch_result import BatchResult
+from vgps.smoothing.merge_maps import MergedMaps
+
+
+def antenna_notes(
+    front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config
+) -> tuple[str, ...]:
+    """Return a warning if the lever arm is not known: what the motion says of it."""
+    sigma_m, prior_m = batch.antenna_sigma_m, front_end.sensors.antenna_sigma_m
+    if front_end.recording.rig.antenna_known or not merged.georeferenced or not np.isfinite(sigma_m).all():
+        return ()
+    shown = [
+        axis
+        for axis, sigma in zip(("right", "down", "forward"), sigma_m.tolist(), strict=True)
+        if sigma < config.sensors.time_offset.shown_share * prior_m
+    ]
+    place, sigmas = (", ".join(f"{x:.2f}" for x in row) for row in (batch.sensors.camera_p_antenna, sigma_m))
+    says = f"shows it along {' and '.join(shown)} only" if shown else "does not show it"
+    says = "shows it" if len(shown) == 3 else says
+    return (
+        f"the antenna's place in the camera is not given: it was taken as zero, uncertain by {prior_m:g} m, "
+        f"and the motion {says} (estimate {place} m, standard deviations {sigmas} m): measure it and give "
+        "camera_p_antenna in rig.yaml",
+    )
