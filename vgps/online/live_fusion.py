@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from vgps.online.fusion import FusedPath
 from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.gravity import Gravity
 from vgps.online.inertial_bridge import BridgedPose, InertialBridge
+from vgps.online.live_time_offset import news_of_time_offset
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
 from vgps.online.video_path import VideoPath, length_around
 from vgps.pipeline.frame_pipeline import FramePipeline
@@ -24,7 +26,6 @@ from vgps.smoothing.drift_correction import move_frames
 
 # Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
 _FIT_FRAMES, _VERDICT_FRAMES = 1, 4
-_NO_LENGTH_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,10 @@ class LiveFusion:
     def _update_fixes(self, result: FitResult) -> None:
         """Take over the verdicts on the fixes and their time offset."""
         fix_buffer, rest = self._frame_pipeline.fix_buffer, result.fused.time_offset
-        self._time_offset_s = self._known_s + rest.time_offset_s
         fix_buffer.update_assessment(result.number, result.assessment)
-        found = TimeOffset(self._time_offset_s, rest.sigma_s)
+        found = TimeOffset(self._known_s + rest.time_offset_s, rest.sigma_s)
+        self._frame_pipeline.warnings += news_of_time_offset(self._time_offset_s, found)
+        self._time_offset_s = found.time_offset_s
         fix_buffer.sensors = fix_buffer.sensors.with_time_offset(found)
 
     def place_map(self, world_T_camera: FloatArray) -> None:
@@ -133,7 +135,7 @@ class LiveFusion:
         moved = world_T_camera[self._map.first_posed : self._map.next_frame]
         if np.isfinite(moved[:, 0, 0]).all():
             poses = self._map.poses[-len(moved) :]
-            scale = length_around(moved) / np.maximum(length_around(poses), _NO_LENGTH_M)
+            scale = length_around(moved) / np.maximum(length_around(poses), 1e-9)
             self._map.apply(move_frames(self._map, moved, scale))
 
     def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
@@ -148,10 +150,8 @@ class LiveFusion:
         if self._fused is None or current is None or current is not self._map or fixes == self._newest_fixes:
             return
         self._newest, self._newest_fixes = self._fused, fixes
-        try:
+        with suppress(np.linalg.LinAlgError):  # the fit to all says so
             self._newest = newest_fit(self._given(current), self._config) or self._fused
-        except np.linalg.LinAlgError:
-            return  # the fit to all says so
 
     def to_world(self, current: LocalMap | None) -> Similarity | None:
         """Return the similarity from the newest map to the world at its end; None before the first fit."""
