@@ -57,6 +57,17 @@ def test_a_plate_that_moves_on_its_own_is_left_out():
     assert held[on_plate].mean() > 0.8 and not local_map.positioned[held].any()
 
 
+def test_a_camera_that_stands_while_a_plate_goes_by_stands():
+    order = [*range(12), *[12] * 10, *range(13, 18)]
+    gray = images(COUNT)
+    frames = [Frame(i, i / FPS, gray[k]) for i, k in enumerate(order)]
+    made = fed(with_plate(one) if 12 < one.index < 22 else one for one in frames)
+    (local_map,) = made.maps
+    assert len(local_map.zero_motions) > 5
+    stood = local_map.poses[12:22, :3, 3]
+    assert np.ptp(stood, axis=0).max() < 0.02 * np.linalg.norm(local_map.poses[17, :3, 3])
+
+
 def test_a_room_where_nothing_moves_is_left_whole():
     made = fed(room(), exact_fixes())
     moving, frame = made.tracker.moving, Frame(COUNT, COUNT / FPS, images(1)[0])

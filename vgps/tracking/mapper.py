@@ -50,7 +50,7 @@ class Mapper:
             row = order[np.searchsorted(local_map.ids, positions.ids, sorter=order)]
             more[row] = np.where(np.isnan(positions.sigma_px), 1, -1)
         so_far, limit = local_map.moving_views[local_map.ids], self._config.max_track_frames
-        return np.asarray(np.clip(so_far + more, -limit, limit) - so_far)
+        return np.asarray(np.maximum(np.minimum(so_far + more, limit), -limit) - so_far)
 
     def triangulate(self, local_map: LocalMap, rows: IntArray) -> Positions | None:
         """Return positions of followed features, by their rows, from all their views (19).

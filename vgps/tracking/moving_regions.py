@@ -70,10 +70,12 @@ class MovingRegions:
 
         They are followed further, without a position, as long as they move on their own.
         """
-        views = local_map.moving_views[local_map.ids]
-        moving, static = views >= self._min_views, views < 0
         self._region = np.zeros_like(self._region)
         self._ids.pop(local_map, None)
+        views = local_map.moving_views[local_map.ids]
+        moving, static = views >= self._min_views, views < 0
+        if np.count_nonzero(moving) < self._min_features:
+            return MapUpdate()
         members, alike = self._groups(local_map, moving, static)
         if not members.any():
             return MapUpdate()
@@ -115,8 +117,6 @@ class MovingRegions:
     ) -> tuple[BoolArray, BoolArray]:
         """Return which features (N,) make the groups, and which others move as the group around them does."""
         members, alike = np.zeros_like(moving), np.zeros_like(moving)
-        if np.count_nonzero(moving) < self._min_features:
-            return members, alike
         region = self._most(local_map, moving, static)
         count, part = cv2.connectedComponents(region.astype(np.uint8), connectivity=4)
         part = part[self._cells.of(local_map.raw_uv_px)]
