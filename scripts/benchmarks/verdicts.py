@@ -138,7 +138,7 @@ def main() -> None:
                 row = one_drive(one_way, frames, seed)
                 results.add(**row)
                 shown = shown or LiveTable(*row)
-                shown.add(*(f"{value:.4g}" for value in row.values()))
+                shown.add(*(f"{x:.3g}" if isinstance(x, float) else f"{x}" for x in row.values()))
 
 
 if __name__ == "__main__":
