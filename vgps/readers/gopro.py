@@ -154,11 +154,10 @@ def picture_rotations(telemetry: Telemetry) -> PictureRotations | None:
     n = min(len(camera), len(image))
     if not (np.any(camera[:n], axis=1) & np.any(image[:n], axis=1)).all():
         raise GyroLogError("a rotation of length zero", file=telemetry.path, place="CORI, IORI")
-    on_body = Rotation.from_quat(image[:n])
-    rotation = on_body * Rotation.from_quat(camera[:n])
-    return PictureRotations(
-        _times(telemetry, "CORI")[:n], rotation.inv().as_matrix(), np.asarray(on_body.as_matrix())
-    )
+    t_s, first = np.unique(_times(telemetry, "CORI")[:n], return_index=True)
+    on_body = Rotation.from_quat(image[first])
+    rotation = on_body * Rotation.from_quat(camera[first])
+    return PictureRotations(t_s, rotation.inv().as_matrix(), np.asarray(on_body.as_matrix()))
 
 
 def picture_turn_rad(telemetry: Telemetry) -> float | None:
