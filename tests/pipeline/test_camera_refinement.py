@@ -14,6 +14,7 @@ import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.config import CameraCalibrationConfig
 from vgps.evaluation import evaluate
+from vgps.geometry import interpolate_poses
 from vgps.model import CameraGuess
 from vgps.pipeline.camera_refinement import moved_far, with_found_camera, with_held_guess
 from vgps.pipeline.gyro_agreement import rotation_ratio
@@ -107,8 +108,13 @@ def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path,
     found_m = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     assert found_m == pytest.approx(driven_m, abs=0.05 * driven_m + sigma_m)
     if name == "gopro_walk":  # its picture's rotations are recorded (CORI, IORI)
-        ratio = rotation_ratio(solution, vgps.open_recording(tmp_path / name))
+        opened = vgps.open_recording(tmp_path / name)
+        ratio = rotation_ratio(solution, opened)
         assert ratio is not None and ratio.value == pytest.approx(1.0, abs=0.02)
+        inside = opened.imu.t_s < solution.t_s[-1]
+        poses = interpolate_poses(solution.t_s, solution.world_T_camera, opened.imu.t_s[inside])
+        up = np.einsum("nij,nj->i", poses[:, :3, :3], opened.imu.force_m_s2[inside])
+        assert np.degrees(np.arctan2(np.linalg.norm(up[:2]), up[2])) < 1.0
 
 
 @pytest.mark.slow
