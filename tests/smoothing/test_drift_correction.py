@@ -49,6 +49,22 @@ def test_fixes_that_no_time_offset_explains_are_fitted_as_with_a_known_one(fixes
     np.testing.assert_array_equal(scale, held_scale)
 
 
+def test_errors_of_coarse_fixes_do_not_roll_a_straight_path():
+    """A path of 20 m swings to the right by a metre, coarse fixes swing upward: as if it lay on its side."""
+    swing = np.sin(np.pi * T_S / T_S[-1])
+    straight = np.stack([swing, T_S, 0.0 * T_S], axis=1)
+    at_s = np.arange(0.5, 19.5)
+    swung = np.interp(at_s, T_S, swing)
+    sizes = np.where((at_s > 3.0) & (at_s < 16.0), 1.0, 0.02)
+    fixes = fixes_at(at_s, sizes, sizes)
+    fixes = replace(fixes, world_p_fix=np.stack([0.0 * swung, at_s, swung], axis=1))
+    bent, _ = remove_drift(trajectory(straight), fixes, np.zeros(3), Config())
+    assert np.degrees(np.arccos(bent[:, 2, 2])).max() < 15.0
+    free = Config(start={"level_sigma_deg": 1e3})
+    bent, _ = remove_drift(trajectory(straight), fixes, np.zeros(3), free)
+    assert np.degrees(np.arccos(bent[:, 2, 2])).min() > 45.0
+
+
 def test_late_fixes_in_bends_do_not_deform_the_path(fixes):
     late = replace(fixes, t_s=fixes.t_s + 0.5, r_m=np.full(len(fixes), 0.1), h_m=np.full(len(fixes), 0.1))
     bent, _ = remove_drift(trajectory(path(T_S)), late, np.zeros(3), Config())

@@ -19,6 +19,8 @@ from vgps.solution import Trajectory
 _SHIFT = slice(0, 3)
 _TIME_OFFSET = 3  # index of the time offset among the parameters
 _KNOTS = 4  # parameters before those of the knots
+_TILT = slice(5, 7)  # of the first knot: rotation about east and north
+_DRIFT_TILT = slice(1, 3)  # the same among the drifts of an interval
 _HALVINGS = 8  # of a step that does not lower the cost, before the fit ends
 _FIXED_SIGMA_M = 1e-3  # prior sigma of the start of an attached path
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends a fit
@@ -47,6 +49,9 @@ class DriftModel:
         config: Drift rates of scale and rotation.
         time_offset_sigma_s: Prior standard deviation of the time offset; 0 holds it at 0.
         attached: Whether the path continues one that is held, so that its start does not move.
+        tilt_sigma_rad: Prior standard deviation of the start's tilt about each horizontal axis; none by
+            default. Fixes along a straight hardly show a roll about it, and the errors of coarse ones would
+            turn the path upside down.
     """
 
     def __init__(
@@ -57,6 +62,7 @@ class DriftModel:
         config: DriftConfig,
         time_offset_sigma_s: float = 0.0,
         attached: bool = False,
+        tilt_sigma_rad: float = np.inf,
     ) -> None:
         poses, t_s = path.world_T_camera, path.t_s
         self.knots = 2 + int(len(poses) / config.knot_frames)
@@ -67,6 +73,7 @@ class DriftModel:
         self._sigma = sigma * np.sqrt(max(self._intervals.spacing / config.knot_frames, 1e-9))
         self._time_offset_sigma_s = time_offset_sigma_s
         self._attached = attached
+        self._tilt_information = tilt_sigma_rad**-2
         self._config = config
 
     @property
@@ -160,6 +167,7 @@ class DriftModel:
         costs[0] += squared[: -(self.knots - 1)].sum()
         if self._attached:
             costs[0] += np.sum((parameters[_SHIFT] / _FIXED_SIGMA_M) ** 2)
+        costs[0] += self._tilt_information * np.sum(parameters[_TILT] ** 2)
         if self._time_offset_sigma_s:
             costs[0] += (parameters[_TIME_OFFSET] / self._time_offset_sigma_s) ** 2
         return costs
@@ -226,4 +234,7 @@ class DriftModel:
             first = np.append(parameters[_SHIFT], parameters[_KNOTS : _KNOTS + DRIFT_DIM])
             hessian[0, : len(start), : len(start)] += np.diag(start)
             gradient[0, : len(start)] += start * first
+        diagonal = np.arange(INTERVAL_DIM)[DRIFTS][_DRIFT_TILT]
+        hessian[0, diagonal, diagonal] += self._tilt_information
+        gradient[0, diagonal] += self._tilt_information * parameters[_TILT]
         return hessian, gradient

@@ -95,8 +95,11 @@ def remove_drift(
         attached: Whether the path continues one that is held, so that its start does not move.
     """
 
+    tilt_sigma_rad = float(np.radians(config.start.level_sigma_deg))
+
     def model_with(time_offset_sigma_s: float) -> DriftModel:
-        return DriftModel(path, fixes, camera_p_antenna, config.drift, time_offset_sigma_s, attached)
+        sigmas = {"time_offset_sigma_s": time_offset_sigma_s, "tilt_sigma_rad": tilt_sigma_rad}
+        return DriftModel(path, fixes, camera_p_antenna, config.drift, attached=attached, **sigmas)
 
     everything = np.ones(len(fixes), dtype=bool)
     without_offset = model_with(0.0)
