@@ -7,7 +7,9 @@ frame.
 
 from vgps.model.arrays import BoolArray, Float32Array, FloatArray, GrayImage, IntArray, RgbImage
 from vgps.model.camera import Camera, CameraGuess, LensModel
-from vgps.model.logs import ControlPoints, FixClass, GeodeticPoint, GpsLog, GyroLog, ImuLog
+from vgps.model.control_points import ControlPoints
+from vgps.model.gps import FixClass, GeodeticPoint, GpsLog
+from vgps.model.inertial import GyroLog, ImuLog
 from vgps.model.recording import Recording
 from vgps.model.rig import ImuMount, Rig, RigCamera
 from vgps.model.video import Frame, Masks, Video

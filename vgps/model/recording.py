@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vgps.model.camera import Camera, CameraGuess
-from vgps.model.logs import ControlPoints, GpsLog, GyroLog, ImuLog
+from vgps.model.control_points import ControlPoints
+from vgps.model.gps import GpsLog
+from vgps.model.inertial import GyroLog, ImuLog
 from vgps.model.rig import Rig, RigCamera
 from vgps.model.video import Masks, Video
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.model.arrays import FloatArray
 from vgps.model.camera import Camera
-from vgps.model.logs import GeodeticPoint
+from vgps.model.gps import GeodeticPoint
 from vgps.model.video import Masks, Video
 
 

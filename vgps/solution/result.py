@@ -1,4 +1,4 @@
-"""The result of a run, and of several runs in one world."""
+"""The result of a run, with one camera or with a rig."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -141,25 +141,3 @@ class Solution:
         first = np.cumsum([0, *(len(landmarks.gray) for landmarks, _ in maps[:-1])])
         seen = [replace(one, landmark=k + one.landmark) for k, (_, one) in zip(first, maps, strict=True)]
         return Landmarks.stacked([landmarks for landmarks, _ in maps]), Observations.stacked(seen)
-
-
-@dataclass(frozen=True, kw_only=True)
-class JoinedRuns:
-    """Several runs in one world.
-
-    Attributes:
-        names: Names of the runs.
-        solutions: Each run in the world of the first.
-        landmarks, observations: All landmarks; frames are counted through all runs.
-        ties: (R, R) number of frames of a run (row) that see a place of an earlier one (column).
-        warnings: Warnings for the user.
-        seconds: Wall seconds by stage.
-    """
-
-    names: tuple[str, ...]
-    solutions: tuple[Solution, ...]
-    landmarks: Landmarks
-    observations: Observations
-    ties: IntArray
-    warnings: tuple[str, ...]
-    seconds: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""What sensors and surveyors wrote down: fixes, rates, forces, marks of known position."""
+"""A GPS log: fixes, their classes and positions."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -72,62 +72,3 @@ class GpsLog:
             name: value[index] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
         return replace(self, **columns, fix_class=tuple(self.fix_class[row] for row in index))
-
-
-@dataclass(frozen=True)
-class GyroLog:
-    """Angular rates in the gyro's own axes, corrected by the rig: ``t_s`` (N,), ``rate_rad_s`` (N, 3)."""
-
-    t_s: FloatArray
-    rate_rad_s: FloatArray
-    source: Path
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImuLog:
-    """Angular rates and specific force in the IMU's axes, on the video's clock.
-
-    Attributes:
-        t_s: (N,) strictly ascending.
-        rate_rad_s: (N, 3).
-        force_m_s2: (N, 3) specific force: acceleration minus gravity, upward at rest.
-        saturated: (N,) samples at the end of the sensor's range.
-        source: The file.
-        notes: What the reader found: gaps, saturation.
-    """
-
-    t_s: FloatArray
-    rate_rad_s: FloatArray
-    force_m_s2: FloatArray
-    saturated: BoolArray
-    source: Path
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlPoints:
-    """Control and check points: marks of known world position observed in frames, a row per observation.
-
-    Control points start a run in Kume 2010 and hold it; check points only judge it.
-
-    Attributes:
-        name: (N,) the mark.
-        frame: (N,) frame index of the observation.
-        uv_px: (N, 2) observation in the distorted image.
-        world_p_point: (N, 3) ENU metres, or latitude, longitude [deg], ellipsoidal height [m] if geodetic.
-        sigma_m: (N, 3) standard deviations of the position east, north, up; 0 if it counts as exact.
-        check: (N,) whether the mark is a check point.
-        geodetic: Whether the positions are geodetic.
-        source: The file.
-        notes: What was assumed of the coordinates.
-    """
-
-    name: tuple[str, ...]
-    frame: IntArray
-    uv_px: FloatArray
-    world_p_point: FloatArray
-    sigma_m: FloatArray
-    check: BoolArray
-    geodetic: bool
-    source: Path
-    notes: tuple[str, ...] = ()
