@@ -54,6 +54,13 @@ def test_errors_grow_with_the_time_since_the_path_ended():
     assert reckoned(PATH, 2.0).sigma_rad > reckoned(PATH, 1.0).sigma_rad
 
 
+def test_noise_alone_adds_less_than_all_errors():
+    imu = imu_at_camera(exact_log(swinging_motion()), MOUNT, None, ImuConfig())
+    for away_s in (0.1, 1.0, 3.0):
+        total_m = np.sqrt(np.trace(reckoned(PATH, away_s).covariance_m2))
+        assert 0.0 < DeadReckoning(imu, ImuConfig()).least_sigma_m(away_s) < total_m
+
+
 def test_the_movement_has_the_true_length_if_the_path_has_a_wrong_scale():
     path = moved(PATH.world_T_camera, scale=1.05)
     found = (

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, OnlineConfig
 from vgps.imu.camera_imu import imu_at_camera
+from vgps.imu.dead_reckoning import DeadReckoning
 from vgps.mapping.map_update import Similarity
 from vgps.online.inertial_bridge import InertialBridge
 from vgps.online.video_path import VideoPath
@@ -26,9 +27,12 @@ def path_and_map():
     return VideoPath(t_s=path.t_s, poses=poses, moving=np.ones(len(poses), dtype=bool)), to_world
 
 
+def bridge(config=CONFIG):
+    return InertialBridge(imu_at_camera(exact_log(swinging_motion()), MOUNT, None, config.imu), config)
+
+
 def bridged(config=CONFIG, covariance=COVARIANCE):
-    imu = imu_at_camera(exact_log(swinging_motion()), MOUNT, None, config.imu)
-    return InertialBridge(imu, config).pose(*path_and_map(), covariance, T_S)
+    return bridge(config).pose(*path_and_map(), covariance, T_S)
 
 
 def test_a_map_is_left_along_the_true_path_in_the_world():
@@ -48,3 +52,17 @@ def test_a_wrong_heading_counts_by_the_distance_since_features_were_seen():
 
 def test_a_pose_that_is_too_uncertain_is_none():
     assert bridged(Config(online=OnlineConfig(bridge_sigma_m=0.05))) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_features_of_a_single_frame_show_no_velocity():
+    path, to_world = path_and_map()
+    assert bridge().pose(path.since(END_S), to_world, COVARIANCE, T_S) is None
+
+
+def test_a_long_gap_costs_no_time(monkeypatch):
+    integrated = []
+    monkeypatch.setattr(DeadReckoning, "pose", lambda *given: integrated.append(given[-1]))
+    for t_s in (T_S, END_S + 60.0, END_S + 3600.0):
+        assert bridge().pose(*path_and_map(), COVARIANCE, t_s) is None
+    assert integrated == [T_S]

@@ -1,8 +1,8 @@
 """The camera's pose by its IMU alone, for a while after a path ends.
 
-Over the last seconds of the path the specific force, integrated twice, has to give the path:
+Over the last seconds of the path p the specific force, integrated twice, has to give its movement:
 
-``p(t) = p + v t + int int (R (f - b) - g) + d t^2 / 2``, where the path moved by ``int (1 + s(t)) dp``
+``int (1 + s(t)) dp = v t + int int (R (f - b) - g) + d t^2 / 2``
 
 with the unknown velocity v, bias b of the accelerometer, tilt d of the path (as an acceleration) and error s
 of its scale, which walks at random: a robust linear fit to the path's steps, carried on with the gyro.
@@ -102,6 +102,10 @@ class DeadReckoning:
         added = self._noise_variance(away_s, gyro.sigma_rad_s)
         return Reckoned(pose, since @ covariance @ since.T + added * np.eye(3), sigma_rad)
 
+    def least_sigma_m(self, away_s: float) -> float:
+        """Return what noise alone adds to the standard deviation of a position after some seconds."""
+        return float(np.sqrt(3.0 * self._noise_variance(away_s)))
+
     def _rotations(self, path: Trajectory, times: FloatArray, bias_rad_s: FloatArray) -> FloatArray:
         """Return the camera's rotations (T, 3, 3): of the path, and after its end by the gyro."""
         R = interpolate_poses(path.t_s, path.world_T_camera, times)[:, :3, :3]
@@ -139,8 +143,8 @@ class DeadReckoning:
         information[-1, -1] += errors.scale**-2
         return information
 
-    def _noise_variance(self, away_s: float, gyro_sigma_rad_s: float) -> float:
-        """Return the variance of a position by noise of both sensors, and by the gyro's bias: it tilts."""
+    def _noise_variance(self, away_s: float, gyro_sigma_rad_s: float = 0.0) -> float:
+        """Return the variance on each axis by noise of both sensors, and by the gyro's bias: it tilts."""
         gravity = self._imu.gravity_m_s2
         tilted = gravity * np.array(
             [gyro_sigma_rad_s * away_s**3 / 6.0, self._imu.gyro_density * np.sqrt(away_s**5 / 20.0)]

@@ -47,6 +47,9 @@ class InertialBridge:
             covariance: (7, 7) of position, log scale and rotation at its end.
             t_s: Time of the frame.
         """
+        away_s = t_s - float(path.t_s[-1])
+        if len(path.t_s) < 2 or self._reckoning.least_sigma_m(away_s) > self._limit_m:
+            return None  # a long gap costs no time
         poses = path.poses.copy()
         poses[:, :3, :3] = to_world.world_R_map @ path.poses[:, :3, :3]
         poses[:, :3, 3] = to_world.scale * path.poses[:, :3, 3] @ to_world.world_R_map.T
