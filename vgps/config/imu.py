@@ -18,11 +18,12 @@ class ImuConfig(SettingsModel):
     knot_s: PositiveFloat = 1.0
     """Time from one velocity and bias to the next; frames without features have their own."""
     gyro_density: PositiveFloat = 3e-4
-    """Lower bound of the gyro's noise, rad/s/sqrt(Hz): a consumer sensor's is not below."""
+    """Lower bound of the gyro's white noise, rad/s/sqrt(Hz), whatever log and rig.yaml say: samples that a
+    sensor filters or rounds show less noise than it has."""
     accelerometer_density: PositiveFloat = 3e-3
-    """Lower bound of the accelerometer's noise, m/s^2/sqrt(Hz): likewise."""
+    """Lower bound of the accelerometer's white noise, m/s^2/sqrt(Hz): likewise."""
     scale_error: Share = 0.005
-    """Errors in proportion to what is measured: scale factors and axes of consumer sensors."""
+    """Errors in proportion to what is measured: scale factors and axes that are not quite right."""
     gyro_bias_sigma: PositiveFloat = 0.05
     """Standard deviation of the gyro's bias at the start, rad/s."""
     accelerometer_bias_sigma: PositiveFloat = 0.3

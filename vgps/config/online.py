@@ -17,7 +17,7 @@ class OnlineConfig(SettingsModel):
     bridge_s: PositiveFloat = 1.0
     """Frames without features go on at constant velocity for this long; then the camera is lost."""
     bridge_sigma_m: PositiveFloat = 1.0
-    """With an IMU they go on by it, until the standard deviation of their position has grown by this."""
+    """With an IMU they go on by it until the standard deviation of their position has grown by this."""
     correction_m: PositiveFloat = 0.5
     """A correction that moves the newest pose by at least this is reported as an event."""
     blend_s: PositiveFloat = 2.0

@@ -91,7 +91,7 @@ class FusionNodes:
         starts: (N,) whether a fix there starts a new offset.
         elevation: (N, 2) sines of the elevation of the camera's x and z axes, but for a bias.
         level: (N, 2) square roots of the information that they are right.
-        time_offset: Prior of what remains of the time offset, which holds it.
+        time_offset: Narrow prior that holds the rest of the time offset.
         mean_roll: Scale (Cauchy) of the bias of x, the camera's mean roll; infinite if nothing is known.
     """
 

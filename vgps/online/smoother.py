@@ -51,8 +51,8 @@ class OnlineSmoother:
         config: Settings; the defaults if none are given.
         keep_all: Whether to keep all observations, which stage D needs.
         source: Name of the recording in the result.
-        imu: Of a recording that is replayed: its gyro predicts the rotation from each frame to the next, and
-            gravity levels the path, and it bridges frames without features.
+        imu: Of a recording that is replayed: its gyro predicts the rotation from each frame to the next,
+            gravity levels the path, and both bridge frames without features.
 
     Attributes:
         video_start_utc: UTC of the first frame, if known; initially that of the rig.
