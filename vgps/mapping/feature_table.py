@@ -76,7 +76,7 @@ class FeatureTable:
 
     def transform(self, to_world: Similarity) -> None:
         """Move all positions by a similarity."""
-        self._points = to_world.scale * self._points @ to_world.world_R_map.T + to_world.world_p_map
+        self._points = to_world.points(self._points)
 
     def drop_first(self, count: int) -> None:
         """Discard the first features and lower the ids of the others by ``count``."""

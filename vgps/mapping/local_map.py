@@ -165,9 +165,8 @@ class LocalMap:
         self._zero_motions |= {motion.frame: motion for motion in update.zero_motions}
 
     def _transform(self, to_world: Similarity) -> None:
-        poses, scale, R = self._poses.values, to_world.scale, to_world.world_R_map
-        poses[:, :3, 3] = scale * poses[:, :3, 3] @ R.T + to_world.world_p_map
-        poses[:, :3, :3] = R @ poses[:, :3, :3]
+        scale = to_world.scale
+        self._poses.values[:] = to_world.poses(self._poses.values)
         self._features.transform(to_world)
         self._odometry.values[:] *= scale
         self._zero_motions = {frame: motion.scaled(scale) for frame, motion in self._zero_motions.items()}

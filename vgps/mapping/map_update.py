@@ -16,6 +16,17 @@ class Similarity:
     world_R_map: FloatArray
     world_p_map: FloatArray
 
+    def points(self, map_p: FloatArray) -> FloatArray:
+        """Return points (n, 3) of the map in the world."""
+        return np.asarray(self.scale * map_p @ self.world_R_map.T + self.world_p_map)
+
+    def poses(self, map_T_camera: FloatArray) -> FloatArray:
+        """Return poses (n, 4, 4) of the map in the world."""
+        world_T_camera = map_T_camera.copy()
+        world_T_camera[:, :3, :3] = self.world_R_map @ map_T_camera[:, :3, :3]
+        world_T_camera[:, :3, 3] = self.points(map_T_camera[:, :3, 3])
+        return world_T_camera
+
 
 @dataclass(frozen=True)
 class NewFrame:

@@ -50,10 +50,7 @@ class InertialBridge:
         away_s = t_s - float(path.t_s[-1])
         if len(path.t_s) < 2 or self._reckoning.least_sigma_m(away_s) > self._limit_m:
             return None  # a long gap costs no time
-        poses = path.poses.copy()
-        poses[:, :3, :3] = to_world.world_R_map @ path.poses[:, :3, :3]
-        poses[:, :3, 3] = to_world.scale * path.poses[:, :3, 3] @ to_world.world_R_map.T
-        poses[:, :3, 3] += to_world.world_p_map
+        poses = to_world.poses(path.poses)
         found = self._reckoning.pose(Trajectory(path.t_s, poses), self._errors(path.t_s, covariance), t_s)
         if found is None:
             return None
