@@ -1,6 +1,7 @@
 """Normal equations of a chain of nodes, whose matrix is block tridiagonal."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
@@ -18,8 +19,9 @@ class BlockSystem:
     below: FloatArray
     gradient: FloatArray
 
-    def cholesky(self) -> FloatArray:
-        """Return the Cholesky factor in LAPACK's lower band storage."""
+    @cached_property
+    def _factor(self) -> FloatArray:
+        """Cholesky factor in LAPACK's lower band storage."""
         n = self.diagonal.shape[1]
         band = np.zeros((2 * n, n * len(self.diagonal)))
         for j in range(n):
@@ -31,19 +33,21 @@ class BlockSystem:
 
     def step(self) -> FloatArray:
         """Return the increments (N, n) that solve them."""
-        step = cho_solve_banded((self.cholesky(), True), -self.gradient.ravel(), check_finite=False)
+        step = cho_solve_banded((self._factor, True), -self.gradient.ravel(), check_finite=False)
         return np.asarray(step.reshape(self.gradient.shape))
 
     def last_covariance(self) -> FloatArray:
         """Return the covariance (n, n) of the last node, whose Schur complement ends the factor."""
-        inverse = np.linalg.inv(self._last_block(self.cholesky()))
+        inverse = np.linalg.inv(self._last_block)
         return np.asarray(inverse.T @ inverse)
 
-    def _last_block(self, factor: FloatArray) -> FloatArray:
+    @property
+    def _last_block(self) -> FloatArray:
+        """Rows and columns (n, n) of the last node in the factor."""
         n = self.diagonal.shape[1]
         last = np.zeros((n, n))
         for j in range(n):
-            last[j:, j] = factor[: n - j, -n + j]
+            last[j:, j] = self._factor[: n - j, -n + j]
         return last
 
     def covariances(self) -> FloatArray:
@@ -61,9 +65,8 @@ class BlockSystem:
 
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
         """Return information (n, n) and vector (n,) of the last node with all others eliminated."""
-        factor, n = self.cholesky(), self.diagonal.shape[1]
-        carried = solve_banded((2 * n - 1, 0), factor, self.gradient.ravel(), check_finite=False)
-        last = self._last_block(factor)
+        n, last = self.diagonal.shape[1], self._last_block
+        carried = solve_banded((2 * n - 1, 0), self._factor, self.gradient.ravel(), check_finite=False)
         return last @ last.T, last @ carried[-n:]
 
 
