@@ -12,10 +12,10 @@ from vgps.gps.world_frame import fix_origin
 from vgps.model import GeodeticPoint
 from vgps.online.archive import FixArchive
 from vgps.online.estimate import counts_as_news
+from vgps.online.node_fixes import SAME_TIME_S
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.readers.fixes import Fix, counted
 
-_SAME_TIME_S = 1e-6  # fixes closer in time are duplicates up to rounding
 _FURTHEST_AHEAD_S = 3600.0  # of the newest frame; later fixes are those of a clock that jumped
 
 
@@ -52,7 +52,7 @@ class FixIntake:
                 )
             return False
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self.archive.times_s(self._placed))
-        if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < _SAME_TIME_S).any():
+        if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < SAME_TIME_S).any():
             return False
         self.archive.append(fix)
         self.place()

@@ -17,8 +17,8 @@ POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 
 MEAN_ROLL, TIME_OFFSET, UNKNOWNS = 10, 12, 13
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
-_ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0
-_HELD = np.array([1e-4, 1e-4, 1e-4])  # changes of biases (radians) and time offset (s) from node to node
+_ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0  # of the first node before any fit
+_HELD = 1e-4  # changes of the biases [rad] and of the time offset [s] from node to node
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState,
             drift.scale**-2.0,
             np.tile(drift.rotation[:, None] ** -2.0, 3),
             robust[:, None] / nodes.walk_m[1:] ** 2,
-            np.tile(_HELD**-2.0, (len(tail), 1)),
+            np.full((len(tail), 3), _HELD**-2.0),
         ]
     )
     pick = np.tile(np.eye(UNKNOWNS)[3:], (len(tail), 1, 1))

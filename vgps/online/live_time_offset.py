@@ -17,7 +17,7 @@ from vgps.gps.time_offset import weighed, without_prior
 from vgps.model import FloatArray
 
 HELD_S = 1e-4  # standard deviation with which a fit holds the time offset
-_AGREE_S = 1e-6  # standard deviation of clocks that agree
+_AGREE_S = 1e-6  # of clocks that agree: ``trusted_time_offset_s`` is in what the fixes prefer
 
 
 def video_alone(config: Config) -> Config:
