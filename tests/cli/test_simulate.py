@@ -33,3 +33,11 @@ def test_a_part_without_poses_is_refused(vgps_verb, tmp_path: Path) -> None:
     )
     assert code == 2 and err.count("\n") == 1 and "5 poses from pose 15 on, of 20" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_pass_has_a_seed_of_its_own(vgps_verb, monkeypatch, tmp_path: Path) -> None:
+    asked = []
+    monkeypatch.setattr("vgps.simulate.simulate", lambda out, config, seed: asked.append((config, seed)))
+    for own in ([], ["--pass-seed", 7]):
+        assert vgps_verb("simulate", "--out", tmp_path / "out", "--seed", 3, *own)[0] == 0
+    assert [(config.pass_seed, seed) for config, seed in asked] == [(None, 3), (7, 3)]

@@ -4,6 +4,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from solutions import short_drive
+
+from vgps.cli.smooth import print_summary
 
 
 def test_smooth_writes_a_complete_run(smoothed):
@@ -110,3 +113,12 @@ def test_two_fixes_give_poses_and_a_warning(recording, tmp_path, vgps_verb):
     assert code == 0, err
     assert "only 2 fixes tie the path to the world" in out + err
     assert (tmp_path / "run" / "poses.csv").is_file()
+
+
+def test_what_was_left_out_of_the_pictures_is_printed(capsys):
+    print_summary(short_drive(), Path("run"))
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" (")[0] for line in lines if line.startswith("part of the picture")] == [
+        "part of the picture does not move with the scene",
+        "part of the picture moves on its own",
+    ]

@@ -177,3 +177,13 @@ def test_the_cameras_of_a_rig_are_named_and_their_landmarks_counted(solution, tm
     html = page_of(on_a_rig(solution), tmp_path)
     assert "poses of the first; with rear" in html
     assert f"{2 * len(solution.observations.frame):,} observations" in html
+
+
+def test_what_was_left_out_of_the_pictures_is_stated(solution, tmp_path, html):
+    assert "bonnet, text, reflection" not in html and "moving objects" not in html
+    width, height = solution.camera.width, solution.camera.height
+    static = np.array([[0, 1, 0, 0, width // 2, height]])
+    moving = np.array([[0, 2, 0, 0, width, height]])
+    found = page_of(replace(solution, static_regions=static, moving_regions=moving), tmp_path)
+    assert "up to 50.0 %" in found and "never moves and was left out, in 2 frames" in found
+    assert "up to 100.0 %" in found and "moves on its own, left out in 3 frames" in found

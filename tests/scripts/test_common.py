@@ -7,9 +7,11 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from clips import write_clip
 from solutions import NORTH_R_CAMERA, make_poses, make_solution
 
 import vgps
+from scripts.common.drives import VideoSection
 from scripts.common.fix_server import FixServer, sentences
 from scripts.common.markdown import LiveTable, mean_and_range, table
 from scripts.common.ping_pong import PingPong
@@ -19,6 +21,7 @@ from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.model import FixClass, GeodeticPoint
 from vgps.readers.gps import read_gps_log
+from vgps.readers.video import VideoFile
 from vgps.simulate import SCENES
 from vgps.solution import Trajectory
 from vgps.writers.tum import write_tum
@@ -139,3 +142,15 @@ def test_sentences_are_read_as_they_were_meant(tmp_path):
     assert len(found) == 1 and found.fix_class == (FixClass.RTK_FLOAT,)
     assert found.latitude_deg[0] == pytest.approx(49.01, abs=1e-8)
     assert found.height_m[0] == pytest.approx(160.5, abs=1e-3)
+
+
+def test_a_section_of_a_video_has_its_own_clock_and_frames(tmp_path):
+    whole = VideoFile(write_clip(tmp_path / "whole.mp4", frames=6))
+    section = VideoSection(whole, 2, 4)
+    np.testing.assert_allclose(section.times_s, whole.times_s[2:5] - whole.times_s[2])
+    given, kept = list(whole.frames())[2:5], list(section.frames())
+    assert [frame.index for frame in kept] == [0, 1, 2]
+    np.testing.assert_allclose([frame.t_s for frame in kept], section.times_s)
+    for one, other in zip(given, kept, strict=True):
+        np.testing.assert_array_equal(one.gray, other.gray)
+    assert (section.path, section.width, section.height) == (whole.path, whole.width, whole.height)

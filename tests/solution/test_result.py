@@ -50,3 +50,11 @@ def test_length_of_a_path_is_that_of_its_steps():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3, 3] = [[0, 0, 0], [3, 4, 0], [3, 4, 2]]
     assert Trajectory(np.arange(3.0), poses).length_m == 7.0
+
+
+def test_a_share_is_exactly_zero_where_nothing_is_left_out():
+    widths = [64, 128, 192]  # shares of 0.1, 0.2 and 0.3, whose differences are not exact in binary
+    regions = np.array([[k, k + 3, 0, 0, width, 480] for k, width in enumerate(widths)])
+    run = make_solution(np.arange(9.0), np.tile(np.eye(4), (9, 1, 1)), camera=PINHOLE, moving_regions=regions)
+    np.testing.assert_allclose(run.moving_share, [0.1, 0.3, 0.6, 0.6, 0.5, 0.3, 0, 0, 0], atol=1e-9)
+    assert np.count_nonzero(run.moving_share) == 6

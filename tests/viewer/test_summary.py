@@ -15,6 +15,8 @@ def test_the_summary_states_counts_costs_and_warnings(logged: Logged) -> None:
         "2 used, 1 down-classed, 1 rejected, 1 not used",
         "| video | 10 | 2 |",
         "- the roll is uncertain",
+        "\nPart of the picture does not move with the scene",
+        "\nPart of the picture moves on its own",
     ):
         assert words in text
 
