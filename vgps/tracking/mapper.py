@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from vgps.camera import row_shares, undistort
+from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, Positions
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
-from vgps.solver.row_times import RowTimes
+from vgps.rolling_shutter import row_poses
 from vgps.tracking.corners import new_corners
 from vgps.tracking.moving_regions import MovingRegions
 
@@ -46,11 +46,11 @@ class Mapper:
         """
         more = -local_map.positioned.astype(np.int64)
         if positions is not None:
-            order = np.argsort(local_map.ids)
-            row = order[np.searchsorted(local_map.ids, positions.ids, sorter=order)]
-            more[row] = np.where(np.isnan(positions.sigma_px), 1, -1)
+            disagree = np.isnan(positions.sigma_px)
+            more[np.isin(local_map.ids, positions.ids[~disagree])] = -1
+            more[np.isin(local_map.ids, positions.ids[disagree])] = 1
         so_far, limit = local_map.moving_views[local_map.ids], self._config.max_track_frames
-        return np.asarray(np.maximum(np.minimum(so_far + more, limit), -limit) - so_far)
+        return np.asarray(np.clip(so_far + more, -limit, limit) - so_far)
 
     def triangulate(self, local_map: LocalMap, rows: IntArray) -> Positions | None:
         """Return positions of followed features, by their rows, from all their views (19).
@@ -79,12 +79,9 @@ class Mapper:
     def _row_poses(self, local_map: LocalMap, view: IntArray, uv_px: FloatArray) -> FloatArray:
         """Return the pose (N, 4, 4) of each observation in posed views (N,): that of its row."""
         poses, posed = local_map.view_poses()
-        if not self._camera.readout_s or posed.sum() < _MIN_VIEWS:
-            return poses[view]
         t_s = local_map.t_s[local_map.view_frames[posed] - local_map.first_frame]
-        shares, number = row_shares(self._camera, uv_px), np.cumsum(posed) - 1
-        times = RowTimes.of_frames(t_s, number[view], shares, self._camera.readout_s)
-        return times.poses(poses[posed])
+        number = np.cumsum(posed) - 1
+        return row_poses(self._camera, t_s, poses[posed], number[view], uv_px)
 
     def _with_parallax(
         self, local_map: LocalMap, rows: IntArray, observed: BoolArray, poses: FloatArray
