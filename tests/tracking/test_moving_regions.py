@@ -93,8 +93,8 @@ def moving_map(camera=CAMERA, chosen=None, steps=None):
     return local_map, own
 
 
-def regions(camera=CAMERA):
-    return MovingRegions(camera, CONFIG.tracking, CONFIG.mapping)
+def regions(camera=CAMERA, **tracking):
+    return MovingRegions(camera, CONFIG.tracking.model_copy(update=tracking), CONFIG.mapping)
 
 
 def test_a_group_loses_its_positions_and_its_place_in_the_picture():
@@ -136,6 +136,16 @@ def test_features_that_are_no_object_stay(chosen, steps):
     moving = regions()
     assert own.any() and moving.leave_out(local_map) == MapUpdate()
     assert not moving.holds(local_map).any() and len(moving.boxes) == 0
+
+
+def test_three_features_are_no_group_however_few_pose_a_camera():
+    def nearest(uv):
+        return np.isin(np.arange(len(uv)), np.argsort(np.linalg.norm(uv - (160, 120), axis=1))[:3])
+
+    local_map, own = moving_map(CAMERA, nearest)
+    local_map.apply(MapUpdate(more_moving_views=np.where(own, 0, 3)))  # nothing is known of the others
+    moving = regions(min_inliers=3)
+    assert own.sum() == 3 and moving.leave_out(local_map) == MapUpdate()
 
 
 def test_a_group_is_known_by_map_and_after_older_features_are_discarded():

@@ -21,9 +21,10 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.tracking.picture_cells import PictureCells
 
-_NEIGHBOURS = (5, 5)  # cells around a feature whose features are compared with it
+_NEIGHBOURS = 5  # side of the square of cells whose features are compared
 _VIEWS_BACK = 10  # views over which a group is seen to move as one
 _FITTING = 10  # features that must fit the scene outside all groups, for each that does not
+_MIN_PAIRS = 4  # of a homography
 
 
 class MovingRegions:
@@ -38,7 +39,7 @@ class MovingRegions:
     def __init__(self, camera: Camera, tracking: TrackingConfig, mapping: MappingConfig) -> None:
         self._camera = camera
         self._cells = PictureCells((camera.height, camera.width), tracking.min_distance_px)
-        self._min_features, self._min_views = tracking.min_inliers, mapping.min_views
+        self._min_features, self._min_views = max(tracking.min_inliers, _MIN_PAIRS), mapping.min_views
         self._limit_px = mapping.max_reprojection_px
         self._region: BoolArray = np.zeros(self._cells.shape, dtype=bool)
         self._boxes: list[IntArray] = [np.zeros((0, 6), dtype=np.int64)]
@@ -82,10 +83,9 @@ class MovingRegions:
         region = self._most(local_map, members, static & ~alike)
         inside = region[self._cells.of(local_map.raw_uv_px)] & alike
         seen = self._around(local_map, static) > 0.0
-        if _FITTING * np.count_nonzero(moving & ~inside) > np.count_nonzero(
-            static & ~inside
-        ) or np.count_nonzero(region) > np.count_nonzero(seen & ~region):
-            return MapUpdate()
+        stray, fitting = (np.count_nonzero(some & ~inside) for some in (moving, static))
+        if _FITTING * stray > fitting or np.count_nonzero(region) > np.count_nonzero(seen & ~region):
+            return MapUpdate()  # the path is wrong
         self._region = region
         self._ids[local_map] = local_map.ids[inside] + local_map.discarded_features
         self._add_boxes(int(local_map.view_frames[-1]))
@@ -152,10 +152,7 @@ class MovingRegions:
 
     def _around(self, local_map: LocalMap, chosen: BoolArray) -> FloatArray:
         """Return (R, C) how many of some features (N,) lie around each cell."""
-        counts = self._cells.counts(local_map.raw_uv_px[chosen])
-        return np.asarray(
-            cv2.boxFilter(counts, -1, _NEIGHBOURS, normalize=False, borderType=cv2.BORDER_CONSTANT)
-        )
+        return self._cells.summed(self._cells.counts(local_map.raw_uv_px[chosen]), _NEIGHBOURS)
 
     def _most(self, local_map: LocalMap, some: BoolArray, others: BoolArray) -> BoolArray:
         """Return (R, C) whether there are more of some features (N,) around a cell than of others (N,)."""

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, Frame, IntArray
@@ -32,6 +33,12 @@ class PictureCells:
         counts = np.zeros(self.shape)
         np.add.at(counts, self.of(raw_uv_px), 1.0)
         return counts
+
+    def summed(self, values: FloatArray, side: int) -> FloatArray:
+        """Return (R, C) the sums of values (R, C) over a square of cells around each."""
+        return np.asarray(
+            cv2.boxFilter(values, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        )
 
     def boxes(self, first: IntArray, last: IntArray) -> IntArray:
         """Return left, top, right, bottom (n, 4) in pixels of blocks of cells.

@@ -8,7 +8,6 @@ moves straight towards a far point, shows nothing that contradicts.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from vgps.camera import distort
@@ -19,6 +18,8 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, Camera, FloatArray, Frame, IntArray
 from vgps.tracking.matching import Match
 from vgps.tracking.picture_cells import PictureCells
+
+_NEIGHBOURS = 3  # side of the square of cells whose static features count together
 
 
 @dataclass
@@ -139,7 +140,7 @@ class StaticRegions:
 
     def _judge(self) -> None:
         cells = self.cells
-        static = cv2.boxFilter(cells.static, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        static = self._grid.summed(cells.static, _NEIGHBOURS)
         new = (cells.since < 0) & (static >= self._min_views) & (static > cells.moving)
         old = (cells.since >= 0) & (cells.until <= cells.views)
         row, column = np.nonzero(old)
