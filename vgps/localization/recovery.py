@@ -1,6 +1,6 @@
 """Relocalisation of a camera of unknown pose, by the descriptors of the database's keyframes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -9,6 +9,7 @@ from vgps.config import LocalizationConfig
 from vgps.landmarks.descriptors import describe
 from vgps.landmarks.model import Keyframe
 from vgps.localization.pose import NO_MATCHES, LandmarkMatches, PoseEstimate, pose_from_matches
+from vgps.localization.row_motion import AtMiddleRow
 from vgps.model import BoolArray, Float32Array, FloatArray, IntArray
 
 _NEIGHBOURS = 6  # several keyframes hold a landmark; the next best other landmark must be among these
@@ -34,14 +35,12 @@ class DescriptorRecovery:
         )
         self._descriptors = np.concatenate([keyframe.descriptors for keyframe in usable]) if usable else None
 
-    def candidates(
-        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
-    ) -> list[FloatArray]:
+    def candidates(self, image: Float32Array, at_middle_row: AtMiddleRow) -> list[FloatArray]:
         """Return poses (4, 4) that matches with the landmarks of one keyframe agree on, best supported first.
 
         Args:
             image: (H, W) undistorted grey.
-            at_middle_row: Undoes a rolling shutter: where pixels (N, 2) would be at the time of the frame.
+            at_middle_row: Undoes a rolling shutter.
         """
         matches = self._match(image, at_middle_row)
         votes = [np.isin(matches.landmark, landmarks) for landmarks in self._of_keyframe]
@@ -54,9 +53,7 @@ class DescriptorRecovery:
         found.sort(key=lambda pose: -int(pose.inlier.sum()))
         return [pose.world_T_camera for pose in found[: self._config.recovery_candidates]]
 
-    def _match(
-        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
-    ) -> LandmarkMatches:
+    def _match(self, image: Float32Array, at_middle_row: AtMiddleRow) -> LandmarkMatches:
         """Match the image's features with landmarks, one feature per landmark."""
         gray = np.clip(image, 0, 255).astype(np.uint8)
         uv, descriptors = describe(gray, self._config.recovery_features)

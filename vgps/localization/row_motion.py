@@ -4,6 +4,7 @@ The camera's poses at a few times of the readout, rotated by the gyro, are knots
 stages A, C and D see rows too (:mod:`factors.continuous_path`).
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,9 @@ from vgps.model import Camera, FloatArray
 from vgps.tracking.row_motion import row_shifts
 
 _KNOTS = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])  # shares of the readout
+
+AtMiddleRow = Callable[[FloatArray], FloatArray]
+"""Where pixels (N, 2) would be at the time of the frame, that of its middle row."""
 
 
 class RowMotion:

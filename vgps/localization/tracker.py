@@ -1,6 +1,6 @@
 """The tracker of Matsuda 2007: predict, select landmarks, re-blur, match, estimate; relocalise if lost."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -13,6 +13,7 @@ from vgps.landmarks.view_selection import spread_over_image
 from vgps.localization.landmark_predictor import LandmarkPredictor
 from vgps.localization.pose import NO_MATCHES, LandmarkMatches, PoseEstimate
 from vgps.localization.prediction import MotionState, RotationPredictor, predict_pose
+from vgps.localization.row_motion import AtMiddleRow
 from vgps.localization.search import ExpectedLandmarks, SearchResult, search_frame
 from vgps.model import Float32Array, FloatArray
 
@@ -56,15 +57,8 @@ class Estimator(Protocol):
 class Recovery(Protocol):
     """Interface of relocalisation without a prediction."""
 
-    def candidates(
-        self, image: Float32Array, at_middle_row: Callable[[FloatArray], FloatArray]
-    ) -> list[FloatArray]:
-        """Return poses (4, 4) worth a search around them, most likely first.
-
-        Args:
-            image: (H, W) undistorted grey.
-            at_middle_row: Undoes a rolling shutter: where pixels (N, 2) would be at the time of the frame.
-        """
+    def candidates(self, image: Float32Array, at_middle_row: AtMiddleRow) -> list[FloatArray]:
+        """Return poses (4, 4) worth a search around them in an image (H, W), most likely first."""
         ...
 
 
@@ -167,7 +161,8 @@ class LandmarkTracker:
             result.pose.world_T_camera, predicted, t_s - motion.t_s, widen
         ):
             return SearchResult(None, NO_MATCHES, result.correlation)
-        return self._search_closely(image, result, expected, (t_s, motion))
+        expected = self._predictor.seen_from(expected, t_s, motion, result.pose.world_T_camera)
+        return self._search_closely(image, result, expected)
 
     def _recover(self, t_s: float, image: Float32Array) -> SearchResult:
         """Search around the poses that descriptors suggest."""
@@ -181,26 +176,14 @@ class LandmarkTracker:
             result = self._search(image, pose, expected, radius)
             if result.pose is not None:
                 expected = self._predictor.landmarks(t_s, motion, result.pose.world_T_camera)
-                return self._search_closely(image, result, expected, (t_s, motion))
+                return self._search_closely(image, result, expected)
         return SearchResult(None, NO_MATCHES, 0.0)
 
     def _search_closely(
-        self,
-        image: Float32Array,
-        result: SearchResult,
-        expected: ExpectedLandmarks,
-        reached: tuple[float, MotionState],
+        self, image: Float32Array, result: SearchResult, expected: ExpectedLandmarks
     ) -> SearchResult:
-        """Search again in small windows around the pose found: more matches, and fewer false ones.
-
-        Args:
-            image: (H, W) undistorted grey.
-            result: Of the first search.
-            expected: All landmarks.
-            reached: Time of the frame, and the state from which it was reached.
-        """
+        """Search again in small windows around the pose found: more matches, and fewer false ones."""
         assert result.pose is not None
-        expected = self._predictor.seen_from(expected, *reached, result.pose.world_T_camera)
         radius = np.full(len(expected.views), float(self._config.refine_window_px))
         closer = self._search(image, result.pose.world_T_camera, expected, radius)
         better = closer.pose is not None and len(closer.matches) >= len(result.matches)
