@@ -1,6 +1,7 @@
 """A run that goes on from a checkpoint is the run that was never interrupted."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -56,6 +57,13 @@ def test_the_resumed_run_has_the_same_bytes(opened, tmp_path, frames):
     again.remove()
     assert files(out) == files(tmp_path / "whole")
     assert not checkpoint_folder(out).exists()
+
+
+def test_a_run_that_a_probe_stopped_stops_again_when_resumed(opened, tmp_path):
+    config, probe = vgps.Config(), SimpleNamespace(stops=lambda frames, _: frames == 20)
+    for resume in (False, True):
+        checkpoint = Checkpoint(tmp_path / "run", opened, config, resume=resume)
+        assert len(run_front_end(opened, config, NoProgress(), checkpoint, probe).t_s) == 20
 
 
 @pytest.mark.parametrize("solved", [1, 3])

@@ -151,6 +151,7 @@ def _run_camera(
                 continue
             frame_pipeline.add_frame(frame)
             if probe is not None and probe.stops(len(frame_pipeline.t_s), so_far):
+                checkpoint = None  # a run that is resumed stops here again
                 break
             if checkpoint is not None:
                 checkpoint.offer(frame_pipeline)
