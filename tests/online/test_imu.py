@@ -10,24 +10,16 @@ import numpy as np
 import pytest
 
 import vgps
+from scripts.benchmarks.rigs import Darkened
 from vgps.errors import RecordingError
 from vgps.evaluation import match_times
 from vgps.online import OnlineSmoother, OnlineState
 from vgps.online.replay import replay
 from vgps.online.run import run_online
 from vgps.online.session import OnlineOptions, pose_live, pose_recording
-from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.trajectory import read_trajectory
 
 FRAMES = 25
-
-
-class Darkened(DerivedVideo):
-    """A video that is black from 12 to 14 seconds."""
-
-    def frames(self):
-        for frame in self.video.frames():
-            yield replace(frame, gray=np.zeros_like(frame.gray)) if 12.0 <= frame.t_s < 14.0 else frame
 
 
 def first_positions(opened, imu):
@@ -54,7 +46,7 @@ def test_the_gyro_predicts_rotations_and_the_path_stays_right(data_dir):
 def test_two_dark_seconds_of_a_drive_are_bridged(data_dir):
     folder = data_dir / "kitti07"
     opened = vgps.open_recording(folder, gps="gps_fix.nmea", imu="imu.csv", rig="rig_imu.yaml")
-    opened = replace(opened, video=Darkened(opened.video))
+    opened = replace(opened, video=Darkened(opened.video, 12.0, 14.0))
     smoother, stop, seen = OnlineSmoother(opened.camera, opened.rig, imu=opened.imu), threading.Event(), []
 
     def sink(estimate, _):
