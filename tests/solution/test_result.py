@@ -52,9 +52,8 @@ def test_length_of_a_path_is_that_of_its_steps():
     assert Trajectory(np.arange(3.0), poses).length_m == 7.0
 
 
-def test_a_share_is_exactly_zero_where_nothing_is_left_out():
-    widths = [64, 128, 192]  # shares of 0.1, 0.2 and 0.3, whose differences are not exact in binary
-    regions = np.array([[k, k + 3, 0, 0, width, 480] for k, width in enumerate(widths)])
+def test_pixels_that_several_boxes_cover_count_once():
+    corner, across, apart = (0, 4, 0, 0, 320, 240), (1, 2, 160, 120, 480, 360), (2, 6, 320, 360, 640, 480)
+    regions = np.array([corner, across, apart])
     run = make_solution(np.arange(9.0), np.tile(np.eye(4), (9, 1, 1)), camera=PINHOLE, moving_regions=regions)
-    np.testing.assert_allclose(run.moving_share, [0.1, 0.3, 0.6, 0.6, 0.5, 0.3, 0, 0, 0], atol=1e-9)
-    assert np.count_nonzero(run.moving_share) == 6
+    assert run.moving_share.tolist() == [0.25, 0.4375, 0.5625, 0.375, 0.375, 0.125, 0.125, 0.0, 0.0]

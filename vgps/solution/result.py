@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -124,10 +125,11 @@ class Solution:
 
     def _share(self, regions: IntArray) -> FloatArray:
         """Return the share (F,) of each picture that rectangles (n, 6) cover."""
-        first, last, left, top, right, bottom = regions.T
-        share = (right - left) * (bottom - top) / (self.camera.width * self.camera.height)
-        change = [np.bincount(frame, share, len(self.t_s) + 1) for frame in (first, last + 1)]
-        return np.cumsum(change[0] - change[1])[:-1].round(9)  # whose zeros are exact
+        first, last = regions[:, :2].T
+        area = np.zeros(len(self.t_s))
+        for begin, end in pairwise(np.unique(np.append(first, last + 1)).tolist()):
+            area[begin:end] = _area(regions[(first <= begin) & (begin <= last), 2:])
+        return (area / (self.camera.width * self.camera.height)).round(9)
 
     @property
     def fix_times_s(self) -> FloatArray:
@@ -141,3 +143,12 @@ class Solution:
         first = np.cumsum([0, *(len(landmarks.gray) for landmarks, _ in maps[:-1])])
         seen = [replace(one, landmark=k + one.landmark) for k, (_, one) in zip(first, maps, strict=True)]
         return Landmarks.stacked([landmarks for landmarks, _ in maps]), Observations.stacked(seen)
+
+
+def _area(boxes: IntArray) -> int:
+    """Return the pixels that boxes (n, 4) cover together: left, top, right, bottom."""
+    x, y = np.unique(boxes[:, ::2]), np.unique(boxes[:, 1::2])
+    left, top, right, bottom = boxes.T[:, :, None]
+    columns, rows = (left <= x[:-1]) & (x[:-1] < right), (top <= y[:-1]) & (y[:-1] < bottom)
+    covered = (rows[:, :, None] & columns[:, None]).any(axis=0)
+    return int(np.diff(y) @ covered @ np.diff(x))
