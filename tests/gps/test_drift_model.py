@@ -12,17 +12,18 @@ ANTENNA = np.array([0.1, -0.3, 0.2])
 ALL = np.ones(19, dtype=bool)
 
 
-def flexible(start, fixes, time_offset_sigma_s=1.0, attached=False):
-    return DriftModel(start, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached)
+def flexible(start, fixes, time_offset_sigma_s=1.0, attached=False, tilt_sigma_rad=np.inf):
+    return DriftModel(start, fixes, np.zeros(3), DriftConfig(), time_offset_sigma_s, attached, tilt_sigma_rad)
 
 
 @pytest.mark.parametrize("attached", [False, True])
 @pytest.mark.parametrize("time_offset_sigma_s", [0.0, 0.5])
-def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigma_s):
+@pytest.mark.parametrize("tilt_sigma_rad", [np.inf, 2e-3])
+def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigma_s, tilt_sigma_rad):
     rng = np.random.default_rng(0)
     t_s = np.sort(rng.uniform(-0.2, 20.1, 40))
     fixes = fixes_at(t_s, 0.5, 0.7, offset=rng.normal(0.0, 0.5, (40, 3)))
-    of = flexible(drifting(), fixes, time_offset_sigma_s, attached)
+    of = flexible(drifting(), fixes, time_offset_sigma_s, attached, tilt_sigma_rad)
     parameters = rng.normal(0, 1e-4, len(of.start))
     parameters[3] *= time_offset_sigma_s > 0.0
     loss = Loss(of.regions(), rng.random(40) < 0.8, 3.0)
@@ -41,9 +42,10 @@ def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigm
     change = np.diff(np.eye(of.knots), axis=0, prepend=np.zeros((int(attached), of.knots)))
     walk = np.zeros((4 * len(change), len(parameters)))
     walk[:, 4:] = np.kron(change, np.diag(1.0 / of._sigma))
-    held = np.zeros((4, len(parameters)))
+    held = np.zeros((6, len(parameters)))
     held[:3, :3] = attached * np.eye(3) / 1e-3
     held[3, 3] = 1.0 / (time_offset_sigma_s or 1.0)
+    held[4:, 5:7] = np.eye(2) / tilt_sigma_rad
     A = np.concatenate([(J * scale[:, :, None]).reshape(-1, len(parameters)), walk, held])
     b = np.concatenate([(offset * scale).ravel(), walk @ parameters, held @ parameters])
     expected = -np.linalg.lstsq(A, b, rcond=None)[0]

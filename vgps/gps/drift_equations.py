@@ -48,7 +48,7 @@ class KnotIntervals:
         share = self.share[:, None]
         return np.asarray((1.0 - share) * drift[self.of_frame] + share * drift[self.of_frame + 1])
 
-    def sums(self, steps: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def derivatives(self, steps: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how positions follow the drifts (8,) of the knots before and after them.
 
         Args:
@@ -93,7 +93,7 @@ class DriftEquations:
         Args:
             hessian: (K - 1, 11, 11) of the priors.
             gradient: (K - 1, 11) of the priors.
-            time_prior: Both of the time offset; it is held without one.
+            time_prior: The same two of the time offset, which is held without them.
         """
         hessian = hessian + self._sums(self.J.swapaxes(1, 2) @ self.J)
         gradient = gradient + self._sums(np.einsum("mia,mi->ma", self.J, self.r))

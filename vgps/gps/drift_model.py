@@ -12,15 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import DriftConfig
 from vgps.gps.drift_equations import DRIFT_DIM, DRIFTS, INTERVAL_DIM, POSITION, DriftEquations, KnotIntervals
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.fixes import Fixes, Placement, antenna_at, place
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Trajectory
 
 _SHIFT = slice(0, 3)
 _TIME_OFFSET = 3  # index of the time offset among the parameters
 _KNOTS = 4  # parameters before those of the knots
-_TILT = slice(5, 7)  # of the first knot: rotation about east and north
-_DRIFT_TILT = slice(1, 3)  # the same among the drifts of an interval
+_TILT = slice(1, 3)  # among the four of a knot: rotation about east and north
 _HALVINGS = 8  # of a step that does not lower the cost, before the fit ends
 _FIXED_SIGMA_M = 1e-3  # prior sigma of the start of an attached path
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends a fit
@@ -70,7 +69,7 @@ class DriftModel:
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
-        self._sigma = sigma * np.sqrt(max(self._intervals.spacing / config.knot_frames, 1e-9))
+        self._sigma = sigma * np.sqrt(self._intervals.spacing / config.knot_frames)
         self._time_offset_sigma_s = time_offset_sigma_s
         self._attached = attached
         self._tilt_information = tilt_sigma_rad**-2
@@ -100,10 +99,12 @@ class DriftModel:
 
     def offsets(self, parameters: FloatArray) -> FloatArray:
         """Return antenna minus fix (M, 3), metres."""
-        return self._offsets(self.corrected(parameters)[0], self.time_offset_s(parameters))
+        return self._offsets(self.corrected(parameters)[0], self._placement(parameters))
 
-    def _offsets(self, corrected: FloatArray, time_offset_s: float) -> FloatArray:
-        placement = place(self._t_s, self._fixes.t_s - time_offset_s, beyond=True)
+    def _placement(self, parameters: FloatArray) -> Placement:
+        return place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
+
+    def _offsets(self, corrected: FloatArray, placement: Placement) -> FloatArray:
         return antenna_at(corrected, placement, self._antenna) - self._fixes.world_p_fix
 
     def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
@@ -160,14 +161,14 @@ class DriftModel:
     def prior_costs(self, parameters: FloatArray) -> FloatArray:
         """Return the costs (K - 1,) of the drift in each interval between knots: sums of squares in sigmas.
 
-        The first one's has those of shift and time offset.
+        The first one's has those of shift, tilt and time offset.
         """
         squared: FloatArray = np.sum((self._changes(parameters) / self._sigma) ** 2, axis=1)
         costs = squared[-(self.knots - 1) :]
         costs[0] += squared[: -(self.knots - 1)].sum()
         if self._attached:
             costs[0] += np.sum((parameters[_SHIFT] / _FIXED_SIGMA_M) ** 2)
-        costs[0] += self._tilt_information * np.sum(parameters[_TILT] ** 2)
+        costs[0] += self._tilt_information * np.sum(parameters[_KNOTS:][_TILT] ** 2)
         if self._time_offset_sigma_s:
             costs[0] += (parameters[_TIME_OFFSET] / self._time_offset_sigma_s) ** 2
         return costs
@@ -203,13 +204,13 @@ class DriftModel:
     def _equations(self, parameters: FloatArray, loss: Loss) -> DriftEquations:
         """Return the equations of the fixes, whitened and weighted by the loss."""
         corrected, _ = self.corrected(parameters)
-        offset = self._offsets(corrected, self.time_offset_s(parameters))
+        placement = self._placement(parameters)
+        offset = self._offsets(corrected, placement)
         weight = np.where(loss.rows, 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2), 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
-        placement = place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
         frame, alpha = placement.frame, placement.alpha[:, None, None]
         steps = np.diff(corrected[:, :3, 3], axis=0)
-        by_step, within, across = self._intervals.sums(steps)
+        by_step, within, across = self._intervals.derivatives(steps)
         J = np.zeros((len(frame), 3, INTERVAL_DIM))
         J[:, :, POSITION] = np.eye(3)
         J[:, :, DRIFTS] = within[frame] + alpha * by_step[frame]
@@ -234,7 +235,7 @@ class DriftModel:
             first = np.append(parameters[_SHIFT], parameters[_KNOTS : _KNOTS + DRIFT_DIM])
             hessian[0, : len(start), : len(start)] += np.diag(start)
             gradient[0, : len(start)] += start * first
-        diagonal = np.arange(INTERVAL_DIM)[DRIFTS][_DRIFT_TILT]
-        hessian[0, diagonal, diagonal] += self._tilt_information
-        gradient[0, diagonal] += self._tilt_information * parameters[_TILT]
+        tilt = np.arange(INTERVAL_DIM)[DRIFTS][_TILT]
+        hessian[0, tilt, tilt] += self._tilt_information
+        gradient[0, tilt] += self._tilt_information * parameters[_KNOTS:][_TILT]
         return hessian, gradient

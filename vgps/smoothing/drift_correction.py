@@ -91,15 +91,15 @@ def remove_drift(
         path: F frames.
         fixes: Fixes with the time offset removed, all used and within the path's time span.
         camera_p_antenna: (3,) metres.
-        config: Drift rates, and the prior of the time offset.
+        config: Drift rates, and the priors of time offset and tilt.
         attached: Whether the path continues one that is held, so that its start does not move.
     """
-
     tilt_sigma_rad = float(np.radians(config.start.level_sigma_deg))
 
     def model_with(time_offset_sigma_s: float) -> DriftModel:
-        sigmas = {"time_offset_sigma_s": time_offset_sigma_s, "tilt_sigma_rad": tilt_sigma_rad}
-        return DriftModel(path, fixes, camera_p_antenna, config.drift, attached=attached, **sigmas)
+        return DriftModel(
+            path, fixes, camera_p_antenna, config.drift, time_offset_sigma_s, attached, tilt_sigma_rad
+        )
 
     everything = np.ones(len(fixes), dtype=bool)
     without_offset = model_with(0.0)
