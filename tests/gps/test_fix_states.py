@@ -134,3 +134,14 @@ def test_a_jump_to_far_outside_the_region_is_an_outlier_under_memory():
     offset[4] = [30.0, 0.0, 0.0]
     found, _ = state_probabilities(offset, fixes_at(np.arange(9.0), *FLOAT), CONFIG)
     assert found[4, OUTLIER] > 0.99 and found[[0, 1, 2, 3, 5, 6, 7, 8], OUTLIER].max() < 0.01
+
+
+def test_a_long_stretch_far_from_its_region_has_probabilities_too():
+    """From fix to fix it changes little, as if one error of the class lasted; its first fix excludes that."""
+    n = 300
+    offset = np.random.default_rng(0).normal(0.0, 0.1, (n, 3))
+    offset[50:] += [0.0, 34.0, 0.0]
+    found, likelihood = state_probabilities(offset, fixes_at(0.5 * np.arange(n), *FLOAT), CONFIG, 0.2)
+    np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-9)
+    assert found[:50, [NOMINAL, REPEATED_NOMINAL]].sum(axis=1).min() > 0.99
+    assert found[51:, REPEATED_OUTLIER].min() > 0.9 and np.isfinite(likelihood).all()

@@ -58,9 +58,12 @@ def state_probabilities(
         belief = (belief if k == 0 else belief @ change[k - 1]) * likelihood
         size[k] = belief.sum()
         belief = forward[k] = belief / size[k]
-    backward = np.ones_like(density)
+    # a state that the fixes before exclude would overflow where those after it all suggest it
+    possible = forward > np.finfo(np.float64).tiny
+    backward = possible.astype(np.float64)
     for k in range(len(density) - 2, -1, -1):
-        backward[k] = change[k] @ (density[k + 1] * backward[k + 1]) / size[k + 1]
+        after = change[k] @ (density[k + 1] * backward[k + 1])
+        np.divide(after, size[k + 1], out=backward[k], where=possible[k])
     return forward * backward, np.log(size) + highest
 
 
