@@ -82,8 +82,17 @@ def test_false_fixes_at_the_start_are_rejected():
     assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
 
 
+def test_a_run_to_which_the_path_would_bend_is_left_out_on_trial():
+    """The path lost its scale, and without the trial the good fixes about the run are rejected."""
+    wrong = (np.arange(19) > 1) & (np.arange(19) < 9)
+    found = judged(
+        drifting(0.4), fixes_at(T_FIX, 0.5, 0.7, offset=np.where(wrong[:, None], [0.0, -7.0, 0.0], 0.0))
+    )
+    assert found.rejected[2:].tolist() == wrong[2:].tolist()
+
+
 def test_errors_late_in_a_long_drive_are_found_as_in_a_short_piece():
-    """Six minutes and four times four shared errors, more than the trials of a short path."""
+    """Six minutes and sixteen shared errors: the knots of the drift lie as close as in a short path."""
     t_s, t_fix = 0.2 * np.arange(2000), np.arange(0.05, 399.0, 2.0)
     rng = np.random.default_rng(0)
     offset, wrong = rng.normal(0.0, 0.15, (len(t_fix), 3)), np.zeros(len(t_fix), dtype=bool)

@@ -13,7 +13,7 @@ from vgps.gps.fixes import Fixes, place
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_STRETCH_KNOTS = 60  # of the drift model: the drift has changed so often that either end is free of the other
+_STRETCH_KNOTS = 60  # of the drift model: so many changes leave the drift at one end free of the other's
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,10 @@ def suspect_runs(
     most = np.bincount(of_row, minlength=stretches.count) // 2
     runs: list[list[IntArray]] = [[] for _ in range(stretches.count)]
     for run in np.split(rows, ends):
-        if len(run) >= 2 and len(run) <= most[stretch := int(stretches.of_fix[run[len(run) // 2]])]:
-            runs[stretch].append(run)
+        if len(run) >= 2:
+            stretch = int(stretches.of_fix[run[len(run) // 2]])
+            if len(run) <= most[stretch]:
+                runs[stretch].append(run)
     return runs
 
 
