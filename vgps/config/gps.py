@@ -35,8 +35,8 @@ class OutlierConfig(SettingsModel):
     """Probability that an error lasts to the next fix; kept low, since a sudden loss of scale looks the
     same."""
     max_jumps: PositiveInt = 8
-    """Jumps against a stretch of the path (60 knots of its drift), largest first, between which runs of fixes
-    are tested as outliers together."""
+    """Jumps against the path, the largest ones of each stretch (60 knots of its drift), between which runs of
+    fixes are tested as outliers together."""
     path_tolerance: Share = 0.02
     """Error of the video's path between two knots of its drift, as a share of the distance between them."""
 

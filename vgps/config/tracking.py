@@ -111,7 +111,8 @@ class StartConfig(SettingsModel):
     heading_sigma_deg: PositiveFloat = 5.0
     """A map is placed in the world once its heading is known to this, one standard deviation."""
     level_sigma_deg: PositiveFloat = 5.0
-    """Standard deviation of the camera's mean roll about level; decides where nothing else shows the roll."""
+    """Standard deviation of the camera's mean roll about level, and of the tilt that a correction of drift
+    gives a path; decides where nothing else shows the roll."""
     crossfall_sigma_deg: PositiveFloat = 1.5
     """Standard deviation of the ground's slope to the side, which shows stage D the roll of a camera that
     travels over a plane."""

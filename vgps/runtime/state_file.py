@@ -67,7 +67,7 @@ def write_checkpoint(
         file.parent.mkdir(parents=True, exist_ok=True)
         write_state(state, file, classes, without)
     except OSError as error:
-        with contextlib.suppress(OSError):  # of an earlier checkpoint in it
+        with contextlib.suppress(OSError):  # an earlier checkpoint is in it
             file.parent.rmdir()
         raise RunFolderError(
             f"cannot be written ({error.strerror})", file=file, remedy="check the free space"

@@ -61,7 +61,7 @@ class Readout:
         return 0.5 * self.frame_s > min_sigmas * self.sigma_s
 
     def contradicts(self, given_s: float, min_sigmas: float) -> bool:
-        """Whether it is possible, and notably and by so many standard deviations not a given one."""
+        """Whether it is possible, and differs from a given one notably and by so many standard deviations."""
         difference_s, possible = abs(self.readout_s - given_s), abs(self.readout_s) <= self._longest_s
         return possible and difference_s > max(min_sigmas * self.sigma_s, _NOTABLE_SHARE * self.frame_s)
 

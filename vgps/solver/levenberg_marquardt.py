@@ -19,8 +19,8 @@ LIGHT_DAMPING = 1e-2
 """Damping up to which a step is nearly Gauss-Newton's, so that no decrease means a minimum."""
 _STEP_FRACTIONS = (1.0, 0.5, 0.25)  # tried in turn while the gain is poor
 _POOR_GAIN_RATIO = 0.25  # below this ratio of actual to predicted decrease, shorter steps are tried
-_STEP_MULTIPLES = (2.0, 4.0, 8.0, 16.0)  # tried in turn while the gain is rich, and they lower the cost
-_RICH_GAIN_RATIO = 1.75
+_STEP_MULTIPLES = (2.0, 4.0, 8.0, 16.0)  # tried in turn after a rich gain, while they lower the cost
+_RICH_GAIN_RATIO = 1.75  # above this ratio, longer steps are tried; a cost without curvature has 2
 _MAX_SMALL_STEPS = 3  # successive steps below the tolerance that end the search even under heavy damping
 
 
