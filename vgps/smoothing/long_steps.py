@@ -1,7 +1,7 @@
 """Long steps of stage D, taken from the journal of an interrupted run where it has them."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from typing import Any
 
 from vgps.model import FloatArray
 from vgps.runtime.journal import Journal
@@ -11,21 +11,6 @@ from vgps.solver.marginals import Covariances
 from vgps.solver.problem import BundleProblem
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Minimum:
-    """What a solution changes of a problem, and the other attributes of a :class:`BundleResult`."""
-
-    poses: FloatArray
-    points: FloatArray
-    shared: Mapping[int, FloatArray]
-    states: Mapping[int, FloatArray]
-    report: SolverReport
-    solver: Solver
-    converged: bool
-    stuck: bool
-    seconds: float
-
-
 def solve_once(
     problem: BundleProblem, settings: SolverSettings, solver: Solver, journal: Journal | None
 ) -> BundleResult:
@@ -33,22 +18,15 @@ def solve_once(
     if journal is None:
         return solve(problem, settings, solver)
 
-    def minimum() -> _Minimum:
-        return _minimum(solve(problem, settings, solver))
+    def compute() -> dict[str, Any]:
+        result = solve(problem, settings, solver)
+        return {**vars(result), "problem": _variables(result.problem)}
 
-    found = journal.step(_start(problem), minimum, (_Minimum, SolverReport, SubmapReport))
-    states = {key: state.moved(found.states[key]) for key, state in problem.states.items()}
-    solved = replace(
-        problem, world_T_camera=found.poses, world_p_landmark=found.points, shared=found.shared, states=states
-    )
-    return BundleResult(
-        problem=solved,
-        report=found.report,
-        solver=found.solver,
-        converged=found.converged,
-        stuck=found.stuck,
-        seconds=found.seconds,
-    )
+    found = journal.step(_start(problem), compute, (SolverReport, SubmapReport))
+    end = found["problem"]
+    states = {key: state.moved(end["states"][key]) for key, state in problem.states.items()}
+    solved = problem.moved(end["poses"], end["points"], end["shared"], states)
+    return BundleResult(**{**found, "problem": solved})
 
 
 def covariances_once(
@@ -62,16 +40,11 @@ def _start(problem: BundleProblem) -> tuple[FloatArray, FloatArray, FloatArray]:
     return problem.world_T_camera, problem.world_p_landmark, problem.sigma_px
 
 
-def _minimum(result: BundleResult) -> _Minimum:
-    problem = result.problem
-    return _Minimum(
-        poses=problem.world_T_camera,
-        points=problem.world_p_landmark,
-        shared=dict(problem.shared),
-        states={key: state.vector for key, state in problem.states.items()},
-        report=result.report,
-        solver=result.solver,
-        converged=result.converged,
-        stuck=result.stuck,
-        seconds=result.seconds,
-    )
+def _variables(problem: BundleProblem) -> dict[str, Any]:
+    """Return what a solution changes of a problem."""
+    return {
+        "poses": problem.world_T_camera,
+        "points": problem.world_p_landmark,
+        "shared": dict(problem.shared),
+        "states": {key: state.vector for key, state in problem.states.items()},
+    }
