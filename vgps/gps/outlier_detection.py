@@ -161,9 +161,7 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
         without = better_without(runs, energies.min(axis=0), best.energy)
         best = _likeliest([best, *ends])
         if len(without) > 1:
-            best = _likeliest(
-                [best, *fits_without([np.isin(np.arange(len(fixes)), np.concatenate(without))])]
-            )
+            best = _likeliest([best, *fits_without(trials([[run] for run in without], len(fixes)))])
     return assess_offsets(best.offset, fixes, config, tolerance_m)
 
 
