@@ -41,6 +41,7 @@ def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online
     true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
     away = np.linalg.norm(solution.world_T_camera[:, :3, 3] - true, axis=1)
     assert away.mean() < 0.1 and solution.georeferenced and solution.fixes.used.all()
+    assert abs(solution.sensors.time_offset_s) < 3.0 * solution.sensors.time_offset_sigma_s < 1.5
     # the landmarks lie in the same world: on the walls of the room, as the camera sees them
     path, landmarks = solution.world_T_camera, solution.landmarks
     seen, uv = solution.observations, solution.observations.uv_px

@@ -61,6 +61,7 @@ class LiveFusion:
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._seen = (0, 0)  # frames and fixes of the last fit
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
+        self._told_s = self._time_offset_s  # the time offset that the user last heard of
 
     @property
     def _fused(self) -> FusedPath | None:
@@ -120,7 +121,9 @@ class LiveFusion:
         fix_buffer, rest = self._frame_pipeline.fix_buffer, result.fused.time_offset
         fix_buffer.update_assessment(result.number, result.assessment)
         found = TimeOffset(self._known_s + rest.time_offset_s, rest.sigma_s)
-        self._frame_pipeline.warnings += news_of_time_offset(self._time_offset_s, found)
+        if news := news_of_time_offset(self._told_s, found):
+            self._frame_pipeline.warnings += news
+            self._told_s = found.time_offset_s
         self._time_offset_s = found.time_offset_s
         fix_buffer.sensors = fix_buffer.sensors.with_time_offset(found)
 
