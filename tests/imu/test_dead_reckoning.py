@@ -54,6 +54,15 @@ def test_errors_grow_with_the_time_since_the_path_ended():
     assert reckoned(PATH, 2.0).sigma_rad > reckoned(PATH, 1.0).sigma_rad
 
 
+@pytest.mark.parametrize("name", PathErrors._fields)
+def test_errors_of_the_path_are_errors_of_the_movement(name):
+    variance = []
+    for factor in (0.5, 1.0, 2.0):
+        errors = ERRORS._replace(**{name: factor * getattr(ERRORS, name)})
+        variance.append(np.trace(reckoned(PATH, 2.0, errors).covariance_m2))
+    assert variance[2] > 1.01 * variance[1] > 1.01**2 * variance[0]
+
+
 def test_noise_alone_adds_less_than_all_errors():
     imu = imu_at_camera(exact_log(swinging_motion()), MOUNT, None, ImuConfig())
     for away_s in (0.1, 1.0, 3.0):
