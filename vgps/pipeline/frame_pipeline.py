@@ -203,7 +203,7 @@ class FramePipeline:
             self._grow_next_map(frame)
             return
         builder.relocaliser, self._next = None, None
-        self.warnings += filter(None, [builder.bridge(self.t_s, frame.index, result.world_T_camera)])
+        self.warnings += builder.bridge(self.t_s, frame.index, result.world_T_camera)
         builder.add_pose(frame.t_s, result.world_T_camera)
         if builder.stands(frame, result, self.config.tracking, self._retention):
             builder.add_zero_motion(frame.index, result)

@@ -109,7 +109,7 @@ class MapBuilder:
             return np.asarray(last)
         return np.asarray(last @ np.linalg.inv(previous) @ last)
 
-    def bridge(self, t_s: FloatArray, frame: int, world_T_camera: FloatArray) -> str | None:
+    def bridge(self, t_s: FloatArray, frame: int, world_T_camera: FloatArray) -> tuple[str, ...]:
         """Pose the frames between the newest one and ``frame`` by interpolation.
 
         Args:
@@ -118,14 +118,14 @@ class MapBuilder:
             world_T_camera: (4, 4) its pose.
 
         Returns:
-            A warning, if there are such frames.
+            A warning if there are such frames.
         """
         last = self.local_map.next_frame - 1
         if frame == last + 1:
-            return None
+            return ()
         times = t_s[last : frame + 1]
         ends = np.stack([self.local_map.poses[-1], world_T_camera])
         between = interpolate_poses(times[[0, -1]], ends, times[1:-1])
         frames = (NewFrame(float(t), pose, True) for t, pose in zip(times[1:-1], between, strict=True))
         self.local_map.apply(MapUpdate(frames=tuple(frames)))
-        return f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged"
+        return (f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged",)
