@@ -80,11 +80,15 @@ def test_a_room_where_nothing_moves_is_left_whole():
 VIEWS = 12
 
 
+def in_the_middle(uv):
+    return np.all((uv > (60, 60)) & (uv < (200, 180)), axis=1)
+
+
 def moving_map(camera=CAMERA, chosen=None, steps=None):
     """A map with features that move by some pixels a view on their own, and which they are (N,)."""
     local_map, _ = followed_map(POSES[:VIEWS], camera)
     uv = local_map.raw_uv_px
-    own = np.all((uv > (60, 60)) & (uv < (200, 180)), axis=1) if chosen is None else chosen(uv)
+    own = (chosen or in_the_middle)(uv)
     steps = np.array([1.5, 1.0]) if steps is None else steps(own.sum())
     back = np.arange(VIEWS - 1, -1, -1.0)[:, None]
     track = local_map.last_uv_px[own][:, None] - back * steps
@@ -125,11 +129,12 @@ def test_it_is_searched_where_it_goes():
     ("chosen", "steps"),
     [
         (lambda uv: np.arange(len(uv)) % 3 == 0, None),
+        (lambda uv: in_the_middle(uv) | (np.arange(len(uv)) % 5 == 0), None),
         (lambda uv: uv[:, 0] > 60, None),
         (None, lambda count: np.random.default_rng(0).normal(0.0, 2.0, (count, 1, 2))),
         (lambda uv: np.arange(len(uv)) < CONFIG.tracking.min_inliers - 1, None),
     ],
-    ids=["all over the picture", "most of the picture", "each on its own", "too few"],
+    ids=["all over the picture", "and beside a group", "most of the picture", "each on its own", "too few"],
 )
 def test_features_that_are_no_object_stay(chosen, steps):
     local_map, own = moving_map(CAMERA, chosen, steps)
