@@ -1,9 +1,15 @@
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
-from textured_wall import CAMERA, exposed, pose_at
+from textured_wall import CAMERA, GYRO_R_CAMERA, exposed, gyro, pose_at, rolling
 
 from vgps.config import LocalizationConfig
+from vgps.geometry.angular_rates import GyroIntegral
+from vgps.localization.prediction import MotionState, RotationPredictor
 from vgps.localization.recovery import DescriptorRecovery
+from vgps.localization.row_motion import RowMotion
 
 
 def unchanged(uv_px):
@@ -22,6 +28,21 @@ def test_the_first_candidate_is_the_cameras_pose(keyframes, t_s):
     found = recovery.candidates(exposed(t_s, 0.01), unchanged)
     assert found
     assert np.linalg.norm(found[0][:3, 3] - pose_at(t_s)[:3, 3]) < 0.3
+
+
+def test_a_pose_is_recovered_from_pixels_of_the_middle_row(keyframes):
+    rows = RowMotion(
+        replace(CAMERA, readout_s=0.03), RotationPredictor(GyroIntegral(gyro(2.0)), GYRO_R_CAMERA), 0.5
+    )
+    recovery = DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig())
+    away_m = []
+    for t_s in np.arange(0.1, 1.8, 0.2).tolist():
+        undone = partial(rows.at_middle_row, MotionState(t_s=t_s, world_T_camera=np.eye(4)))
+        image = rolling(t_s, 0.03).astype(np.float32)
+        found = [recovery.candidates(image, at_middle_row)[0] for at_middle_row in (undone, unchanged)]
+        away_m.append([np.linalg.norm((pose - pose_at(t_s))[:3, 3]) for pose in found])
+    modelled, ignored = np.median(away_m, axis=0)
+    assert modelled < 0.6 * ignored
 
 
 @pytest.mark.parametrize("image", [np.zeros((240, 320), np.float32), np.full((240, 320), 300, np.float32)])
