@@ -5,6 +5,7 @@ The front end undistorts observations once; every later stage has a pinhole. Fou
 polynomial maps distorted to undistorted radii, Eq. (5)(6), Kume 2010.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -84,6 +85,7 @@ def project(camera: Camera, camera_p_points: npt.ArrayLike) -> FloatArray:
     return uv
 
 
+@lru_cache(maxsize=64)
 def turning_radius(camera: Camera) -> float:
     """Return the pinhole radius (tangent of the angle from the axis) of the largest image radius, or inf.
 
