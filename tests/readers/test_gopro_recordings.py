@@ -40,7 +40,7 @@ def with_telemetry(monkeypatch):
 
     def tell(found):
         monkeypatch.setattr(sources, "read_gpmf", lambda path: replace(found, path=Path(path)))
-        monkeypatch.setattr("vgps.readers.gps.read_gpmf", lambda path: replace(found, path=Path(path)))
+        monkeypatch.setattr("vgps.readers.video_gps.read_gpmf", lambda path: replace(found, path=Path(path)))
 
     return tell
 
@@ -62,7 +62,7 @@ def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, with_te
 def test_a_videos_metadata_are_read_once(folder, with_telemetry, monkeypatch):
     with_telemetry(walk())
     told, calls = sources.read_gpmf, []
-    for place in ("vgps.readers.sources.read_gpmf", "vgps.readers.gps.read_gpmf"):
+    for place in ("vgps.readers.sources.read_gpmf", "vgps.readers.video_gps.read_gpmf"):
         monkeypatch.setattr(place, lambda path: calls.append(path) or told(path))
     assert len(open_recording(folder / "GX010042.MP4").gps) == 8
     assert calls == [folder / "GX010042.MP4"]
@@ -93,18 +93,21 @@ def test_a_camera_without_a_fix_is_opened_without_gps_and_a_warning(folder, with
 
 def test_a_video_without_metadata_named_as_log_is_refused(folder):
     assert open_recording(folder / "GX010042.MP4").gps is None
-    with pytest.raises(GpsLogError, match=r"GX010042\.MP4: a video without GoPro metadata"):
+    with pytest.raises(GpsLogError, match=r"GX010042\.MP4: a video without GPS"):
         open_recording(folder / "GX010042.MP4", gps="GX010042.MP4")
 
 
-def test_a_drones_subtitles_beside_its_video_are_found(folder):
+def test_a_drones_subtitles_beside_its_video_are_found(folder, caplog):
     (folder / "GX010042.SRT").write_text(
         "1\n00:00:00,000 --> 00:00:01,000\n[latitude: 48.1] [longitude: 11.5] [abs_alt: 500.0]\n\n"
     )
     assert open_recording(folder / "GX010042.MP4").gps.source.name == "GX010042.SRT"
     (folder / "GX010042.SRT").write_text("1\n00:00:00,000 --> 00:00:01,000\nHello\n\n")
+    # captions of a flight without GPS are no reason to stop, unless they are named as the log
+    assert open_recording(folder / "GX010042.MP4").gps is None
+    assert "none with a position" in caplog.text and "continuing without GPS" in caplog.text
     with pytest.raises(GpsLogError, match="none with a position"):
-        open_recording(folder / "GX010042.MP4")
+        open_recording(folder / "GX010042.MP4", gps="GX010042.SRT")
 
 
 def test_the_walk_with_a_max(data_dir):

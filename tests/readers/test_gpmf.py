@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from vgps.errors import RecordingError
 from vgps.readers.gopro import read_gopro_gyro
-from vgps.readers.gpmf import Packet, collect, first_number, numbers, packets, parse, read_gpmf
+from vgps.readers.gpmf import collect, first_number, numbers, parse, read_gpmf
 from vgps.readers.gpmf_times import sample_times
+from vgps.readers.metadata_tracks import Packet
 
 LIMITS = {"b": 7, "B": 8, "s": 15, "S": 16, "l": 31, "L": 32, "j": 53, "J": 53}
 
@@ -156,7 +157,7 @@ def test_a_file_that_is_not_a_video_is_refused(tmp_path):
     broken = tmp_path / "v.mp4"
     broken.write_bytes(b"\0\0\0\x18ftypmp42" + b"\0" * 40)
     with pytest.raises(RecordingError, match=r"v\.mp4: cannot be read"):
-        packets(broken)
+        read_gpmf(broken)
 
 
 def test_a_video_of_another_camera_has_no_telemetry(recording):

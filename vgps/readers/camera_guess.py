@@ -17,6 +17,8 @@ from vgps.camera import centred_camera
 from vgps.model import CameraGuess, Video
 from vgps.readers.chapters import ChapteredVideo
 from vgps.readers.container import open_container
+from vgps.readers.dji_metadata import dji_names
+from vgps.readers.dji_srt import subtitles_in
 from vgps.readers.gopro_lens import gopro_guess
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.images import ImageFolder
@@ -30,6 +32,7 @@ _EXIF_IFD, _FOCAL_35 = 0x8769, 0xA405
 _SUBTITLE_BYTES = 4000
 _FOCAL_LEN = re.compile(r"focal_len\s*:\s*([\d.]+)")
 _ZOOM = re.compile(r"dzoom_ratio\s*:\s*([\d.]+)")
+_WIDE_DJI = re.compile("Action|Avata|dvtm_(?:ac|oq)", re.IGNORECASE)  # lenses of 120 degrees and more
 _FOCAL_TAG = "camera.focal_length.35mm_equivalent"
 
 
@@ -69,8 +72,10 @@ def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     stated = _leading_number(tags.get(_FOCAL_TAG))
     if stated is not None:
         return _wide_sensor(size, stated, 0.08, f"{stated:g} mm in 35 mm terms by its tags", name)
-    everything = " ".join(f"{key} {value}" for key, value in tags.items())
-    if "DJI" in everything:
+    everything = " ".join((*(f"{key} {value}" for key, value in tags.items()), *dji_names(file)))
+    if _WIDE_DJI.search(everything):
+        return None
+    if "DJI" in everything or "dvtm" in everything:
         return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", name)
     if make == "Apple" or "android" in everything:
         return _wide_sensor(size, _PHONE_MM, 0.15, f"{_PHONE_MM:g} mm in 35 mm terms, as most phones", name)
@@ -81,6 +86,7 @@ def _of_subtitles(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     """Return a guess from a drone's subtitles: by ``focal_len`` in mm or tenths and ``dzoom_ratio``."""
     beside = [file.with_suffix(suffix) for suffix in (".srt", ".SRT")]
     text = next((_head(one) for one in beside if one.is_file()), "")
+    text = text or " ".join(words for _, words in subtitles_in(file)[:1])
     if "iso" not in text and "GPS" not in text and "latitude" not in text:
         return None
     length, zoom = _FOCAL_LEN.search(text), _ZOOM.search(text)

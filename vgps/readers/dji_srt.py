@@ -1,4 +1,4 @@
-"""Subtitles that DJI drones write beside their videos: positions and heights at the video's times.
+"""Subtitles that DJI drones write beside or into their videos: positions and heights at the video's times.
 
 Newer drones write ``[latitude: 48.1] [longitude: 11.5] [rel_alt: 10.1 abs_alt: 530.2]`` (some spell
 ``longtitude``, some give one ``altitude``), older ones ``GPS(11.5,48.1,530) BAROMETER:10.1`` with the
@@ -6,7 +6,7 @@ longitude first. Some give no height, and some no times but a date a second.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +14,8 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
+from vgps.readers.metadata_tracks import packets
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
 _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?itude{_NUMBER}")
@@ -29,7 +30,8 @@ _DATED_HEAD = re.compile(rf"\s*\d+\s*\n{_DATE}[^\n]*\n[^\n]*\[latitude".encode()
 # bounded: the package srt takes minutes for some files of 6 kB
 _START = re.compile(r"(\d{1,9}):(\d\d):(\d\d)[,.](\d{1,3})\s{0,9}-->[^\n]*")
 _LONGEST_H = 10_000
-_STILL_S = 1.0  # a position repeated for longer than this is a new fix
+_TEXT_TRACKS = ("tx3g", "text")  # of MP4 and MOV: texts behind their lengths
+_LENGTH_BYTES = 2
 _NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
 
 
@@ -64,10 +66,45 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
     Raises:
         GpsLogError: No subtitle has a position, or one has an impossible time.
     """
-    text, notes = data.decode("utf-8-sig", errors="replace"), []
+    text = data.decode("utf-8-sig", errors="replace")
     subtitles = _subtitles(text, path)
-    if not subtitles:
-        subtitles, notes = _dated(text), ["no time codes: times count from the date of the first subtitle"]
+    if subtitles:
+        return fixes_of(subtitles, path)
+    raw = fixes_of(_dated(text), path)
+    return replace(raw, notes=["no time codes: times count from the date of the first subtitle", *raw.notes])
+
+
+def read_subtitle_track(video: Path) -> RawLog | None:
+    """Read the subtitles in a drone's video as those beside it; None without any that has a position.
+
+    Raises:
+        RecordingError: The video cannot be read.
+    """
+    subtitles = subtitles_in(video)
+    return fixes_of(subtitles, video) if any(_row(0, *one) is not None for one in subtitles) else None
+
+
+def subtitles_in(video: Path) -> list[tuple[float, str]]:
+    """Return start time [s] and text of each subtitle in a video.
+
+    Raises:
+        RecordingError: The video cannot be read.
+    """
+    found = []
+    for packet in packets(video, lambda stream, kind: kind in _TEXT_TRACKS):
+        length = int.from_bytes(packet.data[:_LENGTH_BYTES], "big")
+        text = packet.data[_LENGTH_BYTES : _LENGTH_BYTES + length]
+        if text:  # gaps between subtitles are packets without one
+            found.append((packet.start_s, text.decode("utf-8", errors="replace")))
+    return found
+
+
+def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
+    """Return the fixes of subtitles, start times [s] and texts.
+
+    Raises:
+        GpsLogError: None has a position.
+    """
     found = [_row(number, t_s, text) for number, (t_s, text) in enumerate(subtitles, 1)]
     rows = [row for row in found if row is not None]
     if not rows:
@@ -77,8 +114,7 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
             expected="[latitude: ...] [longitude: ...] or GPS(longitude,latitude,...), as of a DJI drone",
             remedy="enable video captions on the drone and fly with GPS",
         )
-    height, up_sigma_m, above_sea, about_heights = _heights(rows)
-    new = _new(rows)
+    height, up_sigma_m, above_sea, notes = _heights(rows)
     fixes = [
         Fix(
             row.t_s,
@@ -89,17 +125,14 @@ def read_dji_srt(data: bytes, path: Path) -> RawLog:
             row.number,
             (np.nan, np.nan, up_sigma_m),
         )
-        for row, h, keep in zip(rows, height.tolist(), new, strict=True)
-        if keep
+        for row, h in zip(rows, height.tolist(), strict=True)
     ]
+    fixes, about_repeats = without_repeats(fixes, "subtitle")
     if above_sea:
-        fixes, about_heights = from_sea_level(fixes)
-    notes += about_heights
+        fixes, notes = from_sea_level(fixes)
     if len(rows) < len(found):
         notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
-    if len(fixes) < len(rows):
-        notes.append(f"{counted(len(rows) - len(fixes), 'subtitle')} with a repeated position skipped")
-    return RawLog(Clock.VIDEO, fixes, notes)
+    return RawLog(Clock.VIDEO, fixes, [*notes, *about_repeats])
 
 
 def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
@@ -187,17 +220,3 @@ def _heights(rows: list[_Row]) -> tuple[FloatArray, float, bool, list[str]]:
         )
         return relative + level, np.nan, False, [note]
     return absolute, np.nan, True, []
-
-
-def _new(rows: list[_Row]) -> list[bool]:
-    """Return which rows are fixes: a new position, or the same one for another second."""
-    kept: _Row | None = None
-    new = []
-    for row in rows:
-        same = kept is not None and (row.latitude_deg, row.longitude_deg) == (
-            kept.latitude_deg,
-            kept.longitude_deg,
-        )
-        new.append(kept is None or not same or row.t_s - kept.t_s >= _STILL_S)
-        kept = row if new[-1] else kept
-    return new

@@ -15,6 +15,7 @@ DAY_S = 86400.0
 _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
+_STILL_S = 1.0  # a position repeated for longer than this is a new fix
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -113,6 +114,24 @@ def counted(number: int, noun: str) -> str:
     if number == 1:
         return f"1 {noun}"
     return f"{number} {noun}es" if noun.endswith("x") else f"{number} {noun}s"
+
+
+def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
+    """Return the fixes with a new position, or the same one for another second, and a note on the others.
+
+    Recordings that state the position with every frame repeat it until the receiver has another one.
+
+    Args:
+        fixes: In order of time.
+        what: Noun for what has the positions.
+    """
+    kept: list[Fix] = []
+    for fix in fixes:
+        same = bool(kept) and kept[-1][1:3] == fix[1:3]
+        if not same or fix.t_s - kept[-1].t_s >= _STILL_S:
+            kept.append(fix)
+    left = len(fixes) - len(kept)
+    return kept, [f"{counted(left, what)} with a repeated position skipped"] if left else []
 
 
 def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:

@@ -33,11 +33,6 @@ _UNLOCKED = 99.99  # the DOP that the camera gives without a fix
 _GPS = {"GPS9": (9, 0), "GPS5": (5, 0), "GPRI": (10, 1)}
 
 
-def looks_like_video(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of an MP4 or MOV."""
-    return head[4:8] in {b"ftyp", b"moov", b"mdat", b"wide", b"skip", b"free"}
-
-
 def gps_stream(telemetry: Telemetry) -> str | None:
     """Return the key of the GPS stream to read: GPS9, else GPS5, else GPRI; None if there is none."""
     return next((key for key in _GPS if key in telemetry.sensors), None)

@@ -11,13 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
-from av.stream import Discard
 
-from vgps.errors import RecordingError
 from vgps.model import FloatArray
-from vgps.readers.container import open_container
+from vgps.readers.metadata_tracks import Packet, packets
 
 _HEADER = struct.Struct(">4sBBH")
 _REPEATED = re.compile(r"(.)\[(\d+)\]")  # "f[3]" stands for "fff" in a TYPE
@@ -55,15 +52,6 @@ class Block:
     about: dict[str, Entry] = field(default_factory=dict)
     start_s: float = 0.0
     duration_s: float = 1.0
-
-
-@dataclass(frozen=True)
-class Packet:
-    """A payload with its time in the container, seconds from the video's first frame."""
-
-    data: bytes
-    start_s: float
-    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -140,45 +128,9 @@ def first_number(about: dict[str, Entry], key: str, default: float) -> float:
     return float(values[0, 0]) if values.size else default
 
 
-def packets(video: Path) -> list[Packet]:
-    """Return the packets of a video's GPMF track in order; none if it has no such track.
-
-    Raises:
-        RecordingError: The video cannot be read.
-    """
-    try:
-        with open_container(video) as container:
-            track = next((stream for stream in container.streams if _is_gpmf(stream)), None)
-            if track is None:
-                return []
-            for stream in container.streams:
-                if stream.index != track.index:
-                    stream.discard = Discard.all  # avoids reading the images from disk
-            first = _first_frame_s(container)
-            return [
-                Packet(
-                    bytes(packet),
-                    float((packet.pts or 0) * packet.time_base) - first,
-                    float((packet.duration or 0) * packet.time_base),
-                )
-                for packet in container.demux(track)
-                if packet.size
-            ]
-    except (av.FFmpegError, OSError) as error:
-        raise RecordingError(f"cannot be read ({error})", file=video) from error
-
-
-def _is_gpmf(stream: Any) -> bool:
+def _is_gpmf(stream: Any, _kind: str) -> bool:
     names = stream.metadata.get("handler_name", ""), getattr(stream, "codec_tag", None) or ""
     return stream.type == "data" and any(name in text for name in _TRACK for text in names)
-
-
-def _first_frame_s(container: Any) -> float:
-    """Return the container's time of the first frame, which an edit list may shift from zero."""
-    stream = next(iter(container.streams.video), None)
-    if stream is None or stream.start_time is None:
-        return 0.0
-    return float(stream.start_time * stream.time_base)
 
 
 def read_gpmf(video: str | Path) -> Telemetry:
@@ -189,7 +141,7 @@ def read_gpmf(video: str | Path) -> Telemetry:
     Raises:
         RecordingError: The video cannot be read.
     """
-    return collect(Path(video), packets(Path(video)))
+    return collect(Path(video), packets(Path(video), _is_gpmf))
 
 
 def collect(video: Path, payloads: list[Packet]) -> Telemetry:

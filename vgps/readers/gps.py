@@ -12,8 +12,7 @@ from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.fit import looks_like_fit, read_fit
 from vgps.readers.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
-from vgps.readers.gopro import looks_like_video, read_gopro_gps
-from vgps.readers.gpmf import Telemetry, read_gpmf
+from vgps.readers.gpmf import Telemetry
 from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gpx import looks_like_gpx, read_gpx
 from vgps.readers.igc import looks_like_igc, read_igc
@@ -25,6 +24,7 @@ from vgps.readers.sbf import looks_like_sbf, read_sbf
 from vgps.readers.table import read_bytes
 from vgps.readers.ubx import looks_like_ubx, read_ubx
 from vgps.readers.ulog import looks_like_ulog, read_ulog
+from vgps.readers.video_gps import looks_like_video, read_video_gps
 
 _SAME_TIME_S = 1e-6
 
@@ -79,7 +79,7 @@ def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry 
             or in UTC while the rig has no ``video_start_utc``.
     """
     path = Path(path)
-    return gps_log(_read(path) if telemetry is None else read_gopro_gps(telemetry), rig, path)
+    return gps_log(_read(path) if telemetry is None else read_video_gps(path, telemetry), rig, path)
 
 
 def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
@@ -105,7 +105,7 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
 
 def _read(path: Path) -> RawLog:
     if looks_like_video(_head(path)):
-        return read_gopro_gps(read_gpmf(path))
+        return read_video_gps(path)
     data = read_bytes(path, GpsLogError)
     form = next((form for form in _FORMATS if form.matches(data)), None)
     if form is None:
@@ -113,7 +113,7 @@ def _read(path: Path) -> RawLog:
             "not a GPS log of a known format",
             file=path,
             expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA with GGA, GPX, an RTKLIB .pos, IGC, "
-            "FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a GoPro video, or a CSV with latitude_deg and "
+            "FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a video with GPS, or a CSV with latitude_deg and "
             "longitude_deg",
             remedy=_remedy(data),
         )

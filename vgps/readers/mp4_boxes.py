@@ -1,4 +1,4 @@
-"""Boxes of an MP4 or MOV file that FFmpeg does not hand out: a maker's settings and QuickTime's tags.
+"""Boxes of an MP4 or MOV file that FFmpeg does not hand out: settings, QuickTime's tags, kinds of tracks.
 
 Format: ISO/IEC 14496-12, and the metadata atoms of the QuickTime File Format, where ``meta`` holds names
 (``keys``) and values (``ilst``).
@@ -33,16 +33,35 @@ def quicktime_tags(path: Path) -> dict[str, str | float]:
     return tags
 
 
+def track_kinds(path: Path) -> dict[int, str]:
+    """Return the kind of each track by its number: the four letters of its sample description."""
+    kinds: dict[int, str] = {}
+    with path.open("rb") as stream:
+        stream.seek(0, 2)
+        for _, first, last in _children(stream, 0, stream.tell(), "moov", "trak"):
+            header = next(_contents(stream, first, last, ("tkhd",)), b"")
+            entries = next(_contents(stream, first, last, ("mdia", "minf", "stbl", "stsd")), b"")
+            at = 20 if header[:1] == b"\1" else 12  # behind two times of 64 or of 32 bits
+            if len(header) >= at + 4 and len(entries) >= 16:
+                kinds[int.from_bytes(header[at : at + 4], "big")] = entries[12:16].decode("latin-1")
+    return kinds
+
+
 def _contents(stream: BinaryIO, start: int, end: int, names: tuple[str, ...]) -> Iterator[bytes]:
     """Yield the contents of all boxes of a path between two places."""
-    for name, first, last in _boxes(stream, start, end):
-        if name != names[0]:
-            continue
-        if len(names) > 1:
-            yield from _contents(stream, first, last, names[1:])
-        elif last - first <= _MOST_BYTES:
+    for _, first, last in _children(stream, start, end, *names):
+        if last - first <= _MOST_BYTES:
             stream.seek(first)
             yield stream.read(last - first)
+
+
+def _children(stream: BinaryIO, start: int, end: int, *names: str) -> Iterator[tuple[str, int, int]]:
+    """Yield name, first and last place of the content of all boxes of a path between two places."""
+    for name, first, last in _boxes(stream, start, end):
+        if name == names[0] and len(names) > 1:
+            yield from _children(stream, first, last, *names[1:])
+        elif name == names[0]:
+            yield name, first, last
 
 
 def _boxes(stream: BinaryIO, start: int, end: int) -> Iterator[tuple[str, int, int]]:

@@ -1,6 +1,5 @@
 """Recordings: folders of files under known names, or videos with the other files beside them."""
 
-import logging
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -13,28 +12,25 @@ from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera_of, read_rig
 from vgps.readers.camera_guess import guess_cameras
 from vgps.readers.control_points import PointSystem, read_control_points
-from vgps.readers.exif import exif_fixes
 from vgps.readers.gopro import (
     GYRO_R_CAMERA,
     gopro_exposures,
-    gps_stream,
-    read_gopro_gps,
     read_gopro_gyro,
     read_gopro_imu,
 )
 from vgps.readers.gopro_lens import with_readout
 from vgps.readers.gpmf import Telemetry
-from vgps.readers.gps import gps_format, gps_log, read_gps_log
+from vgps.readers.gps import gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.masks import find_masks
 from vgps.readers.overlap import check_overlap
+from vgps.readers.own_gps import own_gps
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
 
-log = logging.getLogger(__name__)
 _CALIBRATE = (
     "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "
     "of another program"
@@ -162,46 +158,20 @@ def _camera(file: Path | None, video: Video) -> Camera | None:
     return read_camera_of(video, file)
 
 
-def _gps(folder: Path, name: PathLike | None, video: Video, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
-    if name is None:
-        logs = find_gps_logs(folder) or _of_the_video(video, telemetry)
-        if not logs:
-            return _of_the_source(video, rig)
-        if len(logs) > 1:
-            candidates = ", ".join(log.name for log in logs)
-            raise GpsLogError(
-                f"several GPS logs: {candidates}", file=folder, remedy=f"name one: --gps {logs[0].name}"
-            )
-        file = logs[0]
-    else:
-        given = _given(folder, name)
-        assert given is not None
-        file = given
+def _gps(folder: Path, name: PathLike | None, video: Source, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
+    given = _given(folder, name) if name is not None else None
+    logs = find_gps_logs(folder) if given is None else [given]
+    if len(logs) > 1:
+        candidates = ", ".join(log.name for log in logs)
+        raise GpsLogError(
+            f"several GPS logs: {candidates}", file=folder, remedy=f"name one: --gps {logs[0].name}"
+        )
+    if not logs:
+        return own_gps(video, rig, telemetry)
+    (file,) = logs
     fixes = read_gps_log(file, rig, telemetry if file == telemetry.path else None)
     check_overlap(fixes, video.times_s, rig)
     return fixes
-
-
-def _of_the_source(video: Video, rig: Rig) -> GpsLog | None:
-    """Return the positions in a folder's pictures or in a bag; None without any."""
-    if isinstance(video, ImageFolder):
-        taken = [video.taken(index) for index in range(len(video.files))]
-        raw = exif_fixes(taken, video.times_s)
-    elif isinstance(video, BagVideo):
-        raw = video.fixes()
-    else:
-        return None
-    return gps_log(raw, rig, video.path) if raw.fixes else None
-
-
-def _of_the_video(video: Video, telemetry: Telemetry) -> list[Path]:
-    """Return the video's own log, if any: a GoPro's GPS in it, or a drone's subtitles beside it."""
-    if gps_stream(telemetry) is not None:
-        if read_gopro_gps(telemetry).fixes:
-            return [video.path]
-        log.warning("%s: the camera's GPS never had a fix; continuing without GPS", video.path)
-    beside = [video.path.with_suffix(suffix) for suffix in (".srt", ".SRT")]
-    return [file for file in beside if gps_format(file) == "srt"][:1]
 
 
 def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: BagVideo | None) -> GyroLog | None:

@@ -30,13 +30,15 @@ from vgps.readers.control_points import read_control_points
 from vgps.readers.exif import exif_fixes
 from vgps.readers.frame_times import read_frame_times
 from vgps.readers.gopro import gopro_exposures, picture_rotations, read_gopro_gps, read_gopro_gyro
-from vgps.readers.gpmf import Packet, Telemetry, collect, read_gpmf
+from vgps.readers.gpmf import Telemetry, collect, read_gpmf
 from vgps.readers.gps import gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
+from vgps.readers.metadata_tracks import Packet
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
 from vgps.readers.video import VideoFile
+from vgps.readers.video_gps import find_video_gps
 from vgps.writers.export import export
 
 _HAS_NOVATEL = importlib.util.find_spec("novatel_edie") is not None  # it has no wheels for macOS
@@ -94,6 +96,8 @@ def _read_video(path: Path) -> None:
     telemetry = read_gpmf(path)
     if telemetry.sensors:
         _read_sensors(telemetry)
+    else:
+        find_video_gps(path, telemetry)
 
 
 def _read_images(path: Path) -> None:

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+from metadata_videos import subtitle_packet, write_metadata_video
+
+from vgps.errors import GpsLogError
+from vgps.readers.gps import read_gps_log
+from vgps.readers.mp4_boxes import track_kinds
+from vgps.readers.recording import open_recording
+
+TEXT = "F/2.8, SS 206.54, ISO 100, EV 0, GPS (8.2500, {}, 15), D 60.85m, H {}m, H.S 5.59m/s"
+
+
+@pytest.fixture
+def drone(tmp_path):
+    packets = [
+        (0.0, subtitle_packet(TEXT.format(47.5, 20.0))),
+        (0.5, subtitle_packet(TEXT.format(47.6, 21.0))),
+    ]
+    return write_metadata_video(tmp_path / "DJI_0001.MP4", packets)
+
+
+def test_kinds_of_tracks_by_their_numbers(drone):
+    assert track_kinds(drone) == {1: "avc1", 2: "tx3g"}
+
+
+def test_subtitles_in_a_video_are_read_as_those_beside_it(drone):
+    opened = open_recording(drone)
+    assert opened.gps is not None
+    np.testing.assert_allclose(opened.gps.t_s, [0.0, 0.5])
+    np.testing.assert_allclose(opened.gps.latitude_deg, [47.5, 47.6])
+    assert "DJI drones" in opened.guesses[0].source
+    (again,) = [read_gps_log(drone)]
+    np.testing.assert_allclose(again.latitude_deg, opened.gps.latitude_deg)
+
+
+def test_captions_of_another_kind_are_no_fixes(tmp_path):
+    file = write_metadata_video(tmp_path / "film.mp4", [(0.0, subtitle_packet("Hello"))])
+    assert open_recording(file).gps is None
+    with pytest.raises(GpsLogError, match=r"film\.mp4: a video without GPS; expected .*--gps"):
+        read_gps_log(file)
