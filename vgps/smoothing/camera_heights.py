@@ -13,20 +13,19 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.spatial import cKDTree
 
 from vgps.geometry import travelled
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.passed_landmarks import Passed, Plane, commonest_plane, passed_landmarks
 
 STRETCH = 6.0  # heights: a stretch is long enough for a dozen landmarks, short enough for one height
-_ACROSS = 2.0  # heights to either side: a lane
 _PASSED = 10.0  # heights between the last frame that observes a landmark and the frame that passes it
 _BANDS = (0.2, 0.12, 0.08, 0.06)  # share of the height within which a landmark may be the ground, in turn
 _LEAST_SCATTER = 0.005
 _WALK = 0.05  # standard deviation of log scale from stretch to stretch: the drift of a video at its worst
 _TILT_RAD = np.radians(1.5)  # of the ground across the path, from stretch to stretch: camber, suspension
-_MOST_TILT_RAD = np.radians(10.0)  # a camera that is held more askew than this stands on no plane
+_MOST_TILT_RAD = np.radians(30.0)  # seen steeper than this it may be a bank or a wall
 _MIN_LANDMARKS = 6
 _SIGNIFICANT = 4.0  # standard deviations by which landmarks in the plane outnumber chance
 _MIN_SHARE = 0.1  # of the stretches
@@ -51,14 +50,6 @@ class CameraHeights:
     stretches: int
 
 
-class _Passed(NamedTuple):
-    """Landmarks that the path passes: ``foot`` (n,) the frames, ``across``, ``down`` (n,) map units."""
-
-    foot: IntArray
-    across: FloatArray
-    down: FloatArray
-
-
 class _Fit(NamedTuple):
     """Log heights and slopes (K,) of all stretches, and of each landmark its stretch and relative error."""
 
@@ -68,82 +59,54 @@ class _Fit(NamedTuple):
     error: FloatArray
 
 
+class _Ground(NamedTuple):
+    """Heights above the ground, and the plane that it is on the whole."""
+
+    heights: CameraHeights
+    plane: Plane
+
+
 def measure_heights(scene: Scene) -> CameraHeights | str:
     """Return the ground below the path of a scene, or a sentence that says why there is none."""
     length = travelled(scene.poses[:, :3, 3])
-    coarse = _passed(scene, length, 0.01 * length[-1], np.inf)
-    height = _commonest_height(coarse)
-    if height is None:
+    plane = commonest_plane(passed_landmarks(scene, length, 0.01 * length[-1], np.inf))
+    if plane is None:
         return "no landmarks lie below the camera where it passes them"
-    stretches = _stretches(length, height)
-    if len(stretches) < 3:
+    found = _stretch_by_stretch(scene, length, plane)
+    if isinstance(found, _Ground):  # again, from stretches of about six heights to those of six
+        found = _stretch_by_stretch(scene, length, found.plane)
+    if isinstance(found, str):
+        return found
+    tilt_rad = abs(found.plane.roll_rad)
+    if tilt_rad > _MOST_TILT_RAD:
+        return f"the surface below the camera is tilted by {np.degrees(tilt_rad):.0f} degrees sideways"
+    return found.heights
+
+
+def _stretch_by_stretch(scene: Scene, length: FloatArray, plane: Plane) -> _Ground | str:
+    """Return the heights above the ground of all stretches near a plane, or why there is no ground."""
+    frames = _stretches(length, plane.height)
+    if len(frames) < 3:
         return (
             f"the path is shorter than {2 * STRETCH:g} times the height of the camera above what is below it"
         )
-    passed = _passed(scene, length, 2.0 * height, _PASSED * height)
-    fit = _fit(passed, stretches, height)
-    counts = _counts(fit, len(stretches) - 1)
-    flat = counts.inside - counts.by_chance > _SIGNIFICANT * np.sqrt(counts.by_chance + 1.0)
-    flat &= counts.inside >= _MIN_LANDMARKS
+    passed = passed_landmarks(scene, length, 2.0 * plane.height, _PASSED * plane.height)
+    passed = passed.rolled(plane.roll_rad)
+    fit = _fit(passed, frames, plane.height)
+    flat = _is_flat(fit, len(frames) - 1)
     if flat.sum() < max(2, _MIN_SHARE * len(flat)):
         return f"landmarks below the camera lie in a plane in {flat.sum()} of {len(flat)} stretches only"
-    tilt = float(np.arctan(np.median(fit.slope[flat])))
-    if abs(tilt) > _MOST_TILT_RAD:
-        return f"the surface below the camera is tilted by {np.degrees(abs(tilt)):.0f} degrees sideways"
+    slope = float(np.arctan(np.median(fit.slope[flat])))
     log_height, sigma = _by_stretch(fit, passed, flat)
-    first, last = stretches[:-1][flat], stretches[1:][flat]
-    return CameraHeights(
-        first=first,
-        last=last,
-        height=np.exp(log_height),
+    height = np.exp(log_height) * np.cos(slope)
+    heights = CameraHeights(
+        first=frames[:-1][flat],
+        last=frames[1:][flat],
+        height=height,
         sigma=np.hypot(sigma, _unevenness(log_height)),
         stretches=len(flat),
     )
-
-
-def _passed(scene: Scene, length: FloatArray, reach: float, gap: float) -> _Passed:
-    """Return the landmarks that the path passes soon after it has observed them.
-
-    Args:
-        scene: The scene.
-        length: (F,) of the path up to each frame.
-        reach: Length of the path to either side that gives the direction of motion.
-        gap: Length of the path from the last observation to the frame that passes.
-    """
-    centre, seen = scene.poses[:, :3, 3], scene.observations
-    last = np.full(len(scene.points), -1)
-    np.maximum.at(last, seen.landmark, seen.frame)
-    rows = np.flatnonzero((last >= 0) & np.isfinite(scene.points).all(axis=1))
-    foot = np.asarray(cKDTree(centre).query(scene.points[rows])[1])
-    ends = np.searchsorted(length, np.stack([length[foot] - reach, length[foot] + reach]))
-    begin, end = np.clip(ends, 0, len(centre) - 1)
-    forward = centre[end] - centre[begin]
-    ahead = length[foot] - length[last[rows]]
-    whole = (length[foot] > reach) & (length[foot] < length[-1] - reach)  # else it may lie before or behind
-    kept = whole & (ahead > -gap) & (ahead < gap)
-    rows, foot, forward = rows[kept], foot[kept], forward[kept]
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    down = scene.poses[foot, :3, 1]
-    down = down - np.sum(down * forward, axis=1, keepdims=True) * forward
-    down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    offset = scene.points[rows] - centre[foot]
-    return _Passed(foot, np.sum(offset * np.cross(down, forward), axis=1), np.sum(offset * down, axis=1))
-
-
-def _commonest_height(passed: _Passed) -> float | None:
-    """Return the height at which most landmarks lie, less those below it; None without landmarks below."""
-    below = passed.down > 0.0
-    if below.sum() < _MIN_LANDMARKS:
-        return None
-    down, across = passed.down[below], np.abs(passed.across[below])
-    lowest, highest = np.quantile(down, [0.02, 0.98]).tolist()
-    heights = np.geomspace(lowest, highest, 200)
-    scores = []
-    for height in heights:
-        near = across < _ACROSS * height
-        inside = np.maximum(0.0, 1.0 - np.abs(np.log(down[near] / height)) / 0.1).sum()
-        scores.append(inside - np.sum(near & (down > 1.2 * height) & (down < 3.0 * height)))
-    return float(heights[int(np.argmax(scores))])
+    return _Ground(heights, Plane(float(np.median(height)), plane.roll_rad + slope))
 
 
 def _stretches(length: FloatArray, height: float) -> IntArray:
@@ -151,7 +114,7 @@ def _stretches(length: FloatArray, height: float) -> IntArray:
     return np.unique(np.searchsorted(length, np.arange(0.0, length[-1], STRETCH * height)))
 
 
-def _fit(passed: _Passed, frames: IntArray, height: float) -> _Fit:
+def _fit(passed: Passed, frames: IntArray, height: float) -> _Fit:
     """Return the heights and slopes of all stretches, from that of the whole path on."""
     stretch = np.searchsorted(frames, passed.foot, side="right") - 1
     stretch = np.where(stretch >= len(frames) - 1, -1, stretch)
@@ -163,15 +126,14 @@ def _fit(passed: _Passed, frames: IntArray, height: float) -> _Fit:
     return fit
 
 
-def _with_errors(fit: _Fit, passed: _Passed) -> _Fit:
+def _with_errors(fit: _Fit, passed: Passed) -> _Fit:
     """Return a fit with the error of each landmark, as a share of the height; infinite beside the lane."""
     height = np.exp(fit.log_height[fit.stretch])
     error = (passed.down - fit.slope[fit.stretch] * passed.across) / height - 1.0
-    lane = np.abs(passed.across) < _ACROSS * height
-    return fit._replace(error=np.where(lane & (fit.stretch >= 0), error, np.inf))
+    return fit._replace(error=np.where(passed.in_lane(height) & (fit.stretch >= 0), error, np.inf))
 
 
-def _step(fit: _Fit, passed: _Passed, weight: FloatArray) -> _Fit:
+def _step(fit: _Fit, passed: Passed, weight: FloatArray) -> _Fit:
     """Return the fit after a step of weighted least squares; heights walk, slopes differ from their mean."""
     normal, right = _normal_equations(fit, passed, weight)
     mean = float(np.median(fit.slope))
@@ -189,7 +151,7 @@ def _step(fit: _Fit, passed: _Passed, weight: FloatArray) -> _Fit:
     return fit._replace(log_height=fit.log_height + by_height, slope=fit.slope + by_slope)
 
 
-def _normal_equations(fit: _Fit, passed: _Passed, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _normal_equations(fit: _Fit, passed: Passed, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the normal equations (K, 2, 2), (K, 2) of log height and slope, by stretch."""
     used = np.flatnonzero(weight)
     k, error = fit.stretch[used], fit.error[used]
@@ -207,21 +169,17 @@ def _scatter(error: FloatArray) -> float:
     return max(1.4826 * float(np.median(np.abs(error))), _LEAST_SCATTER) if len(error) else 1.0
 
 
-class _Counts(NamedTuple):
-    """Landmarks in the plane of each stretch, and how many the bands above and below let expect by chance."""
-
-    inside: IntArray
-    by_chance: FloatArray
-
-
-def _counts(fit: _Fit, stretches: int) -> _Counts:
+def _is_flat(fit: _Fit, stretches: int) -> BoolArray:
+    """Return which stretches have more landmarks in the plane than the bands above and below let expect."""
     size, band = np.abs(fit.error), _BANDS[-1]
     inside = np.bincount(fit.stretch[size < band], minlength=stretches)
     beside = np.bincount(fit.stretch[(size >= band) & (size < 3.0 * band)], minlength=stretches)
-    return _Counts(inside, np.asarray(0.5 * beside, dtype=np.float64))
+    by_chance = 0.5 * beside
+    many = inside - by_chance > _SIGNIFICANT * np.sqrt(by_chance + 1.0)
+    return np.asarray(many & (inside >= _MIN_LANDMARKS))
 
 
-def _by_stretch(fit: _Fit, passed: _Passed, flat: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _by_stretch(fit: _Fit, passed: Passed, flat: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return log heights and their standard deviations of the stretches with a plane, each by its own."""
     weight = np.maximum(0.0, 1.0 - (fit.error / _BANDS[-1]) ** 2) ** 2
     normal, right = _normal_equations(fit, passed, np.where(np.isfinite(weight), weight, 0.0))
