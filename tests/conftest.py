@@ -6,9 +6,15 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from recordings import small_recording
+from shared_runs import SharedRun, run_sharing
+from threadpoolctl import threadpool_limits
+
+import vgps
 
 settings.register_profile("vgps", deadline=None)  # a loaded machine is no failure
 settings.load_profile("vgps")
+# small matrices: BLAS's threads would wait for each other, and for those of the other worker
+threadpool_limits(limits=1, user_api="blas")
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +31,23 @@ def data_dir() -> Path:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a small simulated recording with its truth; copy it before changing it."""
     return small_recording(tmp_path_factory.mktemp("recording") / "walk")
+
+
+@pytest.fixture(scope="session")
+def shared_run(tmp_path_factory: pytest.TempPathFactory) -> SharedRun:
+    """Return a function that gives the run of a name, which it makes if no worker has it yet."""
+    return run_sharing(tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def kitti03_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
+    """The run of the real drive kitti03 with its RTK-fixes."""
+    drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
+    return shared_run("kitti03_fixed", lambda: vgps.smooth(drive))
+
+
+@pytest.fixture(scope="session")
+def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
+    """The run of the real drive kitti07 with its RTK-fixes."""
+    drive = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
+    return shared_run("kitti07_fixed", lambda: vgps.smooth(drive))

@@ -43,6 +43,7 @@ def test_a_notebook_runs_and_shows_something(path: Path, monkeypatch: pytest.Mon
     pytest.importorskip("ipykernel")
     pytest.importorskip("matplotlib_inline")
     monkeypatch.setenv("VGPS_DATA", os.environ.get("VGPS_DATA", str(ROOT.parent / "shared" / "data")))
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # as in tests/conftest.py
     notebook = jupytext.read(path)
     resources = {"metadata": {"path": str(path.parent)}}
     before = set(path.parent.rglob("*"))

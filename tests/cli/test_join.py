@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from vgps.pipeline.join_folders import join_folders
 from vgps.readers.trajectory import read_trajectory
@@ -40,7 +41,8 @@ def test_an_interrupted_join_goes_on_from_the_places_and_a_worker_gives_the_same
     pytest.importorskip("distributed")
     shutil.copytree(smoothed, tmp_path / "again")
     runs = ["join", smoothed, tmp_path / "again", "--out"]
-    assert vgps_verb(*runs, tmp_path / "whole")[0] == 0
+    with threadpool_limits(limits=2, user_api="blas"):  # as for a user; a worker has one
+        assert vgps_verb(*runs, tmp_path / "whole")[0] == 0
     with monkeypatch.context() as patched:  # ends while it writes, after the places are found
         patched.setattr("vgps.pipeline.join_folders.write_joined", interrupted)
         with pytest.raises(KeyboardInterrupt):

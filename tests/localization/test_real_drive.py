@@ -14,10 +14,10 @@ from vgps.solution import FrameState
 
 
 @pytest.fixture(scope="module")
-def database(data_dir, tmp_path_factory):
+def database(data_dir, kitti03_fixed, tmp_path_factory):
     drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
     path = tmp_path_factory.mktemp("drive") / "even.db"
-    write_database(build_database(vgps.smooth(drive), drive, "even"), path)
+    write_database(build_database(kitti03_fixed, drive, "even"), path)
     return path
 
 

@@ -46,16 +46,23 @@ def files(folder):
     return found
 
 
+@pytest.fixture(scope="module")
+def whole(recording, tmp_path_factory):
+    """The files of a run that was never interrupted."""
+    out = tmp_path_factory.mktemp("whole") / "run"
+    vgps.write_run(vgps.smooth(vgps.open_recording(recording)), out)
+    return files(out)
+
+
 @pytest.mark.parametrize("frames", [1, 20, 61])
-def test_the_resumed_run_has_the_same_bytes(opened, tmp_path, frames):
+def test_the_resumed_run_has_the_same_bytes(opened, whole, tmp_path, frames):
     config, out = vgps.Config(), tmp_path / "run"
-    vgps.write_run(vgps.smooth(opened, config), tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
         vgps.smooth(opened, config, Stops(frames), Checkpoint(out, opened, config, resume=True))
     again = Checkpoint(out, opened, config, resume=True)
     vgps.write_run(vgps.smooth(opened, config, None, again), out)
     again.remove()
-    assert files(out) == files(tmp_path / "whole")
+    assert files(out) == whole
     assert not checkpoint_folder(out).exists()
 
 
@@ -66,30 +73,31 @@ def test_a_run_that_a_probe_stopped_stops_again_when_resumed(opened, tmp_path):
         assert len(run_front_end(opened, config, NoProgress(), checkpoint, probe).t_s) == 20
 
 
-@pytest.mark.parametrize("solved", [1, 3])
-def test_stage_d_goes_on_at_its_last_round(opened, tmp_path, monkeypatch, solved):
-    config, out, counts, at_most = vgps.Config(), tmp_path / "run", [], [np.inf]
+def test_stage_d_goes_on_at_its_last_round(opened, whole, tmp_path, monkeypatch):
+    config, out, counts, at_most = vgps.Config(), tmp_path / "run", [], [1, 2, np.inf]
     monkeypatch.setattr(journal, "_WORTH_S", 0.0)
     solve = long_steps.solve
 
     def counting(*given):
-        if counts[-1] == at_most[-1]:
+        if counts[-1] == at_most[len(counts) - 1]:
             raise KeyboardInterrupt
         counts[-1] += 1
         return solve(*given)
 
-    def run(to, *, resume, stop_after=np.inf):
+    def run(*, resume):
         counts.append(0)
-        at_most.append(stop_after)
-        vgps.write_run(vgps.smooth(opened, config, None, Checkpoint(to, opened, config, resume=resume)), to)
+        vgps.write_run(vgps.smooth(opened, config, None, Checkpoint(out, opened, config, resume=resume)), out)
 
     monkeypatch.setattr(long_steps, "solve", counting)
-    run(tmp_path / "whole", resume=False)
-    with pytest.raises(KeyboardInterrupt):
-        run(out, resume=False, stop_after=solved)
-    run(out, resume=True)
-    assert counts == [counts[0], solved, counts[0] - solved]
-    assert files(out) == files(tmp_path / "whole")
+    for resume in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            run(resume=resume)
+    run(resume=True)
+    assert counts[:2] == [1, 2] and files(out) == whole
+    counts.append(0)
+    at_most.append(np.inf)
+    vgps.smooth(opened, config)
+    assert counts[3] == sum(counts[:3])
 
 
 def test_a_checkpoint_of_another_run_is_refused(opened, tmp_path):

@@ -36,14 +36,14 @@ def mean_error_m(solution: vgps.Solution, folder: Path) -> float:
 
 @pytest.mark.slow
 def test_a_wide_lens_that_nobody_calibrated_is_as_good_as_a_narrow_one(tmp_path: Path) -> None:
-    wide, narrow = filmed(tmp_path / "150", 150.0), filmed(tmp_path / "80", 80.0)
+    """With 80 degrees and its calibration the walk has a mean error of 0.022 m: 1.3 times as much will do."""
+    wide = filmed(tmp_path / "150", 150.0)
     (wide / "camera.yaml").unlink()
-    found, given = (vgps.smooth(vgps.open_recording(folder)) for folder in (wide, narrow))
+    found = vgps.smooth(vgps.open_recording(wide))
     assert found.camera.model == "fisheye"
     half, corner = np.degrees(
         angles("fisheye", parameters_of(found.camera), np.array([0.5, 1.0]) * CORNER_PX)
     )
     assert half == pytest.approx(37.5, rel=0.03) and corner == pytest.approx(75.0, rel=0.03)
     assert found.camera.readout_s == pytest.approx(0.03, abs=0.003)
-    error_m = mean_error_m(found, wide)
-    assert error_m < 0.1 and error_m < 1.3 * mean_error_m(given, narrow)
+    assert mean_error_m(found, wide) < 0.029

@@ -10,19 +10,27 @@ from scipy.spatial.transform import Rotation
 import vgps
 
 
+@pytest.fixture(scope="module")
+def opened(data_dir):
+    return vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+
+
+@pytest.fixture(scope="module")
+def right(opened, shared_run):
+    return shared_run("kitti07_imu", lambda: vgps.smooth(opened))
+
+
 @pytest.mark.slow
-def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
-    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+def test_a_wrong_mounting_is_named_and_changes_nothing(opened, right, kitti07_fixed):
     turn = Rotation.from_euler("y", 6.0, degrees=True).as_matrix()
     mount = replace(opened.rig.imu, imu_R_camera=opened.rig.imu.imu_R_camera @ turn)
     wrong = vgps.smooth(replace(opened, rig=replace(opened.rig, imu=mount)))
-    without, right = vgps.smooth(replace(opened, imu=None)), vgps.smooth(opened)
     assert any("mounted otherwise than imu_R_camera says" in text for text in wrong.warnings)
-    np.testing.assert_array_equal(wrong.world_T_camera, without.world_T_camera)
-    assert np.abs(right.world_T_camera - without.world_T_camera).max() > 0.01
+    np.testing.assert_array_equal(wrong.world_T_camera, kitti07_fixed.world_T_camera)
+    assert np.abs(right.world_T_camera - kitti07_fixed.world_T_camera).max() > 0.01
     (clock,) = (text for text in right.warnings if "imu" in text)
     assert re.match(r"imu.csv was shifted by -0\.009\d s \(standard deviation 0\.000\d s\)", clock)
-    assert without.sensors.imu == {}
+    assert kitti07_fixed.sensors.imu == {}
     found, mount = right.sensors.imu, opened.rig.imu.imu_R_camera
     on_truth = {"accelerometer_{}m_s2": [-0.093, 0.035, -0.093], "gyro_{}rad_s": [-0.0054, 0.0058, 0.0044]}
     for name, bias in on_truth.items():  # as the IMU's factors give it on the true path, camera's axes
@@ -31,10 +39,9 @@ def test_a_wrong_mounting_is_named_and_changes_nothing(data_dir):
 
 
 @pytest.mark.slow
-def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(data_dir):
-    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(opened, right):
     late = replace(opened, imu=replace(opened.imu, t_s=opened.imu.t_s + 0.06))
-    found, right = vgps.smooth(late), vgps.smooth(opened)
+    found = vgps.smooth(late)
     clock = [text for text in found.warnings if "imu.csv was shifted by -0.0" in text]
     assert clock and not any("left out" in text for text in found.warnings)
     assert (
@@ -44,8 +51,7 @@ def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(data_dir):
 
 
 @pytest.mark.slow
-def test_without_fixes_the_imu_predicts_rotations_only(data_dir):
-    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+def test_without_fixes_the_imu_predicts_rotations_only(opened):
     alone = vgps.smooth(replace(opened, gps=None))
     assert any("only predicted rotations" in text for text in alone.warnings)
     assert "imu.t_s" not in alone.graph and not alone.georeferenced
