@@ -15,9 +15,17 @@ from vgps.model import Camera
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.camera_equations import changed
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.factor_graph import scene_of_map
+from vgps.smoothing.factor_graph import scene_of_map, select_observations
 from vgps.smoothing.global_shutter import as_global_shutter
-from vgps.smoothing.intrinsics import _undistorted_by, prior_about, refine_camera
+from vgps.smoothing.intrinsics import (
+    _after_step,
+    _misfit_px,
+    _seen_by,
+    _undistorted_by,
+    prior_about,
+    refine_camera,
+)
+from vgps.smoothing.parameter_step import ParameterStep
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
@@ -73,6 +81,35 @@ def test_observations_are_undistorted_by_the_new_lens():
     seen = _undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)
+
+
+def true_scene():
+    problem, poses, _, _ = scene(frames=12, disturbed=0.0)
+    return scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)[0]
+
+
+def test_a_centre_that_moves_far_leaves_all_observations():
+    """An offset of 19 pixels is beyond the tolerance of stage D's first round, unless the poses turn."""
+    before, made = changed(TRUE, np.array([0.0, 8.0, -17.0])), true_scene()
+    found = _seen_by(before, TRUE, made)  # about what stages A to C find with a wrong centre
+    assert _misfit_px(found, before) < 2.0
+    assert _misfit_px(_undistorted_by(TRUE, before, found), TRUE) > 15.0
+    back = _seen_by(TRUE, before, found)
+    np.testing.assert_allclose(back.poses, made.poses, atol=1e-9)
+    selected, _ = select_observations(back, SmoothingContext(TRUE, CONFIG), CONFIG.batch.first_tolerance)
+    assert len(selected.observations.frame) == len(made.observations.frame)
+
+
+def test_a_step_that_reaches_too_far_only_turns_the_poses():
+    made = true_scene()
+    away_m = made.points + np.array([0.0, 0.0, 5.0])
+    end = _after_step(TRUE, TRUE, made, ParameterStep(np.zeros(3), np.ones(3), made.poses, away_m))
+    np.testing.assert_array_equal(end.points, made.points)
+    # a step that fits is taken as it is
+    nearer = made.points + 1e-4
+    rough = replace(made, points=away_m)
+    end = _after_step(TRUE, TRUE, rough, ParameterStep(np.zeros(3), np.ones(3), made.poses, nearer))
+    np.testing.assert_array_equal(end.points, nearer)
 
 
 def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():

@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
+from vgps.geometry import project, rays
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.camera_equations import changed, linearise_camera, parameter_count
@@ -142,12 +144,13 @@ def refine_camera(
         step += 1
         found = _step(result.problem, camera, prior)
         delta, sigma, moved = found.delta, found.sigma, changed(camera, found.delta)
-        few = _undistorted_by(moved, camera, replace(few, poses=found.poses, points=found.points))
+        few = replace(few, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark)
+        few = _after_step(moved, camera, few, found)
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
     camera = replace(camera, readout_s=given.readout_s)
-    result = optimise(_undistorted_by(camera, given, scene), camera, sigma=sigma)
+    result = optimise(_seen_by(camera, given, scene), camera, sigma=sigma)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
@@ -181,6 +184,39 @@ def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
     return replace(
         scene, observations=observations, controls=replace(controls, uv_px=undistorted(controls.uv_px))
     )
+
+
+def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:
+    """Return the scene of a step's calibration: as the step predicts, or only turned if that fits better.
+
+    The prediction is linear, and poses that hardly anything holds, as a roll that coarse fixes do not show,
+    follow a step too far for that.
+    """
+    predicted = _undistorted_by(camera, before, replace(optimum, poses=step.poses, points=step.points))
+    return min(predicted, _seen_by(camera, before, optimum), key=lambda one: _misfit_px(one, camera))
+
+
+def _misfit_px(scene: Scene, camera: Camera) -> float:
+    """Return the median distance of observations from where their landmarks are seen."""
+    seen = scene.observations
+    uv_px, depth = project(camera.K, scene.poses[seen.frame], scene.points[seen.landmark, None])
+    error = np.linalg.norm(uv_px[:, 0] - seen.uv_px, axis=1)
+    return float(np.median(np.where(depth[:, 0] > 0.0, error, np.inf))) if len(error) else 0.0
+
+
+def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
+    """Return the scene with its observations undistorted by another camera, and its poses turned to suit.
+
+    A centre that moved turns all rays alike: without a turn of the poses hardly an observation would fit.
+    """
+    seen = _undistorted_by(camera, before, scene)
+    if not len(seen.observations.frame):
+        return seen
+    old_rays = rays(before.K, scene.observations.uv_px)
+    turn, _ = Rotation.align_vectors(old_rays, rays(camera.K, seen.observations.uv_px))
+    poses = scene.poses.copy()
+    poses[:, :3, :3] = poses[:, :3, :3] @ turn.as_matrix()
+    return replace(seen, poses=poses)
 
 
 def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> ParameterStep:
