@@ -86,6 +86,23 @@ def test_landmark_observed_once_keeps_its_depth() -> None:
     assert abs(scaled @ ray) < 1e-3 * np.linalg.norm(scaled) * np.linalg.norm(ray)
 
 
+def test_rounding_errors_in_the_depth_of_a_far_landmark_are_no_information() -> None:
+    """It then absorbs no more of the residuals than there is: ``J V^-1 J^T`` has no eigenvalue above one."""
+    rng = np.random.default_rng(0)
+    depth = rng.normal(size=(20_000, 3)) * 10.0 ** rng.uniform(
+        -4, 0, (20_000, 3)
+    )  # many near a coordinate plane
+    across = np.linalg.svd(depth[:, None])[2][:, 1:]  # no residual moves with the depth
+    jl = 1e-4 * rng.normal(size=(20_000, 8, 2)) @ across
+    V = jl.transpose(0, 2, 1) @ jl
+    (part,) = linearized(one_point([1.0, 2.0, 4.0], [440.0, 498.0]))[0].chunks
+    M = dense(factorise_landmarks(replace(part, hessian=V[:, *np.tril_indices(3)].T), 0.0))
+    absorbed = M @ jl.transpose(0, 2, 1)
+    shares = np.linalg.eigvalsh(absorbed @ absorbed.transpose(0, 2, 1))
+    assert shares.max() < 1.0 + 1e-3
+    assert shares[:, 1:].min() > 0.8  # and hardly less
+
+
 def test_steps_of_poses_and_landmarks_solve_the_whole_system() -> None:
     problem = with_loss(drive(frames=8, landmarks=60, outliers=0.1)[0], "huber")
     graph, values = to_graph(problem)

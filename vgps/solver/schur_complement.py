@@ -18,7 +18,7 @@ from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation
 
-_MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in the depth along a single ray
+_MIN_DEPTH = 1e-14  # information along a single ray, relative to that across: rounding error leaves no less
 
 
 @dataclass(frozen=True)
@@ -45,21 +45,23 @@ class LandmarkFactors:
 def factorise_landmarks(linear: LinearisedChunk, damping: FloatArray | float) -> LandmarkFactors:
     """Factor the landmarks' blocks with ``damping``, a number or (m,), times their diagonal added.
 
-    A landmark observed once, or without parallax, has a singular block. The damping, or without it the lower
-    bound of a pivot, keeps its depth.
+    A landmark observed once, without parallax, or far away has a singular block. The damping, or without it a
+    lower bound of the information in any direction, keeps its depth: rounding errors of it would otherwise
+    count as information, and the complement become indefinite.
     """
     a, b, c, d, e, f = linear.hessian
     more = damping * linear.diagonal
     a, c, f = a + more[0], c + more[1], f + more[2]
-    l11 = np.sqrt(np.maximum(a, 1e-300))
-    l21, l31 = b / l11, d / l11
-    l22 = np.sqrt(np.maximum(c - l21 * l21, _MIN_PIVOT * c + 1e-300))
-    l32 = (e - l21 * l31) / l22
-    l33 = np.sqrt(np.maximum(f - l31 * l31 - l32 * l32, _MIN_PIVOT * f + 1e-300))
-    m11, m22, m33 = 1.0 / l11, 1.0 / l22, 1.0 / l33
-    m21, m32 = -m22 * l21 * m11, -m33 * l32 * m22
-    m31 = -m33 * (l31 * m11 + l32 * m21)
-    return LandmarkFactors(np.stack([m11, m21, m22, m31, m32, m33]))
+    least = _MIN_DEPTH * (a + c + f) + 1e-300
+    m11 = 1.0 / np.sqrt(np.maximum(a, 1e-300))
+    l21, l31 = b * m11, d * m11
+    u21 = -l21 * m11  # rows of M are u times the inverse root of a pivot
+    m22 = 1.0 / np.sqrt(np.maximum(c - l21 * l21, least * (u21 * u21 + 1.0)))
+    l32 = (e - l21 * l31) * m22
+    u32 = -l32 * m22
+    u31 = u32 * u21 - l31 * m11
+    m33 = 1.0 / np.sqrt(np.maximum(f - l31 * l31 - l32 * l32, least * (u31 * u31 + u32 * u32 + 1.0)))
+    return LandmarkFactors(np.stack([m11, u21 * m22, m22, u31 * m33, u32 * m33, m33]))
 
 
 def reduce_to_poses(
