@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import gtsam
 import numpy as np
 
-from factors import gps_factor_calibrating, gps_factor_interpolated, offset_factor
+from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from vgps.config import GpsConfig
 from vgps.gps.fixes import (
     CLASSES,
@@ -24,6 +24,7 @@ from vgps.gps.fixes import (
     place,
 )
 from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
+from vgps.gps.offset_start import smoothed_offsets
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -97,15 +98,17 @@ def gps_term(
         bounds.push_back(
             offset_factor(offset_key(k), penalty(bounded, k, config, exponent), float(weight[k]))
         )
-    noise = _noise_factors(fixes, chain, path.t_s, sensors, config)
-    noise.push_back(_walk_factors(fixes, chain, config))
+    noise_losses, walk_losses = _noise_losses(fixes, chain, config), _walk_losses(fixes, chain, config)
+    noise = _noise_factors(fixes, chain, path.t_s, sensors, noise_losses)
+    noise.push_back(_walk_factors(walk_losses))
+    error = _errors(fixes, chain, path, sensors)
     return GpsTerm(
         bounds=bounds,
         bounded=bounded,
         weight=weight,
         noise=noise,
         noise_ratio=_noise_ratio(fixes, chain, config),
-        offsets=_initial_offsets(fixes, chain, path, sensors),
+        offsets=smoothed_offsets(error, chain.offset, noise_losses, walk_losses),
         offset_frames=place(path.t_s, bounded.t_s).frame,
     )
 
@@ -185,22 +188,34 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
     return np.concatenate([noise, walk[chain.first][~chain.starts]])
 
 
-def _noise_factors(
-    fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, config: GpsConfig
-) -> gtsam.NonlinearFactorGraph:
-    """Return a factor for each fix: the noise of antenna + offset - fix.
+def _noise_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> list[Gaussian]:
+    """Return the loss of each contributing fix's noise.
 
     The walk within the interval of an offset is part of the noise, else it would look like the speed of the
     path.
     """
-    graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
     rows = fixes.where(chain.rows)
     middle_s = np.bincount(chain.offset, rows.t_s) / np.bincount(chain.offset)
     apart_s = np.abs(rows.t_s - middle_s[chain.offset])
-    losses = [
+    return [
         student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))))
         for errors, dt in zip(errors_of(rows, config), apart_s, strict=True)
     ]
+
+
+def _walk_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> dict[int, Gaussian]:
+    """Return the losses of the offsets' steps from the one before, by offset."""
+    first = fixes.where(chain.rows[chain.first])
+    interval_s, errors = np.diff(first.t_s, prepend=np.nan), errors_of(first, config)
+    walking = np.flatnonzero(~chain.starts).tolist()
+    return {k: student(errors[k], float(step_scale(errors[k], interval_s[k]))) for k in walking}
+
+
+def _noise_factors(
+    fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, losses: list[Gaussian]
+) -> gtsam.NonlinearFactorGraph:
+    """Return a factor for each fix: the noise of antenna + offset - fix."""
+    graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
     for row, offset, loss in zip(chain.rows.tolist(), chain.offset.tolist(), losses, strict=True):
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         keys = gtsam.symbol("x", a), gtsam.symbol("x", b)
@@ -217,22 +232,18 @@ def _noise_factors(
     return graph
 
 
-def _walk_factors(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> gtsam.NonlinearFactorGraph:
+def _walk_factors(losses: dict[int, Gaussian]) -> gtsam.NonlinearFactorGraph:
     """Return a factor for each step of an offset from the one before."""
-    graph, first = gtsam.NonlinearFactorGraph(), fixes.where(chain.rows[chain.first])
-    interval_s, errors = np.diff(first.t_s), errors_of(first, config)
-    for k in range(1, len(first)):
-        if not chain.starts[k]:
-            loss = student(errors[k], float(step_scale(errors[k], interval_s[k - 1])))
-            graph.push_back(
-                gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), np.zeros(3), loss.noise_model())
-            )
+    graph, still = gtsam.NonlinearFactorGraph(), np.zeros(3)
+    for k, loss in losses.items():
+        graph.push_back(
+            gtsam.BetweenFactorVector(offset_key(k - 1), offset_key(k), still, loss.noise_model())
+        )
     return graph
 
 
-def _initial_offsets(fixes: Fixes, chain: OffsetChain, path: Trajectory, sensors: Sensors) -> FloatArray:
-    """Return the means (K, 3) of fix minus antenna of each offset."""
+def _errors(fixes: Fixes, chain: OffsetChain, path: Trajectory, sensors: Sensors) -> FloatArray:
+    """Return fix minus antenna (M, 3) of each contributing fix."""
     placement = place(path.t_s, fixes.t_s)
     error = fixes.world_p_fix - antenna_at(path.world_T_camera, placement, sensors.camera_p_antenna)
-    sums = np.stack([np.bincount(chain.offset, error[chain.rows, axis]) for axis in range(3)], axis=1)
-    return np.asarray(sums / np.bincount(chain.offset)[:, None])
+    return np.asarray(error[chain.rows])

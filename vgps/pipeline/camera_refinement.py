@@ -21,6 +21,7 @@ from vgps.solution import Solution
 _MIN_VIEWS = 20  # that are left to estimate a calibration from
 _MEASURED = 0.02  # a focal length known to this share is no assumption
 _SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
+_STEP_ITERATIONS = 2  # of stage D, doubled in its last round, before each step of the calibration
 _PARAMETERS = {"focal": "focal length", "cx": "centre x", "cy": "centre y", "k1": "k1", "k2": "k2"}
 
 
@@ -65,7 +66,7 @@ def optimise_camera(
         scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
     ) -> BatchResult:
         held = None if tied else _held_frames(scene, config)
-        used = config if every is None else _for_few_frames(config, every)
+        used = config if every is None else _for_few_frames(config, every, _STEP_ITERATIONS)
         if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
         context = replace(
@@ -92,7 +93,9 @@ def optimise_roughly(front_end: FrontEnd, merged: MergedMaps, camera: Camera, co
         GeometryError: No step lowers the cost.
     """
     held = None if is_tied(front_end, merged, config) else _held_frames(merged.scene, config)
-    context = replace(front_end.context(_for_few_frames(config, 1)), camera=camera, rough=True)
+    context = replace(
+        front_end.context(_for_few_frames(config, 1, config.batch.iterations)), camera=camera, rough=True
+    )
     fixes, sensors = front_end.fixes, front_end.sensors
     return optimise_batch(merged.scene, fixes, sensors, context, held, merged.assessment)
 
@@ -150,12 +153,13 @@ def _with_camera_sigmas(config: Config, sigma: FloatArray) -> Config:
     return config.model_copy(update={"intrinsics": config.intrinsics.model_copy(update=changes)})
 
 
-def _for_few_frames(config: Config, every: int) -> Config:
+def _for_few_frames(config: Config, every: int, iterations: int) -> Config:
     """Return settings for a rough solution in one round; each frame counts for several."""
     batch = config.batch
     changes = {
         "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
         "rounds": 1,
+        "iterations": iterations,
         "relative_tolerance": batch.early_tolerance,
     }
     gps = config.gps.model_copy(update={"n": 1})

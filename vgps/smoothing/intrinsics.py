@@ -1,9 +1,9 @@
 """Self-calibration: refinement of the camera's intrinsics in alternation with stage D.
 
-Stage D is solved for poses and landmarks with the calibration held. A Gauss-Newton step of the calibration
-follows, in which poses and landmarks move as the linearised optimum predicts. Both are repeated until the
-steps are small relative to their standard deviations. A rough solution on a few frames of every track
-suffices for this; stage D follows once on all frames.
+A few iterations of stage D improve poses and landmarks with the calibration held. A Gauss-Newton step of the
+calibration follows, in which poses and landmarks move as the linearised problem predicts. Both are repeated
+until the steps are small relative to their standard deviations. A rough solution on a few frames of every
+track suffices for this; stage D follows once on all frames.
 """
 
 from collections.abc import Mapping

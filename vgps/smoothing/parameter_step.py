@@ -1,4 +1,4 @@
-"""A Gauss-Newton step of parameters that all observations share, from an optimum of poses and landmarks."""
+"""A Gauss-Newton step of parameters that all observations share, with poses and landmarks."""
 
 from dataclasses import dataclass, replace
 
@@ -46,7 +46,7 @@ def parameter_step(
     Time offset and lever arm are held; states follow the poses, and stay where they are.
 
     Args:
-        problem: At its optimum.
+        problem: Near its optimum.
         linear: The problem, linearised.
         structure: Its structure.
         equations: Those of the parameters.
