@@ -38,3 +38,31 @@ def test_blocks_are_stored_without_overlap_in_panels() -> None:
             at += layout.width(row) * layout.width(column)
     assert at == layout.size
     assert np.count_nonzero(layout.start >= 0) == 5  # three diagonal blocks and the two couplings
+
+
+def test_contributions_are_the_products_of_blocks_that_two_columns_share() -> None:
+    """Summed over the earlier columns, they are all of L L^T but the squares of the diagonal blocks."""
+    rng = np.random.default_rng(0)
+    frames = np.arange(7 * BLOCK_FRAMES + 5)
+    far = [np.sort(rng.choice(frames, 3, replace=False)) for _ in range(4)]
+    layout = layout_blocks(len(frames), [*(np.array([i, i + 1]) for i in frames[:-1]), *far])
+    factor = rng.normal(size=layout.size)
+    dense = np.zeros((layout.columns, layout.columns))
+    rows_of = {}
+    for k in layout.order.tolist():
+        span = np.arange(layout.span(k).start, layout.span(k).stop)
+        rows_of[k] = np.append(span, layout.rows_below(k))
+        dense[np.ix_(rows_of[k], span)] = layout.column(k, factor)
+    for k in layout.order.tolist():
+        total = np.zeros((len(rows_of[k]), layout.width(k)))
+        for earlier, first, runs in layout.contributions[k]:
+            panel = layout.column(earlier, factor)
+            for rows, at in runs:
+                total[at] += panel[rows] @ panel[first : first + layout.width(k)].T
+        before = np.concatenate(
+            [rows_of[j][: layout.width(j)] for j in layout.order[: layout.rank[k]]] or [[]]
+        )
+        before = before.astype(np.int64)
+        span = rows_of[k][: layout.width(k)]
+        expected = dense[np.ix_(rows_of[k], before)] @ dense[np.ix_(span, before)].T
+        np.testing.assert_allclose(total, expected, atol=1e-12)

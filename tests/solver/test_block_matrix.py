@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.block_layout import layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
@@ -57,12 +58,26 @@ def test_entries_land_where_squares_do() -> None:
     np.testing.assert_allclose(again.cholesky().solve(right), np.linalg.solve(dense, right), atol=1e-10)
 
 
-def test_undetermined_variable_is_refused_at_its_column() -> None:
+def test_factor_does_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(1)
+    _, blocks = matrix_over(200, random_cliques(200, 12, rng), rng)
+    factors = []
+    for cores in (1, 2, 5):
+        monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda cores=cores: cores)
+        with one_blas_thread():
+            factors.append(blocks.cholesky().flat)
+    np.testing.assert_array_equal(factors[0], factors[1])
+    np.testing.assert_array_equal(factors[0], factors[2])
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_undetermined_variable_is_refused_at_its_column(cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda: cores)
     rng = np.random.default_rng(0)
-    cliques = random_cliques(20, 3, rng)
-    dense, _ = matrix_over(20, cliques, rng)
+    cliques = random_cliques(90, 3, rng)
+    dense, _ = matrix_over(90, cliques, rng)
     dense[POSE_DIM * 13 + 2] = dense[:, POSE_DIM * 13 + 2] = 0.0
-    blocks = BlockSparseMatrix.zeros(layout_blocks(20, cliques))
+    blocks = BlockSparseMatrix.zeros(layout_blocks(90, cliques))
     i, j = np.nonzero(np.tril(dense))
     blocks.add_entries(i, j, dense[i, j])
     with pytest.raises(NotPositiveDefiniteError) as refusal:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.squares import square, subtract_square
+from vgps.solver.dense_products import square, subtract_square
 
 POSE_DIM = 6  # tangent of a pose
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from vgps.model import IntArray
+from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM
 
 BLOCK_FRAMES = 16  # fastest of 8, 12, 16 and 24 on two and four laps around a city block
@@ -27,6 +28,20 @@ class Piece(NamedTuple):
     columns: slice
     start: int
     strides: tuple[int, int]
+
+
+class Contribution(NamedTuple):
+    """What an earlier column of blocks subtracts from a column: products of its rows with some of them.
+
+    Attributes:
+        earlier: The earlier column.
+        first: Where in the earlier column the rows of the column's own block begin.
+        runs: Rows of the earlier column, from these on, and where their products go in the column.
+    """
+
+    earlier: int
+    first: int
+    runs: tuple[tuple[slice, slice], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +105,29 @@ class BlockLayout:
         spans = [np.arange(self.span(i).start, self.span(i).stop) for i in self.below[block].tolist()]
         return np.concatenate(spans) if spans else np.zeros(0, dtype=np.int64)
 
+    def column(self, block: int, flat: FloatArray) -> FloatArray:
+        """Return a view of a column of blocks, the diagonal block first, among the stored entries."""
+        width, at = self.width(block), int(self.start[block, block])
+        rows = width + sum(self.width(i) for i in self.below[block].tolist())
+        return flat[at : at + rows * width].reshape(rows, width)
+
+    @cached_property
+    def contributions(self) -> tuple[tuple[Contribution, ...], ...]:
+        """For each block what the columns eliminated before it subtract from its column, in their order."""
+        found: list[list[Contribution]] = [[] for _ in self.below]
+        for earlier in self.order.tolist():
+            rows = self._rows_of(earlier)
+            for block in self.below[earlier].tolist():
+                runs = _runs(rows, self._rows_of(block))
+                found[block].append(Contribution(earlier, rows[block].start, runs))
+        return tuple(map(tuple, found))
+
+    def _rows_of(self, column: int) -> dict[int, slice]:
+        """Return the rows of each block of a column within it, in order of elimination."""
+        blocks = [column, *self.below[column].tolist()]
+        ends = list(accumulate(self.width(i) for i in blocks))
+        return {i: slice(begin, end) for i, begin, end in zip(blocks, [0, *ends], ends, strict=False)}
+
     @property
     def flops(self) -> float:
         """Multiplications and additions of one factorisation."""
@@ -116,6 +154,17 @@ def layout_blocks(frames: int, cliques: Iterable[IntArray]) -> BlockLayout:
             at += _width(row, columns) * _width(block, columns)
     rank = np.argsort(order)
     return BlockLayout(columns=columns, order=order, rank=rank, below=below, start=start, size=at)
+
+
+def _runs(source: dict[int, slice], target: dict[int, slice]) -> tuple[tuple[slice, slice], ...]:
+    """Return rows of blocks that two columns have in common, joined where they follow each other in both."""
+    runs: list[tuple[slice, slice]] = []
+    for rows, at in ((source[block], target[block]) for block in source if block in target):
+        if runs and (runs[-1][0].stop, runs[-1][1].stop) == (rows.start, at.start):
+            runs[-1] = slice(runs[-1][0].start, rows.stop), slice(runs[-1][1].start, at.stop)
+        else:
+            runs.append((rows, at))
+    return tuple(runs)
 
 
 def _minimum_degree(blocks: int, cliques: Iterable[IntArray]) -> tuple[IntArray, tuple[IntArray, ...]]:

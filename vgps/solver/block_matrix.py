@@ -12,9 +12,10 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
+from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.block_cholesky import factorise_blocks
 from vgps.solver.block_layout import BLOCK_FRAMES, BlockLayout
-from vgps.solver.squares import square
+from vgps.solver.dense_products import square
 
 
 @dataclass(frozen=True)
@@ -42,14 +43,14 @@ class BlockSparseMatrix:
 
     def panel(self, column: int) -> FloatArray:
         """Return a view of a column of blocks below its diagonal block."""
-        width = self.layout.width(column)
-        at = int(self.layout.start[column, column]) + width * width
-        rows = sum(self.layout.width(i) for i in self.layout.below[column].tolist())
-        return self.flat[at : at + rows * width].reshape(rows, width)
+        return self.layout.column(column, self.flat)[self.layout.width(column) :]
 
     def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
         """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
-        squared = square(Z, scratch)
+        self.subtract(frames, square(Z, scratch))
+
+    def subtract(self, frames: IntArray, squared: FloatArray) -> None:
+        """Subtract a symmetric matrix (6 s, 6 s) over ascending frames (s,)."""
         for rows, columns, start, strides in self.layout.pieces_of(frames):
             part = squared[rows, columns]
             block = np.ndarray(part.shape, np.float64, self.flat, 8 * start, (8 * strides[0], 8 * strides[1]))
@@ -76,23 +77,8 @@ class BlockSparseMatrix:
             NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
                 or (n,).
         """
-        layout, factor = self.layout, BlockSparseMatrix(self.layout, self.flat.copy())
-        least = np.broadcast_to(min_pivot, layout.columns)
-        for k in layout.order.tolist():
-            diagonal, span = factor.block(k, k), layout.span(k)
-            lower, info = lapack.dpotrf(diagonal, lower=1)
-            if info > 0:
-                raise NotPositiveDefiniteError(span.start + info - 1)
-            small = ~(np.diagonal(lower) ** 2 > least[span])  # true of NaN as well
-            if np.any(small):
-                raise NotPositiveDefiniteError(span.start + int(np.argmax(small)))
-            diagonal[:] = lower
-            if len(layout.below[k]):
-                panel = factor.panel(k)
-                panel[:] = blas.dtrsm(1.0, lower, panel.T, lower=1).T
-                product = blas.dsyrk(1.0, panel.T, trans=1, lower=1)
-                for block, rows, columns in factor._blocks_over(layout.below[k]):
-                    np.subtract(block, product[rows, columns], out=block)
+        factor = BlockSparseMatrix(self.layout, self.flat.copy())
+        factorise_blocks(self.layout, factor.flat, np.broadcast_to(min_pivot, self.layout.columns))
         return factor
 
     def solve(self, right: FloatArray) -> FloatArray:

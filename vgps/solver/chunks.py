@@ -4,13 +4,14 @@ Observations of a group of landmarks form one dense matrix, and chunks of whole 
 the other, so that their arrays stay in the processor's cache.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
+from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_layout import BLOCK_FRAMES
 from vgps.solver.disk_arrays import DiskArrays, stored
@@ -35,7 +36,7 @@ class LandmarkGroup:
     landmarks: int
     start: int
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Number of columns of Z."""
         return POSE_DIM * len(self.frames)
@@ -104,9 +105,31 @@ class Chunk:
         return int(self.coupled.frame.max()) + 1
 
     @cached_property
+    def _runs(self) -> IntArray:
+        """Where runs of observations in the same frame begin."""
+        return np.flatnonzero(np.diff(self.frame, prepend=-1))
+
+    def sum_by_frame(self, values: FloatArray) -> FloatArray:
+        """Return the sums (frames,) of values (n,) of the observations."""
+        sums = np.add.reduceat(values, self._runs)
+        return np.bincount(self.frame[self._runs], sums, self.frames).astype(np.float64)
+
+    @cached_property
     def size(self) -> int:
         """Number of entries of the buffer that holds the matrices of all groups."""
         return sum(group.size for group in self.groups)
+
+    @cached_property
+    def squares_size(self) -> int:
+        """Number of entries of the squares of all groups."""
+        return sum(group.width**2 for group in self.groups)
+
+    def squares(self, memory: FloatArray) -> Iterator[tuple[LandmarkGroup, FloatArray]]:
+        """Yield each group and (width^2,) its place among the squares of all groups."""
+        start = 0
+        for group in self.groups:
+            yield group, memory[start : start + group.width**2]
+            start += group.width**2
 
 
 def couple(problem: BundleProblem, landmark: IntArray) -> Coupling:
@@ -130,9 +153,11 @@ def split_into_chunks(
         group: (L,) group of each landmark.
         on_disk: Whether the chunks are kept on disk.
     """
-    order = np.lexsort((problem.frame, problem.landmark, group[problem.landmark]))
+    rank = np.empty(len(group), np.int64)
+    rank[np.argsort(group, kind="stable")] = np.arange(len(group))
+    order = np.argsort(rank[problem.landmark] * len(free) + problem.frame)  # no two are equal
     parts = _split_between_groups(group[problem.landmark[order]], order)
-    chunks = (_chunk(problem, free, group, part) for part in parts)
+    chunks = map_in_order(partial(_chunk, problem, free, group), parts)
     return stored(chunks, _on_disk) if on_disk else tuple(chunks)
 
 
@@ -168,6 +193,7 @@ def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:
 
 
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:
+    rows = rows[np.argsort(problem.frame[rows], kind="stable")]
     part = problem.select_observations(rows)
     landmarks, landmark = np.unique(part.landmark, return_inverse=True)
     coupled = couple(part, landmark)

@@ -1,15 +1,19 @@
 """The cost of a bundle problem: reprojection errors, robust losses, and the error of the pose factors."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 
 from vgps.geometry import in_picture
 from vgps.model import BoolArray, FloatArray
+from vgps.runtime.threads import map_in_order
 from vgps.solver.gtsam_values import pose_values
 from vgps.solver.problem import BundleProblem
 
-_AT_ONCE = 2**19  # observations
+Result = TypeVar("Result")
+
+_AT_ONCE = 2**16  # observations
 
 
 def whitened_robust_k(k: float, pixel_sigma_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
@@ -67,12 +71,36 @@ def robust_weight(problem: BundleProblem, squared: FloatArray) -> FloatArray:
     return weight
 
 
-def camera_points(problem: BundleProblem) -> FloatArray:
-    """Return the landmark of each observation in the camera frame of its view, (3, N) metres."""
+def view_poses(problem: BundleProblem) -> FloatArray:
+    """Return the first three rows of world_T_camera of each observation's view, (3, 4, N)."""
     problem = problem.by_view()
-    T, frame = problem.world_T_camera, problem.frame
-    x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[:, i, 3][frame] for i in range(3))
-    return np.stack([T[:, 0, j][frame] * x + T[:, 1, j][frame] * y + T[:, 2, j][frame] * z for j in range(3)])
+    frame = problem.frame
+    first, last = (int(frame.min()), int(frame.max())) if len(frame) else (0, 0)
+    rows = problem.world_T_camera[first : last + 1, :3].transpose(1, 2, 0)
+    return np.ascontiguousarray(rows).take(frame - first, axis=2)
+
+
+def camera_points(problem: BundleProblem, views: FloatArray | None = None) -> FloatArray:
+    """Return the landmark of each observation in the camera frame of its view, (3, N) metres.
+
+    Args:
+        problem: The observations.
+        views: (3, 4, N) from :func:`view_poses`, where they are at hand.
+    """
+    if views is None:
+        problem = problem.by_view()
+    x, y, z = (
+        problem.world_p_landmark[:, i][problem.landmark] - view_entry(problem, views, i, 3) for i in range(3)
+    )
+    columns = ([view_entry(problem, views, i, j) for i in range(3)] for j in range(3))
+    return np.stack([a * x + b * y + c * z for a, b, c in columns])
+
+
+def view_entry(problem: BundleProblem, views: FloatArray | None, row: int, column: int) -> FloatArray:
+    """Return an entry (N,) of the pose of each observation's view, from ``views`` if they are at hand."""
+    if views is not None:
+        return np.asarray(views[row, column])
+    return np.asarray(problem.world_T_camera[:, row, column][problem.frame])
 
 
 def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -97,30 +125,35 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
 
 def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
     """Return projected minus observed pixels (N, 2), and (N,) which landmarks lie behind the camera."""
-    errors, behind = np.empty((len(problem.frame), 2)), np.empty(len(problem.frame), dtype=bool)
-    for rows, part in _parts(problem):
-        found, behind[rows] = pixel_errors(part, camera_points(part))
-        errors[rows] = found.T
-    return errors, behind
+    parts = list(_in_parts(lambda part: pixel_errors(part, camera_points(part)), problem))
+    return np.concatenate([errors.T for errors, _ in parts]), np.concatenate([behind for _, behind in parts])
 
 
-def observation_costs(problem: BundleProblem) -> FloatArray:
-    """Return the cost of each observation (N,)."""
-    costs = np.empty(len(problem.frame))
-    for rows, part in _parts(problem):
-        errors, _ = pixel_errors(part, camera_points(part))
-        costs[rows] = robust_loss(part, np.sum(errors**2, axis=0) / part.sigma_px**2)
-    return costs
+def observation_costs(problem: BundleProblem, views: FloatArray | None = None) -> FloatArray:
+    """Return the cost of each observation (N,); arguments as for :func:`camera_points`."""
+    if views is not None:
+        return _costs(problem, views)
+    return np.concatenate(list(_in_parts(_costs, problem)))
 
 
-def _parts(problem: BundleProblem) -> Iterator[tuple[slice, BundleProblem]]:
-    """Yield the observations of a large problem a part at a time, for the sake of memory."""
-    if len(problem.frame) <= _AT_ONCE:
-        yield slice(None), problem
+def _costs(problem: BundleProblem, views: FloatArray | None = None) -> FloatArray:
+    errors, _ = pixel_errors(problem, camera_points(problem, views))
+    return robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)
+
+
+def _in_parts(function: Callable[[BundleProblem], Result], problem: BundleProblem) -> Iterator[Result]:
+    """Yield a function of the observations, of a part at a time for the sake of memory."""
+    count = len(problem.frame)
+    if count <= _AT_ONCE:
+        yield function(problem)
         return
-    for begin in range(0, len(problem.frame), _AT_ONCE):
-        rows = slice(begin, min(begin + _AT_ONCE, len(problem.frame)))
-        yield rows, problem.select_observations(np.arange(rows.start, rows.stop))
+    begins = range(0, count, _AT_ONCE)
+
+    def of_part(begin: int) -> Result:
+        rows = np.arange(begin, min(begin + _AT_ONCE, count))
+        return function(problem.select_observations(rows))
+
+    yield from map_in_order(of_part, begins)
 
 
 def video_cost(problem: BundleProblem) -> float:

@@ -5,7 +5,7 @@ structure of a problem stays the same while its poses and landmarks move, so it 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
@@ -51,11 +51,6 @@ class SparsityStructure(Unknowns):
         return max([self.half_bandwidth, *widths]) + 1
 
     @cached_property
-    def widest_group(self) -> int:
-        """Most columns of a group of landmarks."""
-        return max((g.width for chunk in self.chunks for g in chunk.groups), default=0)
-
-    @cached_property
     def flops(self) -> float:
         """Multiplications and additions of one elimination and factorisation."""
         squares = float(sum(g.size * g.width for chunk in self.chunks for g in chunk.groups))
@@ -69,7 +64,7 @@ class SparsityStructure(Unknowns):
         places = self.n_free if self.submaps is None else int(np.diff(self.submaps.first).max())
         band = POSE_DIM * places * (self.rows + self.half_bandwidth)
         matrix = band if self.blocks is None else 2 * self.blocks.size
-        return 8.0 * (matrix + max((chunk.size for chunk in self.chunks), default=0))
+        return 8.0 * (matrix + max((chunk.size + chunk.squares_size for chunk in self.chunks), default=0))
 
     def fits(self, max_flops: float, max_bytes: float) -> bool:
         """Return whether one iteration, of a submap if there are any, stays within these limits."""
@@ -107,17 +102,27 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
         raise ValueError("a landmark is observed twice in one frame")
     unknowns = number_unknowns(problem)
     cliques = _places_of_factors(problem, unknowns)
-    band = _band_structure(problem, unknowns, cliques)
+    band, group = _band_structure(problem, unknowns, cliques)
+    blocks = None
+    if band.flops > _CHEAP_BAND_FLOPS and band.submaps is None:
+        blocks = _block_structure(problem, unknowns, cliques)
+        if _BLOCK_SLOWDOWN * blocks.flops < band.flops:  # whatever its landmarks take, which are not laid out
+            return blocks
+    chunks = split_into_chunks(problem, unknowns.free, group, on_disk=band.submaps is not None)
+    band = replace(band, chunks=chunks)
     if band.flops <= _CHEAP_BAND_FLOPS or band.submaps is not None:
         return band
-    blocks = _block_structure(problem, unknowns, cliques)
+    blocks = blocks or _block_structure(problem, unknowns, cliques)
     return blocks if _BLOCK_SLOWDOWN * blocks.flops < band.flops else band
 
 
-def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]) -> SparsityStructure:
-    free = unknowns.free
+def _band_structure(
+    problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]
+) -> tuple[SparsityStructure, IntArray]:
+    """Return the structure of a band, yet without chunks, and (L,) the group of each landmark."""
     coupled = couple(problem, problem.landmark)
-    first, last = track_ends(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
+    places = unknowns.free[coupled.frame]
+    first, last = track_ends(places, coupled.landmark, len(problem.world_p_landmark))
     span, group = group_by_track(first, last)
     spans = [int(np.ptp(places)) + 1 for places in cliques]
     submaps = None
@@ -126,12 +131,9 @@ def _band_structure(problem: BundleProblem, unknowns: Unknowns, cliques: list[In
     if submaps is not None:  # a submap's landmarks after those of the one before
         number = np.searchsorted(submaps.first, np.minimum(first, unknowns.n_free - 1), side="right")
         _, group = np.unique(number * len(group) + group, return_inverse=True)
-    return SparsityStructure(
-        **vars(unknowns),
-        chunks=split_into_chunks(problem, free, group, on_disk=submaps is not None),
-        half_bandwidth=max(POSE_DIM * max(span, *spans, 0), POSE_DIM) - 1,
-        submaps=submaps,
-    )
+    half_bandwidth = max(POSE_DIM * max(span, *spans, 0), POSE_DIM) - 1
+    band = SparsityStructure(**vars(unknowns), chunks=(), half_bandwidth=half_bandwidth, submaps=submaps)
+    return band, group
 
 
 def _submaps(

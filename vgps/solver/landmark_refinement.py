@@ -6,12 +6,14 @@ their sake would slow every pose. So each landmark takes its part of a step only
 gain.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.runtime.threads import map_in_order
 from vgps.solver.chunks import Chunk, couple
-from vgps.solver.cost import observation_costs
+from vgps.solver.cost import observation_costs, view_poses
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
@@ -44,20 +46,25 @@ def move_with_frames(
         anchor: (n,) frame with which each point moves.
         scale: (n,) factor by which each point's distance from the camera grows.
     """
-    old, new = before[anchor], after[anchor]
-    in_camera = ((points - old[:, :3, 3])[:, None, :] @ old[:, :3, :3])[:, 0] * np.reshape(scale, (-1, 1))
-    return np.asarray((new[:, :3, :3] @ in_camera[:, :, None])[:, :, 0] + new[:, :3, 3])
+    turn = np.ascontiguousarray((after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)).transpose(1, 2, 0))
+    x, y, z = ((points[:, i] - before[:, i, 3][anchor]) * scale for i in range(3))
+    rows = ([turn[i, j].take(anchor) for j in range(3)] for i in range(3))
+    moved = [a * x + b * y + c * z + after[:, i, 3][anchor] for i, (a, b, c) in enumerate(rows)]
+    return np.stack(moved, axis=1)
 
 
-def landmark_costs(problem: BundleProblem, structure: SparsityStructure) -> FloatArray:
-    """Return the cost of each landmark's observations, (L,)."""
-    costs = np.zeros(len(problem.world_p_landmark))
+def landmark_costs(
+    problem: BundleProblem, structure: SparsityStructure, *points: FloatArray
+) -> list[FloatArray]:
+    """Return the cost of each landmark's observations, (L,), with the landmarks at each of points (L, 3)."""
+    costs = [np.zeros(len(problem.world_p_landmark)) for _ in points]
 
-    def cost(chunk: Chunk) -> tuple[IntArray, FloatArray]:
-        return chunk.landmarks, _chunk_costs(problem, chunk)
+    def cost(chunk: Chunk) -> tuple[IntArray, list[FloatArray]]:
+        return chunk.landmarks, _chunk_costs(problem, chunk, points)
 
     for landmarks, found in map_in_order(cost, structure.chunks):
-        costs[landmarks] = found
+        for all_costs, part in zip(costs, found, strict=True):
+            all_costs[landmarks] = part
     return costs
 
 
@@ -81,12 +88,12 @@ def step_landmarks(
         The landmarks (L, 3), and the cost of all observations.
     """
     poses, points = problem.world_T_camera, problem.world_p_landmark
-    stepped = problem.moved(poses, points + step)
-    carried = problem.moved(poses, move_with_frames(points, before.world_T_camera, poses, anchor))
-    cost, cost_carried = landmark_costs(stepped, structure), landmark_costs(carried, structure)
+    stepped = points + step
+    carried = move_with_frames(points, before.world_T_camera, poses, anchor)
+    cost, cost_carried = landmark_costs(problem, structure, stepped, carried)
     worse = cost > cost_carried  # false of NaN, whose total then rejects the whole step
     gap = np.where(worse, cost - cost_carried, 0.0)
-    best = np.where(worse[:, None], carried.world_p_landmark, stepped.world_p_landmark)
+    best = np.where(worse[:, None], carried, stepped)
     refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS)
     return refined, float(np.where(worse, cost_carried, cost).sum()) - gain
 
@@ -108,24 +115,27 @@ def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArr
     chunk = _chunk_of(problem, rows)
     refined = chunk.landmarks
     damping = np.full(len(refined), _START_DAMPING)
-    cost = _chunk_costs(problem, chunk)
+    (cost,) = _chunk_costs(problem, chunk, [points])
     start = float(cost.sum())
     for _ in range(_ITERATIONS):
         linear = linearise_chunk(problem.moved(problem.world_T_camera, points), chunk)
         factors = factorise_landmarks(linear, damping)
         trial = points.copy()
         trial[refined] -= factors.transposed_times(factors.times(linear.gradient)).T
-        trial_cost = _chunk_costs(problem.moved(problem.world_T_camera, trial), chunk)
+        (trial_cost,) = _chunk_costs(problem, chunk, [trial])
         better = trial_cost < cost
         points[refined[better]], cost[better] = trial[refined[better]], trial_cost[better]
         damping *= np.where(better, 0.1, 10.0)
     return points, start - float(cost.sum())
 
 
-def _chunk_costs(problem: BundleProblem, chunk: Chunk) -> FloatArray:
-    """Return the cost of each of the chunk's landmarks, (m,)."""
-    costs = observation_costs(chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark))
-    return np.bincount(chunk.landmark, costs, len(chunk.landmarks)).astype(np.float64)
+def _chunk_costs(problem: BundleProblem, chunk: Chunk, points: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the cost of each of the chunk's landmarks, (m,), with all landmarks at each of points (L, 3)."""
+    poses = problem.world_T_camera
+    views = view_poses(chunk.problem.moved(poses, problem.world_p_landmark))
+    costs = (observation_costs(chunk.problem.moved(poses, at), views) for at in points)
+    size = len(chunk.landmarks)
+    return [np.bincount(chunk.landmark, cost, size).astype(np.float64) for cost in costs]
 
 
 def _chunk_of(problem: BundleProblem, rows: IntArray) -> Chunk:

@@ -119,7 +119,8 @@ def minimise(
         settings: Stopping criteria and damping.
     """
     values = all_pose_values(problem)
-    cost = float(landmark_costs(problem, structure).sum()) + float(problem.pose_graph.error(values))
+    (video,) = landmark_costs(problem, structure, problem.world_p_landmark)
+    cost = float(video.sum()) + float(problem.pose_graph.error(values))
     iterate = _Iterate(problem, values, cost, anchor_frames(problem))
     damping, small_steps = settings.lambda_start, 0
     for iteration in range(settings.max_iterations):

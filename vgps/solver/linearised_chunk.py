@@ -54,13 +54,13 @@ class LinearisedChunk:
 
     def pose_gradient(self, r: FloatArray) -> FloatArray:
         """Return the sums of J_p^T r by pose, (6, frames of the chunk), for any (2, n) r."""
-        at, frames = self.chunk.coupled.frame, self.chunk.frames
-        return np.array([np.bincount(at, product, frames) for product in self.pose_products(r)])
+        return np.array([self.chunk.sum_by_frame(product) for product in self.pose_products(r)])
 
     def moved_by_poses(self, pose_step: FloatArray) -> FloatArray:
         """Return J_p times the steps (F, 6) of all frames, (2, n)."""
         chunk, jp = self.chunk, self.jp
-        step = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T[:, chunk.frame]
+        own = pose_step[chunk.first_frame : chunk.first_frame + chunk.frames].T
+        step = np.ascontiguousarray(own).take(chunk.frame, axis=1)
         moving = ([a for a, rows in enumerate(self.moves) if i in rows] for i in range(2))
         return np.stack([sum(jp[i, a] * step[a] for a in columns) for i, columns in enumerate(moving)])
 
@@ -82,12 +82,12 @@ class DenseChunk(LinearisedChunk):
 
 def pose_blocks(linear: LinearisedChunk) -> FloatArray:
     """Return the lower triangles of the poses' blocks, row by row: (21, frames of the chunk)."""
-    jp, frame, frames = linear.jp, linear.chunk.frame, linear.chunk.frames
-    blocks = np.zeros((len(LOWER), frames))
+    jp, chunk = linear.jp, linear.chunk
+    blocks = np.zeros((len(LOWER), chunk.frames))
     for row, (a, b) in enumerate(LOWER):
         rows = tuple(i for i in linear.moves[a] if i in linear.moves[b])
         if rows:
-            blocks[row] = np.bincount(frame, dot(jp[:, a], jp[:, b], rows), frames)
+            blocks[row] = chunk.sum_by_frame(dot(jp[:, a], jp[:, b], rows))
     return blocks
 
 

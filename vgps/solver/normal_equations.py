@@ -17,7 +17,7 @@ from vgps.model import FloatArray
 from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.chunks import Chunk
-from vgps.solver.cost import camera_points, pixel_errors, robust_weight
+from vgps.solver.cost import camera_points, pixel_errors, robust_weight, view_entry, view_poses
 from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.linearised_chunk import LOWER, DenseChunk, LinearisedChunk, dot, pose_blocks
@@ -104,10 +104,11 @@ def linearise_chunk(problem: BundleProblem, chunk: Chunk) -> LinearisedChunk:
     """Linearise a chunk's observations at the poses and landmarks of ``problem``."""
     here = chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     here, times, mounts = here.by_view(), here.row_times, here.mounts
-    camera_p = camera_points(here)
+    views = view_poses(here)
+    camera_p = camera_points(here, views)
     error, behind = pixel_errors(here, camera_p)
     scale = whitening(here, error)
-    jp, jl = projection_jacobians(here, camera_p, np.where(behind, 0.0, scale))
+    jp, jl = projection_jacobians(here, camera_p, np.where(behind, 0.0, scale), views)
     if mounts is not None:
         jp = mounts.by_reference(jp)
     r = error * scale
@@ -130,12 +131,17 @@ def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
 
 
 def projection_jacobians(
-    problem: BundleProblem, camera_p: FloatArray, scale: FloatArray
+    problem: BundleProblem, camera_p: FloatArray, scale: FloatArray, views: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobians of the projection to poses (2, 6, n) and to landmarks (2, 3, n), times ``scale``.
 
-    The scale (n,) is zero behind the camera. A landmark p in the camera frame moves by ``[p]_x rotation -
-    translation + R^T d(landmark)``.
+    A landmark p in the camera frame moves by ``[p]_x rotation - translation + R^T d(landmark)``.
+
+    Args:
+        problem: The observations, by their views.
+        camera_p: (3, n) from :func:`vgps.solver.cost.camera_points`.
+        scale: (n,) zero behind the camera.
+        views: (3, 4, n) from :func:`vgps.solver.cost.view_poses`, where they are at hand.
     """
     fx, fy, _, _ = problem.intrinsics
     depth = np.where(camera_p[2] > 0.0, camera_p[2], 1.0)
@@ -149,7 +155,7 @@ def projection_jacobians(
     jp[1, 4], jp[1, 5] = -dv, dv * y
     jl = np.empty((2, 3, len(scale)))
     for axis in range(3):
-        R = [problem.world_T_camera[:, axis, column][problem.frame] for column in range(3)]
+        R = [view_entry(problem, views, axis, column) for column in range(3)]
         jl[0, axis] = du * (R[0] - x * R[2])
         jl[1, axis] = dv * (R[1] - y * R[2])
     return in_picture(problem.lens, jp), in_picture(problem.lens, jl)

@@ -21,8 +21,8 @@ from vgps.solver.band_matrix import (
     entries_in_band,
     factorised,
 )
+from vgps.solver.dense_products import square
 from vgps.solver.disk_arrays import DiskArrays
-from vgps.solver.squares import square
 
 
 @dataclass(frozen=True)
