@@ -9,12 +9,16 @@ import numpy as np
 _CLOCK = Fraction(1, 1000)
 
 
-def write_metadata_video(path: Path, packets: list[tuple[float, bytes]], kind: str = "tx3g") -> Path:
+def write_metadata_video(
+    path: Path, packets: list[tuple[float, bytes]], kind: str = "tx3g", tags: dict[str, str] | None = None
+) -> Path:
     """A second of black at 10 Hz beside packets (time [s], data) of a track of that kind, four letters.
 
     FFmpeg writes no tracks of kinds that it does not know: a track of subtitles is renamed.
     """
-    with av.open(str(path), "w") as container:
+    options = {"movflags": "use_metadata_tags"} if tags else {}
+    with av.open(str(path), "w", options=options) as container:
+        container.metadata.update(tags or {})
         picture = container.add_stream("libx264", rate=10)
         picture.width, picture.height, picture.pix_fmt = 64, 48, "yuv420p"
         track = container.add_mux_stream("mov_text")

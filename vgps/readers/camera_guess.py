@@ -5,25 +5,22 @@ of a sensor of 4:3 at best, so its pixels are those of a picture of 4:3 and the 
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import av
 import numpy as np
 from PIL import Image
 
 from vgps.camera import centred_camera
 from vgps.model import CameraGuess, Video
 from vgps.readers.chapters import ChapteredVideo
-from vgps.readers.container import open_container
 from vgps.readers.dji_metadata import dji_names
 from vgps.readers.dji_srt import subtitles_in
 from vgps.readers.gopro_lens import gopro_guess
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.images import ImageFolder
-from vgps.readers.mp4_boxes import quicktime_tags
 from vgps.readers.video import VideoFile
+from vgps.readers.video_tags import video_tags
 
 _DIAGONAL_35_MM = float(np.hypot(36.0, 24.0))
 _DJI_MM = 24.0  # in 35 mm terms, of the wide camera of nearly all DJI drones since 2017
@@ -66,7 +63,7 @@ def _of_pictures(file: Path, size: tuple[int, int]) -> CameraGuess | None:
 
 def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     """Return a guess from the tags of a phone's or a drone's video."""
-    tags = {**_container_tags(file), **_quicktime(file)}
+    tags = video_tags(file)
     make, model = str(tags.get("make", "")), str(tags.get("model", ""))
     name = model if model.startswith(make) else f"{make} {model}".strip()
     stated = _leading_number(tags.get(_FOCAL_TAG))
@@ -128,25 +125,6 @@ def _rectilinear(size: tuple[int, int], focal_px: float, sigma: float, source: s
         distortion_sigma=(0.1, 0.1),
         source=source,
     )
-
-
-def _container_tags(file: Path) -> Mapping[str, str]:
-    """Return the tags that FFmpeg reads, without Apple's prefix."""
-    try:
-        with open_container(file) as container:
-            tags = dict(container.metadata)
-            for stream in container.streams.video:
-                tags = {**stream.metadata, **tags}
-    except (av.FFmpegError, OSError):
-        return {}
-    return {key.removeprefix("com.apple.quicktime."): value for key, value in tags.items()}
-
-
-def _quicktime(file: Path) -> Mapping[str, str | float]:
-    try:
-        return quicktime_tags(file)
-    except OSError:
-        return {}
 
 
 def _head(file: Path) -> str:

@@ -29,6 +29,10 @@ from vgps.readers.video_gps import looks_like_video, read_video_gps
 _SAME_TIME_S = 1e-6
 
 
+class UnknownStartError(GpsLogError):
+    """A log in UTC, and nothing says when the video began."""
+
+
 @dataclass(frozen=True)
 class _Format:
     name: str
@@ -177,7 +181,7 @@ def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float
     if clock is Clock.VIDEO:
         return 0.0
     if rig.video_start_utc is None:
-        raise GpsLogError(
+        raise UnknownStartError(
             "times are in UTC, but the video's start in UTC is unknown",
             file=path,
             remedy="set it in rig.yaml, as video_start_utc: 2026-05-01T09:30:12.5+00:00",

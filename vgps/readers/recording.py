@@ -20,7 +20,7 @@ from vgps.readers.gopro import (
 )
 from vgps.readers.gopro_lens import with_readout
 from vgps.readers.gpmf import Telemetry
-from vgps.readers.gps import gps_format, read_gps_log
+from vgps.readers.gps import UnknownStartError, gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
 from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
@@ -30,11 +30,13 @@ from vgps.readers.own_gps import own_gps
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
+from vgps.readers.video_tags import stated_time
 
 _CALIBRATE = (
     "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "
     "of another program"
 )
+_STATED = "local time with some cameras, the end of the recording with some phones"
 _CAMERAS = ("camera.yaml", "camera.yml", "camera.xml", "camera.json", "camchain.yaml", "cameras.txt")
 
 
@@ -169,7 +171,13 @@ def _gps(folder: Path, name: PathLike | None, video: Source, rig: Rig, telemetry
     if not logs:
         return own_gps(video, rig, telemetry)
     (file,) = logs
-    fixes = read_gps_log(file, rig, telemetry if file == telemetry.path else None)
+    try:
+        fixes = read_gps_log(file, rig, telemetry if file == telemetry.path else None)
+    except UnknownStartError as error:
+        if (said := stated_time(video.path)) is None:
+            raise
+        hint = f"{error.remedy}; {video.path.name} says {said}: {_STATED}"
+        raise GpsLogError(error.found, file=file, remedy=hint) from None
     check_overlap(fixes, video.times_s, rig)
     return fixes
 
