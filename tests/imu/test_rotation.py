@@ -20,7 +20,7 @@ def predictor(mount=MOUNT, **errors):
 
 
 def until(frame):
-    return Trajectory(PATH.t_s[:frame], PATH.world_T_camera[:frame])
+    return Trajectory(PATH.t_s[:frame], PATH.world_T_camera[:frame].copy())
 
 
 def angle_deg(a, b):
@@ -34,6 +34,19 @@ def test_the_path_shows_the_bias():
     found = gyro.predict(until(60), 6.0)
     assert angle_deg(found.rotation, true) < 0.01
     assert np.degrees(found.sigma_rad) == pytest.approx(0.033, abs=0.01)
+
+
+def test_the_first_frames_of_a_map_show_no_bias():
+    rough = until(5)
+    rough.world_T_camera[1:, :3, :3] = (
+        rough.world_T_camera[1:, :3, :3] @ Rotation.from_euler("y", 1.0, degrees=True).as_matrix()
+    )
+    true = PATH.world_T_camera[4, :3, :3].T @ PATH.world_T_camera[5, :3, :3]
+    found = predictor().predict(rough, 0.5)
+    assert angle_deg(found.rotation, true) < 0.01
+    assert np.degrees(found.sigma_rad) == pytest.approx(
+        np.degrees(ImuConfig().gyro_bias_sigma * 0.1), rel=0.1
+    )
 
 
 def test_a_lost_camera_keeps_its_orientation():

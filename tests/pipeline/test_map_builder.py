@@ -1,15 +1,20 @@
 """A map under construction, with results of stage A made by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.config import TrackingConfig
+from vgps.config import ImuConfig, TrackingConfig
+from vgps.imu.camera_imu import imu_at_camera
+from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewView
 from vgps.mapping.retention import RetentionPolicy
-from vgps.model import Frame
+from vgps.model import Frame, ImuLog, ImuMount
 from vgps.pipeline.map_builder import MapBuilder
+from vgps.tracking.pose import Prediction
 from vgps.tracking.tracking_result import TrackingResult
 
 UNKNOWN = np.full((4, 4), np.nan)
@@ -60,6 +65,60 @@ def test_after_a_gap_the_last_pose_is_the_prediction(now_s, x):
 
 def test_without_a_pose_before_the_last_one_it_is_the_prediction():
     np.testing.assert_array_equal(builder(UNKNOWN, pose(0.5)).predict(0.2).world_T_camera, pose(0.5))
+
+
+def steady_gyro(bias_rad_s):
+    """A gyro that does not turn, with a bias about the viewing axis."""
+    t_s = np.arange(-0.5, 10.0, 0.01)
+    rate = np.tile([0.0, 0.0, bias_rad_s], (len(t_s), 1))
+    force = np.tile([0.0, -9.8, 0.0], (len(t_s), 1))
+    log = ImuLog(
+        t_s=t_s, rate_rad_s=rate, force_m_s2=force, saturated=np.zeros(len(t_s), bool), source=Path()
+    )
+    return RotationPredictor(
+        imu_at_camera(log, ImuMount(imu_R_camera=np.eye(3), imu_p_camera=np.zeros(3)), None, ImuConfig()),
+        ImuConfig(),
+    )
+
+
+def test_a_new_map_knows_the_gyro_s_bias_from_the_one_before():
+    earlier = builder(*[pose(0.1 * k) for k in range(20)])
+    new = builder(pose(0.0), pose(0.1), first=20)
+    alone = new.predict(2.2, steady_gyro(0.04))
+    assert Rotation.from_matrix(alone.world_T_camera[:3, :3]).magnitude() == pytest.approx(0.004, rel=0.01)
+    known = new.predict(2.2, steady_gyro(0.04), [earlier.local_map, new.local_map])
+    np.testing.assert_allclose(known.world_T_camera, pose(0.2), atol=1e-9)
+    assert known.rotation_sigma_rad < 0.2 * alone.rotation_sigma_rad
+
+
+def carried(made, frame, found=(True, True, True), sigma_rad=1e-3):
+    """The result of a lost frame at ten frames a second, with a gyro by default."""
+    config = CONFIG.model_copy(update={"min_inliers": 2})
+    prediction = Prediction(pose(0.1 * frame), sigma_rad)
+    return made.carried(Frame(frame, 0.1 * frame, image()), result(found=found), prediction, config)
+
+
+def test_a_gyro_carries_a_map_on_where_features_without_positions_are_followed():
+    made = builder(pose(0.0), pose(0.1))
+    np.testing.assert_array_equal(carried(made, 2).world_T_camera, pose(0.2))
+    lost = (
+        carried(builder(pose(0.0), pose(0.1)), 3),
+        carried(builder(pose(0.0), pose(0.1)), 2, found=(True, False, False)),
+        carried(builder(pose(0.0), pose(0.1)), 2, sigma_rad=np.inf),
+    )
+    assert all(each.world_T_camera is None for each in lost)
+
+
+def test_a_gyro_carries_a_map_on_for_half_a_second_after_features_posed_a_frame():
+    made = builder(pose(0.0), pose(0.1))
+    for frame in range(2, 6):
+        made.add_pose(0.1 * frame, carried(made, frame).world_T_camera)
+    posed = result(world_T_camera=pose(0.6))
+    assert made.carried(Frame(6, 0.6, image()), posed, Prediction(pose(0.6)), CONFIG) is posed
+    made.add_pose(0.6, pose(0.6))
+    for frame in range(7, 12):
+        made.add_pose(0.1 * frame, carried(made, frame).world_T_camera)
+    assert carried(made, 12).world_T_camera is None
 
 
 def stands(moved_px, found=(True, True, True), frame=3, retention=None):

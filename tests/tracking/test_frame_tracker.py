@@ -116,6 +116,22 @@ def test_fewer_features_than_needed_give_no_pose(scene):
     assert result.world_T_camera is None and result.found.mean() > 0.9
 
 
+def test_half_as_many_features_pose_a_frame_whose_rotation_a_gyro_gives(scene):
+    local_map, _ = scene
+    ids = local_map.ids[7:]
+    nowhere = Positions(ids, np.full((len(ids), 3), np.nan), np.full(len(ids), np.nan))
+    local_map.apply(MapUpdate(positions=nowhere))
+    before, after = last_two()
+    turned = TRUE[LAST].copy()
+    turned[:3, :3] = TRUE[-1][:3, :3]
+    alone, by_gyro = (
+        tracker().track(local_map, before, after, Prediction(turned, sigma_rad))
+        for sigma_rad in (np.inf, 1e-4)
+    )
+    assert alone.world_T_camera is None
+    assert distance_m(by_gyro.world_T_camera, TRUE[-1]) < 0.03
+
+
 def test_too_small_a_share_of_inliers_gives_no_pose(scene):
     """A quarter of the positions is wrong by some pixels: these are found, and disagree."""
     local_map, points = scene

@@ -13,6 +13,7 @@ from vgps.solution import Trajectory
 
 _BIAS_FRAMES = 300  # last frames that give the bias
 _BIAS_INTERVALS = 60  # between them that are compared
+_FEWEST = 10  # intervals that give it: the first poses of a map are rough
 _BIAS_SIGMA = 0.005  # rad/s, of the bias that they give
 _CLOSE_RAD_S = 0.05  # rates that differ by less agree, whatever the motion: a third of a degree in 0.1 s
 
@@ -52,7 +53,7 @@ class RotationPredictor:
         """Return the camera's rotation from its axes at a later time to those of the last frame.
 
         The bias is the median difference between the rates of gyro and path, or the expected one where there
-        are no frames.
+        are few frames.
 
         Args:
             path: Frames so far, NaN where a pose is unknown.
@@ -62,11 +63,13 @@ class RotationPredictor:
             The rotation; None where the gyro has no samples, or turned otherwise than the last frames.
         """
         last_s, bias = float(path.t_s[-1]), self.bias(path)
-        rotation = None if bias is None else self.between(last_s, t_s, bias.rate_rad_s)
+        if bias is None:
+            return None
+        rotation = self.between(last_s, t_s, bias.rate_rad_s)
         if rotation is None:
             return None
         angle = float(Rotation.from_matrix(rotation).magnitude())
-        sigma = rotation_sigma_rad(self._imu, t_s - last_s)
+        sigma = rotation_sigma_rad(self._imu, t_s - last_s, max(bias.sigma_rad_s, _BIAS_SIGMA))
         return PredictedRotation(rotation, float(np.hypot(sigma, self._config.scale_error * angle)))
 
     def between(self, start_s: float, end_s: float, bias: FloatArray | None = None) -> FloatArray | None:
@@ -83,13 +86,14 @@ class RotationPredictor:
         return np.asarray(self.integral.relative_rotations(*span, bias)[0])
 
     def bias(self, path: Trajectory) -> GyroBias | None:
-        """Return the bias by the last frames; None if they turned otherwise than the gyro."""
+        """Return the bias by the last frames, the expected one if they are few; None if they turned otherwise
+        than the gyro."""
         known = np.flatnonzero(np.isfinite(path.world_T_camera[-_BIAS_FRAMES:, 0, 0]))
         known = known[:: max(1, len(known) // _BIAS_INTERVALS)]
         t_s, rotation = path.t_s[-_BIAS_FRAMES:][known], path.world_T_camera[-_BIAS_FRAMES:, :3, :3][known]
         kept = self._imu.covers(t_s[:-1], t_s[1:])
-        if not kept.any():
-            return GyroBias(self._imu.bias[3:], _BIAS_SIGMA)
+        if kept.sum() < _FEWEST:
+            return GyroBias(self._imu.bias[3:], self._config.gyro_bias_sigma)
         start_s, end_s = t_s[:-1][kept], t_s[1:][kept]
         by_gyro = self.integral.relative_rotations(start_s, end_s)
         by_path = rotation[:-1][kept].transpose(0, 2, 1) @ rotation[1:][kept]
@@ -102,9 +106,9 @@ class RotationPredictor:
         return None if wrong > max(varies, _CLOSE_RAD_S) else GyroBias(bias, sigma)
 
 
-def rotation_sigma_rad(imu: CameraImu, interval_s: float) -> float:
+def rotation_sigma_rad(imu: CameraImu, interval_s: float, bias_sigma: float = _BIAS_SIGMA) -> float:
     """Return the standard deviation of a small rotation by the gyro, with the bias that a path gives."""
-    return float(np.hypot(imu.gyro_density * np.sqrt(interval_s), _BIAS_SIGMA * interval_s))
+    return float(np.hypot(imu.gyro_density * np.sqrt(interval_s), bias_sigma * interval_s))
 
 
 def _size(rates: FloatArray) -> float:

@@ -192,13 +192,13 @@ class FramePipeline:
         return builder
 
     def _track(self, builder: MapBuilder, frame: Frame) -> None:
-        local_map = builder.local_map
-        # errors of features are common to many of them, which their number hides
-        predicted = builder.predict(frame.t_s, self._gyro).beside(self.config.batch.video_sigma_scale)
+        local_map, sigma_scale = builder.local_map, self.config.batch.video_sigma_scale
+        predicted = builder.predict(frame.t_s, self._gyro, self.maps).beside(sigma_scale)
         with self.timer.measure("track"):
             result = self.tracker.track(local_map, builder.view_image, frame, predicted)
             if result.world_T_camera is None:
                 result = self._relocalise(builder, frame, predicted.world_T_camera) or result
+        result = builder.carried(frame, result, predicted, self.config.tracking)
         if result.world_T_camera is None:
             self._grow_next_map(frame)
             return

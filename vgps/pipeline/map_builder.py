@@ -1,6 +1,7 @@
 """A map under construction: its newest view, frames without a view, gaps, and when stage C is due."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.mapping.trajectory import map_trajectory
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray, Frame, GrayImage
+from vgps.solution import Trajectory
 from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
 from vgps.tracking.tracking_result import TrackingResult
@@ -20,6 +22,7 @@ from vgps.tracking.tracking_result import TrackingResult
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
+_LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
 
 
 @dataclass(kw_only=True)
@@ -32,6 +35,7 @@ class MapBuilder:
         started: Whether two views have started the map.
         since_window: Number of moving frames since stage C last began.
         window_at: Number of frames of the video at that time.
+        carried_s: Time since the last frame that features posed.
         failures: Number of failures of stage C in a row.
         moved: Whether a moving frame was added since stage C was last considered.
         relocaliser: Searches for the map's features while tracking is lost.
@@ -42,6 +46,7 @@ class MapBuilder:
     started: bool = False
     since_window: int = 0
     window_at: int = 0
+    carried_s: float = 0.0
     failures: int = 0
     moved: bool = False
     relocaliser: Relocaliser | None = None
@@ -86,18 +91,52 @@ class MapBuilder:
             sigma = np.maximum(result.pose_sigma, _MIN_SIGMA)
         self.local_map.apply(MapUpdate(zero_motions=(ZeroMotion(frame, reference, relative, sigma),)))
 
-    def predict(self, t_s: float, gyro: RotationPredictor | None = None) -> Prediction:
+    def predict(
+        self, t_s: float, gyro: RotationPredictor | None = None, maps: Sequence[LocalMap] = ()
+    ) -> Prediction:
         """Return the pose (4, 4) at a time by the velocity between the last two frames, and by the gyro.
 
         After a gap, or without two poses, the velocity counts as unknown. The gyro gives the rotation where
         it has samples.
+
+        Args:
+            t_s: The time.
+            gyro: The gyro.
+            maps: All maps in order of time, this one the last: earlier ones show the gyro's bias too.
         """
         predicted = self._at_constant_velocity(t_s)
-        turn = None if gyro is None else gyro.predict(map_trajectory(self.local_map), t_s)
+        turn = None if gyro is None else gyro.predict(_joined(maps or (self.local_map,)), t_s)
         if turn is None:
             return Prediction(predicted)
         predicted[:3, :3] = self.local_map.poses[-1, :3, :3] @ turn.rotation
         return Prediction(predicted, turn.sigma_rad)
+
+    def carried(
+        self, frame: Frame, result: TrackingResult, prediction: Prediction, config: TrackingConfig
+    ) -> TrackingResult:
+        """Return the result of stage A, of a lost frame with its predicted pose if a gyro gave the rotation.
+
+        In fast turns features come and go before they have positions: once they have, they hold the frame.
+
+        Args:
+            frame: The frame.
+            result: With or without a pose.
+            prediction: Pose by velocity and gyro.
+            config: How many features, and which share of them, have to be found.
+
+        Returns:
+            The result; without a pose after a gap, after half a second, or if too few features were found.
+        """
+        if result.world_T_camera is not None:
+            self.carried_s = 0.0
+            return result
+        carried_s = self.carried_s + frame.t_s - float(self.local_map.t_s[-1])
+        least = max(config.min_inliers, config.min_inlier_share * len(result.found))
+        gap = frame.index > self.local_map.next_frame
+        if gap or not prediction.by_gyro or result.found.sum() < least or carried_s > _LONGEST_CARRIED_S:
+            return result
+        self.carried_s = carried_s
+        return replace(result, world_T_camera=prediction.world_T_camera)
 
     def _at_constant_velocity(self, t_s: float) -> FloatArray:
         poses, times = self.local_map.poses, self.local_map.t_s
@@ -129,3 +168,10 @@ class MapBuilder:
         frames = (NewFrame(float(t), pose, True) for t, pose in zip(times[1:-1], between, strict=True))
         self.local_map.apply(MapUpdate(frames=tuple(frames)))
         return (f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged",)
+
+
+def _joined(maps: Sequence[LocalMap]) -> Trajectory:
+    """Return the path of the last map, after that of the one before it."""
+    paths = [map_trajectory(one) for one in maps[-2:]]
+    poses = np.concatenate([path.world_T_camera for path in paths])
+    return Trajectory(np.concatenate([path.t_s for path in paths]), poses)

@@ -17,6 +17,7 @@ from scipy.ndimage import convolve1d
 
 from factors import path_vectors
 from vgps.camera import row_shares
+from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import pinhole_jacobian
@@ -86,7 +87,7 @@ def estimate_readout(
         camera_sigma: (4,) standard deviations of log focal length, principal point [px] and k1.
 
     Raises:
-        GeometryError: The poses are not determined.
+        GeometryError: The poses are not determined, or nothing moves in the pictures.
     """
     problem = _with_rows(problem, t_s, camera)
     structure = analyse_sparsity(problem)
@@ -99,6 +100,8 @@ def estimate_readout(
         follow = structure.to_frames(-factor.solve(np.column_stack(right)))
     instrument = [_rest(p, z, follow[..., 1]) for p, z in zip(parts, predicted, strict=True)]
     slope = _total(instrument, actual)
+    if not slope:
+        raise GeometryError("the camera does not move, or has no observations: nothing shows a readout")
     step = -_total(instrument, [p.r for p in parts]) / slope
     poses = follow[..., 2] + step * follow[..., 0]
     left = [_rest(p, p.r + step * p.by_readout, poses) for p in parts]

@@ -100,7 +100,9 @@ class FrameTracker:
         shift = self._row_shifts(local_map, predicted)
         result = result.shifted(shift, -1.0)
         usable = local_map.positioned & result.found
-        if usable.sum() < self._config.min_inliers:
+        # a known rotation leaves half of the unknowns
+        least = self._config.min_inliers // (2 if prediction.by_gyro else 1)
+        if usable.sum() < least:
             return result.shifted(shift)
         matches = result.matches(local_map.points[local_map.ids], usable)
         by_motion, _ = refine_pose(self._K, predicted, matches, np.ones(len(matches)), _GUESS_ITERATIONS)
@@ -112,7 +114,7 @@ class FrameTracker:
         result = result.shifted(shift, -1.0)
         aligned = self._aligned(local_map, (previous, frame), result, tentative, shift)
         matched = local_map.positioned & (result.found | aligned.found)
-        min_inliers = max(self._config.min_inliers, self._config.min_inlier_share * matched.sum())
+        min_inliers = max(least, self._config.min_inlier_share * matched.sum())
         final = self._final_pose(local_map, aligned, tentative, prediction, min_inliers)
         if final.world_T_camera is not None:
             fitting = final.found & first.found & local_map.positioned

@@ -46,8 +46,16 @@ class Prediction:
     world_T_camera: FloatArray
     rotation_sigma_rad: float = np.inf
 
+    @property
+    def by_gyro(self) -> bool:
+        """Whether a gyro gave the rotation."""
+        return bool(np.isfinite(self.rotation_sigma_rad))
+
     def beside(self, sigma_scale: float) -> "Prediction":
-        """Return the prediction as it weighs beside features whose sigmas are too small by this factor."""
+        """Return the prediction as it weighs beside features whose sigmas are too small by this factor.
+
+        Their errors are common to many of them, which their number hides.
+        """
         return Prediction(self.world_T_camera, self.rotation_sigma_rad / sigma_scale)
 
 
@@ -80,7 +88,7 @@ def refine_pose(
         weighted = (weight[:, None, None] * jacobian).reshape(-1, 6)
         information = weighted.T @ jacobian.reshape(-1, 6)
         gradient = weighted.T @ residual.ravel()
-        if prior is not None and np.isfinite(prior.rotation_sigma_rad):
+        if prior is not None and prior.by_gyro:
             certainty = 0.5 / prior.rotation_sigma_rad**2
             off = gtsam.Rot3(prior.world_T_camera[:3, :3].T @ pose[:3, :3])
             gradient[:3] += certainty * gtsam.Rot3.Logmap(off)
