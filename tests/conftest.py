@@ -1,6 +1,8 @@
 """Fixtures that every test may use."""
 
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,9 @@ from shared_runs import SharedRun, run_sharing
 from threadpoolctl import threadpool_limits
 
 import vgps
+from vgps.cli import main
+
+Verb = Callable[..., tuple[int, str, str]]
 
 settings.register_profile("vgps", deadline=None)  # a loaded machine is no failure
 settings.load_profile("vgps")
@@ -51,3 +56,19 @@ def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
     """The run of the real drive kitti07 with its RTK-fixes."""
     drive = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
     return shared_run("kitti07_fixed", lambda: vgps.smooth(drive))
+
+
+@pytest.fixture
+def vgps_verb(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Verb:
+    """Run a verb; return its exit code, standard output and standard error."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["vgps", *map(str, words)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        return code, *capsys.readouterr()
+
+    return run

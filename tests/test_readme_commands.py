@@ -91,6 +91,7 @@ def desk(tmp_path, monkeypatch, data_dir):
         height=1080,
         focal_px=1400.0,
         fps=8,
+        max_samples=1,
         speed=((0.0, 1.5), (5.0, 1.5)),
         camera_p_antenna=(0.0, -0.3, 0.0),
         start_utc=datetime(2026, 5, 1, 9, 30, 12, 500000, tzinfo=UTC),
@@ -139,9 +140,10 @@ def test_every_command_and_example_runs(desk, monkeypatch, capsys):
     for name in DOCUMENTS:
         text = (ROOT / name).read_text(encoding="utf-8")
         for line in commands(text):
-            if elsewhere(line) is None and line not in done:
+            same = tuple(PLACEHOLDERS.get(word, word) for word in line.split())
+            if elsewhere(line) is None and same not in done:
                 run(line, monkeypatch, capsys)
-                done.add(line)
+                done.add(same)
         for example in examples(text):
             exec(compile(example, name, "exec"), known(desk))
     assert {"run.html", "street.vgps", "receiver.yaml", "scene", "run.gpkg", "points.laz"} <= {

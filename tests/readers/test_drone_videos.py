@@ -1,8 +1,6 @@
 """A drone's video with its subtitles, in every dialect of the files in dji_srt: one command each."""
 
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,21 +12,13 @@ from vgps.readers.recording import open_recording
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*DIALECTS, "mavic_2_style"])
-def test_one_command_smooths_a_drone_s_video(recording, tmp_path, name):
+def test_one_command_smooths_a_drone_s_video(recording, tmp_path, vgps_verb, name):
     # the walk is shorter than the region of the class single needs: a survey gives a smaller one
     (tmp_path / "survey.yaml").write_text("single: {r_m: 0.5, h_m: 0.5}\n")
-    words = [
-        sys.executable,
-        "-m",
-        "vgps",
-        "smooth",
-        str(write_drone_video(recording, tmp_path, name)),
-        "--out",
-        str(tmp_path / "run"),
-    ]
-    words += ["--survey", str(tmp_path / "survey.yaml")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    video = write_drone_video(recording, tmp_path, name)
+    survey = tmp_path / "survey.yaml"
+    code, _, err = vgps_verb("smooth", video, "--out", tmp_path / "run", "--survey", survey)
+    assert code == 0, err
     truth = recording / "truth.tum"
     # the run has the first fix as origin, the truth that of the simulation
     shutil.copy(truth, tmp_path / "truth.tum")
