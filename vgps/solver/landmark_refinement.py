@@ -112,7 +112,8 @@ def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArr
     points = problem.world_p_landmark.copy()
     if not len(rows):
         return points, 0.0
-    chunk = _chunk_of(problem, rows)
+    problem = problem.select_observations(rows).by_view()  # the poses of rows stay, too
+    chunk = _chunk_of(problem)
     refined = chunk.landmarks
     damping = np.full(len(refined), _START_DAMPING)
     (cost,) = _chunk_costs(problem, chunk, [points])
@@ -138,17 +139,16 @@ def _chunk_costs(problem: BundleProblem, chunk: Chunk, points: Sequence[FloatArr
     return [np.bincount(chunk.landmark, cost, size).astype(np.float64) for cost in costs]
 
 
-def _chunk_of(problem: BundleProblem, rows: IntArray) -> Chunk:
-    """Return some observations as a chunk without groups."""
-    part = problem.select_observations(rows)
-    landmarks, landmark = np.unique(part.landmark, return_inverse=True)
+def _chunk_of(problem: BundleProblem) -> Chunk:
+    """Return all observations as a chunk without groups."""
+    landmarks, landmark = np.unique(problem.landmark, return_inverse=True)
     return Chunk(
-        problem=part,
+        problem=problem,
         landmarks=landmarks,
         landmark=landmark,
         first_frame=0,
-        frame=part.frame,
-        coupled=couple(part, landmark),
+        frame=problem.frame,
+        coupled=couple(problem, landmark),
         free_rows=np.zeros(0, dtype=np.int64),
         entry=np.zeros((0, 3), dtype=np.int64),
         groups=(),
