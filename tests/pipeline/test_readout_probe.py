@@ -57,6 +57,12 @@ def test_it_looks_until_the_motion_shows_the_shutter(monkeypatch, recording) -> 
     assert looks == [60, 120] and probe.found is None
 
 
+def test_a_camera_that_has_not_moved_yet_is_looked_at_later(recording) -> None:
+    front_end = run_front_end(replace(recording, gps=None), vgps.Config(), NoProgress())
+    probe = ReadoutProbe(recording, vgps.Config())
+    assert not probe.stops(60, lambda: replace(front_end, maps=())) and probe.found is None
+
+
 def test_only_an_unknown_readout_is_looked_for(recording) -> None:
     config = vgps.Config()
     assert readout_probe(recording, config) is not None

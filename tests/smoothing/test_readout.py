@@ -6,6 +6,7 @@ from synthetic_bundle import TIGHT
 from synthetic_rows import ROWS, rolling_drive
 
 from vgps.camera import row_shares
+from vgps.errors import GeometryError
 from vgps.model import Camera
 from vgps.smoothing.readout import Readout, estimate_readout
 from vgps.solver.bundle_adjustment import solve
@@ -41,6 +42,14 @@ def test_the_readout_is_found_from_a_global_shutter_and_from_itself() -> None:
     assert again.readout_s == pytest.approx(0.06, abs=4 * again.sigma_s)
     uncertain = estimate_readout(rigid, T_S, CAMERA, np.array([0.1, 20.0, 20.0, 0.3]))
     assert uncertain.sigma_s > 2 * found.sigma_s and uncertain.readout_s == found.readout_s
+
+
+def test_observations_in_the_middle_row_show_no_readout() -> None:
+    problem, _ = rolling_drive()
+    assert problem.row_times is not None
+    middle = replace(problem.row_times, share=np.zeros_like(problem.row_times.share))
+    with pytest.raises(GeometryError, match="nothing shows a readout"):
+        estimate_readout(replace(problem, row_times=middle), T_S, CAMERA, NO_SIGMA)
 
 
 @pytest.mark.slow

@@ -58,6 +58,8 @@ class ReadoutProbe:
         return self.found is not None
 
     def _estimate(self, front_end: FrontEnd) -> Readout:
+        if not front_end.maps:
+            raise GeometryError("no map has started yet")
         camera = front_end.recording.camera
         merged = merged_maps(front_end, front_end.context(self._config))
         for step in range(_STEPS):
