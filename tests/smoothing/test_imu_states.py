@@ -1,4 +1,6 @@
-"""What a run reports of its IMU's biases."""
+"""Where the IMU holds a path, and what a run reports of its biases."""
+
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -14,9 +16,10 @@ from vgps.imu.camera_imu import imu_at_camera
 from vgps.imu.factors import imu_graph
 from vgps.imu.start import start_states
 from vgps.imu.states import as_bias, bias_key, velocity_key
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.simulate import Motion
 from vgps.smoothing.factor_graph import Scene, joined, other_pose_factors
-from vgps.smoothing.imu_states import ImuBias
+from vgps.smoothing.imu_states import ImuBias, loose_frames
 from vgps.solution import Observations, Trajectory
 
 
@@ -31,6 +34,24 @@ def test_biases_are_reported_in_the_axes_of_the_imu():
     }
     unknown = ImuBias(np.arange(6.0), np.full((6, 6), np.nan)).report(quarter)
     assert unknown.keys() == {"accelerometer_m_s2", "gyro_rad_s"}
+
+
+def tracks(*spans):
+    """Observations of features, each in all frames from one to another."""
+    frame = np.concatenate([np.arange(first, last + 1) for first, last in spans])
+    landmark = np.repeat(np.arange(len(spans)), [last + 1 - first for first, last in spans])
+    return Observations(frame, landmark, np.zeros((len(frame), 2)))
+
+
+def test_the_imu_holds_frames_that_few_features_show_and_both_sides_of_a_seam_between_maps():
+    poses, standing = np.tile(np.eye(4), (12, 1, 1)), ZeroMotion(9, 8, np.eye(4), np.ones(6))
+    spans = [(0, 2), (0, 2), (4, 6), (4, 6), (7, 8), (7, 8), (7, 11), (10, 11), (0, 3)]
+    scene = Scene(np.arange(12.0), poses, np.zeros((len(spans), 3)), tracks(*spans), (standing,))
+    # frame 3 shows one feature; no track leads from 6 to 7; one leads over the standing frame 9
+    assert np.flatnonzero(loose_frames(scene, 2)).tolist() == [2, 3, 4, 6, 7, 8, 9, 10]
+    assert np.flatnonzero(loose_frames(scene, 1)).tolist() == [3, 4, 6, 7]
+    looped = replace(scene, loop=np.where(scene.observations.landmark == 8, 0, -1))
+    assert np.flatnonzero(loose_frames(looped, 1)).tolist() == [2, 3, 4, 6, 7]
 
 
 def test_what_is_level_is_shared_between_a_bias_and_a_tilt():

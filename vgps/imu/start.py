@@ -15,9 +15,9 @@ _ROTATION_SIGMA, _POSITION_SIGMA_M = np.radians(2.0), 0.2  # of a path before st
 _ROUNDS = 2  # the second integrates with the biases of the first
 
 
-def start_states(path: Trajectory, unseen: BoolArray, imu: CameraImu, config: ImuConfig) -> ImuStates | None:
+def start_states(path: Trajectory, loose: BoolArray, imu: CameraImu, config: ImuConfig) -> ImuStates | None:
     """Return velocities and biases at knots of a path; arguments and None as for :func:`first_states`."""
-    states = first_states(path, unseen, imu, config)
+    states = first_states(path, loose, imu, config)
     for _ in range(_ROUNDS if states is not None else 0):
         assert states is not None
         states = _fitted(states, path, imu, config)

@@ -53,13 +53,12 @@ def as_bias(bias: FloatArray) -> gtsam.imuBias.ConstantBias:
     return gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
 
 
-def first_states(path: Trajectory, unseen: BoolArray, imu: CameraImu, config: ImuConfig) -> ImuStates | None:
+def first_states(path: Trajectory, loose: BoolArray, imu: CameraImu, config: ImuConfig) -> ImuStates | None:
     """Choose knots and return their states: velocities of the path, expected biases.
 
     Args:
         path: All frames.
-        unseen: (F,) frames that neither features nor standing still hold; they and their neighbours are
-            knots, so that the IMU bridges them.
+        loose: (F,) frames that the IMU has to hold, which are knots.
         imu: The samples.
         config: Distance of the knots.
 
@@ -71,10 +70,7 @@ def first_states(path: Trajectory, unseen: BoolArray, imu: CameraImu, config: Im
     intervals = max(1, round((t_s[-1] - t_s[0]) / config.knot_s))
     knot = np.zeros(len(t_s), dtype=bool)
     knot[np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], intervals + 1) - 1e-6)] = True
-    beside = unseen.copy()
-    beside[1:] |= unseen[:-1]
-    beside[:-1] |= unseen[1:]
-    frame = np.flatnonzero(knot | beside)
+    frame = np.flatnonzero(knot | loose)
     linked = imu.covers(t_s[frame[:-1]], t_s[frame[1:]])
     used = np.append(linked, False) | np.append(False, linked)
     if not used.any():

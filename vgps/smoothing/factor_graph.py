@@ -69,9 +69,13 @@ class Scene:
     @property
     def unseen(self) -> BoolArray:
         """(F,) frames without observations that no zero motion holds."""
-        unseen = np.bincount(self.observations.frame, minlength=len(self.t_s)) == 0
-        unseen[[constraint.frame for constraint in self.zero_motions]] = False
-        return np.asarray(unseen)
+        return self.hardly_seen(1)
+
+    def hardly_seen(self, fewest: int) -> BoolArray:
+        """Return the frames (F,) with fewer observations than that, which no zero motion holds."""
+        few = np.bincount(self.observations.frame, minlength=len(self.t_s)) < fewest
+        few[[constraint.frame for constraint in self.zero_motions]] = False
+        return np.asarray(few)
 
     def with_observations(self, kept: BoolArray) -> "Scene":
         """Return the scene with some of its observations (N,)."""
@@ -221,11 +225,13 @@ def other_pose_factors(
 ) -> gtsam.NonlinearFactorGraph:
     """Return the factors of sensors, motion and a level camera: all but those of fixes and control points.
 
-    With an IMU, its knots bridge frames without features. What is level is assumed beside gravity, too: until
-    the camera turns, a bias of the accelerometer looks like a tilt.
+    With an IMU, its knots bridge frames without features, and constant velocity holds those between its knots
+    that lost theirs. What is level is assumed beside gravity, too: until the camera turns, a bias of the
+    accelerometer looks like a tilt.
     """
     unseen = scene.unseen
     if imu is not None:
+        unseen = scene.hardly_seen(config.tracking.min_inliers)
         unseen[imu.frame] = False
     motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
     level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)

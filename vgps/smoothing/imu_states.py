@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates, bias_key, velocity_key
-from vgps.model import FloatArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
 from vgps.solver.marginals import Covariances
@@ -19,7 +19,33 @@ def start_imu(scene: Scene, context: SmoothingContext) -> ImuStates | None:
     """Return velocities and biases that fit a scene; None without an IMU, or where it has no samples."""
     if context.imu is None:
         return None
-    return start_states(scene.trajectory, scene.unseen, context.imu, context.config.imu)
+    loose = loose_frames(scene, context.config.tracking.min_inliers)
+    return start_states(scene.trajectory, loose, context.imu, context.config.imu)
+
+
+def loose_frames(scene: Scene, fewest: int) -> BoolArray:
+    """Return the frames (F,) that the IMU has to hold.
+
+    These are frames with fewer than ``fewest`` observations that do not stand still, with their neighbours,
+    and the frames on either side of a place that fewer tracks cross, as between maps.
+    """
+    few, seam = scene.hardly_seen(fewest), _crossing_tracks(scene) < fewest
+    loose = few.copy()
+    loose[1:] |= few[:-1] | seam
+    loose[:-1] |= few[1:] | seam
+    return np.asarray(loose)
+
+
+def _crossing_tracks(scene: Scene) -> IntArray:
+    """Return the number (F - 1,) of tracks from each frame or an earlier one to the next or a later one."""
+    frame, landmark = scene.observations.frame, scene.observations.landmark
+    if scene.loop is not None:
+        frame, landmark = frame[scene.loop < 0], landmark[scene.loop < 0]
+    first, last = np.full(len(scene.points), len(scene.t_s)), np.full(len(scene.points), -1)
+    np.minimum.at(first, landmark, frame)
+    np.maximum.at(last, landmark, frame)
+    begin, end = (np.bincount(ends[first < last], minlength=len(scene.t_s)) for ends in (first, last))
+    return np.asarray(np.cumsum(begin - end)[:-1])
 
 
 def imu_state_vectors(imu: ImuStates) -> dict[int, StateVector]:
