@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_bundle import TIGHT, drive, interrupted_tracks, keep_observations, with_loss
+from synthetic_laps import two_laps
 from synthetic_states import drive_with_states
 
 from vgps.solver.bundle_adjustment import solve
@@ -26,6 +27,7 @@ CASES = {
     "long": lambda: (drive(frames=160, landmarks=900)[0], 52),
     "huber": lambda: (with_loss(drive(frames=160, landmarks=900, outliers=0.05)[0], "huber"), 52),
     "states and shared vectors": lambda: (short_tracks(drive_with_states(), 5), 16),
+    "loops": lambda: (two_laps(), 36),
     "gap": lambda: (short_tracks(interrupted_tracks(), 4), 12),
 }
 

@@ -17,7 +17,7 @@ class SubmapsConfig(SettingsModel):
 
     frames: PositiveInt | Literal["auto"] = "auto"
     """Frames of a submap; auto gives recordings of more than 20,000 frames submaps of 5,000. It must be twice
-    what tracks span across a cut; a recording that sees places again is solved whole."""
+    what tracks span across a cut; where places are seen again, submaps are cut at blocks of 16 frames."""
 
     def frames_of(self, total: int) -> int | None:
         """Return the frames of a submap of a recording of so many frames; None if it is solved whole."""

@@ -36,7 +36,8 @@ class SubmapReport:
 
     Attributes:
         places: Frames, and states that stand between them, of each submap.
-        separators: Those of each submap that tracks and factors couple with the one before; 0 for the first.
+        separators: Those of each submap that tracks, loops and factors couple with an earlier one; 0 for the
+            first. With loops they are counted in blocks of 16.
         peak_memory_mb: Most memory that the process held until stage D ended; NaN where it is not known.
     """
 

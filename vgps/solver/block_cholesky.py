@@ -15,32 +15,42 @@ from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.block_layout import BlockLayout
 from vgps.solver.dense_products import divide_by_factor, subtract_product
+from vgps.solver.disk_arrays import DiskArrays
 
 
-def factorise_blocks(layout: BlockLayout, flat: FloatArray, least: FloatArray) -> None:
-    """Replace a matrix by its factor L of A = L L^T, in order of elimination.
+def factorise_blocks(
+    layout: BlockLayout, matrix: FloatArray, factor: FloatArray, least: FloatArray, arrays: DiskArrays | None
+) -> None:
+    """Write the factor L of A = L L^T, in order of elimination.
 
     Args:
-        layout: Its stored blocks.
-        flat: (layout.size,) their entries.
+        layout: The stored blocks.
+        matrix: (layout.size,) entries of A.
+        factor: (layout.size,) those of L, for the result.
         least: (n,) what the squared pivots must exceed.
+        arrays: Where the entries are stored; None for memory.
 
     Raises:
         NotPositiveDefiniteError: There is no factor, or a squared pivot is not above its least value.
     """
-    columns = {k: layout.column(k, flat) for k in layout.order.tolist()}
+    columns = {k: layout.column(k, factor) for k in layout.order.tolist()}
     finished = {k: Event() for k in columns}
 
     def factorise(k: int) -> None:
         try:
             width, column = layout.width(k), columns[k]
+            column[:] = layout.column(k, matrix)
             for earlier, first, runs in layout.contributions[k]:
                 finished[earlier].wait()
                 panel = columns[earlier]
                 for rows, at in runs:
                     subtract_product(panel[rows], panel[first : first + width], column[at])
+                if arrays is not None:
+                    arrays.passed(panel.nbytes)
             _factorise_diagonal(column[:width], layout.span(k), least)
             divide_by_factor(column[width:], column[:width])
+            if arrays is not None:
+                arrays.passed(2 * column.nbytes)
         finally:
             finished[k].set()  # after an error too, which the caller gets before those of later columns
 

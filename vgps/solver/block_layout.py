@@ -1,6 +1,6 @@
 """Fill-reducing order and storage of a block-sparse symmetric matrix over frames."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -138,14 +138,18 @@ class BlockLayout:
         return total
 
 
-def layout_blocks(frames: int, cliques: Iterable[IntArray]) -> BlockLayout:
+def layout_blocks(
+    frames: int, cliques: Iterable[IntArray], stages: Sequence[IntArray] | None = None
+) -> BlockLayout:
     """Order the blocks by minimum degree (Tinney and Walker 1967) and lay out the factor.
 
     Args:
         frames: Number of frames of the matrix.
         cliques: Sets of frames; all frames of a set are coupled with each other.
+        stages: Blocks that are eliminated before those of later stages; None for all in one.
     """
-    order, below = _minimum_degree(-(-frames // BLOCK_FRAMES), cliques)
+    blocks = -(-frames // BLOCK_FRAMES)
+    order, below = _minimum_degree(blocks, cliques, [np.arange(blocks)] if stages is None else stages)
     columns, at = POSE_DIM * frames, 0
     start = np.full((len(order), len(order)), -1, dtype=np.int64)
     for block in order.tolist():
@@ -167,21 +171,29 @@ def _runs(source: dict[int, slice], target: dict[int, slice]) -> tuple[tuple[sli
     return tuple(runs)
 
 
-def _minimum_degree(blocks: int, cliques: Iterable[IntArray]) -> tuple[IntArray, tuple[IntArray, ...]]:
+def blocks_of(cliques: Iterable[IntArray]) -> set[frozenset[int]]:
+    """Return the sets of blocks that sets of frames lie in."""
+    return {frozenset(np.unique(frames // BLOCK_FRAMES).tolist()) for frames in cliques}
+
+
+def _minimum_degree(
+    blocks: int, cliques: Iterable[IntArray], stages: Sequence[IntArray]
+) -> tuple[IntArray, tuple[IntArray, ...]]:
     """Return the order of elimination, and for each block the later blocks that its column couples with."""
     neighbours: list[set[int]] = [set() for _ in range(blocks)]
-    for clique in {frozenset(np.unique(frames // BLOCK_FRAMES).tolist()) for frames in cliques}:
+    for clique in blocks_of(cliques):
         for block in clique:
             neighbours[block] |= clique - {block}
     order: list[int] = []
-    left = set(range(blocks))
-    while left:
-        block = min(left, key=lambda i: (len(neighbours[i]), i))
-        left.remove(block)
-        order.append(block)
-        for other in neighbours[block]:
-            neighbours[other] |= neighbours[block]
-            neighbours[other] -= {other, block}
+    for stage in stages:
+        left = set(stage.tolist())
+        while left:
+            block = min(left, key=lambda i: (len(neighbours[i]), i))
+            left.remove(block)
+            order.append(block)
+            for other in neighbours[block]:
+                neighbours[other] |= neighbours[block]
+                neighbours[other] -= {other, block}
     rank = np.argsort(np.array(order, np.int64))
     below = [np.array(sorted(later, key=lambda i: rank[i]), np.int64) for later in neighbours]
     return np.array(order, np.int64), tuple(below)

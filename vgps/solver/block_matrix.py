@@ -16,6 +16,7 @@ from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_cholesky import factorise_blocks
 from vgps.solver.block_layout import BLOCK_FRAMES, BlockLayout
 from vgps.solver.dense_products import square
+from vgps.solver.disk_arrays import DiskArrays
 
 
 @dataclass(frozen=True)
@@ -25,15 +26,25 @@ class BlockSparseMatrix:
     Attributes:
         layout: Stored blocks and their positions in ``flat``.
         flat: (layout.size,) the entries.
+        arrays: Where they are stored; None for memory.
     """
 
     layout: BlockLayout
     flat: FloatArray
+    arrays: DiskArrays | None = None
 
     @classmethod
-    def zeros(cls, layout: BlockLayout) -> "BlockSparseMatrix":
+    def zeros(cls, layout: BlockLayout, on_disk: bool = False) -> "BlockSparseMatrix":
         """Return a zero matrix."""
+        if on_disk:
+            arrays = DiskArrays()
+            return cls(layout, arrays.empty((layout.size,)), arrays)
         return cls(layout, np.zeros(layout.size))
+
+    def _passed(self, size: int) -> None:
+        """Say that so many bytes were in use, which may leave the memory if they are on disk."""
+        if self.arrays is not None:
+            self.arrays.passed(size)
 
     def block(self, row: int, column: int) -> FloatArray:
         """Return a view of a stored block."""
@@ -55,6 +66,7 @@ class BlockSparseMatrix:
             part = squared[rows, columns]
             block = np.ndarray(part.shape, np.float64, self.flat, 8 * start, (8 * strides[0], 8 * strides[1]))
             np.subtract(block, part, out=block)
+        self._passed(squared.nbytes)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add to entries of the lower triangle, each of which is given once."""
@@ -64,6 +76,7 @@ class BlockSparseMatrix:
         block = j // size
         widths = np.minimum(layout.columns - size * block, size)
         self.flat[layout.start[i // size, block] + (i % size) * widths + j % size] += values
+        self._passed(self.flat.nbytes)
 
     def add_diagonal(self, values: FloatArray) -> None:
         """Add (n,) values to the diagonal."""
@@ -77,8 +90,11 @@ class BlockSparseMatrix:
             NotPositiveDefiniteError: There is none, or a squared pivot is not above ``min_pivot``, a number
                 or (n,).
         """
-        factor = BlockSparseMatrix(self.layout, self.flat.copy())
-        factorise_blocks(self.layout, factor.flat, np.broadcast_to(min_pivot, self.layout.columns))
+        layout, on_disk = self.layout, self.arrays is not None
+        factor = self.zeros(layout, on_disk) if on_disk else BlockSparseMatrix(layout, np.empty(layout.size))
+        least = np.broadcast_to(min_pivot, layout.columns)
+        factorise_blocks(layout, self.flat, factor.flat, least, factor.arrays)
+        self._passed(self.flat.nbytes)
         return factor
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -92,10 +108,12 @@ class BlockSparseMatrix:
             span = self.layout.span(k)
             x[span] = blas.dtrsm(1.0, self.block(k, k), x[span], lower=1)
             x[rows[k]] -= self.panel(k) @ x[span]
+            self._passed(self.panel(k).nbytes)
         for k in reversed(order):
             span = self.layout.span(k)
             rest = x[span] - self.panel(k).T @ x[rows[k]]
             x[span] = blas.dtrsm(1.0, self.block(k, k), rest, lower=1, trans_a=1)
+            self._passed(self.panel(k).nbytes)
         return x.reshape(right.shape)
 
     def inverse_diagonal_blocks(self) -> FloatArray:
@@ -105,7 +123,7 @@ class BlockSparseMatrix:
         1973). With W = P D^-1 for a column's diagonal block D and panel P, and S the inverse over the rows of
         the panel, the inverse's panel is -S W and its diagonal block D^-T D^-1 + W^T S W.
         """
-        layout, inverse = self.layout, BlockSparseMatrix.zeros(self.layout)
+        layout, inverse = self.layout, self.zeros(self.layout, on_disk=self.arrays is not None)
         blocks = np.empty((layout.columns // POSE_DIM, POSE_DIM, POSE_DIM))
         for k in reversed(layout.order.tolist()):
             D, panel = self.block(k, k), self.panel(k)
@@ -121,6 +139,8 @@ class BlockSparseMatrix:
             first = layout.span(k).start // POSE_DIM
             pairs = diagonal.reshape(frames, POSE_DIM, frames, POSE_DIM)
             blocks[first : first + frames] = np.einsum("iaib->iab", pairs)
+            self._passed(panel.nbytes)
+            inverse._passed((len(layout.below[k]) + 1) * panel.nbytes)
         return blocks
 
     def _symmetric_over(self, blocks: IntArray) -> FloatArray:

@@ -15,6 +15,7 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM, BandMatrix
 from vgps.solver.block_layout import BlockLayout, layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
+from vgps.solver.block_submaps import cut_blocks_into_submaps
 from vgps.solver.chunks import Chunk, couple, split_into_chunks
 from vgps.solver.landmark_groups import group_by_blocks, group_by_track, track_ends
 from vgps.solver.problem import BundleProblem
@@ -36,7 +37,7 @@ class SparsityStructure(Unknowns):
         chunks: The observations, each in one chunk.
         half_bandwidth: Number of subdiagonals of the reduced matrix.
         blocks: Layout of the reduced matrix in blocks; None if it is stored as a band.
-        submaps: Where the band is cut into submaps; None if it is whole.
+        submaps: Where the matrix is cut into submaps on disk; None if it is whole.
     """
 
     chunks: Sequence[Chunk]
@@ -62,8 +63,9 @@ class SparsityStructure(Unknowns):
     def bytes(self) -> float:
         """Memory of the matrix, its factor, and the largest chunk's buffer; of the largest submap alone."""
         places = self.n_free if self.submaps is None else int(np.diff(self.submaps.first).max())
-        band = POSE_DIM * places * (self.rows + self.half_bandwidth)
-        matrix = band if self.blocks is None else 2 * self.blocks.size
+        matrix: float = POSE_DIM * places * (self.rows + self.half_bandwidth)
+        if self.blocks is not None:
+            matrix = 2.0 * self.blocks.size * places / self.n_free
         return 8.0 * (matrix + max((chunk.size + chunk.squares_size for chunk in self.chunks), default=0))
 
     def fits(self, max_flops: float, max_bytes: float) -> bool:
@@ -74,7 +76,7 @@ class SparsityStructure(Unknowns):
     def empty(self) -> PoseMatrix:
         """Return a zero matrix over free poses and states."""
         if self.blocks is not None:
-            return BlockSparseMatrix.zeros(self.blocks)
+            return BlockSparseMatrix.zeros(self.blocks, on_disk=self.submaps is not None)
         if self.submaps is not None:
             return SubmapMatrix.zeros(self.submaps, self.rows)
         return BandMatrix.zeros(POSE_DIM * self.n_free, self.rows)
@@ -103,6 +105,14 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     unknowns = number_unknowns(problem)
     cliques = _places_of_factors(problem, unknowns)
     band, group = _band_structure(problem, unknowns, cliques)
+    if (
+        problem.submap_frames is not None
+        and band.submaps is None
+        and unknowns.n_free > 2 * problem.submap_frames
+    ):
+        in_submaps = _block_structure(problem, unknowns, cliques, problem.submap_frames)
+        if in_submaps.submaps is not None:
+            return in_submaps
     blocks = None
     if band.flops > _CHEAP_BAND_FLOPS and band.submaps is None:
         blocks = _block_structure(problem, unknowns, cliques)
@@ -150,18 +160,27 @@ def _submaps(
 
 
 def _block_structure(
-    problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray]
+    problem: BundleProblem, unknowns: Unknowns, cliques: list[IntArray], submap_frames: int | None = None
 ) -> SparsityStructure:
+    """Return the structure in blocks; in submaps on disk of so many frames, if it can be cut."""
     free, n_free = unknowns.free, unknowns.n_free
     coupled = couple(problem, problem.landmark)
-    group = group_by_blocks(free[coupled.frame], coupled.landmark, len(problem.world_p_landmark))
-    chunks = split_into_chunks(problem, free, group)
-    tracks = [g.frames for chunk in chunks for g in chunk.groups]
+    places, landmarks = free[coupled.frame], len(problem.world_p_landmark)
+    group = group_by_blocks(places, coupled.landmark, landmarks)
+    if submap_frames is not None:  # landmarks in order of the submaps that see them first
+        first, _ = track_ends(places, coupled.landmark, landmarks)
+        number = np.minimum(first, n_free) // submap_frames
+        _, group = np.unique(number * len(group) + group, return_inverse=True)
+    chunks = split_into_chunks(problem, free, group, on_disk=submap_frames is not None)
+    cliques = [*(g.frames for chunk in chunks for g in chunk.groups), *cliques]
+    cut = None if submap_frames is None else cut_blocks_into_submaps(n_free, cliques, submap_frames)
+    submaps, stages = (None, None) if cut is None else cut
     return SparsityStructure(
         **vars(unknowns),
         chunks=chunks,
         half_bandwidth=POSE_DIM * n_free - 1,
-        blocks=layout_blocks(n_free, [*tracks, *cliques]),
+        blocks=layout_blocks(n_free, cliques, stages),
+        submaps=submaps,
     )
 
 
