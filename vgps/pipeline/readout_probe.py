@@ -16,13 +16,13 @@ from vgps.smoothing.readout import Readout
 from vgps.solution import Solution
 
 _FRAMES = (60, 120, 240)  # numbers of frames after which to look
-_STEPS = 2  # of the estimate; stage D takes the rest
 
 
 class ReadoutProbe:
     """Looks for a rolling shutter in what the first frames gave, and stops there if it cannot be chance.
 
-    A rough solution of stage D and a step in the readout cost little beside following a whole video twice.
+    A rough solution of stage D and a step in the readout cost little beside following a whole video twice;
+    stage D takes further steps.
     Where the first frames do not show it, stage D looks for it again in all of them.
 
     Args:
@@ -62,15 +62,8 @@ class ReadoutProbe:
             raise GeometryError("no map has started yet")
         camera = front_end.recording.camera
         merged = merged_maps(front_end, front_end.context(self._config))
-        for step in range(_STEPS):
-            batch = optimise_roughly(front_end, merged, camera, self._config)
-            seen = readout_of(batch, camera, self._camera_sigma)
-            if step == 0 and not seen.is_shown(self._config.rolling_shutter.min_sigmas):
-                break
-            camera = replace(camera, readout_s=seen.readout_s)
-            scene = replace(merged.scene, poses=batch.trajectory.world_T_camera, points=batch.points)
-            merged = replace(merged, scene=scene)
-        return seen
+        batch = optimise_roughly(front_end, merged, camera, self._config)
+        return readout_of(batch, camera, self._camera_sigma)
 
 
 def readout_probe(recording: Recording, config: Config) -> ReadoutProbe | None:
