@@ -11,7 +11,7 @@ import numpy as np
 
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, without_repeats
-from vgps.readers.metadata_tracks import Packet, packets
+from vgps.readers.metadata_tracks import Packet, packets_of
 
 _TYPE = struct.Struct("<2xH")
 _PLAIN, _FULL = 5, 6
@@ -29,7 +29,7 @@ def read_camm(video: Path) -> RawLog | None:
         RecordingError: The video cannot be read.
     """
     found, damaged = list[Fix](), 0
-    for number, packet in enumerate(packets(video, lambda stream, kind: kind == "camm"), 1):
+    for number, packet in enumerate(packets_of(video, "camm"), 1):
         try:
             fix = _fix(packet, number)
         except struct.error:

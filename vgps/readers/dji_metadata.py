@@ -7,17 +7,17 @@ message of the position has GPS (units, latitude, longitude) and the height in m
 
 import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
-from vgps.readers.metadata_tracks import packets
+from vgps.readers.metadata_tracks import packets_of
 
 Message = dict[int, int | float | bytes]
 """The last value of each field: of a varint an integer, of 64 bits a float, bytes of what has a length."""
 
+_TRACK = "djmd"
 _POSITIONS = ((3, 3, 4), (3, 4, 4), (3, 4, 2))  # drones; Avata 2 and Neo; action cameras
 _PROTOCOL = (1, 1, 1)
 _GPS, _HEIGHT_MM = 1, 2  # in a position
@@ -37,7 +37,7 @@ def read_dji_metadata(video: Path) -> RawLog | None:
         RecordingError: The video cannot be read.
     """
     found, protocol, damaged = list[Fix](), "", 0
-    for number, packet in enumerate(packets(video, _is_dji), 1):
+    for number, packet in enumerate(packets_of(video, _TRACK), 1):
         try:
             message = parse(packet.data)
             protocol = protocol or _protocol(message)
@@ -63,7 +63,7 @@ def dji_names(video: Path) -> list[str]:
         RecordingError: The video cannot be read.
     """
     try:
-        first = next((packet.data for packet in packets(video, _is_dji)), b"")
+        first = next((packet.data for packet in packets_of(video, _TRACK)), b"")
         header = _inner(parse(first), _PROTOCOL[:-1])
     except ValueError:
         return []
@@ -138,10 +138,6 @@ def _inner(message: Message, path: tuple[int, ...]) -> Message:
             return {}
         message = parse(inner)
     return message
-
-
-def _is_dji(_stream: Any, kind: str) -> bool:
-    return kind == "djmd"
 
 
 def _protocol(message: Message) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
-from vgps.readers.metadata_tracks import packets
+from vgps.readers.metadata_tracks import packets_of
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
 _LATITUDE, _LONGITUDE = re.compile(rf"latitude{_NUMBER}"), re.compile(rf"longt?itude{_NUMBER}")
@@ -91,7 +91,7 @@ def subtitles_in(video: Path) -> list[tuple[float, str]]:
         RecordingError: The video cannot be read.
     """
     found = []
-    for packet in packets(video, lambda stream, kind: kind in _TEXT_TRACKS):
+    for packet in packets_of(video, *_TEXT_TRACKS):
         length = int.from_bytes(packet.data[:_LENGTH_BYTES], "big")
         text = packet.data[_LENGTH_BYTES : _LENGTH_BYTES + length]
         if text:  # gaps between subtitles are packets without one

@@ -128,7 +128,7 @@ def first_number(about: dict[str, Entry], key: str, default: float) -> float:
     return float(values[0, 0]) if values.size else default
 
 
-def _is_gpmf(stream: Any, _kind: str) -> bool:
+def _is_gpmf(stream: Any) -> bool:
     names = stream.metadata.get("handler_name", ""), getattr(stream, "codec_tag", None) or ""
     return stream.type == "data" and any(name in text for name in _TRACK for text in names)
 

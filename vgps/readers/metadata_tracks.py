@@ -1,6 +1,7 @@
 """Tracks of a video file that hold no pictures: a camera's metadata and subtitles, packet by packet."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,37 +23,51 @@ class Packet:
     duration_s: float
 
 
-def packets(video: Path, wanted: Callable[[Any, str], bool]) -> list[Packet]:
-    """Return the packets of a video's first track of a kind in order; none if it has no such track.
+def packets_of(video: Path, *kinds: str) -> list[Packet]:
+    """Return the packets of the first track of an MP4 or MOV file that is of one of these kinds.
 
     Args:
         video: The file.
-        wanted: Whether a stream of PyAV's is of that kind; the four letters of its sample description in an
-            MP4 or MOV file, else nothing, tell what FFmpeg does not.
+        kinds: The four letters of a sample description, which tell what FFmpeg does not.
 
     Raises:
         RecordingError: The video cannot be read.
     """
+    with _read_errors(video):
+        numbers = {number for number, kind in track_kinds(video).items() if kind in kinds}
+    return packets(video, lambda stream: stream.id in numbers) if numbers else []
+
+
+def packets(video: Path, wanted: Callable[[Any], bool]) -> list[Packet]:
+    """Return the packets of a video's first wanted stream in order; none if it has no such stream.
+
+    Raises:
+        RecordingError: The video cannot be read.
+    """
+    with _read_errors(video), open_container(video) as container:
+        streams = list(container.streams)
+        track = next((stream for stream in streams if wanted(stream)), None)
+        if track is None:
+            return []
+        for stream in streams:
+            if stream.index != track.index:
+                stream.discard = Discard.all  # avoids reading the images from disk
+        first = _first_frame_s(container)
+        return [
+            Packet(
+                bytes(packet),
+                float((packet.pts or 0) * packet.time_base) - first,
+                float((packet.duration or 0) * packet.time_base),
+            )
+            for packet in container.demux(track)
+            if packet.size
+        ]
+
+
+@contextlib.contextmanager
+def _read_errors(video: Path) -> Iterator[None]:
     try:
-        kinds = track_kinds(video)
-        with open_container(video) as container:
-            streams = list(container.streams)
-            track = next((one for one in streams if wanted(one, kinds.get(one.id, ""))), None)
-            if track is None:
-                return []
-            for stream in streams:
-                if stream.index != track.index:
-                    stream.discard = Discard.all  # avoids reading the images from disk
-            first = _first_frame_s(container)
-            return [
-                Packet(
-                    bytes(packet),
-                    float((packet.pts or 0) * packet.time_base) - first,
-                    float((packet.duration or 0) * packet.time_base),
-                )
-                for packet in container.demux(track)
-                if packet.size
-            ]
+        yield
     except (av.FFmpegError, OSError) as error:
         raise RecordingError(f"cannot be read ({error})", file=video) from error
 
