@@ -55,6 +55,15 @@ def test_recovers_the_similarity_with_the_lever_arm(turn_rad, outlier_m):
     assert np.degrees(Rotation.from_matrix(found.world_R_map @ rotation.T).magnitude()) < 1.0
 
 
+def test_a_nearly_vertical_climb_keeps_the_shape_of_the_map():
+    """A drone rises before it flies off: rotations must stay rotations."""
+    world = drive(0.0)
+    world[:, :3, 3] += np.linspace(0.0, 400.0, len(world))[:, None] * [0.0, 0.0, 1.0]
+    found = align(seen_by(in_map(world, 3.7, np.eye(3), np.zeros(3)), antennas(world), 0.07), CONFIG)
+    assert found is not None
+    np.testing.assert_allclose(found.world_R_map @ found.world_R_map.T, np.eye(3), atol=1e-12)
+
+
 def test_the_derivatives_are_those_of_the_residuals():
     world = drive(0.7)
     seen = seen_by(in_map(world, 2.0, np.eye(3), np.zeros(3)), antennas(world) + 0.05, 0.07)

@@ -188,7 +188,7 @@ def _level_start(seen: Correspondences) -> Similarity | None:
         up = _across(-seen.map_T_camera[:, :3, 2].mean(axis=0), forward)
     world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
     if np.linalg.norm(world_up) < 0.3:  # straight up or down
-        world_up = np.array([0.0, 1.0, 0.0])
+        world_up = _across(np.array([0.0, 1.0, 0.0]), world_forward)
     rotation = _axes(world_forward, world_up) @ _axes(forward, up).T
     return Similarity(scale, rotation, np.median(fixes - scale * centres @ rotation.T, axis=0))
 
