@@ -192,8 +192,8 @@ def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
     bias = values.atConstantBias(gtsam.symbol("b", 3))
     np.testing.assert_allclose(bias.gyroscope(), np.full(3, 0.02) @ MOUNT.imu_R_camera, atol=3e-3)
     types = [type(graph.at(k)).__name__ for k in range(graph.size())]
-    knots = [key for key in values.keys() if gtsam.Symbol(key).chr() == ord("v")]
-    assert types.count("ImuFactor") == len(knots) - 1 >= 8
+    knots = sum(gtsam.Symbol(key).chr() == ord("v") for key in list(values.keys()))
+    assert types.count("ImuFactor") == knots - 1 >= 8
 
 
 def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
