@@ -10,11 +10,13 @@ import pytest
 from textured_room import CAMERA, CONFIG, path, room_control_points, room_gps_log, room_recording
 
 import vgps
+from scripts.common.scenes import half_size, shortened
 from vgps.config import Config, IntrinsicsConfig, WindowConfig
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass
 from vgps.readers.trajectory import read_trajectory
+from vgps.simulate import SCENES, simulate
 from vgps.solution import FrameState, Verdict
 from vgps.writers.run_folder import write_run
 
@@ -275,3 +277,11 @@ def test_kitti07_with_isam2_in_front(data_dir):
     assert errors(solution, folder).camera_position_m.mean < 0.15
     assert not [text for text in solution.warnings if "iSAM2" in text]
     assert Verdict.REJECTED not in solution.fixes.verdict
+
+
+@pytest.mark.slow
+def test_a_drone_that_rises_before_it_flies_off_keeps_its_map(tmp_path):
+    simulate(tmp_path / "drone", half_size(shortened(SCENES["drone"], 12.0)))
+    solution = vgps.smooth(vgps.open_recording(tmp_path / "drone"))
+    assert not [warning for warning in solution.warnings if "lost" in warning]
+    assert errors(solution, tmp_path / "drone").camera_position_m.max < 0.15

@@ -202,7 +202,7 @@ def test_an_existing_file_and_an_unknown_scene_are_refused(tmp_path: Path) -> No
         simulate(tmp_path / "out", TINY)
     with pytest.raises(RunFolderError):
         simulate(tmp_path / "out" / "below", TINY)
-    with pytest.raises(ConfigError, match="walk, drive, demo, spin"):
+    with pytest.raises(ConfigError, match="walk, drive, demo, spin, drone, orbit"):
         simulate(tmp_path / "new", "moon")
     assert not (tmp_path / "new").exists()
 

@@ -88,8 +88,8 @@ def simulate(
 
     Args:
         out: Recording folder to write.
-        scene: walk (70 m, hand-held, as in the thesis), drive, demo or spin; by default walk, or drive with a
-            path, of which it is then the camera.
+        scene: walk (70 m, hand-held, as in the thesis), drive, demo, spin, drone or orbit; by default walk,
+            or drive with a path, of which it is then the camera.
         seed: Seed of the world, of the shaking, and of the sensors' errors.
         pass_seed: Seed of all but the world, if not the same: another pass of its street.
         gps_errors: Log of a receiver that stood still; its errors replace the simulated ones.

@@ -10,6 +10,7 @@ from typing import Literal
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
 from vgps.simulate.camera_path import CameraPath
+from vgps.simulate.flights import drone_path, orbit_path
 from vgps.simulate.sensor_config import AccelerometerConfig, GpsConfig, GyroConfig
 from vgps.survey import read_errors
 
@@ -130,6 +131,14 @@ _DRIVE = SceneConfig(
     setback_m=(8.0, 14.0),
 )
 
+
+def on_path(scene: SceneConfig, path: CameraPath) -> SceneConfig:
+    """Return the scene with a given path in place of its own."""
+    return replace(
+        scene, path=path, speed=((0.0, path.speed_m_s), (path.duration_s, path.speed_m_s)), bends=()
+    )
+
+
 SCENES: Mapping[str, SceneConfig] = MappingProxyType(
     {
         "walk": _WALK,
@@ -142,6 +151,14 @@ SCENES: Mapping[str, SceneConfig] = MappingProxyType(
             spin_deg_s=150.0,
             exposure_s=1 / 15,
         ),
+        "drone": replace(
+            on_path(_WALK, drone_path()),
+            fps=10,
+            eye_m=2.0,
+            setback_m=(9.0, 14.0),
+            camera_p_antenna=(0.0, -0.15, -0.1),
+        ),
+        "orbit": replace(on_path(_WALK, orbit_path()), fps=10, setback_m=(6.0, 9.0)),
     }
 )
 
@@ -155,13 +172,6 @@ def scene_config(name: str) -> SceneConfig:
     if name not in SCENES:
         raise ConfigError(f"unknown scene {name!r}", expected="one of " + ", ".join(SCENES), place="--scene")
     return SCENES[name]
-
-
-def on_path(scene: SceneConfig, path: CameraPath) -> SceneConfig:
-    """Return the scene with a given path in place of its own."""
-    return replace(
-        scene, path=path, speed=((0.0, path.speed_m_s), (path.duration_s, path.speed_m_s)), bends=()
-    )
 
 
 def scene_with_errors(name: str, log: Path | None = None, reference: Path | None = None) -> SceneConfig:
