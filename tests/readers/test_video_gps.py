@@ -33,6 +33,15 @@ def test_subtitles_in_a_video_are_read_as_those_beside_it(drone):
     np.testing.assert_allclose(again.latitude_deg, opened.gps.latitude_deg)
 
 
+def test_the_subtitles_of_a_zoom_lens_count_more_than_the_maker(tmp_path):
+    text = "[iso : 100] [focal_len : 480] [dzoom_ratio: 1..0] [latitude: 47.5] [longitude: 8.25]"
+    file = write_metadata_video(
+        tmp_path / "DJI_0001.MP4", [(0.0, subtitle_packet(text))], tags={"encoder": "DJI Mavic2"}
+    )
+    (guess,) = open_recording(file).guesses
+    assert "48 mm by its subtitles" in guess.source and guess.focal_sigma == 0.1
+
+
 def test_captions_of_another_kind_are_no_fixes(tmp_path):
     file = write_metadata_video(tmp_path / "film.mp4", [(0.0, subtitle_packet("Hello"))])
     assert open_recording(file).gps is None

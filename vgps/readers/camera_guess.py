@@ -27,8 +27,8 @@ _DJI_MM = 24.0  # in 35 mm terms, of the wide camera of nearly all DJI drones si
 _PHONE_MM = 27.0  # main camera of an iPhone 13 in a video, by its own tag; other phones have 23 to 28
 _EXIF_IFD, _FOCAL_35 = 0x8769, 0xA405
 _SUBTITLE_BYTES = 4000
-_FOCAL_LEN = re.compile(r"focal_len\s*:\s*([\d.]+)")
-_ZOOM = re.compile(r"dzoom_ratio\s*:\s*([\d.]+)")
+_FOCAL_LEN = re.compile(r"focal_len\s*:\s*(\d+(?:\.\d+)?)")
+_ZOOM = re.compile(r"dzoom_ratio\s*:\s*(\d+(?:\.\d+)?)")
 _WIDE_DJI = re.compile("Action|Avata|dvtm_(?:ac|oq)", re.IGNORECASE)  # lenses of 120 degrees and more
 _FOCAL_TAG = "camera.focal_length.35mm_equivalent"
 
@@ -45,7 +45,8 @@ def guess_cameras(video: Video, telemetry: Telemetry) -> tuple[CameraGuess, ...]
     if found is None and isinstance(video, ImageFolder):
         found = _of_pictures(video.files[0], size)
     if found is None and isinstance(video, VideoFile | ChapteredVideo):
-        found = _of_tags(video.path, size) or _of_subtitles(video.path, size)
+        text = _subtitles(video.path)
+        found = _by_focal_len(text, size) or _of_tags(video.path, size) or _of_a_drone(text, size)
     return (found,) if found is not None else _unknown(size)
 
 
@@ -79,20 +80,29 @@ def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     return None
 
 
-def _of_subtitles(file: Path, size: tuple[int, int]) -> CameraGuess | None:
-    """Return a guess from a drone's subtitles: by ``focal_len`` in mm or tenths and ``dzoom_ratio``."""
+def _subtitles(file: Path) -> str:
+    """Return the first subtitles beside a video or in it."""
     beside = [file.with_suffix(suffix) for suffix in (".srt", ".SRT")]
     text = next((_head(one) for one in beside if one.is_file()), "")
-    text = text or " ".join(words for _, words in subtitles_in(file)[:1])
-    if "iso" not in text and "GPS" not in text and "latitude" not in text:
-        return None
+    return text or " ".join(words for _, words in subtitles_in(file, most=1))
+
+
+def _by_focal_len(text: str, size: tuple[int, int]) -> CameraGuess | None:
+    """Return a guess from a drone's subtitles by ``focal_len`` in mm or tenths and ``dzoom_ratio``."""
     length, zoom = _FOCAL_LEN.search(text), _ZOOM.search(text)
     if length is None:
-        return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", "")
+        return None
     millimetres = float(length[1]) / (10.0 if float(length[1]) >= 100.0 else 1.0)
     factor = float(zoom[1]) if zoom else 1.0
     factor = factor / 1e4 if factor >= 1000.0 else max(factor, 1.0)
     return _wide_sensor(size, millimetres * factor, 0.10, f"{millimetres:g} mm by its subtitles", "")
+
+
+def _of_a_drone(text: str, size: tuple[int, int]) -> CameraGuess | None:
+    """Return a guess where subtitles are a drone's."""
+    if not any(word in text for word in ("iso", "GPS", "latitude")):
+        return None
+    return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", "")
 
 
 def _unknown(size: tuple[int, int]) -> tuple[CameraGuess, ...]:

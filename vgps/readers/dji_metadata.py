@@ -63,7 +63,7 @@ def dji_names(video: Path) -> list[str]:
         RecordingError: The video cannot be read.
     """
     try:
-        first = next((packet.data for packet in packets_of(video, _TRACK)), b"")
+        first = b"".join(packet.data for packet in packets_of(video, _TRACK, most=1))
         header = _inner(parse(first), _PROTOCOL[:-1])
     except ValueError:
         return []

@@ -84,14 +84,14 @@ def read_subtitle_track(video: Path) -> RawLog | None:
     return fixes_of(subtitles, video) if any(_row(0, *one) is not None for one in subtitles) else None
 
 
-def subtitles_in(video: Path) -> list[tuple[float, str]]:
-    """Return start time [s] and text of each subtitle in a video.
+def subtitles_in(video: Path, most: int | None = None) -> list[tuple[float, str]]:
+    """Return start time [s] and text of each subtitle in a video, or of so many at most.
 
     Raises:
         RecordingError: The video cannot be read.
     """
     found = []
-    for packet in packets_of(video, *_TEXT_TRACKS):
+    for packet in packets_of(video, *_TEXT_TRACKS, most=most):
         length = int.from_bytes(packet.data[:_LENGTH_BYTES], "big")
         text = packet.data[_LENGTH_BYTES : _LENGTH_BYTES + length]
         if text:  # gaps between subtitles are packets without one

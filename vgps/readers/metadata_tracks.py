@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -23,23 +24,24 @@ class Packet:
     duration_s: float
 
 
-def packets_of(video: Path, *kinds: str) -> list[Packet]:
+def packets_of(video: Path, *kinds: str, most: int | None = None) -> list[Packet]:
     """Return the packets of the first track of an MP4 or MOV file that is of one of these kinds.
 
     Args:
         video: The file.
         kinds: The four letters of a sample description, which tell what FFmpeg does not.
+        most: Largest number of packets to read.
 
     Raises:
         RecordingError: The video cannot be read.
     """
     with _read_errors(video):
         numbers = {number for number, kind in track_kinds(video).items() if kind in kinds}
-    return packets(video, lambda stream: stream.id in numbers) if numbers else []
+    return packets(video, lambda stream: stream.id in numbers, most) if numbers else []
 
 
-def packets(video: Path, wanted: Callable[[Any], bool]) -> list[Packet]:
-    """Return the packets of a video's first wanted stream in order; none if it has no such stream.
+def packets(video: Path, wanted: Callable[[Any], bool], most: int | None = None) -> list[Packet]:
+    """Return the packets, or the first ones, of a video's first wanted stream; none if it has no such stream.
 
     Raises:
         RecordingError: The video cannot be read.
@@ -53,14 +55,14 @@ def packets(video: Path, wanted: Callable[[Any], bool]) -> list[Packet]:
             if stream.index != track.index:
                 stream.discard = Discard.all  # avoids reading the images from disk
         first = _first_frame_s(container)
+        filled = (packet for packet in container.demux(track) if packet.size)
         return [
             Packet(
                 bytes(packet),
                 float((packet.pts or 0) * packet.time_base) - first,
                 float((packet.duration or 0) * packet.time_base),
             )
-            for packet in container.demux(track)
-            if packet.size
+            for packet in islice(filled, most)
         ]
 
 

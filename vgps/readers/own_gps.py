@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 def own_gps(video: Source, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
-    """Return a recording's own fixes; None, with a word in the log, if it has none that can be used.
+    """Return a recording's own fixes; None if it has none that can be used.
 
     Raises:
         GpsLogError: No fix is during the video.
