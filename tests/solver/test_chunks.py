@@ -43,6 +43,13 @@ def test_every_observation_is_in_one_chunk_with_its_landmark(chunks: tuple[Chunk
     assert len(np.unique(landmarks)) == len(landmarks)
 
 
+def test_sums_by_frame_are_those_of_the_observations(chunks: tuple[Chunk, ...]) -> None:
+    for chunk in chunks:
+        values = np.random.default_rng(0).normal(size=len(chunk.frame))
+        expected = [values[chunk.frame == frame].sum() for frame in range(chunk.frames)]
+        np.testing.assert_allclose(chunk.sum_by_frame(values), expected, atol=1e-12)
+
+
 def test_observations_in_held_frames_have_no_entries(chunks: tuple[Chunk, ...]) -> None:
     for chunk in chunks:
         frame = chunk.first_frame + chunk.frame

@@ -80,7 +80,7 @@ class Chunk:
         landmarks: (m,) rows of the landmarks in the problem.
         landmark: (n,) index into ``landmarks`` of each observation.
         first_frame: Earliest frame that is coupled with any of them.
-        frame: (n,) frame of each observation, counted from ``first_frame``.
+        frame: (n,) frame of each observation, counted from ``first_frame``; ascending where there are groups.
         coupled: Landmarks, as in ``landmark``, and the frames that move their observations, counted from
             ``first_frame``: the observations or, for a rolling shutter, also those in neighbouring frames.
         free_rows: (k,) coupled pairs with free frames.
@@ -110,9 +110,10 @@ class Chunk:
         return np.flatnonzero(np.diff(self.frame, prepend=-1))
 
     def sum_by_frame(self, values: FloatArray) -> FloatArray:
-        """Return the sums (frames,) of values (n,) of the observations."""
-        sums = np.add.reduceat(values, self._runs)
-        return np.bincount(self.frame[self._runs], sums, self.frames).astype(np.float64)
+        """Return the sums (frames,) of values (n,) of the observations, which are in order of frames."""
+        sums = np.zeros(self.frames)
+        sums[self.frame[self._runs]] = np.add.reduceat(values, self._runs)
+        return sums
 
     @cached_property
     def size(self) -> int:
@@ -193,7 +194,7 @@ def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:
 
 
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:
-    rows = rows[np.argsort(problem.frame[rows], kind="stable")]
+    rows = rows[np.argsort(problem.frame[rows], kind="stable")]  # so that sums by frame run along memory
     part = problem.select_observations(rows)
     landmarks, landmark = np.unique(part.landmark, return_inverse=True)
     coupled = couple(part, landmark)

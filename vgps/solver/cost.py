@@ -125,15 +125,20 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
 
 def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
     """Return projected minus observed pixels (N, 2), and (N,) which landmarks lie behind the camera."""
-    parts = list(_in_parts(lambda part: pixel_errors(part, camera_points(part)), problem))
-    return np.concatenate([errors.T for errors, _ in parts]), np.concatenate([behind for _, behind in parts])
+    errors, behind = np.empty((len(problem.frame), 2)), np.empty(len(problem.frame), dtype=bool)
+    for rows, part in _in_parts(lambda part: pixel_errors(part, camera_points(part)), problem):
+        errors[rows], behind[rows] = part[0].T, part[1]
+    return errors, behind
 
 
 def observation_costs(problem: BundleProblem, views: FloatArray | None = None) -> FloatArray:
     """Return the cost of each observation (N,); arguments as for :func:`camera_points`."""
     if views is not None:
         return _costs(problem, views)
-    return np.concatenate(list(_in_parts(_costs, problem)))
+    costs = np.empty(len(problem.frame))
+    for rows, part in _in_parts(_costs, problem):
+        costs[rows] = part
+    return costs
 
 
 def _costs(problem: BundleProblem, views: FloatArray | None = None) -> FloatArray:
@@ -141,19 +146,20 @@ def _costs(problem: BundleProblem, views: FloatArray | None = None) -> FloatArra
     return robust_loss(problem, np.sum(errors**2, axis=0) / problem.sigma_px**2)
 
 
-def _in_parts(function: Callable[[BundleProblem], Result], problem: BundleProblem) -> Iterator[Result]:
-    """Yield a function of the observations, of a part at a time for the sake of memory."""
+def _in_parts(
+    function: Callable[[BundleProblem], Result], problem: BundleProblem
+) -> Iterator[tuple[slice, Result]]:
+    """Yield rows and a function of the observations, of a part at a time for the sake of memory."""
     count = len(problem.frame)
     if count <= _AT_ONCE:
-        yield function(problem)
+        yield slice(None), function(problem)
         return
-    begins = range(0, count, _AT_ONCE)
+    parts = [slice(begin, min(begin + _AT_ONCE, count)) for begin in range(0, count, _AT_ONCE)]
 
-    def of_part(begin: int) -> Result:
-        rows = np.arange(begin, min(begin + _AT_ONCE, count))
-        return function(problem.select_observations(rows))
+    def of_part(rows: slice) -> Result:
+        return function(problem.select_observations(np.arange(rows.start, rows.stop)))
 
-    yield from map_in_order(of_part, begins)
+    yield from zip(parts, map_in_order(of_part, parts), strict=True)
 
 
 def video_cost(problem: BundleProblem) -> float:
