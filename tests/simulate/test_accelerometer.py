@@ -3,7 +3,7 @@ import pytest
 from inertial import GRAVITY_M_S2, MOUNT, exact_log, swinging_motion
 
 from vgps.simulate import SCENES, AccelerometerConfig, build_motion
-from vgps.simulate.accelerometer import simulate_accelerometer, specific_force
+from vgps.simulate.accelerometer import simulate_accelerometer, specific_force, with_scale_errors
 
 
 def test_the_force_is_that_of_the_sensors_own_path():
@@ -31,3 +31,16 @@ def test_noise_bias_and_gravity():
     errors = np.stack([force(config, seed) - exact for seed in range(20)])
     assert np.diff(errors, axis=1).std() == pytest.approx(0.05 * np.sqrt(2.0), rel=0.02)
     assert errors.mean(axis=1).std() == pytest.approx(0.2, rel=0.25)
+
+
+def test_scales_and_axes_are_off_and_the_mean_share_is_bias():
+    rng = np.random.default_rng(0)
+    exact, bias = rng.normal([0.0, 0.0, 9.8], 1.0, (500, 3)), np.full((500, 3), 0.1)
+    matrices = []
+    for seed in range(50):
+        samples, found = with_scale_errors(exact + bias, bias, 0.005, np.random.default_rng(seed))
+        left = samples - exact - found
+        np.testing.assert_allclose(left.mean(axis=0), 0.0, atol=1e-12)
+        matrices.append(np.linalg.lstsq(exact - exact.mean(axis=0), left, rcond=None)[0])
+        np.testing.assert_allclose(matrices[-1], matrices[-1].T, atol=1e-12)
+    assert np.std(matrices) == pytest.approx(0.005, rel=0.15)

@@ -16,7 +16,7 @@ import yaml
 from vgps.camera import camera_fields
 from vgps.errors import ConfigError, RunFolderError
 from vgps.model import Camera, FloatArray
-from vgps.simulate.accelerometer import simulate_accelerometer
+from vgps.simulate.accelerometer import simulate_imu
 from vgps.simulate.fisheye import MAX_DEG
 from vgps.simulate.motion import MountedMotion, build_motion
 from vgps.simulate.render import Picture, Renderer
@@ -84,13 +84,13 @@ def simulate(
         (folder / "gps.nmea").write_bytes(nmea(fixes, config))
         _write_fix_errors(folder / "fix_errors.csv", fixes)
         gyro = simulate_gyro(motion, config, gyro_rng)
-        _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
         if config.accelerometer is not None:
-            force, bias = simulate_accelerometer(motion, config, config.accelerometer, gyro.t_s, imu_rng)
+            gyro, force, bias = simulate_imu(motion, config, config.accelerometer, gyro, imu_rng)
             _write_samples(folder / "imu.csv", gyro.t_s, np.hstack([gyro.rate_rad_s, force]))
             every = max(1, round(config.gyro.rate_hz / _BIASES_HZ))
             biases = np.hstack([gyro.bias_rad_s, bias])
             _write_samples(folder / "imu_biases.csv", gyro.t_s[::every], biases[::every])
+        _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
         t = np.arange(config.frames) / config.fps
         write_tum(Trajectory(t, motion.poses(t)), folder / "truth.tum")
         made_of = {

@@ -122,16 +122,20 @@ class GyroConfig:
 class AccelerometerConfig:
     """A consumer MEMS accelerometer in one housing with the gyro: white noise, and a bias that walks.
 
-    Noise per sample is that of 150 ug/sqrt(Hz) at the default rate; the bias is 10 mg (one sigma).
+    Noise per sample is that of 150 ug/sqrt(Hz) at the default rate; the bias is 10 mg (one sigma). Scales and
+    the angles between axes of both sensors are off by 0.5 % (one sigma), the tolerance of the accelerometer's
+    scale in the ICM-20948's data sheet (DS-000189, table 2), which states 2 % at most for its axes.
 
     Attributes:
         noise_m_s2: White noise of a sample.
         bias_m_s2: Standard deviation of the initial bias, per axis.
         bias_walk_m_s2_sqrt_s: Random walk of the bias.
+        scale_error: Standard deviation of the scale factors and of the angles between axes, also the gyro's.
         imu_p_camera: The camera in the housing's frame, metres.
     """
 
     noise_m_s2: float = 0.02
     bias_m_s2: float = 0.1
     bias_walk_m_s2_sqrt_s: float = 0.0005
+    scale_error: float = 0.005
     imu_p_camera: tuple[float, float, float] = (0.05, -0.08, 0.02)
