@@ -4,6 +4,7 @@ from fused_drives import ANTENNA
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
+from vgps.gps.offset_errors import errors_of, in_the_mean
 from vgps.online.node_fixes import node_fixes, seen_fixes
 from vgps.online.video_path import VideoPath
 
@@ -46,3 +47,13 @@ def test_fixes_are_tied_to_their_nodes_by_the_cameras_step():
     np.testing.assert_allclose(tied.step[:, 0], [0.4, -0.2], atol=1e-12)
     np.testing.assert_allclose(tied.arm, [ANTENNA, ANTENNA], atol=1e-12)
     assert (tied.noise_m > 0.0).all() and tied.noise_m.shape == (2, 3)
+
+
+def test_the_walk_of_an_offset_since_its_first_fix_is_part_of_the_noise_of_the_others():
+    path, node = straight_path(), np.array([0, 0, 0, 1])
+    seen = seen_fixes(path, fixes_at(0.1, 0.2, 0.3, 0.4), rest_s=0.0)
+    tied = node_fixes(seen, ANTENNA, path.at(np.array([0.1, 0.4])), node, Config())
+    errors = in_the_mean(errors_of(seen.fixes, Config().gps)[0])
+    walked_m = errors.walk_m * np.sqrt(errors.rate_lasts_s * np.array([0.0, 0.1, 0.2, 0.0]))
+    np.testing.assert_allclose(tied.noise_m[:, 0], np.hypot(errors.noise_m, walked_m))
+    np.testing.assert_allclose(tied.noise_m[:, 2], errors.vertical * tied.noise_m[:, 0])

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.gps.offset_errors import errors_of, in_the_mean
+from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale
 from vgps.model import FloatArray, IntArray
 from vgps.online.video_path import VideoPath
 
@@ -74,15 +74,21 @@ def node_fixes(
 ) -> NodeFixes:
     """Return what ties fixes (M,) to their nodes (M,).
 
+    An offset stands for the fixes of an interval and holds at the first of them. Its walk until the others
+    is part of their noise, else it would look like the speed of the path.
+
     Args:
-        seen: The fixes.
+        seen: The fixes, in order of time.
         camera_p_antenna: (3,) metres.
         camera: (N, 4, 4) poses of all nodes in the map.
         node: (M,) node of each fix.
         config: Noise of the fix classes.
     """
     errors = [in_the_mean(one) for one in errors_of(seen.fixes, config.gps)]
-    ratios = [[one.noise_m * ratio for ratio in (1.0, 1.0, one.vertical)] for one in errors]
+    since_s = seen.fixes.t_s - seen.fixes.t_s[np.searchsorted(node, node)]
+    walked_m = [step_scale(one, dt) for one, dt in zip(errors, since_s, strict=True)]
+    noise_m = np.hypot([one.noise_m for one in errors], walked_m)
+    ratio = np.array([(1.0, 1.0, one.vertical) for one in errors]).reshape(-1, 3)
     return NodeFixes(
         node=node,
         step=seen.camera[:, :3, 3] - camera[node, :3, 3],
@@ -90,6 +96,6 @@ def node_fixes(
         time_offset_s=seen.time_offset_s,
         arm=seen.camera[:, :3, :3] @ camera_p_antenna,
         world_p_fix=seen.fixes.world_p_fix,
-        noise_m=np.array(ratios).reshape(-1, 3),
+        noise_m=noise_m[:, None] * ratio,
         tail=np.array([one.tail for one in errors]),
     )
