@@ -42,6 +42,7 @@ _SPELL_S = 30.0
 _BEGIN = datetime(2026, 5, 1, 9, 30, tzinfo=UTC)
 _RECEIVER = ("babble", "stall", "repeat", "jump", "garbage")
 _CAMERA = ("", "freeze", "dark", "drop", "size", "")  # six beside five: every pair in half an hour
+_RANDOM = ("babble", "garbage")  # of the receiver: random bytes before a sentence
 _MOST_GROWTH_MB = 50.0
 
 
@@ -160,12 +161,15 @@ class Ledger:
     def unaccounted(self, shown: int) -> list[str]:
         """Return what is missing in the counts after a number of frames.
 
-        Random bytes may swallow a sentence that follows them; no other fix may be lost.
+        Random bytes that look like the beginning of a binary message may swallow the sentence after them; no
+        other fix may be lost.
         """
         frames = sum(n for key, n in self.counts.items() if key.startswith("frames "))
         lost = {fault: n - self.read[fault] for fault, n in self.receiver.sent.items()}
         wrong = [
-            f"{n} fixes of {fault or 'good spells'}" for fault, n in lost.items() if n and fault != "babble"
+            f"{n} fixes of {fault or 'good spells'}"
+            for fault, n in lost.items()
+            if n and fault not in _RANDOM
         ]
         ended = {key for key in self.counts if key.startswith("good spells")} - {
             "good spells that end tracked"
