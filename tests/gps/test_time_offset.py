@@ -71,6 +71,34 @@ def test_one_jump_of_the_receiver_has_little_effect():
     assert abs(found.time_offset_s - 0.37) < 0.1
 
 
+def with_jitter(motion, seed, late_s=0.0):
+    """Return a path of frames and ten fixes a second of a motion t_s -> (n, 3), both with 4 mm of noise."""
+    rng, frame_s, fix_s = np.random.default_rng(seed), np.arange(0.0, 30.0, 0.1), np.arange(1.0, 28.0, 0.1)
+    seen = trajectory(motion(frame_s) + rng.normal(0.0, 0.004, (len(frame_s), 3)), frame_s)
+    places = motion(fix_s - late_s) + rng.normal(0.0, 0.004, (len(fix_s), 3))
+    return seen, fixes_that_lie(fix_s, places, 0.02, 0.04)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_jitter_of_a_path_around_a_circle_is_no_time_offset(seed):
+    """Between two frames there is less of it, which says nothing of the clocks."""
+
+    def circle(t_s):
+        return 15.0 * np.column_stack([np.sin(t_s / 10.0), 1.0 - np.cos(t_s / 10.0), np.zeros_like(t_s)])
+
+    assert no_offset_is_found(*with_jitter(circle, seed))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_jitter_does_not_hide_a_time_offset_that_turns_and_braking_show(seed):
+    def drive(t_s):
+        along = 8.0 * t_s - 15.0 * np.cos(t_s / 5.0)
+        return np.column_stack([along, 20.0 * np.sin(along / 40.0), np.zeros_like(t_s)])
+
+    sensors, _ = update_time_offset(SENSORS, *with_jitter(drive, seed, late_s=0.3), SensorsConfig())
+    assert sensors.time_offset_s == pytest.approx(0.3, abs=0.015)
+
+
 @pytest.mark.parametrize("estimate", ["auto", "yes"])
 def test_a_straight_at_constant_speed_keeps_the_prior_with_a_warning(estimate):
     t_s = np.arange(0.05, 19.0)

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solveh_banded
+from scipy.ndimage import convolve1d
 
 from vgps.config import TimeOffsetConfig
-from vgps.gps.fixes import Fixes, Placement, antenna_at, place
+from vgps.gps.fixes import Fixes, Placement, place
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
@@ -16,6 +17,8 @@ from vgps.solution import Trajectory
 _MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
 _MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
 _PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
+# of the antenna over frames: its jitter is no motion, and without it would be halved between two frames
+_SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
 
@@ -60,7 +63,10 @@ class NeighbourPairs:
         config: TimeOffsetConfig,
     ) -> None:
         self.config = config
-        self._path, self._fixes, self._antenna, self._rows = path, fixes, camera_p_antenna, rows
+        poses = path.world_T_camera
+        antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
+        self._antenna = convolve1d(antenna, _SMOOTHING, axis=0, mode="nearest")
+        self._path, self._fixes, self._rows = path, fixes, rows
         _, self._group, self._group_size = np.unique(
             fixes.fix_class[rows], return_inverse=True, return_counts=True
         )
@@ -128,8 +134,9 @@ class NeighbourPairs:
         return float(cost[1] - cost[0])
 
     def _camera_displacement(self, time_offset_s: float) -> ComplexArray:
-        placement = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
-        return _displacements(antenna_at(self._path.world_T_camera, placement, self._antenna))[self._rows]
+        at = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
+        before, after = self._antenna[at.frame], self._antenna[at.frame + 1]
+        return _displacements(before + at.alpha[:, None] * (after - before))[self._rows]
 
     def _fitted(self, time_offset_s: float) -> "_Fitted":
         """Return the best factors for a time offset by reweighted least squares."""

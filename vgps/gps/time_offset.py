@@ -21,7 +21,7 @@ from vgps.solution import Trajectory
 
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
-_SPACING_S = 1.0  # receivers filter their positions, so that the errors of closer ones are alike
+_SPACING_S = 1.0  # receivers filter their positions
 
 
 def update_time_offset(
@@ -38,7 +38,7 @@ def update_time_offset(
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not prior.sigma_s:
         return sensors, ()
-    pairs = neighbour_pairs(path, fixes, sensors.camera_p_antenna, prior, config.time_offset)
+    pairs = neighbour_pairs(path, _spaced(fixes), sensors.camera_p_antenna, prior, config.time_offset)
     best = best_time_offset(pairs, prior)
     change_s = abs(best.time_offset_s - prior.time_offset_s)
     observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
@@ -71,7 +71,7 @@ def likelier_time_offset(
 
     Two hypotheses, equally likely before, are weighed by their evidence (Kass & Raftery, Bayes Factors,
     1995): clocks that agree to ``trusted_time_offset_s``, and any time offset of the prior. The standard
-    deviation covers both. Fixes within a second of each other count once.
+    deviation covers both.
 
     Only coarse fixes are shifted, by less than they err anyway: what may be chance must not spoil RTK-fixes.
 
@@ -79,9 +79,7 @@ def likelier_time_offset(
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
-    second = np.floor((fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5)  # the stamps of 1 Hz in its middle
-    spaced = fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
-    pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
+    pairs = neighbour_pairs(path, _spaced(fixes), sensors.camera_p_antenna, prior, config.time_offset)
     found = without_prior(best_time_offset(pairs, prior), prior)
     gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
     if gain <= 0.0 or pairs.degrees_of_freedom < 1:
@@ -99,6 +97,12 @@ def likelier_time_offset(
         f"the GPS positions are {late} older than their time stamps with a probability of {probability:.0%}; "
         "the fixes were shifted accordingly",
     )
+
+
+def _spaced(fixes: Fixes) -> Fixes:
+    """Return the first fix of each second: the errors of closer ones are alike, and would count too much."""
+    second = np.floor((fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5)  # the stamps of 1 Hz in its middle
+    return fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
 
 
 def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
