@@ -266,7 +266,8 @@ def test_kitti03_with_float_fixes_is_no_worse_than_it_was(data_dir, log, limit_m
     solution = vgps.smooth(vgps.open_recording(folder, gps=log))
     assert errors(solution, folder).camera_position_m.mean < limit_m
     assert Verdict.REJECTED not in solution.fixes.verdict
-    assert solution.sensors.time_offset_s == pytest.approx(offset_s, abs=0.03)
+    sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated
+    assert abs(solution.sensors.time_offset_s - offset_s) <= 3.0 * sigma_s < 0.09
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from vgps.solution import Trajectory
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # receivers filter their positions
+_FEWEST = 20  # spaces in the log; of a short one they are shorter
 
 
 def update_time_offset(
@@ -38,7 +39,9 @@ def update_time_offset(
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not prior.sigma_s:
         return sensors, ()
-    pairs = neighbour_pairs(path, _spaced(fixes), sensors.camera_p_antenna, prior, config.time_offset)
+    duration_s = float(np.ptp(fixes.t_s)) if len(fixes) else 0.0
+    spaced = _spaced(fixes, min(_SPACING_S, duration_s / _FEWEST) or _SPACING_S)
+    pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
     best = best_time_offset(pairs, prior)
     change_s = abs(best.time_offset_s - prior.time_offset_s)
     observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
@@ -79,7 +82,9 @@ def likelier_time_offset(
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
-    pairs = neighbour_pairs(path, _spaced(fixes), sensors.camera_p_antenna, prior, config.time_offset)
+    pairs = neighbour_pairs(
+        path, _spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
+    )
     found = without_prior(best_time_offset(pairs, prior), prior)
     gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
     if gain <= 0.0 or pairs.degrees_of_freedom < 1:
@@ -99,10 +104,10 @@ def likelier_time_offset(
     )
 
 
-def _spaced(fixes: Fixes) -> Fixes:
-    """Return the first fix of each second: the errors of closer ones are alike, and would count too much."""
-    second = np.floor((fixes.t_s - fixes.t_s[:1]) / _SPACING_S + 0.5)  # the stamps of 1 Hz in its middle
-    return fixes.where(np.flatnonzero(np.diff(second, prepend=-1.0)))
+def _spaced(fixes: Fixes, spacing_s: float) -> Fixes:
+    """Return the first fix of each interval: errors of closer ones are alike, and would count too much."""
+    number = np.floor((fixes.t_s - fixes.t_s[:1]) / spacing_s + 0.5)  # the stamps of 1 Hz in the middle
+    return fixes.where(np.flatnonzero(np.diff(number, prepend=-1.0)))
 
 
 def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
