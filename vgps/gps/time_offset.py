@@ -21,8 +21,8 @@ from vgps.solution import Trajectory
 
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
-_SPACING_S = 1.0  # receivers filter their positions
-_FEWEST = 20  # spaces in the log; of a short one they are shorter
+_SPACING_S = 1.0  # of fixes that are compared: receivers filter their positions
+_MIN_SPACINGS = 20  # in a log: those of a short one are shorter
 
 
 def update_time_offset(
@@ -40,7 +40,7 @@ def update_time_offset(
     if not prior.sigma_s:
         return sensors, ()
     duration_s = float(np.ptp(fixes.t_s)) if len(fixes) else 0.0
-    spaced = _spaced(fixes, min(_SPACING_S, duration_s / _FEWEST) or _SPACING_S)
+    spaced = _spaced(fixes, min(_SPACING_S, duration_s / _MIN_SPACINGS) or _SPACING_S)
     pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
     best = best_time_offset(pairs, prior)
     change_s = abs(best.time_offset_s - prior.time_offset_s)
