@@ -32,7 +32,7 @@ _FIELDS = (
     b"320229",
 )
 _BOXES = re.compile(
-    rb"stts|ctts|stsz|stsc|stco|stss|elst|mdhd|mvhd|tkhd|stsd|avc1|avcC|gpmd|hdlr|moov|trak|mdat"
+    rb"stts|ctts|stsz|stsc|stco|stss|elst|mdhd|mvhd|tkhd|stsd|avc1|avcC|gpmd|djmd|camm|tx3g|hdlr|moov|trak|mdat"
 )
 _COUNTS = (0, 1, 2, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x10000000)
 _DTYPES = ("<f8", "<f4", "<i8", "|u1", "<U9", "|b1", "<c16", ">f8", "|S4", "<M8[s]", "|V8")

@@ -26,6 +26,7 @@ from vgps.model import Camera, Rig
 from vgps.online.gps_messages import Epochs, messages
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.camera_guess import guess_cameras
 from vgps.readers.control_points import read_control_points
 from vgps.readers.exif import exif_fixes
 from vgps.readers.frame_times import read_frame_times
@@ -96,8 +97,9 @@ def _read_video(path: Path) -> None:
     telemetry = read_gpmf(path)
     if telemetry.sensors:
         _read_sensors(telemetry)
-    else:
-        find_video_gps(path, telemetry)
+    elif (found := find_video_gps(path, telemetry)) is not None:
+        gps_log(found, _RIG, path)
+    guess_cameras(video, telemetry)
 
 
 def _read_images(path: Path) -> None:
