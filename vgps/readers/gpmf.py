@@ -6,7 +6,7 @@ structures, then big-endian data padded to four bytes. Type 0 contains nested en
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -144,7 +144,7 @@ def read_gpmf(video: str | Path) -> Telemetry:
     return collect(Path(video), packets(Path(video), _is_gpmf))
 
 
-def collect(video: Path, payloads: list[Packet]) -> Telemetry:
+def collect(video: Path, payloads: Iterable[Packet]) -> Telemetry:
     """Return the telemetry of a video's payloads, see `read_gpmf`."""
     sensors: dict[str, list[Block]] = {}
     device, damaged = "", 0

@@ -24,8 +24,8 @@ class Packet:
     duration_s: float
 
 
-def packets_of(video: Path, *kinds: str, most: int | None = None) -> list[Packet]:
-    """Return the packets of the first track of an MP4 or MOV file that is of one of these kinds.
+def packets_of(video: Path, *kinds: str, most: int | None = None) -> Iterator[Packet]:
+    """Yield the packets of the first track of an MP4 or MOV file that is of one of these kinds.
 
     Args:
         video: The file.
@@ -37,11 +37,12 @@ def packets_of(video: Path, *kinds: str, most: int | None = None) -> list[Packet
     """
     with _read_errors(video):
         numbers = {number for number, kind in track_kinds(video).items() if kind in kinds}
-    return packets(video, lambda stream: stream.id in numbers, most) if numbers else []
+    if numbers:
+        yield from packets(video, lambda stream: stream.id in numbers, most)
 
 
-def packets(video: Path, wanted: Callable[[Any], bool], most: int | None = None) -> list[Packet]:
-    """Return the packets, or the first ones, of a video's first wanted stream; none if it has no such stream.
+def packets(video: Path, wanted: Callable[[Any], bool], most: int | None = None) -> Iterator[Packet]:
+    """Yield the packets, or the first ones, of a video's first wanted stream; none if it has no such stream.
 
     Raises:
         RecordingError: The video cannot be read.
@@ -50,20 +51,18 @@ def packets(video: Path, wanted: Callable[[Any], bool], most: int | None = None)
         streams = list(container.streams)
         track = next((stream for stream in streams if wanted(stream)), None)
         if track is None:
-            return []
+            return
         for stream in streams:
             if stream.index != track.index:
                 stream.discard = Discard.all  # avoids reading the images from disk
         first = _first_frame_s(container)
         filled = (packet for packet in container.demux(track) if packet.size)
-        return [
-            Packet(
+        for packet in islice(filled, most):
+            yield Packet(
                 bytes(packet),
                 float((packet.pts or 0) * packet.time_base) - first,
                 float((packet.duration or 0) * packet.time_base),
             )
-            for packet in islice(filled, most)
-        ]
 
 
 @contextlib.contextmanager
