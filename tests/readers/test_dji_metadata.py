@@ -30,12 +30,15 @@ def field(number: int, value: int | float | bytes) -> bytes:
     return varint(number << 3 | 2) + varint(len(value)) + value
 
 
-def message(latitude: float, longitude: float, height_mm: int, path=(3, 3, 4), units: bytes = b"") -> bytes:
-    place = units + field(2, latitude) + field(3, longitude)
-    data = field(1, place) + field(2, height_mm)
+def nested(path, data: bytes) -> bytes:
     for number in reversed(path):
         data = field(number, data)
     return data
+
+
+def message(latitude: float, longitude: float, height_mm: int, path=(3, 3, 4), units: bytes = b"") -> bytes:
+    place = units + field(2, latitude) + field(3, longitude)
+    return nested(path, field(1, place) + field(2, height_mm))
 
 
 def header(protocol: str) -> bytes:
@@ -54,10 +57,17 @@ def test_damaged_messages_are_refused(data):
         parse(data)
 
 
-@given(st.binary(max_size=60))
-def test_any_bytes_are_a_message_or_refused(data):
+@given(st.binary(max_size=60), st.sampled_from([(), (3,), (3, 3), (3, 3, 4), (3, 3, 4, 1), (3, 4, 2)]))
+def test_any_bytes_are_a_message_or_refused(data, path):
     with contextlib.suppress(ValueError):
-        position(parse(data))
+        position(parse(nested(path, data)))
+
+
+@pytest.mark.filterwarnings("error")
+@given(st.floats(), st.floats(), st.integers(0, 2**64 - 1))
+def test_any_numbers_are_a_position_or_none_without_a_warning(latitude, longitude, height_mm):
+    found = position(parse(message(latitude, longitude, height_mm)))
+    assert found is None or abs(found[2]) <= 2**63 / 1000
 
 
 @pytest.mark.parametrize("path", [(3, 3, 4), (3, 4, 4), (3, 4, 2)])

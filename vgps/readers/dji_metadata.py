@@ -5,10 +5,9 @@ table of DJI's tags for Mavic 3, Air 3, Mini 4 Pro, Matrice 30, Avata 2, Neo, Os
 message of the position has GPS (units, latitude, longitude) and the height in millimetres.
 """
 
+import math
 import struct
 from pathlib import Path
-
-import numpy as np
 
 from vgps.model import FixClass
 from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
@@ -25,7 +24,7 @@ _UNITS, _LATITUDE, _LONGITUDE = 1, 2, 3  # in GPS
 _DEGREES = 1
 _ALWAYS_DEGREES = ("dvtm_Mavic4", "dvtm_Mini5Pro")  # whatever the units say
 _NOWHERE_DEG = 1e-6  # latitude and longitude without a fix
-_INT64 = 1 << 64
+_WRAPS = 1 << 64  # varints of negative numbers are their two's complement in 64 bits
 
 
 def read_dji_metadata(video: Path) -> RawLog | None:
@@ -84,12 +83,12 @@ def position(message: Message, in_degrees: bool = False) -> tuple[float, float, 
         if not isinstance(latitude, float) or not isinstance(longitude, float):
             continue
         if not in_degrees and gps.get(_UNITS, 0) != _DEGREES:
-            latitude, longitude = np.degrees(latitude).item(), np.degrees(longitude).item()
+            latitude, longitude = math.degrees(latitude), math.degrees(longitude)
         if max(abs(latitude), abs(longitude)) < _NOWHERE_DEG:
             return None
         height = place.get(_HEIGHT_MM, 0)  # protobuf omits zeros
         height_mm = height if isinstance(height, int) else 0
-        return latitude, longitude, 1e-3 * (height_mm - _INT64 if height_mm >= _INT64 // 2 else height_mm)
+        return latitude, longitude, 1e-3 * (height_mm - _WRAPS if height_mm >= _WRAPS // 2 else height_mm)
     return None
 
 
