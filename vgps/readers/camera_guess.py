@@ -15,7 +15,7 @@ from vgps.camera import centred_camera
 from vgps.model import CameraGuess, Video
 from vgps.readers.chapters import ChapteredVideo
 from vgps.readers.dji_metadata import dji_names
-from vgps.readers.dji_srt import subtitles_in
+from vgps.readers.dji_srt import files_beside, subtitles_in
 from vgps.readers.gopro_lens import gopro_guess
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.images import ImageFolder
@@ -82,8 +82,7 @@ def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
 
 def _subtitles(file: Path) -> str:
     """Return the first subtitles beside a video or in it."""
-    beside = [file.with_suffix(suffix) for suffix in (".srt", ".SRT")]
-    text = next((_head(one) for one in beside if one.is_file()), "")
+    text = next((_head(one) for one in files_beside(file)), "")
     return text or " ".join(words for _, words in subtitles_in(file, most=1))
 
 

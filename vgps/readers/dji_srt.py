@@ -99,6 +99,12 @@ def subtitles_in(video: Path, most: int | None = None) -> list[tuple[float, str]
     return found
 
 
+def files_beside(video: Path) -> list[Path]:
+    """Return the files of subtitles beside a video that have its name; mostly one or none."""
+    files = (video.with_suffix(suffix) for suffix in (".srt", ".SRT"))
+    return [file for file in files if file.is_file()]
+
+
 def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
     """Return the fixes of subtitles, start times [s] and texts.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from vgps.errors import GpsLogError
 from vgps.model import GpsLog, Rig
 from vgps.readers.bag import BagVideo
+from vgps.readers.dji_srt import files_beside
 from vgps.readers.exif import exif_fixes
 from vgps.readers.gpmf import Telemetry
 from vgps.readers.gps import gps_format, gps_log, read_gps_log
@@ -45,7 +46,7 @@ def own_gps(video: Source, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
 
 def _subtitles_beside(video: Path, rig: Rig) -> GpsLog | None:
     """Return the fixes of a drone's subtitles beside its video; None without any."""
-    for file in (video.with_suffix(suffix) for suffix in (".srt", ".SRT")):
+    for file in files_beside(video):
         if gps_format(file) == "srt":
             try:
                 return read_gps_log(file, rig)
