@@ -4,6 +4,7 @@ import av
 import numpy as np
 import pytest
 from clips import picture, write_clip
+from metadata_videos import write_metadata_video
 from PIL import Image
 
 from vgps.readers.camera_guess import guess_cameras
@@ -46,7 +47,7 @@ def test_a_drones_subtitles_give_the_focal_length(tmp_path, text, equivalent_mm)
 
 def test_other_subtitles_say_nothing(tmp_path):
     video = write_clip(tmp_path / "film.mp4")
-    (tmp_path / "film.srt").write_text("1\n00:00:00,000 --> 00:00:02,000\nWhere are we?\n")
+    (tmp_path / "film.srt").write_text("1\n00:00:00,000 --> 00:00:02,000\nWhere? In isolation.\n")
     assert len(guesses_of(video)) == 2
 
 
@@ -69,6 +70,12 @@ def test_a_phones_tags_give_its_focal_length(tmp_path):
     (found,) = guesses_of(tagged)
     assert found.source == "Apple iPhone 13 with a lens of 50 mm in 35 mm terms by its tags"
     assert found.camera.fx == pytest.approx(50 / DIAGONAL_35_MM * 80, rel=1e-4)
+
+
+def test_a_phone_s_video_with_action_in_its_title_is_a_phone_s(tmp_path):
+    tags = {"com.apple.quicktime.make": "Apple", "title": "Action"}
+    (found,) = guesses_of(write_metadata_video(tmp_path / "IMG_0001.MOV", [], tags=tags))
+    assert "most phones" in found.source
 
 
 def test_exif_of_pictures_gives_the_focal_length(tmp_path):

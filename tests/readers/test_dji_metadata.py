@@ -101,8 +101,10 @@ def test_a_drones_video_has_its_fixes_and_its_lens(tmp_path):
     assert "DJI drones" in guess.source
 
 
-def test_action_cameras_have_no_drones_lens(tmp_path):
-    first = header("dvtm_ac203.proto") + message(0.8, 0.1, 500_000, (3, 4, 2))
+@pytest.mark.parametrize("protocol", ["dvtm_ac203.proto", "dvtm_AVATA2.proto", "dvtm_dji_neo.proto"])
+def test_wide_cameras_have_no_usual_drones_lens(tmp_path, protocol):
+    first = nested((1, 1, 1), protocol.encode()) + message(0.8, 0.1, 500_000, (3, 4, 2))
+    (tmp_path / "DJI_0001.SRT").write_text("1\n00:00:00,000 --> 00:00:00,033\n[iso: 100] [latitude: 48.1]\n")
     video = open_video(write_metadata_video(tmp_path / "DJI_0001.MP4", [(0.0, first)], "djmd"))
     assert [guess.camera.model for guess in guess_cameras(video, telemetry_of(video))] == [
         "opencv",

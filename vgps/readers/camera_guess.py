@@ -29,7 +29,8 @@ _EXIF_IFD, _FOCAL_35 = 0x8769, 0xA405
 _SUBTITLE_BYTES = 4000
 _FOCAL_LEN = re.compile(r"focal_len\s*:\s*(\d+(?:\.\d+)?)")
 _ZOOM = re.compile(r"dzoom_ratio\s*:\s*(\d+(?:\.\d+)?)")
-_WIDE_DJI = re.compile("Action|Avata|dvtm_(?:ac|oq)", re.IGNORECASE)  # lenses of 120 degrees and more
+_DRONES_TEXT = re.compile(r"\biso\s*:|GPS|latitude")  # in subtitles; a caption may have "comparison"
+_WIDE_DJI = re.compile(r"Action|Avata|(?<![a-z])Neo|dvtm_(?:ac|oq)", re.IGNORECASE)  # much wider lenses
 _FOCAL_TAG = "camera.focal_length.35mm_equivalent"
 
 
@@ -46,7 +47,7 @@ def guess_cameras(video: Video, telemetry: Telemetry) -> tuple[CameraGuess, ...]
         found = _of_pictures(video.files[0], size)
     if found is None and isinstance(video, VideoFile | ChapteredVideo):
         text = _subtitles(video.path)
-        found = _by_focal_len(text, size) or _of_tags(video.path, size) or _of_a_drone(text, size)
+        found = _by_focal_len(text, size) or _by_maker(video.path, text, size)
     return (found,) if found is not None else _unknown(size)
 
 
@@ -62,8 +63,8 @@ def _of_pictures(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     return _rectilinear(size, focal_px, 0.05, f"a lens of {equivalent_mm:g} mm in 35 mm terms by its EXIF")
 
 
-def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
-    """Return a guess from the tags of a phone's or a drone's video."""
+def _by_maker(file: Path, text: str, size: tuple[int, int]) -> CameraGuess | None:
+    """Return a guess from the tags of a phone's or a drone's video, or as its subtitles are a drone's."""
     tags = video_tags(file)
     make, model = str(tags.get("make", "")), str(tags.get("model", ""))
     name = model if model.startswith(make) else f"{make} {model}".strip()
@@ -71,13 +72,11 @@ def _of_tags(file: Path, size: tuple[int, int]) -> CameraGuess | None:
     if stated is not None:
         return _wide_sensor(size, stated, 0.08, f"{stated:g} mm in 35 mm terms by its tags", name)
     everything = " ".join((*(f"{key} {value}" for key, value in tags.items()), *dji_names(file)))
-    if _WIDE_DJI.search(everything):
-        return None
     if "DJI" in everything or "dvtm" in everything:
-        return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", name)
+        return None if _WIDE_DJI.search(everything) else _of_a_drone(size, name)
     if make == "Apple" or "android" in everything:
         return _wide_sensor(size, _PHONE_MM, 0.15, f"{_PHONE_MM:g} mm in 35 mm terms, as most phones", name)
-    return None
+    return _of_a_drone(size, "") if _DRONES_TEXT.search(text) else None
 
 
 def _subtitles(file: Path) -> str:
@@ -97,11 +96,8 @@ def _by_focal_len(text: str, size: tuple[int, int]) -> CameraGuess | None:
     return _wide_sensor(size, millimetres * factor, 0.10, f"{millimetres:g} mm by its subtitles", "")
 
 
-def _of_a_drone(text: str, size: tuple[int, int]) -> CameraGuess | None:
-    """Return a guess where subtitles are a drone's."""
-    if not any(word in text for word in ("iso", "GPS", "latitude")):
-        return None
-    return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", "")
+def _of_a_drone(size: tuple[int, int], name: str) -> CameraGuess | None:
+    return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", name)
 
 
 def _unknown(size: tuple[int, int]) -> tuple[CameraGuess, ...]:
