@@ -33,7 +33,7 @@ def test_tags_of_what_is_no_video(tmp_path):
 def test_a_log_in_utc_is_refused_with_the_time_that_the_video_states(tmp_path):
     file = write_metadata_video(tmp_path / "IMG_0001.MOV", [], tags=PHONE)
     (tmp_path / "gps.gpx").write_text(GPX)
-    with pytest.raises(GpsLogError, match=r"; IMG_0001\.MOV says 2024-05-31T14:43:55\+0200"):
+    with pytest.raises(GpsLogError, match=r"; IMG_0001\.MOV says 2024-05-31T14:43:55\+0200, but some "):
         open_recording(file)
     (tmp_path / "rig.yaml").write_text("video_start_utc: 2024-05-31T14:43:55+0200\n")
     assert open_recording(file).gps.t_s.tolist() == [0.0]

@@ -36,7 +36,7 @@ _CALIBRATE = (
     "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "
     "of another program"
 )
-_STATED = "local time with some cameras, the end of the recording with some phones"
+_STATED = "but some cameras write local time there, and some phones the end of the recording"
 _CAMERAS = ("camera.yaml", "camera.yml", "camera.xml", "camera.json", "camchain.yaml", "cameras.txt")
 
 
@@ -176,7 +176,7 @@ def _gps(folder: Path, name: PathLike | None, video: Source, rig: Rig, telemetry
     except UnknownStartError as error:
         if (said := stated_time(video.path)) is None:
             raise
-        hint = f"{error.remedy}; {video.path.name} says {said}: {_STATED}"
+        hint = f"{error.remedy}; {video.path.name} says {said}, {_STATED}"
         raise GpsLogError(error.found, file=file, remedy=hint) from None
     check_overlap(fixes, video.times_s, rig)
     return fixes
