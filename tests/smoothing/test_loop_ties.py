@@ -3,10 +3,11 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 from synthetic_bundle import K, true_poses
+from synthetic_rows import rolling_drive
 
 from vgps.geometry import project
-from vgps.smoothing.loop_ties import fitting_loops, loop_gradient
-from vgps.solver.cost import cost_terms
+from vgps.smoothing.loop_ties import _jacobians, fitting_loops, loop_gradient
+from vgps.solver.cost import cost_terms, reprojection_errors
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.problem import BundleProblem
 
@@ -75,3 +76,15 @@ def test_a_loop_is_refused_as_a_whole() -> None:
     assert fitting_loops(good, in_front, loop, False).tolist() == [True, *[False] * 5, True]
     # before the first optimisation their errors say nothing
     assert fitting_loops(good, in_front, loop, True).tolist() == [True, False, True, True, True, False, True]
+
+
+def test_landmarks_move_observations_of_a_rolling_shutter_as_seen_from_their_rows() -> None:
+    problem, _ = rolling_drive()
+    _, found = _jacobians(problem)
+    poses, points, step = problem.world_T_camera, problem.world_p_landmark, 1e-5
+    for k, delta in enumerate(step * np.eye(3)):
+        (ahead, _), (behind, _) = (
+            reprojection_errors(problem.moved(poses, points + d)) for d in (delta, -delta)
+        )
+        expected = (ahead - behind) / (2 * step) / problem.sigma_px[:, None]
+        np.testing.assert_allclose(found[:, :, k], expected, rtol=0, atol=1e-6 * np.abs(found).max())

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.solver.cost import camera_points, pixel_errors
+from vgps.solver.cost import camera_points, pixel_errors, view_poses
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.normal_equations import projection_jacobians, whitening
 from vgps.solver.problem import BundleProblem
@@ -76,10 +76,11 @@ def _by_landmark(problem: BundleProblem, loop: IntArray) -> Iterator[IntArray]:
 
 def _jacobians(part: BundleProblem) -> tuple[FloatArray, FloatArray]:
     """Return the whitened Jacobians of observations to poses (n, 2, 6) and to landmarks (n, 2, 3)."""
-    camera_p = camera_points(part)
+    views = view_poses(part)
+    camera_p = camera_points(part, views)
     error, behind = pixel_errors(part, camera_p)
     scale = np.where(behind, 0.0, whitening(part, error))
-    pose, point = projection_jacobians(part, camera_p, scale)
+    pose, point = projection_jacobians(part, camera_p, scale, views)
     return pose.transpose(2, 0, 1), point.transpose(2, 0, 1)
 
 

@@ -87,20 +87,9 @@ def camera_points(problem: BundleProblem, views: FloatArray | None = None) -> Fl
         problem: The observations.
         views: (3, 4, N) from :func:`view_poses`, where they are at hand.
     """
-    if views is None:
-        problem = problem.by_view()
-    x, y, z = (
-        problem.world_p_landmark[:, i][problem.landmark] - view_entry(problem, views, i, 3) for i in range(3)
-    )
-    columns = ([view_entry(problem, views, i, j) for i in range(3)] for j in range(3))
-    return np.stack([a * x + b * y + c * z for a, b, c in columns])
-
-
-def view_entry(problem: BundleProblem, views: FloatArray | None, row: int, column: int) -> FloatArray:
-    """Return an entry (N,) of the pose of each observation's view, from ``views`` if they are at hand."""
-    if views is not None:
-        return np.asarray(views[row, column])
-    return np.asarray(problem.world_T_camera[:, row, column][problem.frame])
+    T = view_poses(problem) if views is None else views
+    x, y, z = (problem.world_p_landmark[:, i][problem.landmark] - T[i, 3] for i in range(3))
+    return np.stack([T[0, j] * x + T[1, j] * y + T[2, j] * z for j in range(3)])
 
 
 def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArray, BoolArray]:

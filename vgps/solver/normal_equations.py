@@ -17,7 +17,7 @@ from vgps.model import FloatArray
 from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.chunks import Chunk
-from vgps.solver.cost import camera_points, pixel_errors, robust_weight, view_entry, view_poses
+from vgps.solver.cost import camera_points, pixel_errors, robust_weight, view_poses
 from vgps.solver.disk_arrays import DiskArrays, stored
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.linearised_chunk import LOWER, DenseChunk, LinearisedChunk, dot, pose_blocks
@@ -131,17 +131,17 @@ def whitening(problem: BundleProblem, error: FloatArray) -> FloatArray:
 
 
 def projection_jacobians(
-    problem: BundleProblem, camera_p: FloatArray, scale: FloatArray, views: FloatArray | None = None
+    problem: BundleProblem, camera_p: FloatArray, scale: FloatArray, views: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobians of the projection to poses (2, 6, n) and to landmarks (2, 3, n), times ``scale``.
 
     A landmark p in the camera frame moves by ``[p]_x rotation - translation + R^T d(landmark)``.
 
     Args:
-        problem: The observations, by their views.
+        problem: The observations.
         camera_p: (3, n) from :func:`vgps.solver.cost.camera_points`.
         scale: (n,) zero behind the camera.
-        views: (3, 4, n) from :func:`vgps.solver.cost.view_poses`, where they are at hand.
+        views: (3, 4, n) from :func:`vgps.solver.cost.view_poses`.
     """
     fx, fy, _, _ = problem.intrinsics
     depth = np.where(camera_p[2] > 0.0, camera_p[2], 1.0)
@@ -155,7 +155,7 @@ def projection_jacobians(
     jp[1, 4], jp[1, 5] = -dv, dv * y
     jl = np.empty((2, 3, len(scale)))
     for axis in range(3):
-        R = [view_entry(problem, views, axis, column) for column in range(3)]
+        R = views[axis]
         jl[0, axis] = du * (R[0] - x * R[2])
         jl[1, axis] = dv * (R[1] - y * R[2])
     return in_picture(problem.lens, jp), in_picture(problem.lens, jl)
