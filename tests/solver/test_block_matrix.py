@@ -1,3 +1,5 @@
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.block_layout import layout_blocks
 from vgps.solver.block_matrix import BlockSparseMatrix
+from vgps.solver.disk_arrays import DiskArrays
 
 
 def random_cliques(frames: int, number: int, rng: np.random.Generator) -> list[np.ndarray]:
@@ -26,7 +29,7 @@ def matrix_over(
         J = rng.normal(size=(4, POSE_DIM * len(clique)))
         index = (POSE_DIM * clique[:, None] + np.arange(POSE_DIM)).ravel()
         dense[np.ix_(index, index)] += J.T @ J
-        blocks.subtract_square(clique, J, np.empty(J.shape[1] ** 2))
+        blocks.subtract(clique, J.T @ J)
     np.negative(blocks.flat, out=blocks.flat)
     dense += np.diag(np.full(n, 0.5))
     blocks.add_diagonal(np.full(n, 0.5))
@@ -76,21 +79,34 @@ def test_undetermined_variable_is_refused_at_its_column(cores: int, monkeypatch:
     rng = np.random.default_rng(0)
     cliques = random_cliques(90, 3, rng)
     dense, _ = matrix_over(90, cliques, rng)
-    dense[POSE_DIM * 13 + 2] = dense[:, POSE_DIM * 13 + 2] = 0.0
+    dense[POSE_DIM * 45 + 2] = dense[:, POSE_DIM * 45 + 2] = 0.0
     blocks = BlockSparseMatrix.zeros(layout_blocks(90, cliques))
     i, j = np.nonzero(np.tril(dense))
     blocks.add_entries(i, j, dense[i, j])
     with pytest.raises(NotPositiveDefiniteError) as refusal:
         blocks.cholesky()
-    assert refusal.value.column == POSE_DIM * 13 + 2
+    assert refusal.value.column == POSE_DIM * 45 + 2
 
 
 def test_pivot_below_the_minimum_is_refused() -> None:
-    blocks = BlockSparseMatrix.zeros(layout_blocks(3, [np.array([0, 1, 2])]))
-    diagonal = np.ones(18)
-    diagonal[7] = 1e-15
+    blocks = BlockSparseMatrix.zeros(layout_blocks(19, [np.arange(19)]))
+    diagonal = np.ones(POSE_DIM * 19)
+    diagonal[POSE_DIM * 17] = 1e-15
     blocks.add_diagonal(diagonal)
-    assert np.diagonal(blocks.cholesky().block(0, 0))[7] == pytest.approx(1e-15**0.5)
+    assert np.diagonal(blocks.cholesky().block(1, 1))[POSE_DIM] == pytest.approx(1e-15**0.5)
     with pytest.raises(NotPositiveDefiniteError) as refusal:
-        blocks.cholesky(1e-14 * np.ones(18))
-    assert refusal.value.column == 7
+        blocks.cholesky(np.full(POSE_DIM * 19, 1e-14))
+    assert refusal.value.column == POSE_DIM * 17
+
+
+def test_matrix_and_factor_on_disk_leave_the_memory_column_by_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: Counter[DiskArrays] = Counter()
+    monkeypatch.setattr(DiskArrays, "passed", lambda arrays, _: told.update([arrays]))
+    layout = layout_blocks(90, random_cliques(90, 0, np.random.default_rng(0)))
+    blocks = BlockSparseMatrix.zeros(layout, on_disk=True)
+    blocks.add_diagonal(np.ones(layout.columns))
+    assert blocks.arrays is not None
+    told.clear()
+    factor = blocks.cholesky()
+    assert factor.arrays is not None
+    assert min(told[blocks.arrays], told[factor.arrays]) >= len(layout.order)

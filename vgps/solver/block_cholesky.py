@@ -1,10 +1,11 @@
-"""Cholesky's factorisation of a block-sparse matrix in place, a thread for each usable core.
+"""Cholesky's factorisation of a block-sparse matrix, a thread for each usable core.
 
 Each column of blocks subtracts what the columns before it contribute, in their order, and is then divided by
 its own factor (left-looking). It waits for each of them only when their turn comes, so that threads work on
 several columns at once, independent ones or not, and the result does not depend on their number.
 """
 
+from collections.abc import Callable
 from threading import Event
 
 import numpy as np
@@ -15,11 +16,14 @@ from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.block_layout import BlockLayout
 from vgps.solver.dense_products import divide_by_factor, subtract_product
-from vgps.solver.disk_arrays import DiskArrays
 
 
 def factorise_blocks(
-    layout: BlockLayout, matrix: FloatArray, factor: FloatArray, least: FloatArray, arrays: DiskArrays | None
+    layout: BlockLayout,
+    matrix: FloatArray,
+    factor: FloatArray,
+    least: FloatArray,
+    passed: Callable[[int], None],
 ) -> None:
     """Write the factor L of A = L L^T, in order of elimination.
 
@@ -28,7 +32,7 @@ def factorise_blocks(
         matrix: (layout.size,) entries of A.
         factor: (layout.size,) those of L, for the result.
         least: (n,) what the squared pivots must exceed.
-        arrays: Where the entries are stored; None for memory.
+        passed: Is told how many bytes of both were in use, and may leave the memory.
 
     Raises:
         NotPositiveDefiniteError: There is no factor, or a squared pivot is not above its least value.
@@ -45,12 +49,10 @@ def factorise_blocks(
                 panel = columns[earlier]
                 for rows, at in runs:
                     subtract_product(panel[rows], panel[first : first + width], column[at])
-                if arrays is not None:
-                    arrays.passed(panel.nbytes)
+                passed(panel.nbytes)
             _factorise_diagonal(column[:width], layout.span(k), least)
             divide_by_factor(column[width:], column[:width])
-            if arrays is not None:
-                arrays.passed(2 * column.nbytes)
+            passed(2 * column.nbytes)
         finally:
             finished[k].set()  # after an error too, which the caller gets before those of later columns
 

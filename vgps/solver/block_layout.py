@@ -115,11 +115,11 @@ class BlockLayout:
     def contributions(self) -> tuple[tuple[Contribution, ...], ...]:
         """For each block what the columns eliminated before it subtract from its column, in their order."""
         found: list[list[Contribution]] = [[] for _ in self.below]
+        rows = [self._rows_of(column) for column in range(len(self.below))]
         for earlier in self.order.tolist():
-            rows = self._rows_of(earlier)
             for block in self.below[earlier].tolist():
-                runs = _runs(rows, self._rows_of(block))
-                found[block].append(Contribution(earlier, rows[block].start, runs))
+                runs = _runs(rows[earlier], rows[block])
+                found[block].append(Contribution(earlier, rows[earlier][block].start, runs))
         return tuple(map(tuple, found))
 
     def _rows_of(self, column: int) -> dict[int, slice]:

@@ -15,7 +15,6 @@ from vgps.model import FloatArray, IntArray
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_cholesky import factorise_blocks
 from vgps.solver.block_layout import BLOCK_FRAMES, BlockLayout
-from vgps.solver.dense_products import square
 from vgps.solver.disk_arrays import DiskArrays
 
 
@@ -56,10 +55,6 @@ class BlockSparseMatrix:
         """Return a view of a column of blocks below its diagonal block."""
         return self.layout.column(column, self.flat)[self.layout.width(column) :]
 
-    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
-        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
-        self.subtract(frames, square(Z, scratch))
-
     def subtract(self, frames: IntArray, squared: FloatArray) -> None:
         """Subtract a symmetric matrix (6 s, 6 s) over ascending frames (s,)."""
         for rows, columns, start, strides in self.layout.pieces_of(frames):
@@ -93,8 +88,12 @@ class BlockSparseMatrix:
         layout, on_disk = self.layout, self.arrays is not None
         factor = self.zeros(layout, on_disk) if on_disk else BlockSparseMatrix(layout, np.empty(layout.size))
         least = np.broadcast_to(min_pivot, layout.columns)
-        factorise_blocks(layout, self.flat, factor.flat, least, factor.arrays)
-        self._passed(self.flat.nbytes)
+
+        def passed(size: int) -> None:
+            self._passed(size)
+            factor._passed(size)
+
+        factorise_blocks(layout, self.flat, factor.flat, least, passed)
         return factor
 
     def solve(self, right: FloatArray) -> FloatArray:

@@ -27,11 +27,11 @@ from vgps.solver.disk_arrays import DiskArrays
 
 @dataclass(frozen=True)
 class SubmapLayout:
-    """Where a band matrix is cut.
+    """Where a matrix is cut.
 
     Attributes:
         first: (S + 1,) first place of each submap, then the number of places.
-        separator: (S,) places of each submap that are coupled with the one before; 0 for the first.
+        separator: (S,) places of each submap that are coupled with an earlier one; 0 for the first.
     """
 
     first: IntArray
