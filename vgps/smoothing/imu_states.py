@@ -10,6 +10,7 @@ from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
+from vgps.solver.landmark_groups import track_ends
 from vgps.solver.marginals import Covariances
 from vgps.solver.problem import BundleProblem
 from vgps.solver.state_vectors import StateVector
@@ -41,9 +42,7 @@ def _crossing_tracks(scene: Scene) -> IntArray:
     frame, landmark = scene.observations.frame, scene.observations.landmark
     if scene.loop is not None:
         frame, landmark = frame[scene.loop < 0], landmark[scene.loop < 0]
-    first, last = np.full(len(scene.points), len(scene.t_s)), np.full(len(scene.points), -1)
-    np.minimum.at(first, landmark, frame)
-    np.maximum.at(last, landmark, frame)
+    first, last = track_ends(frame, landmark, len(scene.points))
     begin, end = (np.bincount(ends[first < last], minlength=len(scene.t_s)) for ends in (first, last))
     return np.asarray(np.cumsum(begin - end)[:-1])
 

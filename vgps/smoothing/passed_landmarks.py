@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.factor_graph import Scene
+from vgps.solver.landmark_groups import track_ends
 
 _HALF_WIDTH = 2.0  # heights to either side of the path: a lane
 _MIN_LANDMARKS = 6
@@ -56,8 +57,7 @@ def passed_landmarks(scene: Scene, length: FloatArray, reach: float, gap: float)
         gap: Length of the path from the last observation to the frame that passes.
     """
     centre, seen = scene.poses[:, :3, 3], scene.observations
-    last = np.full(len(scene.points), -1)
-    np.maximum.at(last, seen.landmark, seen.frame)
+    _, last = track_ends(seen.frame, seen.landmark, len(scene.points))
     rows = np.flatnonzero((last >= 0) & np.isfinite(scene.points).all(axis=1))
     foot = np.asarray(cKDTree(centre).query(scene.points[rows])[1])
     ends = np.searchsorted(length, np.stack([length[foot] - reach, length[foot] + reach]))
