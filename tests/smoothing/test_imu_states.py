@@ -9,6 +9,7 @@ from gtsam.symbol_shorthand import X
 from inertial import MOUNT, exact_log
 from scipy.interpolate import CubicSpline
 from synthetic_bundle import ANTENNA
+from synthetic_map import CAMERA
 
 from vgps.config import Config, ImuConfig, StartConfig
 from vgps.gps.sensors import Sensors
@@ -18,8 +19,9 @@ from vgps.imu.start import start_states
 from vgps.imu.states import as_bias, bias_key, velocity_key
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.simulate import Motion
+from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene, joined, other_pose_factors
-from vgps.smoothing.imu_states import ImuBias, loose_frames
+from vgps.smoothing.imu_states import ImuBias, loose_frames, start_imu
 from vgps.solution import Observations, Trajectory
 
 
@@ -52,6 +54,31 @@ def test_the_imu_holds_frames_that_few_features_show_and_both_sides_of_a_seam_be
     assert np.flatnonzero(loose_frames(scene, 1)).tolist() == [3, 4, 6, 7]
     looped = replace(scene, loop=np.where(scene.observations.landmark == 8, 0, -1))
     assert np.flatnonzero(loose_frames(looped, 1)).tolist() == [2, 3, 4, 6, 7]
+
+
+def two_maps(config):
+    """A scene in which no track leads from frame 5 to frame 6, and velocities and biases of an IMU."""
+    t_s, values = 0.25 * np.arange(11), np.zeros((5, 6))
+    values[:, 0] = 3.0 * np.arange(-1.0, 4.0)
+    motion = Motion(CubicSpline(np.arange(-1.0, 4.0), values))
+    spans = [span for span in ((0, 5), (6, 10)) for _ in range(config.tracking.min_inliers)]
+    scene = Scene(t_s, motion.poses(t_s), np.zeros((len(spans), 3)), tracks(*spans))
+    imu = imu_at_camera(exact_log(motion, duration_s=2.5), MOUNT, None, config.imu)
+    return scene, start_imu(scene, SmoothingContext(CAMERA, config, imu=imu))
+
+
+def test_both_sides_of_a_seam_between_maps_are_knots():
+    _, states = two_maps(Config())
+    assert states.frame.tolist() == [0, 5, 6, 10]  # the others by their times
+
+
+def test_constant_velocity_holds_frames_between_knots_that_lost_their_features():
+    config = Config()
+    scene, states = two_maps(config)
+    seen, sensors = scene.observations, Sensors.fixed(ANTENNA)
+    fewer = scene.with_observations((seen.frame != 8) | (seen.landmark == seen.landmark.max()))
+    more, before = (other_pose_factors(one, sensors, config, states).size() for one in (fewer, scene))
+    assert more > before
 
 
 def test_what_is_level_is_shared_between_a_bias_and_a_tilt():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from synthetic_bundle import ANTENNA, K
 from synthetic_map import away, map_of, scene
 
@@ -42,6 +43,10 @@ def refined(camera, wrong, **believed):
     start = changed(camera, np.array(wrong))
 
     def optimise(scene, camera, every=None, sigma=None):
+        if sigma is not None:  # all frames: their poses follow the centre
+            turn = Rotation.from_matrix(made.poses[0, :3, :3].T @ scene.poses[0, :3, :3])
+            shift_px = np.hypot(camera.cx - start.cx, camera.cy - start.cy)
+            assert turn.magnitude() == pytest.approx(shift_px / camera.fx, abs=2e-3)
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)

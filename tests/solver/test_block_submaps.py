@@ -9,15 +9,15 @@ B = BLOCK_FRAMES
 
 
 def test_blocks_that_couple_with_an_earlier_submap_are_separators() -> None:
-    """Three submaps of four blocks, the last 5 frames shorter, and a loop from block 1 to block 10."""
+    """Three submaps of four blocks, the last 5 frames shorter, and a loop from block 1 to that block."""
     places = 12 * B - 5
     chain = [np.array([i, i + 1]) for i in range(places - 1)]
-    found = cut_blocks_into_submaps(places, [*chain, np.array([B, 10 * B])], 4 * B - 5)
+    found = cut_blocks_into_submaps(places, [*chain, np.array([B, 11 * B])], 4 * B - 5)
     assert found is not None
     layout, stages = found
     np.testing.assert_array_equal(layout.first, [0, 4 * B, 8 * B, places])
-    np.testing.assert_array_equal(layout.separator, [0, B, 2 * B])
-    assert [stage.tolist() for stage in stages] == [[0, 1, 2, 3], [5, 6, 7], [9, 11], [4, 8, 10]]
+    np.testing.assert_array_equal(layout.separator, [0, B, 2 * B - 5])
+    assert [stage.tolist() for stage in stages] == [[0, 1, 2, 3], [5, 6, 7], [9, 10], [4, 8, 11]]
 
 
 def test_stages_are_eliminated_one_after_the_other() -> None:

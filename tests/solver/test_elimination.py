@@ -40,7 +40,26 @@ def test_second_lap_is_cheaper_in_blocks(blocks: None, monkeypatch: pytest.Monke
     force_band(monkeypatch)
     band = analyse_sparsity(problem)
     assert band.blocks is None and isinstance(band.empty(), BandMatrix)
-    assert structure.flops < 0.5 * band.flops and structure.bytes < band.bytes
+    assert structure.flops < 0.5 * band.flops
+    assert 16.0 * structure.blocks.size < structure.bytes < band.bytes
+
+
+def test_blocks_are_chosen_where_they_are_faster_landmarks_included(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = two_laps()
+    force_band(monkeypatch)
+    band = analyse_sparsity(problem)
+    monkeypatch.setattr(elimination, "_CHEAP_BAND_FLOPS", 0.0)
+    monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", 0.0)
+    flops = analyse_sparsity(problem).flops
+    ratio, without_landmarks = band.flops / flops, replace(band, chunks=()).flops / flops
+    assert without_landmarks < 0.95 * ratio
+    for slowdown, in_blocks in (
+        (0.99 * without_landmarks, True),
+        (0.99 * ratio, True),
+        (1.01 * ratio, False),
+    ):
+        monkeypatch.setattr(elimination, "_BLOCK_SLOWDOWN", slowdown)
+        assert (analyse_sparsity(problem).blocks is not None) == in_blocks
 
 
 def test_minimum_of_two_laps_is_that_of_gtsam(blocks: None) -> None:

@@ -89,9 +89,8 @@ def test_landmark_observed_once_keeps_its_depth() -> None:
 def test_rounding_errors_in_the_depth_of_a_far_landmark_are_no_information() -> None:
     """It then absorbs no more of the residuals than there is: ``J V^-1 J^T`` has no eigenvalue above one."""
     rng = np.random.default_rng(0)
-    depth = rng.normal(size=(20_000, 3)) * 10.0 ** rng.uniform(
-        -4, 0, (20_000, 3)
-    )  # many near a coordinate plane
+    depth = rng.normal(size=(20_000, 3))
+    depth *= 10.0 ** rng.uniform(-6, 0, depth.shape)  # many near a coordinate plane
     across = np.linalg.svd(depth[:, None])[2][:, 1:]  # no residual moves with the depth
     jl = 1e-4 * rng.normal(size=(20_000, 8, 2)) @ across
     V = jl.transpose(0, 2, 1) @ jl
