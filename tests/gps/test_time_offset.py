@@ -71,9 +71,10 @@ def test_one_jump_of_the_receiver_has_little_effect():
     assert abs(found.time_offset_s - 0.37) < 0.1
 
 
-def with_jitter(motion, seed, late_s=0.0):
+def with_jitter(motion, seed, late_s=0.0, until_s=28.0):
     """Return a path of frames and ten fixes a second of a motion t_s -> (n, 3), both with 4 mm of noise."""
-    rng, frame_s, fix_s = np.random.default_rng(seed), np.arange(0.0, 30.0, 0.1), np.arange(1.0, 28.0, 0.1)
+    frame_s, fix_s = np.arange(0.0, until_s + 2.0, 0.1), np.arange(1.0, until_s, 0.1)
+    rng = np.random.default_rng(seed)
     seen = trajectory(motion(frame_s) + rng.normal(0.0, 0.004, (len(frame_s), 3)), frame_s)
     places = motion(fix_s - late_s) + rng.normal(0.0, 0.004, (len(fix_s), 3))
     return seen, fixes_that_lie(fix_s, places, 0.02, 0.04)
@@ -89,14 +90,23 @@ def test_jitter_of_a_path_around_a_circle_is_no_time_offset(seed):
     assert no_offset_is_found(*with_jitter(circle, seed))
 
 
+def turns_and_braking(t_s):
+    along = 8.0 * t_s - 15.0 * np.cos(t_s / 5.0)
+    return np.column_stack([along, 20.0 * np.sin(along / 40.0), np.zeros_like(t_s)])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_jitter_does_not_hide_a_time_offset_that_turns_and_braking_show(seed):
-    def drive(t_s):
-        along = 8.0 * t_s - 15.0 * np.cos(t_s / 5.0)
-        return np.column_stack([along, 20.0 * np.sin(along / 40.0), np.zeros_like(t_s)])
-
-    sensors, _ = update_time_offset(SENSORS, *with_jitter(drive, seed, late_s=0.3), SensorsConfig())
+    log = with_jitter(turns_and_braking, seed, late_s=0.3)
+    sensors, _ = update_time_offset(SENSORS, *log, SensorsConfig())
     assert sensors.time_offset_s == pytest.approx(0.3, abs=0.015)
+
+
+def test_seven_seconds_show_a_time_offset_by_fixes_closer_than_a_second():
+    logs = [with_jitter(turns_and_braking, seed, late_s=0.3, until_s=8.0) for seed in range(10)]
+    found = [update_time_offset(SENSORS, *log, SensorsConfig())[0].time_offset_s for log in logs]
+    shown = [time_offset_s for time_offset_s in found if time_offset_s]
+    assert len(shown) > 3 and shown == pytest.approx([0.3] * len(shown), abs=0.1)
 
 
 @pytest.mark.parametrize("estimate", ["auto", "yes"])
@@ -111,6 +121,12 @@ def test_a_straight_at_constant_speed_keeps_the_prior_with_a_warning(estimate):
 
 def test_without_fixes_there_is_no_warning():
     assert update_time_offset(SENSORS, trajectory(path(T_S)), Fixes.empty(), SensorsConfig())[1] == ()
+
+
+def test_one_fix_leaves_the_time_offset_alone():
+    one = late(0.37, t_s=np.array([5.0]))
+    with np.errstate(invalid="raise"):
+        assert no_offset_is_found(trajectory(path(T_S)), one)
 
 
 def test_auto_estimates_only_a_significant_time_offset():
@@ -232,12 +248,26 @@ def test_fixes_that_err_by_less_are_not_shifted_by_what_may_be_chance():
     assert likelier(replace(fixes, r_m=one_is_good)) == (SENSORS, ())
 
 
-def test_fixes_within_a_second_count_once():
+def estimated(fixes):
+    settings = SensorsConfig(estimate_time_offset="yes")
+    return update_time_offset(SENSORS, trajectory(path(T_S)), fixes, settings)
+
+
+@pytest.mark.parametrize("estimate", [estimated, likelier])
+def test_fixes_within_a_second_count_once(estimate):
     t_s = np.arange(0.05, 19.0, 0.1)
     fast = late(0.4, np.repeat(wander(3), 10, axis=0)[: len(t_s)], t_s)  # the same error ten times a second
     slow = fast.where(np.arange(0, len(t_s), 10))
-    sigma_s = [likelier(fixes)[0].prior_time_offset.sigma_s for fixes in (fast, slow)]
+    sigma_s = [estimate(fixes)[0].prior_time_offset.sigma_s for fixes in (fast, slow)]
     assert 0.7 < sigma_s[0] / sigma_s[1] < 1.4
+
+
+def test_fixes_of_a_second_count_though_their_stamps_are_not_quite_even():
+    even_s = np.arange(0.05, 19.0)
+    uneven_s = even_s + np.where(np.arange(19) % 2, -0.01, 0.01)
+    logs = [late(0.25, wander(0), t_s) for t_s in (even_s, uneven_s)]
+    sigma_s = [likelier(fixes)[0].prior_time_offset.sigma_s for fixes in logs]
+    assert sigma_s[0] == pytest.approx(sigma_s[1], rel=0.1)
 
 
 def test_each_class_weighs_by_its_own_differences():

@@ -91,9 +91,9 @@ def test_a_new_map_knows_the_gyro_s_bias_from_the_one_before():
     assert known.rotation_sigma_rad < 0.2 * alone.rotation_sigma_rad
 
 
-def carried(made, frame, found=(True, True, True), sigma_rad=1e-3):
+def carried(made, frame, found=(True, True, True), sigma_rad=1e-3, share=0.3):
     """The result of a lost frame at ten frames a second, with a gyro by default."""
-    config = CONFIG.model_copy(update={"min_inliers": 2})
+    config = CONFIG.model_copy(update={"min_inliers": 2, "min_inlier_share": share})
     prediction = Prediction(pose(0.1 * frame), sigma_rad)
     return made.carried(Frame(frame, 0.1 * frame, image()), result(found=found), prediction, config)
 
@@ -104,6 +104,7 @@ def test_a_gyro_carries_a_map_on_where_features_without_positions_are_followed()
     lost = (
         carried(builder(pose(0.0), pose(0.1)), 3),
         carried(builder(pose(0.0), pose(0.1)), 2, found=(True, False, False)),
+        carried(builder(pose(0.0), pose(0.1)), 2, found=(True, True, False), share=0.7),
         carried(builder(pose(0.0), pose(0.1)), 2, sigma_rad=np.inf),
     )
     assert all(each.world_T_camera is None for each in lost)

@@ -3,7 +3,13 @@ import pytest
 from inertial import GRAVITY_M_S2, MOUNT, exact_log, swinging_motion
 
 from vgps.simulate import SCENES, AccelerometerConfig, build_motion
-from vgps.simulate.accelerometer import simulate_accelerometer, specific_force, with_scale_errors
+from vgps.simulate.accelerometer import (
+    simulate_accelerometer,
+    simulate_imu,
+    specific_force,
+    with_scale_errors,
+)
+from vgps.simulate.sensors import simulate_gyro
 
 
 def test_the_force_is_that_of_the_sensors_own_path():
@@ -35,7 +41,7 @@ def test_noise_bias_and_gravity():
 
 def test_scales_and_axes_are_off_and_the_mean_share_is_bias():
     rng = np.random.default_rng(0)
-    exact, bias = rng.normal([0.0, 0.0, 9.8], 1.0, (500, 3)), np.full((500, 3), 0.1)
+    exact, bias = rng.normal([0.0, 0.0, 9.8], 1.0, (500, 3)), np.linspace([0.1] * 3, [2.1] * 3, 500)
     matrices = []
     for seed in range(50):
         samples, found = with_scale_errors(exact + bias, bias, 0.005, np.random.default_rng(seed))
@@ -44,3 +50,18 @@ def test_scales_and_axes_are_off_and_the_mean_share_is_bias():
         matrices.append(np.linalg.lstsq(exact - exact.mean(axis=0), left, rcond=None)[0])
         np.testing.assert_allclose(matrices[-1], matrices[-1].T, atol=1e-12)
     assert np.std(matrices) == pytest.approx(0.005, rel=0.15)
+
+
+def test_gyro_and_accelerometer_of_an_imu_have_scale_errors():
+    scene = SCENES["demo"]
+    motion = build_motion(scene, np.random.default_rng(0))
+    gyro = simulate_gyro(motion, scene, np.random.default_rng(1))
+
+    def measured(scale_error):
+        config = AccelerometerConfig(scale_error=scale_error)
+        scaled, force, _ = simulate_imu(motion, scene, config, gyro, np.random.default_rng(2))
+        return scaled.rate_rad_s, force
+
+    for true, scaled in zip(measured(0.0), measured(0.02), strict=True):
+        assert 0.003 < np.abs(scaled - true).max() / np.abs(true).max() < 0.1
+    np.testing.assert_array_equal(measured(0.0)[0], gyro.rate_rad_s)

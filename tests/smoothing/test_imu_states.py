@@ -56,6 +56,12 @@ def test_the_imu_holds_frames_that_few_features_show_and_both_sides_of_a_seam_be
     assert np.flatnonzero(loose_frames(looped, 1)).tolist() == [2, 3, 4, 6, 7]
 
 
+def test_the_imu_holds_a_frame_between_observations_of_tracks_and_its_neighbours():
+    interrupted = Observations(np.array([0, 1, 2, 4, 5, 6]), np.zeros(6, dtype=int), np.zeros((6, 2)))
+    scene = Scene(np.arange(7.0), np.tile(np.eye(4), (7, 1, 1)), np.zeros((1, 3)), interrupted)
+    assert np.flatnonzero(loose_frames(scene, 1)).tolist() == [2, 3, 4]
+
+
 def two_maps(config):
     """A scene in which no track leads from frame 5 to frame 6, and velocities and biases of an IMU."""
     t_s, values = 0.25 * np.arange(11), np.zeros((5, 6))
