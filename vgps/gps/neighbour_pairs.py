@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solveh_banded
-from scipy.ndimage import convolve1d
 
 from vgps.config import TimeOffsetConfig
+from vgps.geometry.path_smoothing import smoothed
 from vgps.gps.fixes import Fixes, Placement, place
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
@@ -17,8 +17,6 @@ from vgps.solution import Trajectory
 _MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
 _MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
 _PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
-# of the antenna over frames: its jitter is no motion, and without it would be halved between two frames
-_SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
 
@@ -65,7 +63,8 @@ class NeighbourPairs:
         self.config = config
         poses = path.world_T_camera
         antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
-        self._antenna = convolve1d(antenna, _SMOOTHING, axis=0, mode="nearest")
+        # interpolation between frames halves the variance of jitter, which would look like a time offset
+        self._antenna = smoothed(antenna)
         self._path, self._fixes, self._rows = path, fixes, rows
         _, self._group, self._group_size = np.unique(
             fixes.fix_class[rows], return_inverse=True, return_counts=True

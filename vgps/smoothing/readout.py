@@ -13,11 +13,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import convolve1d
 
 from factors import path_vectors
 from vgps.camera import row_shares
 from vgps.errors import GeometryError
+from vgps.geometry.path_smoothing import smoothed
 from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import pinhole_jacobian
@@ -31,8 +31,6 @@ from vgps.solver.row_equations import RollingChunk
 from vgps.solver.row_times import RowTimes
 from vgps.solver.schur_complement import absorbed_residuals
 
-# over frames; a quarter is left at half the Nyquist rate
-_SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _BLOCK_S = 1.0  # errors of all tracks together, as of a path between frames, are independent after this time
 _LONGEST_SHARE = 1.1  # of the time between frames: a readout cannot be longer
 _NOTABLE_SHARE = 0.1  # of the time between frames: an error that bends the path
@@ -139,7 +137,7 @@ def with_better_readout(
 def _smooth_displacements(parts: Sequence[RollingChunk], problem: BundleProblem) -> list[FloatArray]:
     """Return the derivatives (2, n) of each chunk's residuals by the readout, if the path were smooth."""
     vectors = path_vectors(problem.world_T_camera)
-    smooth = convolve1d(vectors, _SMOOTHING, axis=0, mode="nearest")
+    smooth = smoothed(vectors)
     displacements = []
     for part in parts:
         first = part.chunk.first_frame
