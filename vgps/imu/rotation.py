@@ -11,7 +11,7 @@ from vgps.imu.camera_imu import CameraImu
 from vgps.model import FloatArray, GyroLog
 from vgps.solution import Trajectory
 
-_BIAS_FRAMES = 300  # last frames that give the bias
+BIAS_FRAMES = 300  # last frames that give the bias
 _BIAS_INTERVALS = 60  # between them that are compared
 _FEWEST = 10  # intervals that give it: the first poses of a map are rough
 _BIAS_SIGMA = 0.005  # rad/s, of the bias that they give
@@ -86,11 +86,13 @@ class RotationPredictor:
         return np.asarray(self.integral.relative_rotations(*span, bias)[0])
 
     def bias(self, path: Trajectory) -> GyroBias | None:
-        """Return the bias by the last frames, the expected one if they are few; None if they turned otherwise
-        than the gyro."""
-        known = np.flatnonzero(np.isfinite(path.world_T_camera[-_BIAS_FRAMES:, 0, 0]))
+        """Return the bias by the last frames; None if they turned otherwise than the gyro.
+
+        Few frames do not show it: then it is the expected one.
+        """
+        known = np.flatnonzero(np.isfinite(path.world_T_camera[-BIAS_FRAMES:, 0, 0]))
         known = known[:: max(1, len(known) // _BIAS_INTERVALS)]
-        t_s, rotation = path.t_s[-_BIAS_FRAMES:][known], path.world_T_camera[-_BIAS_FRAMES:, :3, :3][known]
+        t_s, rotation = path.t_s[-BIAS_FRAMES:][known], path.world_T_camera[-BIAS_FRAMES:, :3, :3][known]
         kept = self._imu.covers(t_s[:-1], t_s[1:])
         if kept.sum() < _FEWEST:
             return GyroBias(self._imu.bias[3:], self._config.gyro_bias_sigma)

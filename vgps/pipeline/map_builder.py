@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.config import TrackingConfig
 from vgps.geometry import interpolate_poses
-from vgps.imu.rotation import RotationPredictor
+from vgps.imu.rotation import BIAS_FRAMES, RotationPredictor
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
@@ -102,7 +102,7 @@ class MapBuilder:
         Args:
             t_s: The time.
             gyro: The gyro.
-            maps: All maps in order of time, this one the last: earlier ones show the gyro's bias too.
+            maps: All maps in order of time, this one the last: the one before shows the gyro's bias too.
         """
         predicted = self._at_constant_velocity(t_s)
         turn = None if gyro is None else gyro.predict(_joined(maps or (self.local_map,)), t_s)
@@ -114,7 +114,7 @@ class MapBuilder:
     def carried(
         self, frame: Frame, result: TrackingResult, prediction: Prediction, config: TrackingConfig
     ) -> TrackingResult:
-        """Return the result of stage A, of a lost frame with its predicted pose if a gyro gave the rotation.
+        """Return the result of stage A; a lost frame gets its predicted pose if a gyro gave the rotation.
 
         In fast turns features come and go before they have positions: once they have, they hold the frame.
 
@@ -171,7 +171,7 @@ class MapBuilder:
 
 
 def _joined(maps: Sequence[LocalMap]) -> Trajectory:
-    """Return the path of the last map, after that of the one before it."""
+    """Return the last frames of the last two maps, as many as show a gyro's bias."""
     paths = [map_trajectory(one) for one in maps[-2:]]
-    poses = np.concatenate([path.world_T_camera for path in paths])
-    return Trajectory(np.concatenate([path.t_s for path in paths]), poses)
+    poses = np.concatenate([path.world_T_camera[-BIAS_FRAMES:] for path in paths])
+    return Trajectory(np.concatenate([path.t_s[-BIAS_FRAMES:] for path in paths]), poses)

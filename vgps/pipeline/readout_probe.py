@@ -22,8 +22,7 @@ class ReadoutProbe:
     """Looks for a rolling shutter in what the first frames gave, and stops there if it cannot be chance.
 
     A rough solution of stage D and a step in the readout cost little beside following a whole video twice;
-    stage D takes further steps.
-    Where the first frames do not show it, stage D looks for it again in all of them.
+    stage D takes further steps. Where the first frames do not show it, stage D looks for it in all of them.
 
     Args:
         recording: Its readout is unknown.

@@ -26,7 +26,7 @@ def drone_path() -> CameraPath:
 
 
 def orbit_path() -> CameraPath:
-    """Return half a circle of 15 m around a building, walked at 1.5 m/s by a camera that looks inwards."""
+    """Return nearly half a circle of 15 m radius around a building, walked at 1.5 m/s, looking inwards."""
     radius_m, t_s = 15.0, _times()
     heading = 1.5 * t_s / radius_m
     circle = radius_m * np.column_stack([np.sin(heading), 1.0 - np.cos(heading)])
