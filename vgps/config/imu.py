@@ -16,7 +16,8 @@ class ImuConfig(SettingsModel):
     use: Literal["auto", "no"] = "auto"
     """Use the IMU of a recording if its rotations agree with the video's (auto), or never."""
     knot_s: PositiveFloat = 1.0
-    """Time from one velocity and bias to the next; frames without features have their own."""
+    """Time from one velocity and bias to the next; frames with fewer observations than
+    tracking.min_inliers have their own."""
     gyro_density: PositiveFloat = 3e-4
     """Lower bound of the gyro's white noise, rad/s/sqrt(Hz), whatever log and rig.yaml say: samples that a
     sensor filters or rounds show less noise than it has."""
