@@ -21,9 +21,8 @@ def test_a_section_is_turned_so_that_a_slope_becomes_level():
 
 
 def test_a_lane_is_four_heights_wide():
-    assert section(np.array([-3.1, -2.9, 2.9, 3.1]), np.ones(4)).in_lane(HEIGHT).tolist() == [
-        *(False, True, True, False)
-    ]
+    across = np.array([-3.1, -2.9, 2.9, 3.1])
+    assert section(across, np.ones(4)).in_lane(HEIGHT).tolist() == [False, True, True, False]
 
 
 @pytest.mark.parametrize("roll_deg", [0.0, 15.0, -25.0])

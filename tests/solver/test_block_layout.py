@@ -59,10 +59,8 @@ def test_contributions_are_the_products_of_blocks_that_two_columns_share() -> No
             panel = layout.column(earlier, factor)
             for rows, at in runs:
                 total[at] += panel[rows] @ panel[first : first + layout.width(k)].T
-        before = np.concatenate(
-            [rows_of[j][: layout.width(j)] for j in layout.order[: layout.rank[k]]] or [[]]
-        )
-        before = before.astype(np.int64)
+        earlier = layout.order[: layout.rank[k]].tolist()
+        before = np.concatenate([rows_of[j][: layout.width(j)] for j in earlier] or [rows_of[k][:0]])
         span = rows_of[k][: layout.width(k)]
         expected = dense[np.ix_(rows_of[k], before)] @ dense[np.ix_(span, before)].T
         np.testing.assert_allclose(total, expected, atol=1e-12)

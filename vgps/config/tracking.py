@@ -48,7 +48,8 @@ class TrackingConfig(SettingsModel):
     inlier_px: PositiveFloat = 2.5
     """A match with a larger reprojection error is an outlier of the frame's pose (A-5)."""
     min_inliers: PositiveInt = 12
-    """A frame with fewer inliers is lost; half as many suffice if a gyro gives its rotation."""
+    """A frame with fewer inliers is lost; half as many suffice if a gyro gives its rotation. In stage D an
+    IMU holds frames with fewer."""
     min_inlier_share: Share = 0.3
     """A frame with a smaller share of inliers among its matches is lost."""
     static_px: PositiveFloat = 0.4

@@ -115,8 +115,8 @@ def pixel_errors(problem: BundleProblem, camera_p: FloatArray) -> tuple[FloatArr
 def reprojection_errors(problem: BundleProblem) -> tuple[FloatArray, BoolArray]:
     """Return projected minus observed pixels (N, 2), and (N,) which landmarks lie behind the camera."""
     errors, behind = np.empty((len(problem.frame), 2)), np.empty(len(problem.frame), dtype=bool)
-    for rows, part in _in_parts(lambda part: pixel_errors(part, camera_points(part)), problem):
-        errors[rows], behind[rows] = part[0].T, part[1]
+    for rows, (found, hidden) in _in_parts(lambda part: pixel_errors(part, camera_points(part)), problem):
+        errors[rows], behind[rows] = found.T, hidden
     return errors, behind
 
 

@@ -20,7 +20,7 @@ from vgps.solver.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.normal_equations import Linearisation
 
-_MIN_DEPTH = 1e-14  # information along a single ray, relative to that across: rounding error leaves no less
+_MIN_DEPTH = 1e-14  # information along a single ray, relative to that across: what rounding errors leave
 
 
 @dataclass(frozen=True)
