@@ -86,6 +86,18 @@ def test_blocks_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_allclose(in_blocks.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
 
 
+def test_the_result_in_blocks_does_not_depend_on_the_number_of_threads(
+    blocks: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)
+    ends = []
+    for threads in (1, 3):
+        monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda threads=threads: threads)
+        ends.append(solve(two_laps(), replace(TIGHT, max_iterations=3)).problem)
+    np.testing.assert_array_equal(ends[0].world_T_camera, ends[1].world_T_camera)
+    np.testing.assert_array_equal(ends[0].world_p_landmark, ends[1].world_p_landmark)
+
+
 def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
     problem = two_laps()
     held = np.zeros(2 * LAP, dtype=bool)
