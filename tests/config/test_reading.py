@@ -9,6 +9,7 @@ from vgps.config import (
     Config,
     IntrinsicsConfig,
     OutlierConfig,
+    RollingShutterConfig,
     TrackingConfig,
     WindowConfig,
     read_config,
@@ -29,6 +30,16 @@ def test_a_file_overrides_what_it_names_and_nothing_else(tmp_path):
     found = read_config(written(tmp_path / "c.yaml", "gps: {n: 8}\nseed: 7\n"))
     assert (found.gps.n, found.seed) == (8, 7)
     assert found.gps.omega == Config().gps.omega and found.tracking == Config().tracking
+
+
+def test_yes_and_no_are_words_though_yaml_reads_them_as_true_and_false(tmp_path):
+    text = "rolling_shutter: {estimate: yes}\nsensors: {estimate_time_offset: no}\nintrinsics: {refine: no}\n"
+    found = read_config(written(tmp_path / "c.yaml", text))
+    assert found.rolling_shutter.estimate == "yes"
+    assert found.sensors.estimate_time_offset == found.intrinsics.refine == "no"
+    assert RollingShutterConfig.model_validate({"estimate": False}).estimate == "no"
+    with pytest.raises(ConfigError, match="key seed: found 'yes'"):
+        read_config(written(tmp_path / "d.yaml", "seed: 'yes'\n"))
 
 
 def test_the_resolved_configuration_reads_back_the_same(tmp_path):

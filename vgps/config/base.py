@@ -5,7 +5,7 @@ Settings that were renamed or moved are read under their old names too, see `Set
 
 import logging
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self, TypeGuard
+from typing import Any, ClassVar, Self, TypeGuard, get_args
 
 from pydantic import BaseModel, ConfigDict, model_validator
 from pydantic_core import PydanticCustomError
@@ -52,7 +52,16 @@ class SettingsModel(BaseModel):
         found, notes = present_names(settings, cls)
         for text in notes:
             log.warning("%s", text)
-        return found
+        return {key: cls._as_word(key, value) for key, value in found.items()}
+
+    @classmethod
+    def _as_word(cls, key: str, value: Any) -> Any:
+        """Return yes or no where a setting has these words, which YAML reads as true and false."""
+        field = cls.model_fields.get(key)
+        words = get_args(field.annotation) if field is not None else ()
+        if isinstance(value, bool) and {"yes", "no"} <= {word for word in words if isinstance(word, str)}:
+            return "yes" if value else "no"
+        return value
 
 
 def present_names(

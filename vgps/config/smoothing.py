@@ -1,10 +1,10 @@
 """Settings of stages C and D: what is optimised, and what is estimated beside the poses."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Share
@@ -204,8 +204,3 @@ class IntrinsicsConfig(SettingsModel):
         """(4,) standard deviations of log focal length, principal point [px] and k1."""
         centre = [self.held_centre_sigma_px] * 2
         return np.array([self.held_focal_sigma, *centre, self.held_radial_sigma])
-
-    @field_validator("refine", mode="before")
-    @classmethod
-    def _accept_yes_and_no(cls, value: Any) -> Any:
-        return {True: "yes", False: "no"}[value] if isinstance(value, bool) else value
