@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from metadata_videos import subtitle_packet, write_metadata_video
@@ -44,5 +46,15 @@ def test_the_subtitles_of_a_zoom_lens_count_more_than_the_maker(tmp_path):
 def test_captions_of_another_kind_are_no_fixes(tmp_path):
     file = write_metadata_video(tmp_path / "film.mp4", [(0.0, subtitle_packet("Hello"))])
     assert open_recording(file).gps is None
-    with pytest.raises(GpsLogError, match=r"film\.mp4: a video without GPS; expected .*--gps"):
+    with pytest.raises(GpsLogError, match=r"film\.mp4: a video without GPS, with .*\(tx3g\); exp.*--gps"):
+        read_gps_log(file)
+
+
+def test_what_a_phone_s_video_has_instead_of_fixes_is_named(tmp_path, caplog):
+    tags = {"com.apple.quicktime.location.ISO6709": "+47.5000+008.2500+500.000/"}
+    file = write_metadata_video(tmp_path / "IMG_0001.mp4", [(0.0, b"\0" * 8)], "mebx", tags)
+    has = "one place for the whole video and metadata without positions that can be read (mebx)"
+    assert open_recording(file).gps is None
+    assert f"{file}: has {has}; continuing without GPS" in caplog.text
+    with pytest.raises(GpsLogError, match=re.escape(f"a video without GPS, with {has}; expected")):
         read_gps_log(file)

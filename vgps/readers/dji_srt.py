@@ -14,7 +14,16 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
+from vgps.readers.fixes import (
+    NO_HEIGHT_NOTE,
+    NO_HEIGHT_SIGMA_M,
+    Clock,
+    Fix,
+    RawLog,
+    counted,
+    from_sea_level,
+    without_repeats,
+)
 from vgps.readers.metadata_tracks import packets_of
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
@@ -32,7 +41,6 @@ _START = re.compile(r"(\d{1,9}):(\d\d):(\d\d)[,.](\d{1,3})\s{0,9}-->[^\n]*")
 _LONGEST_H = 10_000
 _TEXT_TRACKS = ("tx3g", "text")  # of MP4 and MOV: texts behind their lengths
 _LENGTH_BYTES = 2
-_NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,8 +221,7 @@ def _heights(rows: list[_Row]) -> tuple[FloatArray, float, bool, list[str]]:
     absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
     both = np.isfinite(absolute) & np.isfinite(relative)
     if not (np.isfinite(absolute) | np.isfinite(relative)).any():
-        note = f"no heights: fixes are horizontal, at height 0 with a sigma of {_NO_HEIGHT_SIGMA_M:g} m"
-        return np.zeros(len(rows)), _NO_HEIGHT_SIGMA_M, False, [note]
+        return np.zeros(len(rows)), NO_HEIGHT_SIGMA_M, False, [NO_HEIGHT_NOTE]
     if not np.isfinite(absolute).any():
         return relative, np.nan, False, ["heights are above the take-off point but taken as ellipsoidal"]
     whole = np.all(absolute[both] == np.round(absolute[both]))

@@ -12,6 +12,8 @@ from vgps.model import FixClass, FloatArray
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
+NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
+NO_HEIGHT_NOTE = f"no heights: fixes are horizontal, at height 0 with a sigma of {NO_HEIGHT_SIGMA_M:g} m"
 _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage

@@ -65,6 +65,16 @@ def packets(video: Path, wanted: Callable[[Any], bool], most: int | None = None)
             )
 
 
+def length_s(video: Path) -> float:
+    """Return the length of a video as its file states it [s]; 0 if it does not.
+
+    Raises:
+        RecordingError: The video cannot be read.
+    """
+    with _read_errors(video), open_container(video) as container:
+        return (container.duration or 0) / av.time_base
+
+
 @contextlib.contextmanager
 def _read_errors(video: Path) -> Iterator[None]:
     try:

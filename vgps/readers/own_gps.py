@@ -13,7 +13,7 @@ from vgps.readers.gps import gps_format, gps_log, read_gps_log
 from vgps.readers.images import ImageFolder
 from vgps.readers.overlap import check_overlap
 from vgps.readers.sources import Source
-from vgps.readers.video_gps import find_video_gps
+from vgps.readers.video_gps import find_video_gps, unread_metadata
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +39,8 @@ def own_gps(video: Source, rig: Rig, telemetry: Telemetry) -> GpsLog | None:
     else:
         if found is not None:
             log.warning("%s: the camera's GPS never had a fix; continuing without GPS", video.path)
+        elif not telemetry.sensors and (unread := unread_metadata(video.path)):
+            log.warning("%s: has %s; continuing without GPS", video.path, unread)
         return None
     check_overlap(fixes, video.times_s, rig)
     return fixes
