@@ -16,9 +16,14 @@ _FLOATS = {23: ">f", 24: ">d"}
 
 def read_box(path: Path, *names: str) -> bytes | None:
     """Return the content of the first box of that path, as ``moov``, ``udta``, ``GPMF``; None without one."""
+    return next(read_boxes(path, *names), None)
+
+
+def read_boxes(path: Path, *names: str) -> Iterator[bytes]:
+    """Yield the contents of all boxes of that path."""
     with path.open("rb") as stream:
         stream.seek(0, 2)
-        return next(_contents(stream, 0, stream.tell(), names), None)
+        yield from _contents(stream, 0, stream.tell(), names)
 
 
 def quicktime_tags(path: Path) -> dict[str, str | float]:

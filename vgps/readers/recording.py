@@ -11,6 +11,7 @@ from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount,
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration import read_camera_of, read_rig
 from vgps.readers.camera_guess import guess_cameras
+from vgps.readers.chapters import ChapteredVideo
 from vgps.readers.control_points import PointSystem, read_control_points
 from vgps.readers.gopro import (
     GYRO_R_CAMERA,
@@ -27,9 +28,11 @@ from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.masks import find_masks
 from vgps.readers.overlap import check_overlap
 from vgps.readers.own_gps import own_gps
+from vgps.readers.projection_checks import check_flat, check_square_pixels
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
+from vgps.readers.video import VideoFile
 from vgps.readers.video_tags import stated_time
 
 _CALIBRATE = (
@@ -89,6 +92,10 @@ def open_recording(
     others = open_cameras(rig_file, video, lens) if rig_file and cameras else ()
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
+    if isinstance(video, VideoFile | ChapteredVideo):
+        check_flat(video.path)
+        if lens is None:
+            check_square_pixels(video.path)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
     lens = lens or guesses[0].camera
     lens = with_readout(lens, telemetry, getattr(video, "quarter_turns", 0))
