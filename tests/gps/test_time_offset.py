@@ -6,12 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
-from vgps.config import SensorsConfig, TimeOffsetConfig
+from vgps.config import Config, GpsConfig, SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, place
 from vgps.gps.neighbour_pairs import Knots, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import (
     best_time_offset,
+    estimate_time_offset,
     likelier_time_offset,
     min_gain,
     update_time_offset,
@@ -284,3 +285,28 @@ def test_each_class_weighs_by_its_own_differences():
     assert off < 0.8 * off_alike
     ratio = [(one.time_offset_s - 0.2) / one.sigma_s for one in found[0]]
     assert np.sqrt(np.mean(np.square(ratio))) < 2.0
+
+
+def test_a_certain_offset_counts_before_a_likelier_one_and_errors_without_memory_get_no_likelier():
+    certain, uncertain = late(0.6, wander(0)), late(0.25, wander(3))
+    independent = Config(gps=GpsConfig(error_model="independent"))
+
+    def found(fixes, config):
+        return estimate_time_offset(SENSORS, trajectory(path(T_S)), fixes, config)
+
+    assert found(certain, Config()) == update_time_offset(
+        SENSORS, trajectory(path(T_S)), certain, SensorsConfig()
+    )
+    assert found(uncertain, Config()) == likelier(uncertain) != (SENSORS, ())
+    assert found(uncertain, independent) == (SENSORS, ())
+
+
+def test_fixes_of_one_class_are_compared_whatever_the_receiver_states():
+    """Regions follow the stated sigmas, which differ from fix to fix."""
+    fixes, rng = late(0.4, wander(0)), np.random.default_rng(0)
+    varied = replace(fixes, r_m=fixes.r_m * rng.uniform(1.0, 1.5, len(fixes)))
+    one, other = (by_differences(trajectory(path(T_S)), log, NONE, BELIEVED) for log in (fixes, varied))
+    assert one == other
+    classes = np.arange(len(fixes)) % 2
+    none = by_differences(trajectory(path(T_S)), replace(fixes, fix_class=classes), NONE, BELIEVED)
+    assert none == BELIEVED

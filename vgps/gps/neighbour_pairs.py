@@ -41,8 +41,8 @@ def neighbour_pairs(
     """
     t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
     searched = fixes.where(fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach))
-    equal = np.isclose(np.diff(searched.r_m), 0.0)
-    rows = np.flatnonzero(equal & (np.diff(searched.t_s) <= config.max_pair_s))
+    alike = np.diff(searched.fix_class) == 0
+    rows = np.flatnonzero(alike & (np.diff(searched.t_s) <= config.max_pair_s))
     return NeighbourPairs(path, searched, camera_p_antenna, rows, config)
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-from vgps.config import SensorsConfig
+from vgps.config import Config, SensorsConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
@@ -23,6 +23,27 @@ _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # of fixes that are compared: receivers filter their positions
 _MIN_SPACINGS = 20  # in a log: those of a short one are shorter
+
+
+def estimate_time_offset(
+    sensors: Sensors, path: Trajectory, fixes: Fixes, config: Config
+) -> tuple[Sensors, tuple[str, ...]]:
+    """Return the sensors with the time offset that a path without fixes shows, and warnings.
+
+    Where none is certain, one that is likelier than none shifts coarse fixes; errors without memory let the
+    poses say more.
+
+    Args:
+        sensors: Lever arm, and the time offset to replace.
+        path: In the world, at approximately the right scale, and not bent to the fixes.
+        fixes: Fixes at the times of their time stamps.
+        config: All settings.
+    """
+    found, warnings = update_time_offset(sensors, path, fixes, config.sensors)
+    held = config.sensors.estimate_time_offset == "auto" and not found.prior_time_offset.sigma_s
+    if held and config.gps.has_memory and not warnings:
+        return likelier_time_offset(found, path, fixes, config.sensors)
+    return found, warnings
 
 
 def update_time_offset(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.config import CameraHeightConfig, Config
-from vgps.pipeline.camera_refinement import is_tied
 from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.rough_solution import is_tied
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.camera_heights import CameraHeights, measure_heights
 from vgps.smoothing.factor_graph import Scene

@@ -8,8 +8,16 @@ from vgps.camera_calibration.calibrate import calibrate_from_pairs
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.model import BoolArray, Camera, CameraGuess, FloatArray, Recording
+from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.rough_solution import (
+    MIN_VIEWS,
+    for_few_frames,
+    frame_step,
+    held_frames,
+    is_tied,
+    viewing_frames,
+)
 from vgps.runtime.progress import Progress
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_result import BatchResult
@@ -18,7 +26,6 @@ from vgps.smoothing.intrinsics import CameraPrior, RefinedCamera, prior_about, r
 from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Solution
 
-_MIN_VIEWS = 20  # that are left to estimate a calibration from
 _MEASURED = 0.02  # a focal length known to this share is no assumption
 _SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
 _STEP_ITERATIONS = 2  # of stage D, doubled in its last round, before each step of the calibration
@@ -65,8 +72,8 @@ def optimise_camera(
     def optimise(
         scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
     ) -> BatchResult:
-        held = None if tied else _held_frames(scene, config)
-        used = config if every is None else _for_few_frames(config, every, _STEP_ITERATIONS)
+        held = None if tied else held_frames(scene, config)
+        used = config if every is None else for_few_frames(config, every, _STEP_ITERATIONS)
         if sigma is not None:
             used = _with_camera_sigmas(used, sigma)
         context = replace(
@@ -78,26 +85,12 @@ def optimise_camera(
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
     camera, refine = front_end.recording.camera, config.intrinsics.refine
-    views = len(np.unique(merged.scene.observations.frame))
-    if refine == "no" or front_end.others or (refine == "auto" and views < _MIN_VIEWS and not guesses):
+    too_few = viewing_frames(merged.scene) < MIN_VIEWS
+    if refine == "no" or front_end.others or (refine == "auto" and too_few and not guesses):
         return optimise(merged.scene, camera), None
-    every = min(config.intrinsics.every_frames, max(views // _MIN_VIEWS, 1))
+    every = frame_step(merged.scene, config)
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
     return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
-
-
-def optimise_roughly(front_end: FrontEnd, merged: MergedMaps, camera: Camera, config: Config) -> BatchResult:
-    """Return a rough solution of stage D in one round with a camera that is held.
-
-    Raises:
-        GeometryError: No step lowers the cost.
-    """
-    held = None if is_tied(front_end, merged, config) else _held_frames(merged.scene, config)
-    context = replace(
-        front_end.context(_for_few_frames(config, 1, config.batch.iterations)), camera=camera, rough=True
-    )
-    fixes, sensors = front_end.fixes, front_end.sensors
-    return optimise_batch(merged.scene, fixes, sensors, context, held, merged.assessment)
 
 
 def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording) -> Solution:
@@ -151,31 +144,3 @@ def _with_camera_sigmas(config: Config, sigma: FloatArray) -> Config:
         "held_radial_sigma": float(sigma[3]),
     }
     return config.model_copy(update={"intrinsics": config.intrinsics.model_copy(update=changes)})
-
-
-def _for_few_frames(config: Config, every: int, iterations: int) -> Config:
-    """Return settings for a rough solution in one round; each frame counts for several."""
-    batch = config.batch
-    changes = {
-        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
-        "rounds": 1,
-        "iterations": iterations,
-        "relative_tolerance": batch.early_tolerance,
-    }
-    gps = config.gps.model_copy(update={"n": 1})
-    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
-
-
-def is_tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
-    """Return whether fixes or control points determine place and scale."""
-    tied_by_fixes = merged.georeferenced and config.gps.model != "none"
-    return tied_by_fixes or len(front_end.controls.frame) > 0
-
-
-def _held_frames(scene: Scene, config: Config) -> BoolArray:
-    """Return the frames (F,) to hold, which fix place and, if nothing else gives it, scale."""
-    poses = scene.poses
-    distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
-    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
-    held = [0] if scene.heights is not None else [0, min(second, len(poses) - 1)]
-    return np.isin(np.arange(len(poses)), held)

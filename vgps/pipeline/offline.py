@@ -12,20 +12,16 @@ from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
 from vgps.pipeline.antenna_notes import antenna_notes
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
-from vgps.pipeline.camera_refinement import (
-    is_tied,
-    moved_far,
-    with_camera,
-    with_found_camera,
-    with_held_guess,
-)
+from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.gps_clock import with_gps_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
 from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
+from vgps.pipeline.rough_solution import is_tied
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -128,6 +124,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     timer, context = StageTimer(), front_end.context(config)
     with one_blas_thread(), timer.measure("batch"):
         merged = merged_maps(front_end, context)
+        front_end, merged = with_gps_clock(front_end, merged, config)
         merged = tie_to_ground(front_end, merged, config)
         front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)

@@ -8,9 +8,9 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.model import Recording
-from vgps.pipeline.camera_refinement import optimise_roughly
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.readout_estimation import readout_of
+from vgps.pipeline.rough_solution import optimise_roughly
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.smoothing.readout import Readout
 from vgps.solution import Solution

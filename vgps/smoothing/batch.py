@@ -12,7 +12,6 @@ from vgps.gps.fixes import Fixes, antenna_at, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
-from vgps.gps.time_offset import likelier_time_offset, update_time_offset
 from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
@@ -64,7 +63,6 @@ def optimise_batch(
     iterations, given = 0, context.cameras
     errors = largest_errors(config.gps) if config.batch.rounds > 1 else {}
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
-    time_offset_warnings: tuple[str, ...] = ()
     *earlier, last = _stages(config)
     for stage in earlier:
         solved = _solve_stage(state, fixes, fixed, stage)
@@ -74,14 +72,14 @@ def optimise_batch(
             context, state = _with_mounts(context, state, solved, given)
             state = _with_ground(state, solved, config.start)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
-            if stage.first:  # before it, seams between merged maps look like time offsets
-                state, time_offset_warnings = _with_fix_errors(state, fixes)
+            if stage.first:
+                state = _with_fix_errors(state, fixes)
         del solved  # its observations, before the next stage selects its own
     solved = _solve_stage(state, fixes, fixed, last)
     state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
-    notes = (*time_offset_warnings, *warnings, *result.warnings, *mount_notes(context.cameras, given))
+    notes = (*warnings, *result.warnings, *mount_notes(context.cameras, given))
     return replace(result, warnings=notes)
 
 
@@ -131,17 +129,11 @@ class _State:
         return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
 
 
-def _with_fix_errors(state: _State, fixes: Fixes) -> tuple[_State, tuple[str, ...]]:
-    """Return the state with the fixes' time offset, noise and walk learned from the path, and warnings."""
-    assessed, config = state.assessment.applied(fixes), state.context.config
-    path = state.scene.trajectory
-    sensors, warnings = update_time_offset(state.sensors, path, assessed, config.sensors)
-    held = config.sensors.estimate_time_offset == "auto" and not sensors.prior_time_offset.sigma_s
-    if held and config.gps.has_memory and not warnings:  # errors without memory let the poses say more
-        sensors, warnings = likelier_time_offset(sensors, path, assessed, config.sensors)
-    state = replace(state, sensors=sensors)
-    errors = learn_errors(state.usable(fixes), path, sensors.camera_p_antenna, config)
-    return replace(state, errors=errors), warnings
+def _with_fix_errors(state: _State, fixes: Fixes) -> _State:
+    """Return the state with the noise and the walk of the fixes' errors learned from the path."""
+    antenna, config = state.sensors.camera_p_antenna, state.context.config
+    errors = learn_errors(state.usable(fixes), state.scene.trajectory, antenna, config)
+    return replace(state, errors=errors)
 
 
 def _with_rows(

@@ -137,7 +137,7 @@ def refine_camera(
     """
     given = replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
     few = as_global_shutter(scene, given)
-    few = few if every == 1 else _thinned(few, every)
+    few = few if every == 1 else thinned(few, every)
     camera = replace(given, readout_s=None)
     result, step, converged = optimise(few, camera, every), 0, False
     while step < config.iterations and not converged:
@@ -154,7 +154,7 @@ def refine_camera(
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
-def _thinned(scene: Scene, every: int) -> Scene:
+def thinned(scene: Scene, every: int) -> Scene:
     """Return the scene with one in ``every`` of the frames that have observations."""
     frames = np.unique(scene.observations.frame)[::every]
     row_of = np.full(len(scene.t_s), -1)

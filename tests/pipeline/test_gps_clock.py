@@ -1,0 +1,42 @@
+"""The GPS clock by the video alone: real logs whose time stamps are moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vgps
+from vgps.config import Config, SensorsConfig
+from vgps.evaluation import evaluate
+from vgps.readers.trajectory import read_trajectory
+
+pytestmark = pytest.mark.slow
+SAID = "older than their time stamps"
+
+
+def smoothed(data_dir, log, shift_s, config=None):
+    """Return kitti07 with time stamps that are later than they should be, and its mean error."""
+    folder = data_dir / "kitti07"
+    recording = vgps.open_recording(folder, gps=log)
+    recording = replace(recording, gps=replace(recording.gps, t_s=recording.gps.t_s + shift_s))
+    solution = vgps.smooth(recording, config)
+    error = evaluate(solution, read_trajectory(folder / "truth.tum")).camera_position_m.mean
+    return solution, error
+
+
+@pytest.mark.parametrize(("log", "shift_s"), [("gps_fix.nmea", -0.3), ("gps_float.nmea", 0.4)])
+def test_a_wrong_clock_is_found_where_the_fixes_bend_the_path_to_it(data_dir, log, shift_s):
+    """Stage C of these finds none, and the poses were 1.8 and 1.7 m off: the car brakes, turns, speeds up."""
+    solution, error_m = smoothed(data_dir, log, shift_s)
+    assert abs(solution.sensors.time_offset_s - shift_s) < 3.0 * solution.sensors.time_offset_sigma_s < 0.1
+    assert error_m < 0.25
+    assert sum(SAID in warning for warning in solution.warnings) == 1
+
+
+def test_a_clock_that_is_right_or_must_not_be_estimated_is_left_alone(data_dir):
+    solution, error_m = smoothed(data_dir, "gps_fix.nmea", 0.0)
+    assert solution.sensors.time_offset_s == 0.0 and np.isnan(solution.sensors.time_offset_sigma_s)
+    assert error_m < 0.05 and not any(SAID in warning for warning in solution.warnings)
+    held = Config(sensors=SensorsConfig(estimate_time_offset="no"))
+    solution, _ = smoothed(data_dir, "gps_fix.nmea", 0.4, held)
+    assert solution.sensors.time_offset_s == 0.0

@@ -1,0 +1,70 @@
+"""The GPS clock against the video's, by the path that the video alone shows."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.errors import GeometryError
+from vgps.geometry import interpolate_poses, interpolate_vectors
+from vgps.gps.fixes import Fixes
+from vgps.gps.time_offset import estimate_time_offset
+from vgps.model import FloatArray
+from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.rough_solution import video_alone
+from vgps.pipeline.solved_maps import merged_maps
+from vgps.smoothing.alignment import Correspondences, align
+from vgps.smoothing.merge_maps import MergedMaps
+from vgps.solution import Trajectory
+
+
+def with_gps_clock(front_end: FrontEnd, merged: MergedMaps, config: Config) -> tuple[FrontEnd, MergedMaps]:
+    """Return front end and maps with the time offset between GPS and video as the video alone shows it.
+
+    Windows of stage C, and a solution of stage D, bend the path to fixes whose clock is wrong until hardly
+    anything of it is left to see; so the fixes are compared with a rough solution without them.
+
+    Args:
+        front_end: Its sensors have the time offset that stage C saw.
+        merged: The maps; they are put into the world again if that was not it.
+        config: Settings.
+    """
+    sensors, fixes = front_end.sensors, front_end.fixes
+    used = fixes.used & merged.georeferenced
+    if config.gps.model == "none" or config.sensors.estimate_time_offset == "no" or not used.any():
+        return front_end, merged
+    try:
+        few = video_alone(front_end, merged, config)
+    except GeometryError:  # stage D says why
+        return front_end, merged
+    path = _among(few, merged.scene.trajectory)
+    path = _in_the_world(path, fixes, sensors.camera_p_antenna, config)
+    found, notes = estimate_time_offset(sensors, path, fixes, config)
+    shifted = replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
+    if found.time_offset_s == sensors.time_offset_s:
+        return shifted, merged
+    return shifted, merged_maps(shifted, shifted.context(config))
+
+
+def _among(few: Trajectory, path: Trajectory) -> Trajectory:
+    """Return a path through few frames, between which it runs as another one through all of them."""
+    at = np.searchsorted(path.t_s, few.t_s)
+    moved = few.world_T_camera[:, :3, 3] - path.world_T_camera[at, :3, 3]
+    poses = path.world_T_camera.copy()
+    poses[:, :3, 3] += interpolate_vectors(few.t_s, moved, path.t_s)
+    return Trajectory(path.t_s, poses)
+
+
+def _in_the_world(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Trajectory:
+    """Return a path with the scale and heading that suit the fixes best, whatever their clock."""
+    chosen = fixes.where(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    to_world = align(
+        Correspondences(
+            map_T_camera=interpolate_poses(path.t_s, path.world_T_camera, chosen.t_s),
+            world_p_fix=chosen.world_p_fix,
+            region_m=np.stack([chosen.r_m, chosen.r_m, chosen.h_m], axis=1),
+            camera_p_antenna=camera_p_antenna,
+        ),
+        config.start,
+    )
+    return path if to_world is None else Trajectory(path.t_s, to_world.poses(path.world_T_camera))
