@@ -22,7 +22,8 @@ def with_gps_clock(front_end: FrontEnd, merged: MergedMaps, config: Config) -> t
     """Return front end and maps with the time offset between GPS and video as the video alone shows it.
 
     Windows of stage C, and a solution of stage D, bend the path to fixes whose clock is wrong until hardly
-    anything of it is left to see; so the fixes are compared with a rough solution without them.
+    anything of it is left to see; so the fixes are compared with a rough solution without them. A clock that
+    is off by more than is searched, as stage C's odometry may show, has torn the path too much for that.
 
     Args:
         front_end: Its sensors have the time offset that stage C saw.
@@ -33,12 +34,15 @@ def with_gps_clock(front_end: FrontEnd, merged: MergedMaps, config: Config) -> t
     used = fixes.used & merged.georeferenced
     if config.gps.model == "none" or config.sensors.estimate_time_offset == "no" or not used.any():
         return front_end, merged
-    try:
-        few = video_alone(front_end, merged, config)
-    except GeometryError:  # stage D says why
-        return front_end, merged
-    path = _among(few, merged.scene.trajectory)
-    path = _in_the_world(path, fixes, sensors.camera_p_antenna, config)
+    path, settings = merged.scene.trajectory, config.sensors
+    reach_s = settings.time_offset.search_sigmas * settings.time_offset_prior_s
+    if abs(sensors.time_offset_s - settings.time_offset_s) <= reach_s:
+        try:
+            path = _among(video_alone(front_end, merged, config), path)
+        except GeometryError:  # stage D says why
+            return front_end, merged
+    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    path = _in_the_world(path, corrected, sensors.camera_p_antenna, config)
     found, notes = estimate_time_offset(sensors, path, fixes, config)
     shifted = replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
     if found.time_offset_s == sensors.time_offset_s:
