@@ -9,13 +9,13 @@ from vgps.config.quantities import Fraction, Share
 
 
 class LoopsConfig(SettingsModel):
-    """Places that the camera comes back to, found by appearance and tied together in stage D."""
+    """Places that the camera comes back to, found by appearance and tied together."""
 
     basic: ClassVar[tuple[str, ...]] = ("close",)
 
     close: Literal["auto", "no"] = "auto"
-    """Tie a place that is seen again to what was seen there before: auto where the path and its sigmas let
-    the camera come back to a place, or never."""
+    """Tie a place that is seen again to what was seen there before, in stage D and live: auto where the path
+    and its sigmas let the camera come back to a place, or never."""
     spacing: Share = 0.15
     """Frames that are compared lie this share of the depth of the scene apart."""
     reach: PositiveFloat = 0.5

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from pydantic import PositiveFloat
+from pydantic import PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 
@@ -14,6 +14,8 @@ class OnlineConfig(SettingsModel):
 
     keep_s: PositiveFloat = 120.0
     """Path and fixes are kept for this long, to judge late fixes and to correct drift when GPS returns."""
+    places: PositiveInt = 1000
+    """Places remembered, the newest; each takes about 40 kB. One that is seen again corrects the pose."""
     bridge_s: PositiveFloat = 1.0
     """Frames without features go on at constant velocity for this long; then the camera is lost."""
     bridge_sigma_m: PositiveFloat = 1.0

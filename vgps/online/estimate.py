@@ -23,7 +23,8 @@ class OnlineEvent:
     """An event at a time of the video.
 
     ``kind``: ``aligned`` (scale, heading and position are known), ``corrected`` (fixes moved the pose),
-    ``lost``, ``found``, ``fix`` (a verdict, new or changed) or ``note``.
+    ``lost``, ``found``, ``place`` (of an earlier visit, seen again), ``fix`` (a verdict, new or changed) or
+    ``note``.
     """
 
     t_s: float

@@ -110,10 +110,15 @@ class FusedPath:
     def _covariances(self) -> FloatArray:
         return with_time_offset_sigma(self.system.covariances(), TIME_OFFSET, self.time_offset.sigma_s)
 
-    def covariance_at(self, t_s: float) -> FloatArray:
-        """Return the covariance (7, 7) of position, log scale and rotation at a time, by all fixes so far."""
-        node = int(np.argmin(np.abs(self.nodes.t_s - t_s)))
+    def covariances_at(self, t_s: FloatArray) -> FloatArray:
+        """Return the covariances (n, 7, 7) of position, log scale and rotation at times (n,), by all fixes so
+        far."""
+        node = np.argmin(np.abs(self.nodes.t_s - t_s[:, None]), axis=1)
         return np.asarray(self._covariances[node, : OFFSET.start, : OFFSET.start])
+
+    def scales_at(self, t_s: FloatArray) -> FloatArray:
+        """Return the scale (n,) of the map at times (n,)."""
+        return np.asarray(np.exp(np.interp(t_s, self.nodes.t_s, self.state.values[:, SCALE])))
 
     def covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
         """Return the covariance (7, 7) of position, log scale and rotation at the end of a path."""

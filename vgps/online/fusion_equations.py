@@ -12,6 +12,7 @@ from vgps.geometry import cross_matrices
 from vgps.model import FloatArray
 from vgps.online.block_system import BlockSum, BlockSystem
 from vgps.online.fusion_nodes import FusionNodes
+from vgps.online.place_ties import ROBUST
 
 POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
 MEAN_ROLL, TIME_OFFSET, UNKNOWNS = 10, 12, 13
@@ -83,6 +84,7 @@ class _Residuals:
     fix: FloatArray
     elevation: FloatArray
     axes: FloatArray
+    tie: FloatArray
 
 
 def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
@@ -109,7 +111,16 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
         x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix,
         axes[:, 2] - nodes.elevation - x[:, BIAS],
         axes,
+        _tie_residuals(nodes, state),
     )
+
+
+def _tie_residuals(nodes: FusionNodes, state: FusionState) -> FloatArray:
+    """Return position and rotation (K, 6) against those by places seen again, in standard deviations."""
+    at, there = nodes.tied, nodes.ties.world_T_camera
+    R = state.world_R_map[at] @ nodes.camera[at, :3, :3] @ there[:, :3, :3].transpose(0, 2, 1)
+    turn = Rotation.from_matrix(R).as_rotvec() if len(at) else np.zeros((0, 3))
+    return np.hstack([state.values[at, POSITION] - there[:, :3, 3], turn]) / nodes.ties.sigma
 
 
 def _squares(nodes: FusionNodes, state: FusionState, r: _Residuals) -> tuple[FloatArray, FloatArray]:
@@ -138,6 +149,7 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
     total += np.sum((nodes.fixes.tail + 3.0) * np.log1p(noise / nodes.fixes.tail))
     total += np.sum(walk[~heavy]) + np.sum((tail[heavy] + 3.0) * np.log1p(walk[heavy] / tail[heavy]))
     total += np.sum((x[:, OFFSET] * nodes.bound) ** 2) + np.sum((r.elevation * nodes.level) ** 2)
+    total += ROBUST * np.sum(np.log1p(np.sum(r.tie**2, axis=1) / ROBUST))
     return float(0.5 * total + np.log1p((x[0, MEAN_ROLL] / nodes.mean_roll) ** 2)) + prior.cost(state)
 
 
@@ -163,15 +175,29 @@ def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePri
     J[:, 3:, 4], J[:, 3:, 5] = r.axes[:, 1], -r.axes[:, 0]
     weight = np.hstack([nodes.bound, nodes.level]) ** 2
     total.add_each(J, weight, np.hstack([x[:, OFFSET], r.elevation]), np.arange(count))
+    _add_ties(total, nodes, r.tie)
+    _add_priors(total, nodes, state, prior)
+    return BlockSystem(total.diagonal, total.below, total.gradient)
+
+
+def _add_ties(total: BlockSum, nodes: FusionNodes, tie: FloatArray) -> None:
+    J = np.zeros((len(tie), 6, UNKNOWNS))
+    J[:, :3, POSITION] = J[:, 3:, ROTATION] = np.eye(3)
+    weight = 1.0 / (1.0 + np.sum(tie**2, axis=1) / ROBUST)
+    sigma = nodes.ties.sigma
+    total.add_each(J, weight[:, None] / sigma**2, tie * sigma, nodes.tied)
+
+
+def _add_priors(total: BlockSum, nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> None:
+    x = state.values[0]
     weight_s, prior_s = nodes.time_offset.sigma_s**-2.0, nodes.time_offset.time_offset_s
     total.diagonal[0, TIME_OFFSET, TIME_OFFSET] += weight_s
-    total.gradient[0, TIME_OFFSET] += weight_s * (x[0, TIME_OFFSET] - prior_s)
-    mean_roll_weight = 2.0 / (nodes.mean_roll**2 + x[0, MEAN_ROLL] ** 2)
+    total.gradient[0, TIME_OFFSET] += weight_s * (x[TIME_OFFSET] - prior_s)
+    mean_roll_weight = 2.0 / (nodes.mean_roll**2 + x[MEAN_ROLL] ** 2)
     total.diagonal[0, MEAN_ROLL, MEAN_ROLL] += mean_roll_weight
-    total.gradient[0, MEAN_ROLL] += mean_roll_weight * x[0, MEAN_ROLL]
+    total.gradient[0, MEAN_ROLL] += mean_roll_weight * x[MEAN_ROLL]
     total.diagonal[0] += prior.information
     total.gradient[0] += prior.information @ prior.distance(state) + prior.vector
-    return BlockSystem(total.diagonal, total.below, total.gradient)
 
 
 def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:

@@ -1,4 +1,4 @@
-"""The graph of live poses: nodes along the video's path, a fix or an interval of fixes at each.
+"""The graph of live poses: nodes along the video's path, at fixes, intervals of fixes and places seen again.
 
 The video gives the shape of the path to centimetres over seconds; its scale and rotation drift. A fix is
 antenna + offset + noise (:mod:`vgps.gps.offsets`), some time before its time stamp. So a node has position
@@ -21,6 +21,7 @@ from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.live_time_offset import HELD_S
 from vgps.online.node_fixes import SAME_TIME_S, NodeFixes, SeenFixes, node_fixes
+from vgps.online.place_ties import PlaceTies
 from vgps.online.video_path import VideoPath
 
 _NODE_S = 1.5  # longest time between nodes
@@ -85,6 +86,8 @@ class FusionNodes:
         camera: (N, 4, 4) poses in the map.
         drift: Errors of the video between them.
         fixes: The fixes.
+        ties: Places seen again.
+        tied: (K,) nodes of these.
         bound: (N, 3) square roots of the information that the offset is zero.
         walk_m: (N, 3) scale of the offset's step to each node; infinite where it starts anew.
         walk_tail: (N,) degrees of freedom of this step; infinite for a Gaussian.
@@ -99,6 +102,8 @@ class FusionNodes:
     camera: FloatArray
     drift: VideoDrift
     fixes: NodeFixes
+    ties: PlaceTies
+    tied: IntArray
     bound: FloatArray
     walk_m: FloatArray
     walk_tail: FloatArray
@@ -112,12 +117,14 @@ class FusionNodes:
         """Return the nodes up to one, with what ties them to each other but nothing on the last itself."""
         rows, ties = slice(0, node + 1), slice(0, node)
         drift, fixes, last = self.drift, self.fixes, np.arange(node + 1) == node
-        kept = fixes.node < node
+        kept, tied = fixes.node < node, self.tied < node
         return FusionNodes(
             t_s=self.t_s[rows],
             camera=self.camera[rows],
             drift=VideoDrift(drift.scale[ties], drift.rotation[ties], drift.direction[ties]),
             fixes=NodeFixes(**{one.name: getattr(fixes, one.name)[kept] for one in fields(fixes)}),
+            ties=self.ties.where(tied),
+            tied=self.tied[tied],
             bound=np.where(last[:, None], 0.0, self.bound[rows]),
             walk_m=self.walk_m[rows],
             walk_tail=self.walk_tail[rows],
@@ -149,7 +156,7 @@ def fusion_nodes(
     chain = chain_offsets(fixes, np.ones(len(fixes), dtype=bool), config.gps) if len(fixes) else _NO_CHAIN
     rows = chain.rows[chain.first]
     starts = chain.starts & ~continued[rows] if continued is not None else chain.starts
-    t_s, at = _node_times(path, fixes.t_s[rows])
+    t_s, at, tied = _node_times(path, fixes.t_s[rows])
     camera = path.at(t_s)
     frames = np.diff(np.interp(t_s, path.t_s, np.cumsum(path.moving)))
     begins = np.zeros(len(t_s), dtype=bool)
@@ -162,6 +169,8 @@ def fusion_nodes(
         camera=camera,
         drift=video_drift(camera, frames, config),
         fixes=node_fixes(seen, camera_p_antenna, camera, at[chain.offset], config),
+        ties=path.ties,
+        tied=tied,
         bound=bound,
         walk_m=walk_m,
         walk_tail=tail,
@@ -181,14 +190,15 @@ _NO_CHAIN = OffsetChain(
 )
 
 
-def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the times (N,) of the nodes, and the nodes (K,) of fixes (K,)."""
-    ends = np.unique(np.concatenate([path.t_s[[0, -1]], fix_t_s]))
+def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the times (N,) of the nodes, and the nodes of fixes and of ties."""
+    ends = np.unique(np.concatenate([path.t_s[[0, -1]], fix_t_s, path.ties.t_s]))
     ends = ends[np.append(True, np.diff(ends) > SAME_TIME_S)]
     parts = np.ceil(np.diff(ends) / _NODE_S - 1e-9).astype(np.int64)
     between = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
     t_s = np.concatenate([*between, ends[-1:]])
-    return t_s, np.searchsorted(t_s, fix_t_s - SAME_TIME_S)
+    at, tied = (np.searchsorted(t_s, one_s - SAME_TIME_S) for one_s in (fix_t_s, path.ties.t_s))
+    return t_s, at, tied
 
 
 def _offset_ties(

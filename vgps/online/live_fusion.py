@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, 
 from vgps.online.gravity import Gravity
 from vgps.online.inertial_bridge import BridgedPose, InertialBridge
 from vgps.online.live_time_offset import news_of_time_offset
+from vgps.online.place_ties import PlaceTies
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
-from vgps.online.video_path import VideoPath, length_around
+from vgps.online.video_path import VideoPath, move_map, path_of
 from vgps.pipeline.frame_pipeline import FramePipeline
-from vgps.smoothing.drift_correction import move_frames
 
 # Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
 _FIT_FRAMES, _VERDICT_FRAMES = 1, 4
@@ -59,6 +59,7 @@ class LiveFusion:
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
+        self._ties = PlaceTies.none()
         self._seen = (0, 0)  # frames and fixes of the last fit
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
         self._told_s = self._time_offset_s  # the time offset that the user last heard of
@@ -133,13 +134,8 @@ class LiveFusion:
         Args:
             world_T_camera: (F, 4, 4) the poses of all frames.
         """
-        if self._map is None or self._fused is None:
-            return
-        moved = world_T_camera[self._map.first_posed : self._map.next_frame]
-        if np.isfinite(moved[:, 0, 0]).all():
-            poses = self._map.poses[-len(moved) :]
-            scale = length_around(moved) / np.maximum(length_around(poses), 1e-9)
-            self._map.apply(move_frames(self._map, moved, scale))
+        if self._map is not None and self._fused is not None:
+            move_map(self._map, world_T_camera)
 
     def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
         executor = ThreadPoolExecutor(1)
@@ -200,11 +196,10 @@ class LiveFusion:
         row = frame - (current.next_frame - len(path.t_s))
         if row < 0 or not np.isfinite(path.poses[row, 0, 0]):
             return None
-        t_s = float(path.t_s[row])
-        if t_s > self._fused.newest_s:
+        if path.t_s[row] > self._fused.newest_s:
             return None
-        pose = self._fused.world_T_camera(path)[row]
-        return pose, pose_sigmas(self._fused.covariance_at(t_s), 0.0, self._config.motion)
+        covariance = self._fused.covariances_at(path.t_s[[row]])[0]
+        return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
         """Return the fused poses of the newest map over the last ``online.keep_s``; None before a fit."""
@@ -224,14 +219,19 @@ class LiveFusion:
         fix_buffer, t_s = self._frame_pipeline.fix_buffer, self._frame_pipeline.t_s
         return int(fix_buffer.number[fix_buffer.fixes.t_s <= t_s[-1]].max(initial=-1)) + 1
 
+    def placed(self) -> tuple[FusedPath, VideoPath] | None:
+        """Return the fit in use and the path of the newest map; None before the first fit."""
+        current = self._map
+        if self._fused is None or current is None or current is not self._frame_pipeline.current:
+            return None
+        return self._fused, self._given(current).path
+
+    def tie(self, ties: PlaceTies) -> None:
+        """Let places seen again count, from the next fit on, instead of those of before."""
+        self._ties, self._seen = ties, (0, -1)
+
     def _path(self, current: LocalMap) -> VideoPath:
-        since_s = max(current.t_s[-1] - self._config.online.keep_s, current.t_s[0])
-        first = max(current.first_posed - current.first_frame, int(np.searchsorted(current.t_s, since_s)))
-        frames = current.first_frame + np.arange(first, len(current.t_s))
-        standing = np.array([motion.frame for motion in current.zero_motions], dtype=np.int64)
-        return VideoPath(
-            t_s=current.t_s[first:], poses=current.poses[first:], moving=~np.isin(frames, standing)
-        )
+        return path_of(current, self._config.online.keep_s, self._ties)
 
     def _given(self, current: LocalMap) -> FitInput:
         pipeline, path = self._frame_pipeline, self._path(current)
@@ -239,7 +239,7 @@ class LiveFusion:
         fixes = fix_buffer.fixes.without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         return FitInput(
-            path=VideoPath(t_s=path.t_s.copy(), poses=path.poses.copy(), moving=path.moving),
+            path=replace(path, t_s=path.t_s.copy(), poses=path.poses.copy()),
             fixes=fixes.where(rows),
             number=fix_buffer.number[rows],
             assessment=fix_buffer.assessment.where(rows),

@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from vgps.config import Config
-from vgps.errors import ConfigError, VideoError
+from vgps.errors import ConfigError
 from vgps.gps.fixes import Fixes
 from vgps.imu.camera_imu import used_imu
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FrameArchive
+from vgps.online.checked_frame import check_frame
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 from vgps.online.fix_intake import FixIntake
 from vgps.online.live_fusion import LiveFusion
+from vgps.online.live_places import LivePlaces
 from vgps.online.live_time_offset import video_alone
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
@@ -81,6 +83,7 @@ class OnlineSmoother:
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
         self._fusion = LiveFusion(self._frame_pipeline, config, at_camera)
+        self._places = LivePlaces(self._frame_pipeline, self._fusion, camera, config)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
@@ -121,7 +124,7 @@ class OnlineSmoother:
             VideoError: The size differs from the camera's, or the time is not later than the last.
         """
         begun, frame = time.perf_counter(), len(self._frame_pipeline.t_s)
-        self._check(frame, t_s, image)
+        check_frame(self._camera, self._frame_pipeline.t_s, t_s, image)
         self.refine()
         with one_blas_thread():
             self._frame_pipeline.track_frame(Frame(frame, t_s, image))
@@ -146,6 +149,7 @@ class OnlineSmoother:
             events,
             time.perf_counter() - begun,
         )
+        self._events += self._places.see(image)
         return self._estimate
 
     def refine(self) -> None:
@@ -228,18 +232,6 @@ class OnlineSmoother:
             imu=self._imu,
             warnings=tuple(self._warnings),
         )
-
-    def _check(self, frame: int, t_s: float, image: GrayImage) -> None:
-        size = (self._camera.height, self._camera.width)
-        if image.shape != size or image.dtype != np.uint8:
-            raise VideoError(
-                f"a picture of shape {image.shape}, {image.dtype}",
-                place=f"frame {frame}",
-                expected=f"{size}, uint8 luminance",
-            )
-        if frame and not t_s > self._frame_pipeline.t_s[-1]:
-            last = self._frame_pipeline.t_s[-1]
-            raise VideoError(f"time {t_s:.6f} s", place=f"frame {frame}", expected=f"later than {last:.6f} s")
 
     def _report_verdicts(self) -> None:
         fix_buffer, current = self._frame_pipeline.fix_buffer, self._frame_pipeline.current

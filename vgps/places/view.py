@@ -11,7 +11,7 @@ from vgps.camera import distort, undistort
 from vgps.config.loops import LoopsConfig
 from vgps.geometry import project, rays
 from vgps.landmarks.descriptors import Descriptors, describe
-from vgps.model import BoolArray, FloatArray, Frame, GrayImage, IntArray
+from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage, IntArray
 from vgps.places.revisits import PosedVideo
 from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import pyramidal_flow
@@ -51,20 +51,12 @@ class View:
 
 def make_view(frame: Frame, video: PosedVideo, config: LoopsConfig) -> View:
     """Describe the features of a frame, and place those beside landmarks."""
-    raw, descriptors = describe(frame.gray, config.features)
-    uv = undistort(video.camera, raw)
-    kept = np.isfinite(uv).all(axis=1) & is_shown(frame.mask, raw)
-    uv, descriptors = uv[kept], descriptors[kept]
+    uv, descriptors = described(frame, video.camera, config.features)
     rows = np.flatnonzero(video.observations.frame == frame.index)
     landmark, observed = video.observations.landmark[rows], video.observations.uv_px[rows]
     pose = video.poses[frame.index]
     _, depth = project(video.camera.K, pose, video.points[landmark])
-    nearest: IntArray = np.full(len(uv), len(rows))
-    if len(rows) and len(uv):
-        nearest = np.asarray(cKDTree(observed).query(uv, distance_upper_bound=config.reach_px)[1])
-    near = np.flatnonzero(nearest < len(rows))
-    ray = rays(video.camera.K, uv[near])
-    points = ray * (depth[nearest[near], None] / ray[:, 2:])
+    near, points = beside_landmarks(uv, observed, depth, video.camera.K, config.reach_px)
     return View(
         frame=frame.index,
         gray=frame.gray,
@@ -78,6 +70,27 @@ def make_view(frame: Frame, video: PosedVideo, config: LoopsConfig) -> View:
     )
 
 
+def described(frame: Frame, camera: Camera, features: int) -> tuple[FloatArray, Descriptors]:
+    """Return the undistorted pixels (N, 2) of a frame's features, and their descriptors (N, 32)."""
+    raw, descriptors = describe(frame.gray, features)
+    uv = undistort(camera, raw)
+    kept = np.isfinite(uv).all(axis=1) & is_shown(frame.mask, raw)
+    return uv[kept], descriptors[kept]
+
+
+def beside_landmarks(
+    uv_px: FloatArray, observed_px: FloatArray, depth: FloatArray, K: FloatArray, reach_px: float
+) -> tuple[IntArray, FloatArray]:
+    """Return which features (N, 2) lie beside an observation (m, 2) of a landmark, and their positions (n, 3)
+    in the camera's frame, at the depth (m,) of the landmark."""
+    nearest: IntArray = np.full(len(uv_px), len(depth))
+    if len(depth) and len(uv_px):
+        nearest = np.asarray(cKDTree(observed_px).query(uv_px, distance_upper_bound=reach_px)[1])
+    near = np.flatnonzero(nearest < len(depth))
+    ray = rays(K, uv_px[near])
+    return near, ray * (depth[nearest[near], None] / ray[:, 2:])
+
+
 def on_disk(gray: GrayImage, file: IO[bytes]) -> GrayImage:
     """Append an image (H, W) to a file, and return it mapped from there, read-only."""
     start = file.seek(0, 2)
@@ -88,14 +101,19 @@ def on_disk(gray: GrayImage, file: IO[bytes]) -> GrayImage:
 
 def matched(earlier: View, later: View, ratio: float) -> Correspondences:
     """Return the placed features of an earlier view, and where a later one has such descriptors."""
-    if len(earlier.near) < 2 or len(later.uv_px) < 2:
+    placed = earlier.descriptors[earlier.near]
+    return correspondences(placed, earlier.points, later.descriptors, later.uv_px, ratio)
+
+
+def correspondences(
+    placed: Descriptors, points: FloatArray, descriptors: Descriptors, uv_px: FloatArray, ratio: float
+) -> Correspondences:
+    """Return which of the points (n, 3) with these descriptors match features (N, 2) of a frame."""
+    if len(placed) < 2 or len(descriptors) < 2:
         return Correspondences(np.zeros((0, 3)), np.zeros((0, 2)))
-    pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(
-        earlier.descriptors[earlier.near], later.descriptors, k=2
-    )
+    pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(placed, descriptors, k=2)
     good = [best for best, second in pairs if best.distance < ratio * second.distance]
-    points = earlier.points[[one.queryIdx for one in good]]
-    return Correspondences(points, later.uv_px[[one.trainIdx for one in good]])
+    return Correspondences(points[[one.queryIdx for one in good]], uv_px[[one.trainIdx for one in good]])
 
 
 def followed(

@@ -8,6 +8,7 @@ descriptors have equal words, similar ones have some in common. A rare word says
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from vgps.landmarks.descriptors import Descriptors
 from vgps.model import FloatArray, IntArray
@@ -23,7 +24,7 @@ class WordIndex:
         rng = np.random.default_rng(0)
         self._chosen = np.stack([rng.choice(_DESCRIPTOR_BITS, _BITS, replace=False) for _ in range(_TABLES)])
         self._views = np.zeros(_TABLES << _BITS, dtype=np.int64)  # that have each word
-        self._words: dict[int, IntArray] = {}
+        self._words: dict[int, npt.NDArray[np.int32]] = {}
 
     def words(self, descriptors: Descriptors) -> IntArray:
         """Return the words (n,) of descriptors (N, 32), each once."""
@@ -33,7 +34,7 @@ class WordIndex:
 
     def add(self, frame: int, words: IntArray) -> None:
         """Add the view of a frame."""
-        self._words[frame] = words
+        self._words[frame] = words.astype(np.int32)
         self._views[words] += 1
 
     def discard(self, frame: int) -> None:

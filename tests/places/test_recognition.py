@@ -1,0 +1,104 @@
+"""The textured room, visited twice: the path of the second visit is off, the images say by how much."""
+
+import numpy as np
+import pytest
+from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
+
+from vgps.config import LoopsConfig
+from vgps.geometry import project
+from vgps.model import Frame
+from vgps.places.place_memory import PlaceMemory, Sight, WorldPath
+from vgps.places.recognition import Look, PlaceRecogniser, SeenLandmarks, refined
+from vgps.tracking.corners import new_corners
+from vgps.tracking.pose import Correspondences
+
+SETTINGS = LoopsConfig(apart=1.0)
+METRES = 2.0  # of a unit of the map
+DEPTH_M, APART_M = 8.0, 50.0
+VISIT = path(4)
+AGAIN = np.stack([moved(pose, 0.2, (0, 2, 0)) for pose in VISIT])
+TRUE = np.concatenate([VISIT, AGAIN])
+
+
+def world_path(poses, sigma_m):
+    covariance = np.diag([*[0.02**2] * 3, 1e-6, *[1e-3**2] * 3])
+    covariances = np.tile(covariance, (len(poses), 1, 1))
+    covariances[len(VISIT) :, range(3), range(3)] = sigma_m**2
+    return WorldPath(first_frame=0, poses=poses, scale=np.full(len(poses), METRES), covariance=covariances)
+
+
+def landmarks(frame):
+    uv = new_corners(image(TRUE[frame]), np.zeros((0, 2)), 200, CONFIG.tracking, np.random.default_rng(1))
+    _, depth = project(CAMERA.K, TRUE[frame], points_at(TRUE[frame], uv))
+    return SeenLandmarks(frame=frame, uv_px=uv, depth=depth / METRES)
+
+
+def answers(off_m, sigma_m, capacity=10):
+    """Answers to the looks of both visits, the second of which is off by so much to the east."""
+    wrong, recogniser = TRUE.copy(), PlaceRecogniser(CAMERA, SETTINGS, capacity)
+    wrong[len(VISIT) :, 0, 3] += off_m
+    for frame, pose in enumerate(TRUE):
+        again = frame >= len(VISIT)
+        settled = tuple(landmarks(one) for one in range(len(VISIT))) if frame == len(VISIT) else ()
+        look = Look(
+            image=Frame(frame, 0.1 * frame, image(pose)),
+            travelled_m=0.12 * frame + APART_M * again,
+            depth_m=DEPTH_M,
+            settled=settled,
+        )
+        yield recogniser.look(look, lambda frame=frame: world_path(wrong[: frame + 1], sigma_m))
+
+
+def test_a_frame_is_posed_by_the_landmarks_of_an_earlier_visit_once_its_neighbours_agree():
+    found = list(answers(off_m=0.6, sigma_m=1.0))
+    assert [one.recognised is not None for one in found] == [False] * 6 + [True] * 2
+    for answer in found[-2:]:
+        one = answer.recognised
+        assert one.frame - len(VISIT) - 1 <= one.earlier < len(VISIT) and one.before_m == pytest.approx(1.0)
+        away_m = one.world_T_camera[:3, 3] - TRUE[one.frame, :3, 3]
+        assert np.linalg.norm(away_m) < 0.03
+        assert np.all(np.abs(away_m) < 4.0 * one.sigma[:3]) and 0.02 < one.sigma[:3].max() < 0.06
+
+
+def test_a_place_further_off_than_the_sigmas_allow_is_a_look_alike():
+    off_m = SETTINGS.path_sigmas * 0.2 + SETTINGS.slack * DEPTH_M
+    assert any(one.recognised for one in answers(0.8 * off_m, 0.2))
+    assert not any(one.recognised for one in answers(1.2 * off_m, 0.2))
+
+
+def test_looks_are_closer_where_places_are_near():
+    step_m = [one.next_m - 0.12 * k - APART_M * (k >= len(VISIT)) for k, one in enumerate(answers(0.0, 1.0))]
+    np.testing.assert_allclose(step_m, DEPTH_M * np.repeat([SETTINGS.reach, SETTINGS.spacing], len(VISIT)))
+
+
+def test_the_oldest_place_is_forgotten():
+    memory, rng = PlaceMemory(2), np.random.default_rng(0)
+    sights = [
+        Sight(
+            frame=frame,
+            travelled_m=100.0 * frame,
+            depth_m=DEPTH_M,
+            uv_px=np.zeros((30, 2)),
+            descriptors=rng.integers(0, 256, (30, 32), dtype=np.uint8),
+        )
+        for frame in range(4)
+    ]
+    path_here = world_path(np.tile(VISIT[0], (4, 1, 1)), 1.0)
+    for sight in sights[:3]:
+        memory.add(sight, np.arange(30), rng.normal(size=(30, 3)))
+    memory.update(path_here)
+    near = memory.near(sights[3], path_here, SETTINGS)
+    assert sorted(memory.frame[near].tolist()) == [1, 2]
+    assert memory.frame[memory.most_alike(sights[2], near, 1)[0]] == 2
+
+
+def test_the_covariance_of_a_pose_is_that_of_its_errors():
+    rng, pose = np.random.default_rng(3), VISIT[0]
+    points = points_at(pose, rng.uniform(20, 220, (60, 2)))
+    errors, stated = [], []
+    for _ in range(200):
+        seen = pixels(pose, points) + rng.normal(0.0, 0.7, (60, 2))
+        found, covariance = refined(CAMERA.K, pose, Correspondences(points, seen))
+        errors.append(pose[:3, :3].T @ (found[:3, 3] - pose[:3, 3]))
+        stated.append(np.diagonal(covariance)[3:])
+    np.testing.assert_allclose(np.std(errors, axis=0), np.sqrt(np.mean(stated, axis=0)), rtol=0.25)

@@ -1,0 +1,149 @@
+"""Places seen again in a live video, looked for in a thread beside the frames."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.mapping.local_map import LocalMap
+from vgps.model import Camera, Frame, GrayImage
+from vgps.online.estimate import OnlineEvent
+from vgps.online.fusion import FusedPath
+from vgps.online.live_fusion import LiveFusion
+from vgps.online.place_ties import PlaceTies
+from vgps.online.video_path import VideoPath
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.places.place_memory import WorldPath
+from vgps.places.recognition import Answer, Look, PlaceRecogniser, Recognised, SeenLandmarks
+
+_ANSWER_FRAMES = 4  # after which an answer is used, however quickly it was found: results repeat
+_SETTLED_FRAMES = 30  # after which stage C has refined the landmarks of a frame twice
+_BETTER = 0.5  # of the standard deviation: so much better must the earlier visit be known
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A frame that is compared with places."""
+
+    due_frame: int
+    t_s: float
+    answer: "Future[Answer]"
+
+
+class LivePlaces:
+    """Lets the poses of earlier visits count where the path in the world is known less well.
+
+    Both visits may have the same errors. So a place counts only if its standard deviation is at most half of
+    that of the newest pose before it came back, and of places that were passed within ``online.keep_s`` of
+    each other only the one seen last does.
+
+    Args:
+        frame_pipeline: Stages A to C.
+        fusion: Takes the places.
+        camera: Of the video.
+        config: Settings.
+    """
+
+    def __init__(
+        self, frame_pipeline: FramePipeline, fusion: LiveFusion, camera: Camera, config: Config
+    ) -> None:
+        self._frame_pipeline, self._fusion, self._config = frame_pipeline, fusion, config
+        self._recogniser = PlaceRecogniser(camera, config.loops, config.online.places)
+        self._job: _Job | None = None
+        self._map: LocalMap | None = None
+        self._travelled_m = self._next_m = 0.0
+        self._unsettled: list[int] = []
+        self._visits: list[Recognised] = []
+
+    def see(self, image: GrayImage) -> list[OnlineEvent]:
+        """Use an answer that is due, begin to look for the newest frame (H, W), and return the events."""
+        pipeline, current = self._frame_pipeline, self._frame_pipeline.current
+        if self._config.loops.close == "no":
+            return []
+        events = []
+        if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
+            events, self._job = self._use(self._job), None
+        if current is None or current.next_frame != len(pipeline.t_s):
+            return events
+        if current is not self._map:
+            self._map, self._unsettled = current, []
+        moved = float(np.linalg.norm(current.odometry[-1]))
+        self._travelled_m += moved if np.isfinite(moved) else 0.0
+        if self._job is None and self._travelled_m >= self._next_m:
+            placed = self._fusion.placed()
+            if placed is not None:
+                self._begin(current, image, *placed)
+        return events
+
+    def _begin(self, current: LocalMap, image: GrayImage, fused: FusedPath, path: VideoPath) -> None:
+        """Look for the newest frame of a map in a thread."""
+        frame, t_s = current.next_frame - 1, float(current.t_s[-1])
+        newest = _landmarks(current, frame)
+        if len(newest.depth) < self._config.loops.min_inliers:
+            return
+        settled = [one for one in self._unsettled if one <= frame - _SETTLED_FRAMES]
+        self._unsettled = [*self._unsettled[len(settled) :], frame]
+        look = Look(
+            image=self._frame_pipeline.tracker.static.masked(Frame(frame, t_s, image)),
+            travelled_m=self._travelled_m,
+            depth_m=float(np.median(newest.depth)),
+            settled=tuple(_landmarks(current, one) for one in settled),
+        )
+        executor = ThreadPoolExecutor(1)
+        along = partial(_in_world, fused, path, current.next_frame - len(path.t_s))
+        answer = executor.submit(self._recogniser.look, look, along)
+        executor.shutdown(wait=False)
+        self._job = _Job(len(self._frame_pipeline.t_s) + _ANSWER_FRAMES, t_s, answer)
+
+    def _use(self, job: _Job) -> list[OnlineEvent]:
+        """Wait for an answer, let a place count instead of others of the same visit, and return the event of
+        the first one."""
+        t_s, keep_s = self._frame_pipeline.t_s, self._config.online.keep_s
+        try:
+            answer = job.answer.result()
+        except np.linalg.LinAlgError:  # what was seen does not determine the pose; the next frame may
+            return []
+        self._next_m = answer.next_m
+        if (found := answer.recognised) is None:
+            return []
+        recent = [one for one in self._visits if t_s[one.frame] > t_s[-1] - keep_s]
+        apart = [abs(t_s[one.earlier] - t_s[found.earlier]) >= keep_s for one in recent]
+        same = [one for one, other in zip(recent, apart, strict=True) if not other]
+        found = replace(found, before_m=max([found.before_m, *(one.before_m for one in same)]))
+        if found.sigma[:3].max() > _BETTER * found.before_m:
+            return []
+        self._visits = [*(one for one, other in zip(recent, apart, strict=True) if other), found]
+        self._fusion.tie(
+            PlaceTies(
+                t_s=np.array([t_s[one.frame] for one in self._visits]),
+                world_T_camera=np.stack([one.world_T_camera for one in self._visits]),
+                sigma=np.stack([one.sigma for one in self._visits]),
+            )
+        )
+        if same:
+            return []
+        earlier_s = float(t_s[found.earlier])
+        text = f"the place of {earlier_s:.2f} s is seen again"
+        return [OnlineEvent(job.t_s, "place", text, {"earlier_s": earlier_s, "before_m": found.before_m})]
+
+
+def _in_world(fused: FusedPath, path: VideoPath, first_frame: int) -> WorldPath:
+    """Return what a fit says of a path, whose first frame has this number."""
+    return WorldPath(
+        first_frame=first_frame,
+        poses=fused.world_T_camera(path),
+        scale=fused.scales_at(path.t_s),
+        covariance=fused.covariances_at(path.t_s),
+    )
+
+
+def _landmarks(current: LocalMap, frame: int) -> SeenLandmarks:
+    """Return the landmarks that a frame of a map observes."""
+    seen = current.observations(frame)
+    seen = seen.rows(seen.frame == frame)
+    pose = current.pose(frame)
+    depth = (current.points[seen.landmark] - pose[:3, 3]) @ pose[:3, 2]
+    ahead = depth > 0.0
+    return SeenLandmarks(frame=frame, uv_px=seen.uv_px[ahead], depth=depth[ahead])
