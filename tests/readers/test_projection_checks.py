@@ -1,5 +1,6 @@
 import struct
 
+import av
 import pytest
 from clips import write_clip
 from gpmf_bytes import device, text
@@ -52,3 +53,17 @@ def test_pixels_that_are_not_square_need_a_calibration(tmp_path):
 
 def test_pixels_that_are_nearly_square_are(tmp_path):
     assert open_recording(write_clip(tmp_path / "v.mp4", options={"x264-params": "sar=1280/1281"})).guesses
+
+
+@pytest.mark.parametrize(("sizes", "named"), [([(64, 48)] * 2, True), ([(64, 48), (32, 24)], False)])
+def test_another_lens_in_the_file_is_named(tmp_path, caplog, sizes, named):
+    """A smaller picture is a thumbnail."""
+    with av.open(str(tmp_path / "VID.insv.mp4"), "w") as container:
+        streams = [container.add_stream("libx264", rate=10) for _ in sizes]
+        for stream, (stream.width, stream.height) in zip(streams, sizes, strict=True):
+            stream.pix_fmt = "yuv420p"
+        for stream in streams:
+            container.mux(stream.encode(av.VideoFrame(stream.width, stream.height, "yuv420p")))
+            container.mux(stream.encode())
+    open_recording(tmp_path / "VID.insv.mp4")
+    assert ("has 2 tracks of pictures, of which one is used" in caplog.text) is named

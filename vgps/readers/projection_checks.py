@@ -1,5 +1,6 @@
 """Pictures that no lens model here describes: of the whole sphere, or with pixels that are not square."""
 
+import logging
 from pathlib import Path
 
 import av
@@ -9,6 +10,12 @@ from vgps.readers.container import open_container
 from vgps.readers.gopro_lens import gopro_settings
 from vgps.readers.mp4_boxes import read_boxes
 
+log = logging.getLogger(__name__)
+
+_OTHER_TRACKS = (
+    "%s: has %d tracks of pictures, of which one is used; those of other lenses can be taken out "
+    "(ffmpeg -i FILE -map 0:v:1 -c copy OTHER.mp4) and listed in rig.yaml"
+)
 _SQUARE = 0.01  # by which the sides of a pixel may differ, as after rounding a size
 
 
@@ -33,6 +40,17 @@ def check_flat(file: Path) -> None:
             remedy="give the videos of the lenses, with a rig.yaml that lists the second, or cut an ordinary "
             "view out of it (ffmpeg -i FILE -vf v360=e:flat:h_fov=90:v_fov=90 OUT.mp4)",
         )
+
+
+def log_other_tracks(file: Path) -> None:
+    """Log that a video has more tracks of pictures of the same size, as of a camera with two lenses."""
+    try:
+        with open_container(file) as container:
+            sizes = [(stream.width, stream.height) for stream in container.streams.video]
+    except (av.FFmpegError, OSError):
+        return
+    if sizes and (count := sizes.count(sizes[0])) > 1:
+        log.warning(_OTHER_TRACKS, file, count)
 
 
 def check_square_pixels(file: Path) -> None:

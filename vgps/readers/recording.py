@@ -28,7 +28,7 @@ from vgps.readers.imu import gyro_of, on_video_clock, read_imu
 from vgps.readers.masks import find_masks
 from vgps.readers.overlap import check_overlap
 from vgps.readers.own_gps import own_gps
-from vgps.readers.projection_checks import check_flat, check_square_pixels
+from vgps.readers.projection_checks import check_flat, check_square_pixels, log_other_tracks
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
 from vgps.readers.stabilisation import with_picture_motion
@@ -94,6 +94,7 @@ def open_recording(
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
     if isinstance(video, VideoFile | ChapteredVideo):
         check_flat(video.path)
+        log_other_tracks(video.path)
         if lens is None:
             check_square_pixels(video.path)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
