@@ -60,11 +60,14 @@ def path_vectors(world_T_camera: FloatArray) -> FloatArray:
 
 def path_poses(vectors: FloatArray) -> FloatArray:
     """Return the poses (N, 4, 4) of weighted sums of vectors (N, 7)."""
-    w, x, y, z = (vectors[:, :4] / np.linalg.norm(vectors[:, :4], axis=1, keepdims=True)).T
+    quaternions = np.ascontiguousarray(vectors[:, :4].T)
+    w, x, y, z = quaternions * np.sqrt(2.0 / np.einsum("in,in->n", quaternions, quaternions))
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    wx, wy, wz = w * x, w * y, w * z
     poses = np.zeros((len(vectors), 4, 4))
-    poses[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=1)
-    poses[:, 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=1)
-    poses[:, 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    poses[:, 0, 0], poses[:, 0, 1], poses[:, 0, 2] = 1.0 - yy - zz, xy - wz, xz + wy
+    poses[:, 1, 0], poses[:, 1, 1], poses[:, 1, 2] = xy + wz, 1.0 - xx - zz, yz - wx
+    poses[:, 2, 0], poses[:, 2, 1], poses[:, 2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
     poses[:, :3, 3], poses[:, 3, 3] = vectors[:, 4:], 1.0
     return poses
 

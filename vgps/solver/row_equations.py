@@ -79,8 +79,8 @@ class RollingChunk(LinearisedChunk):
     @staticmethod
     def _to_tangent(total: FloatArray, by_pose: FloatArray) -> list[FloatArray]:
         """Return the products (6) of sums (7, c) with the derivatives by poses, whose other entries are 0."""
-        spans = [range(4)] * 3 + [range(4, VECTOR_DIM)] * 3
-        return [np.asarray(sum(total[j] * by_pose[j, a] for j in span)) for a, span in enumerate(spans)]
+        turned = np.einsum("jc,jac->ac", total[:4], by_pose[:4, :3])
+        return [*turned, *np.einsum("jc,jac->ac", total[4:], by_pose[4:, 3:])]
 
     def pose_gradient(self, r: FloatArray) -> FloatArray:
         """Return the sums of J_p^T r by pose, (6, frames of the chunk), for any (2, n) r."""
