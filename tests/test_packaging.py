@@ -14,7 +14,8 @@ CONDA_NAMES = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-
 def test_the_conda_recipe_has_the_same_version_and_requirements():
     recipe = yaml.safe_load((ROOT / ".conda/recipe.yaml").read_text(encoding="utf-8"))
     assert recipe["context"]["version"] == PROJECT["version"]
-    expected = {f"python {PROJECT['requires-python']}"}
+    assert f">={recipe['context']['python_min']}" == PROJECT["requires-python"]
+    expected = {"python >=${{ python_min }}"}
     for requirement in PROJECT["dependencies"]:
         name, version = re.fullmatch(r"([A-Za-z0-9-]+)(.*)", requirement).groups()
         expected.add(f"{CONDA_NAMES.get(name, name)} {version}")
