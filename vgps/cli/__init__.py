@@ -26,7 +26,7 @@ _BAD_INPUT = 2
 
 def main() -> None:
     """Run a verb; a user's mistake gives one line and exit code 2."""
-    if not sys.argv[1:] or sys.argv[1].startswith("-"):
+    if sys.argv[1:2] in ([], ["--help"], ["-h"]):
         for verb in list(app):
             app[verb]  # the list of verbs has the first line of each
     try:

@@ -9,14 +9,6 @@ from rich.table import Table
 
 from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CalibrationFiles, GpsSettings, RecordingFiles, SettingsOptions
-from vgps.cli.tables import calibration_table
-from vgps.cli.terminal import TerminalProgress
-from vgps.gyro_calibration import calibrate_gyro as calibrate
-from vgps.model import Recording
-from vgps.readers.recording import find_rig, open_recording
-from vgps.writers.atomic import check_file
-from vgps.writers.camera import write_camera
-from vgps.writers.rig import write_rig
 
 _FILES, _SETTINGS = CalibrationFiles(), SettingsOptions()
 _RECORDING_FILES, _GPS_SETTINGS = RecordingFiles(), GpsSettings()
@@ -37,8 +29,16 @@ def calibrate_gyro(
         files: Other calibrations.
         settings: Settings.
     """
+    from vgps.cli.tables import calibration_table
+    from vgps.cli.terminal import TerminalProgress
+    from vgps.gyro_calibration import calibrate_gyro as calibrate
+    from vgps.readers.recording import find_rig, open_recording
+    from vgps.writers.atomic import check_file
+
     config = settings.read()
-    opened = _opened(recording, files)
+    opened = open_recording(
+        recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False, cameras=False
+    )
     check_file(out)
     calibration = calibrate(opened, config, TerminalProgress())
     table, base = calibration_table(calibration), find_rig(recording, files.rig)
@@ -64,9 +64,13 @@ def calibrate_imu(
         files: Other calibrations.
         settings: Settings.
     """
+    from vgps.cli.tables import calibration_table
+    from vgps.cli.terminal import TerminalProgress
     from vgps.gyro_calibration.imu import calibrate_imu as calibrate
     from vgps.readers.imu import find_imu, read_imu
+    from vgps.readers.recording import find_rig, open_recording
     from vgps.readers.sources import place_of
+    from vgps.writers.atomic import check_file
 
     config, log = settings.read(), find_imu(place_of(recording)[0], imu)
     opened = open_recording(
@@ -82,17 +86,12 @@ def calibrate_imu(
     _write(table, found.fields, out, find_rig(recording, files.rig), notes)
 
 
-def _opened(recording: Path, files: CalibrationFiles) -> Recording:
-    """Open a recording for a calibration of its first camera."""
-    return open_recording(
-        recording, camera=files.camera, rig=files.rig, with_gps=False, guess_camera=False, cameras=False
-    )
-
-
 def _write(
     table: Table, fields: Mapping[str, Any], out: Path, base: Path | None, notes: Iterable[str]
 ) -> None:
     """Write rig.yaml, the base completed by the fields, and show the table and the notes."""
+    from vgps.writers.rig import write_rig
+
     write_rig(fields, out, base=base)
     Console().print(table)
     for text in notes:
@@ -115,7 +114,11 @@ def calibrate_camera(
         files: Other files.
         settings: Settings.
     """
+    from vgps.cli.terminal import TerminalProgress
     from vgps.pipeline.offline import smooth
+    from vgps.readers.recording import open_recording
+    from vgps.writers.atomic import check_file
+    from vgps.writers.camera import write_camera
 
     config = settings.read().with_refined_camera()
     opened = open_recording(recording, gps=files.gps, camera=files.camera, rig=files.rig, cameras=False)

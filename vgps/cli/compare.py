@@ -6,9 +6,6 @@ from rich.console import Console
 
 from vgps.cli.app import print_line
 from vgps.cli.options import SurveyedSettings
-from vgps.cli.terminal import TerminalProgress
-from vgps.evaluation import comparison_table
-from vgps.readers.recording import open_recording
 
 _SETTINGS = SurveyedSettings()
 
@@ -30,8 +27,11 @@ def compare(
         gps: GPS log; a path, or a name inside the folder.
         settings: Settings.
     """
+    from vgps.cli.terminal import TerminalProgress
     from vgps.compare import check_outputs, write_comparison
     from vgps.compare import compare as compare_models
+    from vgps.evaluation import comparison_table
+    from vgps.readers.recording import open_recording
 
     config = settings.read()
     check_outputs(out)

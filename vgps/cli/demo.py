@@ -7,8 +7,6 @@ from rich.console import Console
 from vgps.cli.app import print_line
 from vgps.cli.options import Seed
 from vgps.cli.smooth import print_summary
-from vgps.cli.terminal import TerminalProgress
-from vgps.evaluation import evaluation_table
 
 
 def demo(*, out: Path = Path("demo"), seed: Seed = 0) -> None:
@@ -18,7 +16,9 @@ def demo(*, out: Path = Path("demo"), seed: Seed = 0) -> None:
         out: Folder for the recording, the run and the report.
         seed: Seed of the simulated world and its GPS errors.
     """
+    from vgps.cli.terminal import TerminalProgress
     from vgps.demo import demo as run_demo
+    from vgps.evaluation import evaluation_table
 
     solution, evaluation = run_demo(out, seed, TerminalProgress())
     print_summary(solution, out / "run")

@@ -7,9 +7,6 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from vgps.evaluation import evaluate as evaluate_run
-from vgps.evaluation import evaluation_table, to_json
-
 
 def evaluate(
     run: Path,
@@ -28,6 +25,9 @@ def evaluate(
         geoid: What the truth's heights are above: egm96, a grid file, or metres; by default the ellipsoid.
         as_json: Print JSON instead of a table.
     """
+    from vgps.evaluation import evaluate as evaluate_run
+    from vgps.evaluation import evaluation_table, to_json
+
     evaluation = evaluate_run(run, truth, crs=crs, geoid=geoid)
     if as_json:
         print(json.dumps(to_json(evaluation), indent=2))

@@ -7,8 +7,6 @@ from cyclopts import Parameter
 
 from vgps.cli.app import print_line, print_note
 from vgps.cli.options import CoordinateOptions
-from vgps.writers.export import ExportOptions
-from vgps.writers.export import export as export_run
 from vgps.writers.frame_choice import FrameChoice
 
 _COORDINATES = CoordinateOptions()
@@ -36,6 +34,9 @@ def export(
         columns: Columns of csv, separated by commas; x, y, height stand for those of the coordinate system.
         images: Recording, video or folder of images with the frames, if it is not where the run says.
     """
+    from vgps.writers.export import ExportOptions
+    from vgps.writers.export import export as export_run
+
     options = ExportOptions(
         crs=coordinates.crs,
         geoid=coordinates.geoid,

@@ -1,14 +1,14 @@
 """The verb ``inspect``."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vgps.cli.app import print_line, print_note
 from vgps.errors import VgpsError
-from vgps.model import Recording
-from vgps.readers.recording import open_recording
-from vgps.readers.run_folder import read_run
-from vgps.solution import Solution
-from vgps.viewer import inspect_run
+
+if TYPE_CHECKING:
+    from vgps.model import Recording
+    from vgps.solution import Solution
 
 
 def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = None) -> None:
@@ -19,6 +19,9 @@ def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = No
         save: Write a rerun recording (.rrd) instead of opening a window; `rerun F.rrd` shows it.
         screenshot: Write a picture (.png) instead of opening a window.
     """
+    from vgps.readers.run_folder import read_run
+    from vgps.viewer import inspect_run
+
     solution = read_run(run)
     for text in inspect_run(solution, _recording(solution), save=save, screenshot=screenshot):
         print_note(text)
@@ -27,8 +30,10 @@ def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = No
             print_line(f"wrote {written}")
 
 
-def _recording(solution: Solution) -> Recording | None:
+def _recording(solution: "Solution") -> "Recording | None":
     """Open the recording of the run for its video; it may no longer exist."""
+    from vgps.readers.recording import open_recording
+
     if solution.recording is None:
         return None
     try:

@@ -6,13 +6,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from vgps.cli.tables import database_table
-from vgps.cli.terminal import TerminalProgress
 from vgps.config import Frames, LandmarksConfig, read_config
-from vgps.landmarks.build import build_from_runs
-from vgps.landmarks.database_writer import write_database
-from vgps.landmarks.info import database_info
-from vgps.writers.atomic import check_file
 
 landmarks = App(name="landmarks", help="Build and check landmark databases, against which `track` localises.")
 
@@ -37,11 +31,16 @@ def build(
         config: YAML file with settings that replace the defaults.
         settings: Which landmarks are accurate enough, and what is stored of them.
     """
+    from vgps.cli.terminal import TerminalProgress
+    from vgps.landmarks.build import build_from_runs
+    from vgps.landmarks.database_writer import write_database
+    from vgps.writers.atomic import check_file
+
     check_file(out)
     limits = read_config(config).with_landmarks(settings).landmarks
     contents = build_from_runs(runs, frames, limits, recording, progress=TerminalProgress())
     write_database(contents, out)
-    Console().print(database_table(database_info(out)))
+    info(out)
 
 
 @landmarks.command
@@ -51,4 +50,7 @@ def info(database: Path) -> None:
     Args:
         database: The database.
     """
+    from vgps.cli.tables import database_table
+    from vgps.landmarks.info import database_info
+
     Console().print(database_table(database_info(database)))

@@ -2,15 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from vgps.cli.app import print_line
 from vgps.cli.options import GpsSettings, NotNegative
-from vgps.online.output import PoseOutput
-from vgps.online.session import OnlineOptions, pose_live, pose_recording
-from vgps.online.view_output import ViewOutput
+
+if TYPE_CHECKING:
+    from vgps.online.output import PoseOutput
 
 
 @Parameter(name="*")
@@ -79,6 +79,8 @@ def online(
         listeners: Where poses go.
         settings: Settings.
     """
+    from vgps.online.session import OnlineOptions, pose_live, pose_recording
+
     options = OnlineOptions(
         config=settings.read(),
         out=out,
@@ -99,7 +101,8 @@ def online(
     print_line(f"{frames} frames{f': {out}' if out else ''}", to_stderr=True)
 
 
-def _live_view() -> PoseOutput:
+def _live_view() -> "PoseOutput":
+    from vgps.online.view_output import ViewOutput
     from vgps.viewer import open_live_view
 
     return ViewOutput(open_live_view())

@@ -3,8 +3,6 @@
 from pathlib import Path
 
 from vgps.cli.app import print_line
-from vgps.readers.run_files import read_summary
-from vgps.readers.run_folder import read_run
 
 
 def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = None) -> None:
@@ -17,6 +15,8 @@ def report(run: Path, *, out: Path, crs: str | None = None, geoid: str | None = 
         geoid: What heights are above: egm96, a grid file, or metres; by default the ellipsoid.
     """
     from vgps.evaluation.check_points import summary_line
+    from vgps.readers.run_files import read_summary
+    from vgps.readers.run_folder import read_run
     from vgps.report import write_report
 
     solution = read_run(run)

@@ -12,8 +12,6 @@ from vgps.cli.options import NotNegative
 from vgps.config import read_config
 from vgps.errors import ConfigError
 from vgps.model import GeodeticPoint
-from vgps.survey import survey_logs
-from vgps.survey.output import as_tables, check_files, plot_survey, write_survey
 
 
 @Parameter(name="*")
@@ -58,6 +56,9 @@ def survey(
         plot: Picture of the scatter; by default beside the YAML file.
         config: YAML file with settings that replace the defaults.
     """
+    from vgps.survey import survey_logs
+    from vgps.survey.output import as_tables, check_files, plot_survey, write_survey
+
     resolved = read_config(config).with_survey(
         drop=drop,
         speed_m_s=motion.speed,

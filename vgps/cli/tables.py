@@ -2,18 +2,21 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from vgps.config import LandmarksConfig, present_names
-from vgps.gyro_calibration import GyroCalibration
-from vgps.landmarks.info import DatabaseInfo
+
+if TYPE_CHECKING:
+    from vgps.gyro_calibration import GyroCalibration
+    from vgps.landmarks.info import DatabaseInfo
 
 
 def calibration_table(
-    calibration: GyroCalibration, biases: Mapping[str, Sequence[float]] | None = None
+    calibration: "GyroCalibration", biases: Mapping[str, Sequence[float]] | None = None
 ) -> Table:
     """Return the calibration of a gyro with standard deviations, and how well gyro and video agree.
 
@@ -45,7 +48,7 @@ def calibration_table(
     return table
 
 
-def database_table(info: DatabaseInfo) -> Table:
+def database_table(info: "DatabaseInfo") -> Table:
     """Return the contents of a landmark database and the runs that it was built from."""
     table = Table(show_header=False)
     for _ in range(2):

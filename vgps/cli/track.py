@@ -5,13 +5,6 @@ from typing import Literal
 
 from vgps.cli.app import print_line, print_note
 from vgps.cli.options import SensorFiles
-from vgps.cli.terminal import TerminalProgress
-from vgps.config import read_config
-from vgps.localization import localize
-from vgps.readers.recording import open_recording
-from vgps.runtime.timing import sequential_seconds
-from vgps.solution import FrameState
-from vgps.writers.run_folder import check_writable, write_run
 
 _FILES = SensorFiles()
 
@@ -36,6 +29,14 @@ def track(
         config: YAML file with settings that replace the defaults.
         files: Other calibrations or sensors.
     """
+    from vgps.cli.terminal import TerminalProgress
+    from vgps.config import read_config
+    from vgps.localization import localize
+    from vgps.readers.recording import open_recording
+    from vgps.runtime.timing import sequential_seconds
+    from vgps.solution import FrameState
+    from vgps.writers.run_folder import check_writable, write_run
+
     check_writable(out)
     settings = read_config(config).with_estimator(estimator)
     opened = open_recording(
