@@ -35,6 +35,23 @@ def test_plain_positions(tmp_path):
     assert raw is not None and raw.fixes[0][1:4] == (47.5, 8.25, 500.0)
 
 
+def test_a_flat_fix_has_no_height(tmp_path):
+    raw = read_camm(
+        write_metadata_video(tmp_path / "VID.mp4", [(0.0, gps(47.5, 8.25, 500.0, status=2))], "camm")
+    )
+    assert raw is not None and raw.fixes[0][1:3] == (47.5, 8.25) and np.isnan(raw.fixes[0].height_m)
+
+
+def test_full_positions_stand_for_plain_ones(tmp_path):
+    packets = [
+        (0.0, place(47.5, 8.25, 500.0)),
+        (0.0, gps(47.5, 8.25, 500.0)),
+        (0.1, place(47.6, 8.25, 500.0)),
+    ]
+    raw = read_camm(write_metadata_video(tmp_path / "VID.mp4", packets, "camm"))
+    assert raw is not None and [fix.sigma_m[2] for fix in raw.fixes] == [4.0]
+
+
 def test_what_is_no_fix(tmp_path):
     """No fix, nowhere, another sensor, and packets that end too early."""
     packets = [
