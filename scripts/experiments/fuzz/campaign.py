@@ -1,5 +1,6 @@
 """Many damaged files through one reader, each within limits of time and memory, in a process of its own."""
 
+import logging
 import multiprocessing
 import random
 import resource
@@ -132,6 +133,7 @@ def _work(
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGPROF, _stop)
     warnings.simplefilter("ignore")
+    logging.disable()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "files"
         folder.mkdir()

@@ -212,5 +212,13 @@ TARGETS = (
         name="run_config", read=_read_run, mutators=TREE,
         corpus="run", only="config*.yaml", file="config.yaml",
     ),
+    Target(
+        name="whole_arrays", read=_read_run, mutators=(*[damage_npz] * 8, damage_bytes),
+        corpus="whole_run", only="measurements*.npz", file="measurements.npz",
+    ),
+    Target(
+        name="whole_summary", read=_read_run, mutators=TREE,
+        corpus="whole_run", only="solution*.json", file="solution.json",
+    ),
     Target(name="database", read=_read_database, mutators=(*[damage_database] * 6, damage_bytes)),
 )  # fmt: skip
