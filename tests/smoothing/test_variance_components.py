@@ -6,8 +6,8 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, independent_epochs
-from vgps.smoothing.variance_components import antenna_offsets, balanced_sigma_scale, variance_factor
+from vgps.gps.fixes import Fixes, antenna_offsets, independent_epochs
+from vgps.smoothing.variance_components import balanced_sigma_scale, variance_factor
 from vgps.solution import Trajectory
 
 T_S = np.arange(0.0, 100.0, 0.5)

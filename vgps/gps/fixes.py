@@ -11,6 +11,7 @@ from vgps.config import GpsConfig
 from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
+from vgps.solution import Trajectory
 
 CLASSES = tuple(FixClass)
 """Fix classes in the order of their indices."""
@@ -167,6 +168,11 @@ def antenna_at(poses: FloatArray, placement: Placement, camera_p_antenna: FloatA
     antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
     alpha = placement.alpha[:, None]
     return np.asarray((1.0 - alpha) * antenna[placement.frame] + alpha * antenna[placement.frame + 1])
+
+
+def antenna_offsets(fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray) -> FloatArray:
+    """Return antenna minus fix (M, 3); where a fix is before or after the path, at its end."""
+    return antenna_at(path.world_T_camera, place(path.t_s, fixes.t_s), camera_p_antenna) - fixes.world_p_fix
 
 
 def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> Penalty:

@@ -16,7 +16,7 @@ from vgps.config import GpsConfig
 from vgps.gps.fixes import (
     CLASSES,
     Fixes,
-    antenna_at,
+    antenna_offsets,
     contributing_fixes,
     gps_graph,
     independent_epochs,
@@ -244,6 +244,4 @@ def _walk_factors(losses: dict[int, Gaussian]) -> gtsam.NonlinearFactorGraph:
 
 def _errors(fixes: Fixes, chain: OffsetChain, path: Trajectory, sensors: Sensors) -> FloatArray:
     """Return fix minus antenna (M, 3) of each contributing fix."""
-    placement = place(path.t_s, fixes.t_s)
-    error = fixes.world_p_fix - antenna_at(path.world_T_camera, placement, sensors.camera_p_antenna)
-    return np.asarray(error[chain.rows])
+    return -antenna_offsets(fixes, path, sensors.camera_p_antenna)[chain.rows]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.solution import FixTable, Trajectory, Verdict
@@ -35,15 +35,15 @@ def fix_table(
         camera_p_antenna: (3,) metres.
         config: Gives the GPS model.
     """
-    placement = place(trajectory.t_s, fixes.t_s)
-    residual = antenna_at(trajectory.world_T_camera, placement, camera_p_antenna) - fixes.world_p_fix
-    residual[~placement.inside] = np.nan
+    inside = place(trajectory.t_s, fixes.t_s).inside
+    residual = antenna_offsets(fixes, trajectory, camera_p_antenna)
+    residual[~inside] = np.nan
     assessed = assessment.applied(fixes)
     by_assessment = verdicts_of(assessment)
     repeats = _repeats_error(residual, fixes, assessment.rejected)
     verdicts, reasons = [], []
     for row, fix_class in enumerate(log.fix_class):
-        why_not = _why_not(fix_class, bool(placement.inside[row]), float(fixes.r_m[row]), config)
+        why_not = _why_not(fix_class, bool(inside[row]), float(fixes.r_m[row]), config)
         if why_not:
             verdicts.append(Verdict.NOT_USED)
             reasons.append(f"not used: {why_not}")

@@ -8,7 +8,7 @@ import numpy as np
 from factors import exponent_schedule
 from vgps.config import BatchConfig, Config, StartConfig
 from vgps.errors import GeometryError
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
@@ -27,6 +27,7 @@ from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
+from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings
 
 _EARLY_DECREASE = 0.1  # of the cost that ends an early round: a move of 0.45 standard deviations
@@ -218,11 +219,10 @@ def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: Smoothin
 
 
 def _assess(scene: Scene, fixes: Fixes, sensors: Sensors, config: Config) -> FixAssessment:
-    placement = place(scene.t_s, fixes.t_s)
-    inside = fixes.used & placement.inside
+    inside = fixes.used & place(scene.t_s, fixes.t_s).inside
     if not detects_outliers(config) or not inside.any():
         return FixAssessment.unassessed(len(fixes))
-    offset = antenna_at(scene.poses, placement, sensors.camera_p_antenna) - fixes.world_p_fix
+    offset = antenna_offsets(fixes, Trajectory(scene.t_s, scene.poses), sensors.camera_p_antenna)
     offset[~inside] = np.nan
     return assess_offsets(offset, fixes, config)
 

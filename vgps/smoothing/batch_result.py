@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.errors import GeometryError
+from vgps.gps.fixes import antenna_offsets
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
 from vgps.gps.outlier_detection import FixAssessment
@@ -21,7 +22,7 @@ from vgps.smoothing.graph_arrays import graph_arrays
 from vgps.smoothing.imu_states import ImuBias, imu_links, middle_bias
 from vgps.smoothing.lever_arm_check import lever_arm_warnings
 from vgps.smoothing.long_steps import covariances_once
-from vgps.smoothing.variance_components import antenna_offsets, variance_factor
+from vgps.smoothing.variance_components import variance_factor
 from vgps.solution import Observations, SolverReport, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult
 from vgps.solver.cost import cost_terms

@@ -10,7 +10,7 @@ import numpy as np
 
 from vgps.config import BatchConfig, Config
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, antenna_at, contributing_fixes, independent_epochs, place
+from vgps.gps.fixes import Fixes, antenna_offsets, contributing_fixes, independent_epochs
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
@@ -38,11 +38,6 @@ def balanced_sigma_scale(
     offset = antenna_offsets(contributing, path, camera_p_antenna)
     share = variance_factor(batch, offset, contributing, independent_epochs(contributing))
     return float(np.clip(scale * np.sqrt(share), *_limits(batch)))
-
-
-def antenna_offsets(fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray) -> FloatArray:
-    """Return antenna minus fix (M, 3) of fixes within the time span of a path."""
-    return antenna_at(path.world_T_camera, place(path.t_s, fixes.t_s), camera_p_antenna) - fixes.world_p_fix
 
 
 def variance_factor(batch: BatchConfig, offset: FloatArray, fixes: Fixes, weight: FloatArray) -> float:

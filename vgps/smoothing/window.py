@@ -7,7 +7,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
@@ -111,9 +111,8 @@ def contradicts(
     path = Trajectory(local_map.t_s[first:], local_map.poses[first:])
     if config.gps.model == "none" or len(path) < 2:
         return False
-    placement = place(path.t_s, fixes.t_s)
-    rows = placement.inside & fixes.used
-    offset = (antenna_at(path.world_T_camera, placement, camera_p_antenna) - fixes.world_p_fix)[rows]
+    rows = place(path.t_s, fixes.t_s).inside & fixes.used
+    offset = antenna_offsets(fixes, path, camera_p_antenna)[rows]
     beyond = np.maximum(
         np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
     )
