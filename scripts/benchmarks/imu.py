@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 import vgps
 from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import LiveTable
-from scripts.common.recordings import read_truth
+from scripts.common.recordings import read_truth, without_fixes
 from scripts.common.stopwatch import stopwatch
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
-from vgps.model import GpsLog, Recording
+from vgps.model import Recording
 from vgps.solution import Trajectory
 
 COLUMNS = [
@@ -43,11 +43,6 @@ def tilt(solution: vgps.Solution, true: Trajectory) -> tuple[float, float]:
     up = (found * constant.inv() * exact.inv()).apply([0.0, 0.0, 1.0])
     angles = np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))
     return float(angles.mean()), float(np.degrees(constant.magnitude()))
-
-
-def without_fixes(log: GpsLog, start_s: float, end_s: float) -> GpsLog:
-    """Return a log without the fixes between two times."""
-    return log.rows((log.t_s < start_s) | (log.t_s >= end_s))
 
 
 def one_run(recording: Recording, seed: int) -> dict[str, float]:

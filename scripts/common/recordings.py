@@ -7,7 +7,7 @@ import numpy as np
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluation.run import change_origin
 from vgps.geometry import interpolate_poses
-from vgps.model import FloatArray
+from vgps.model import FloatArray, GpsLog
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Solution, Trajectory
@@ -24,6 +24,11 @@ def read_truth(file: Path) -> Trajectory:
     """
     file = file / "truth.tum" if file.is_dir() else file
     return read_trajectory(file, video_start_s=rig_beside(file).video_start_s)
+
+
+def without_fixes(log: GpsLog, start_s: float, end_s: float) -> GpsLog:
+    """Return a log without the fixes between two times."""
+    return log.rows((log.t_s < start_s) | (log.t_s >= end_s))
 
 
 def true_poses(run: Solution, folder: Path, truth: Path | None = None) -> FloatArray:

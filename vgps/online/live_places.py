@@ -28,7 +28,6 @@ class _Job:
     """A frame that is compared with places."""
 
     due_frame: int
-    t_s: float
     answer: "Future[Answer]"
 
 
@@ -95,7 +94,7 @@ class LivePlaces:
         along = partial(_in_world, fused, path, current.next_frame - len(path.t_s))
         answer = executor.submit(self._recogniser.look, look, along)
         executor.shutdown(wait=False)
-        self._job = _Job(len(self._frame_pipeline.t_s) + _ANSWER_FRAMES, t_s, answer)
+        self._job = _Job(len(self._frame_pipeline.t_s) + _ANSWER_FRAMES, answer)
 
     def _use(self, job: _Job) -> list[OnlineEvent]:
         """Wait for an answer, let a place count instead of others of the same visit, and return the event of
@@ -126,7 +125,8 @@ class LivePlaces:
             return []
         earlier_s = float(t_s[found.earlier])
         text = f"the place of {earlier_s:.2f} s is seen again"
-        return [OnlineEvent(job.t_s, "place", text, {"earlier_s": earlier_s, "before_m": found.before_m})]
+        details = {"earlier_s": earlier_s, "before_m": found.before_m}
+        return [OnlineEvent(float(t_s[-1]), "place", text, details)]
 
 
 def _in_world(fused: FusedPath, path: VideoPath, first_frame: int) -> WorldPath:
