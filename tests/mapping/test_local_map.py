@@ -6,7 +6,15 @@ from scipy.spatial.transform import Rotation
 from synthetic_map import no_positions
 
 from vgps.mapping.local_map import LocalMap
-from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions, Similarity
+from vgps.mapping.map_update import (
+    MapUpdate,
+    NewFeatures,
+    NewFrame,
+    NewView,
+    Positions,
+    ReturnedFeatures,
+    Similarity,
+)
 from vgps.mapping.zero_motion import ZeroMotion
 
 HISTORY = 5
@@ -49,6 +57,48 @@ def test_discarding_leaves_the_rest_as_it_was(frames, before_frame, before_view,
     poses, valid = cut.view_poses()
     assert valid[-1] and poses[-1, 0, 3] == frames - 1
     np.testing.assert_array_equal(np.isfinite(cut.views[..., 0]) & ~valid, False)
+
+
+def observed(made, ids, returned=()):
+    """Add a view in which only some features are followed on, and some return; a pixel is the frame."""
+    frame = made.next_frame
+    found = np.isin(made.ids, ids)
+    uv = np.full((len(made.ids), 2), float(frame))
+    view = NewView(frame, uv, uv, found)
+    uv = np.full((len(returned), 2), float(frame))
+    back = ReturnedFeatures(np.array(returned, dtype=np.int64), uv, uv)
+    made.apply(
+        MapUpdate(
+            frames=(NewFrame(float(frame), np.eye(4)),), view=view, returned=back, renew_full_tracks=True
+        )
+    )
+
+
+def test_a_feature_that_returns_continues_its_track_with_a_gap():
+    made = LocalMap(0, HISTORY)
+    observed(made, [])
+    made.apply(MapUpdate(features=NewFeatures(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros(3, np.uint8))))
+    observed(made, [0, 1, 2])
+    observed(made, [1])
+    observed(made, [1], returned=[2, 0])
+    assert made.ids.tolist() == [1, 2, 0] and made.raw_uv_px[:, 0].tolist() == [3.0] * 3
+    none = np.nan
+    np.testing.assert_array_equal(made.views[..., 0], [[none, 0, 1, 2, 3], *[[none, 0, 1, none, 3]] * 2])
+    log = made.observations()
+    assert log.frame[log.landmark == 0].tolist() == [0, 1, 3]
+
+
+def test_a_track_with_a_gap_is_renewed_once_it_is_as_long_as_the_history():
+    made = LocalMap(0, HISTORY)
+    observed(made, [])
+    made.apply(MapUpdate(features=NewFeatures(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1, np.uint8))))
+    observed(made, [])
+    observed(made, [], returned=[0])
+    for _ in range(3):
+        observed(made, [0])
+    assert made.ids.tolist() == [0]
+    observed(made, [0])  # the fifth view in succession
+    assert made.ids.tolist() == [1]
 
 
 def test_ids_are_lowered_by_hundreds_and_memory_is_released():

@@ -22,6 +22,16 @@ def test_observations_come_in_order_from_a_frame_on():
         assert len(none.frame) == len(none.landmark) == 0 and none.uv_px.shape == (0, 2)
 
 
+def test_tracks_are_rows_by_feature_and_columns_by_frame():
+    none, three, five = [np.nan] * 2, [3.0] * 2, [5.0] * 2
+    tracks = log().tracks(np.array([9, 4, 7]), np.array([-1, 3, 5, 6]))
+    expected = [[none, three, five, none], [none] * 4, [none, three, none, none]]
+    np.testing.assert_array_equal(tracks, expected)
+    np.testing.assert_array_equal(log().tracks(np.array([8]), np.array([5, 6])), [[five, none]])
+    assert log().tracks(np.array([], dtype=np.int64), np.array([3, 5])).shape == (0, 2, 2)
+    assert np.isnan(log().tracks(np.array([8]), np.array([-1, -1]))).all()
+
+
 def test_older_frames_are_discarded():
     made = log()
     made.discard_before(5)

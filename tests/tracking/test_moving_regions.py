@@ -40,14 +40,19 @@ def with_plate(frame):
     return replace(frame, gray=np.where(inside, drawn, frame.gray))
 
 
-def test_a_plate_that_moves_on_its_own_is_left_out():
-    made = fed(map(with_plate, room()), exact_fixes())
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_plate_that_moves_on_its_own_is_left_out(seed):
+    """With fewer features the plate has hardly as many as make a group, and the seed decides."""
+    tracking = CONFIG.tracking.model_copy(update={"max_features": 500, "min_distance_px": 8.0})
+    config = CONFIG.model_copy(update={"tracking": tracking, "seed": seed})
+    made = fed(map(with_plate, room()), exact_fixes(), config)
     (local_map,) = made.maps
-    assert errors_m(local_map).max() < 0.06
+    assert errors_m(local_map).max() < 0.08
     boxes = made.tracker.moving.boxes
     np.testing.assert_array_equal(boxes[:, 0], boxes[:, 1])
     for frame in range(20, COUNT):
-        (box,) = boxes[boxes[:, 0] == frame, 2:]
+        parts = boxes[boxes[:, 0] == frame, 2:]
+        box = np.concatenate([parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)])
         corners = corners_px(frame)
         common = np.minimum(box[2:], corners[2]) - np.maximum(box[:2], corners[0])
         assert np.prod(common) > 0.5 * np.prod(corners[2] - corners[0])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Fraction, Share
@@ -39,6 +39,9 @@ class TrackingConfig(SettingsModel):
     rematch_px: PositiveInt = 2
     """A feature is lost if its reference patch fits only further than this from where it is expected
     (A-4)."""
+    return_frames: NonNegativeInt = 0
+    """A feature that left the picture goes on when the camera looks back before its reference patch is this
+    old; 0 for never."""
     max_match_error: PositiveFloat = 25.0
     """A match is rejected if its mean absolute difference in grey values (0 to 255) exceeds this."""
     forward_backward_px: PositiveFloat = 1.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.mapping.feature_table import FeatureTable
 from vgps.mapping.growing_array import GrowingArray, read_only
-from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Similarity
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, ReturnedFeatures, Similarity
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -154,6 +154,8 @@ class LocalMap:
             self._poses.values[row : row + len(update.poses)] = update.poses
         if update.view is not None:
             self._push(update.view)
+        if update.returned is not None:
+            self._follow(update.returned, self._log.tracks(update.returned.ids, self.view_frames))
         if update.positions is not None:
             self._features.place(update.positions)
         if update.more_moving_views is not None:
@@ -189,15 +191,19 @@ class LocalMap:
     def _start(self, features: NewFeatures) -> None:
         ids = self._features.add(features.gray)
         views = np.full((len(ids), self.views.shape[1], 2), np.nan)
+        self._follow(ReturnedFeatures(ids, features.raw_uv_px, features.uv_px), views)
+
+    def _follow(self, features: ReturnedFeatures, views: FloatArray) -> None:
+        """Follow features from the newest view on, which earlier views (n, H, 2) may have shown."""
         views[:, -1] = features.uv_px
-        self.ids = np.append(self.ids, ids)
+        self.ids = np.append(self.ids, features.ids)
         self.raw_uv_px = np.concatenate([self.raw_uv_px, features.raw_uv_px])
         self.views = np.concatenate([self.views, views])
-        self._log.append(int(self.view_frames[-1]), ids, features.uv_px)
+        self._log.append(int(self.view_frames[-1]), features.ids, features.uv_px)
 
     def _renew_full_tracks(self) -> None:
         """Continue features whose history is full as new ones at the same position, from the newest view."""
-        full = np.isfinite(self.views[:, 0, 0])
+        full = np.isfinite(self.views[..., 0]).all(axis=1)
         if not full.any():
             return
         new = self._features.add_copies(self.ids[full])
@@ -238,8 +244,7 @@ class LocalMap:
 
     def _discard_features(self) -> None:
         smallest = self._log.smallest_id(int(self.ids.min(initial=self.feature_count)))
-        count = smallest // _ID_STEP * _ID_STEP
-        if count == 0:
+        if (count := smallest // _ID_STEP * _ID_STEP) == 0:
             return
         self._features.drop_first(count)
         self.discarded_features += count

@@ -63,6 +63,15 @@ class NewFeatures:
 
 
 @dataclass(frozen=True)
+class ReturnedFeatures:
+    """Features ``ids`` (n,) of a map that the newest view shows again, at ``raw_uv_px``, ``uv_px`` (n, 2)."""
+
+    ids: IntArray
+    raw_uv_px: FloatArray
+    uv_px: FloatArray
+
+
+@dataclass(frozen=True)
 class Positions:
     """Positions ``points`` (n, 3) and reliabilities ``sigma_px`` (n,) of features ``ids`` (n,).
 
@@ -84,6 +93,7 @@ class MapUpdate:
         frames: New frames, in order.
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
         view: Observations of the newest frame.
+        returned: Features that are followed again from the newest view on.
         positions: New positions of features.
         more_moving_views: (N,) what is added to ``moving_views`` of the followed features.
         renew_full_tracks: Whether features whose history is full continue as new ones.
@@ -97,6 +107,7 @@ class MapUpdate:
     first_frame: int = 0
     poses: FloatArray | None = None
     view: NewView | None = None
+    returned: ReturnedFeatures | None = None
     positions: Positions | None = None
     more_moving_views: IntArray | None = None
     renew_full_tracks: bool = False

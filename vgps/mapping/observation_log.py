@@ -34,6 +34,21 @@ class ObservationLog:
         ids = np.concatenate([ids for _, ids, _ in batches])
         return Observations(frames, ids, np.concatenate([uv for _, _, uv in batches]))
 
+    def tracks(self, ids: IntArray, frames: IntArray) -> FloatArray:
+        """Return where some frames (H,), in order, show features (n,): (n, H, 2), NaN where they do not.
+
+        Frames that there are not are negative.
+        """
+        out = np.full((len(ids), len(frames), 2), np.nan)
+        if not len(ids) or not (frames >= 0).any():
+            return out
+        seen = self.since(int(frames[frames >= 0][0]))
+        order = np.argsort(ids)
+        row = order[np.minimum(np.searchsorted(ids, seen.landmark, sorter=order), len(ids) - 1)]
+        own = ids[row] == seen.landmark
+        out[row[own], np.searchsorted(frames, seen.frame[own])] = seen.uv_px[own]
+        return out
+
     def discard_before(self, frame: int) -> None:
         """Discard the observations of earlier frames."""
         self._batches = [batch for batch in self._batches if batch[0] >= frame]

@@ -210,6 +210,7 @@ class FramePipeline:
             return
         builder.add_view(frame, result)
         with self.timer.measure("map"):
+            local_map.apply(self.tracker.find_returning(local_map, frame, result))
             local_map.apply(self._mapper.triangulate_due(local_map))
             local_map.apply(self.tracker.moving.leave_out(local_map))
             local_map.apply(self._mapper.new_features(local_map, frame, self.tracker.moving))
@@ -277,9 +278,8 @@ class FramePipeline:
         self._next = self._start_map(self._next, frame)
         if self._next is None or not self._next.started or self._current is None:
             return
-        last = self._current.local_map.next_frame - 1
+        last, first = self._current.local_map.next_frame - 1, self._next.local_map.first_posed
         self.finish_window()
-        first = self._next.local_map.first_posed
         self.warnings.append(
             f"tracking was lost after frame {last} ({self.t_s[last]:.2f} s) and could not be resumed; "
             f"a new map begins at frame {first} ({self.t_s[first]:.2f} s)"

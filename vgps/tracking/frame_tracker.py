@@ -7,21 +7,23 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from vgps.camera import distort, undistort
+from vgps.camera import undistort
 from vgps.config import MappingConfig, TrackingConfig
 from vgps.geometry import project, rays
 from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.moving_regions import MovingRegions
+from vgps.tracking.picture_pixels import to_picture
 from vgps.tracking.pose import Prediction, lmeds_pose, refine_pose
 from vgps.tracking.reference_patches import ReferencePatches
+from vgps.tracking.returning_features import ReturningFeatures
 from vgps.tracking.row_motion import row_shifts
 from vgps.tracking.static_regions import StaticRegions
 from vgps.tracking.tracking_result import TrackingResult
 
-_MIN_DEPTH = 1e-3  # map units, of a point whose projection predicts where to search
 _GUESS_ITERATIONS = 4  # for a pose that competes with others, and is refined if it wins
 
 
@@ -43,19 +45,21 @@ class FrameTracker:
         self.static = StaticRegions(camera, tracking, mapping)
         self.moving = MovingRegions(camera, tracking, mapping)
         self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
+        self._returning = ReturningFeatures(camera, tracking)
 
     def state(self, maps: Sequence[LocalMap]) -> dict[str, Any]:
         """Return what the next frames depend on: the reference patches of maps, and what is left out."""
         patches = [(one, self._patches[one].patches) for one in maps if one in self._patches]
-        return {"patches": patches, "static": self.static.cells, "moving": self.moving.state(maps)}
+        regions = {"static": self.static.cells, "moving": self.moving.state(maps)}
+        return {"patches": patches, "left": self._returning.state(maps), **regions}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over a state; see :meth:`state`."""
         self.static.cells = state["static"]
         self.moving.restore(state["moving"])
         for local_map, given in state["patches"]:
-            self._patches[local_map] = ReferencePatches(self._camera)
-            self._patches[local_map].patches = given
+            self._patches[local_map] = ReferencePatches(self._camera, given)
+        self._returning.restore(state["left"])
 
     def follow(
         self,
@@ -122,6 +126,25 @@ class FrameTracker:
             self.static.observe(local_map, match, first.uv_px, fitting, final.world_T_camera)
         return final.shifted(shift)
 
+    def find_returning(self, local_map: LocalMap, frame: Frame, result: TrackingResult) -> MapUpdate:
+        """Return the features that left the picture earlier and that the newest view shows again.
+
+        Args:
+            local_map: The map with the view, before features are renewed.
+            frame: The frame of its newest view.
+            result: What :meth:`track` found in it; nothing is searched if features gave no pose.
+        """
+        if not self._config.return_frames:
+            return MapUpdate()
+        followed = self._patches.setdefault(local_map, ReferencePatches(self._camera))
+        self._returning.keep(local_map, followed.patches)
+        if result.pose_sigma is None:
+            return MapUpdate()
+        update, found = self._returning.search(local_map, self.moving.masked(frame))
+        if len(found.ids):
+            followed.patches = followed.patches.joined(found)
+        return update
+
     def _row_shifts(self, local_map: LocalMap, world_T_camera: FloatArray) -> FloatArray | None:
         """Return how far a rolling shutter shifts the features (N, 2); None for a global one."""
         if not self._camera.readout_s or len(local_map.t_s) < 2:
@@ -155,11 +178,7 @@ class FrameTracker:
 
     def _project(self, world_T_camera: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the distorted pixels (N, 2) of points (N, 3), and whether each lies in the image (N,)."""
-        uv, depth = project(self._K, world_T_camera, points)
-        raw = distort(self._camera, uv)
-        size = (self._camera.width, self._camera.height)
-        in_image = np.all(np.isfinite(raw) & (raw > 0) & (raw < size), axis=1)
-        return raw, np.asarray((depth > _MIN_DEPTH) & in_image)
+        return to_picture(self._camera, *project(self._K, world_T_camera, points))
 
     def _refine(
         self,

@@ -68,6 +68,17 @@ class Patches:
         )
 
 
+_NO_PATCHES = Patches(
+    ids=np.zeros(0, np.int64),
+    frame=np.zeros(0, np.int64),
+    arms=np.zeros((0, 4, 2)),
+    texture=np.zeros((0, len(_X)), np.float32),
+    gradient=np.zeros((0, 2, len(_X)), np.float32),
+    inverse=np.zeros((0, 2, 2), np.float32),
+    scale=np.zeros(0),
+)
+
+
 @dataclass(frozen=True)
 class AlignedPatches:
     """Aligned pixels ``uv_px`` (n, 2) in the distorted image; ``tried`` and ``found`` (n,) say of which
@@ -85,10 +96,9 @@ class ReferencePatches:
         patches: The patches.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, patches: Patches = _NO_PATCHES) -> None:
         self._camera, self._K = camera, camera.K
-        nothing = np.zeros((0, 2))
-        self.patches = self._taken(np.zeros(0, np.int64), 0, np.zeros((1, 1), np.uint8), nothing)
+        self.patches = patches
 
     def take(self, local_map: LocalMap, view: GrayImage) -> None:
         """Take patches of features that have none, or one of another scale, and drop those of lost features.
@@ -156,7 +166,8 @@ class ReferencePatches:
 
         A patch is taken to be parallel to the image in which it was taken, at the depth of its feature.
         """
-        patches, points = self.patches, local_map.points[local_map.ids]
+        patches = self.patches
+        points = local_map.points[patches.ids - local_map.discarded_features]
         row = patches.frame - local_map.first_frame
         taken = local_map.poses[np.maximum(row, 0)]
         depth = np.einsum("ni,ni->n", points - taken[:, :3, 3], taken[:, :3, 2])
