@@ -1,12 +1,17 @@
 """The textured room there and back; on the way back there are no fixes."""
 
+from concurrent.futures import Future
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from textured_room import CONFIG, path, room_gps_log, room_recording
+from textured_room import CAMERA, CONFIG, path, room_gps_log, room_recording
 
-from vgps.config import LoopsConfig
+from vgps.config import Config, LoopsConfig
 from vgps.online import OnlineSmoother
+from vgps.online.live_places import LivePlaces, _Job
 from vgps.online.replay import fixes_of
+from vgps.places.recognition import Answer, Recognised
 
 THERE = 45
 POSES = np.concatenate([path(THERE), path(THERE)[::-1]])
@@ -41,3 +46,55 @@ def test_a_place_seen_again_corrects_global_during_an_outage_and_local_goes_on()
     assert error_m.mean() < error_before_m.mean() and np.all(error_m < 3.0 * sigma_m)
     local = np.array([one.local_T_camera[:3, 3] for one in with_places])[THERE:]
     assert np.linalg.norm(np.diff(local, axis=0), axis=1).max() < 0.3
+
+
+class Recognising:
+    """Live places that are told, without images, what was recognised; one frame a second."""
+
+    def __init__(self):
+        self.ties = None
+        self.pipeline = SimpleNamespace(t_s=np.arange(1))
+        self.places = LivePlaces(self.pipeline, SimpleNamespace(tie=self.tie), CAMERA, Config())
+
+    def tie(self, ties):
+        self.ties = ties
+
+    def recognise(self, now_s, earlier_s, sigma_m, before_m):
+        """Return the events of a frame that shows the place of an earlier time, and the times that count."""
+        self.pipeline.t_s = np.arange(now_s + 1)
+        found = Recognised(
+            frame=now_s,
+            earlier=earlier_s,
+            world_T_camera=np.eye(4),
+            sigma=np.full(6, sigma_m),
+            before_m=before_m,
+            travelled_m=0.0,
+        )
+        answer = Future()
+        answer.set_result(Answer(0.0, found))
+        events = self.places._use(_Job(now_s, answer))
+        return len(events), None if self.ties is None else self.ties.t_s.tolist()
+
+
+def test_a_place_that_was_not_known_much_better_does_not_count():
+    live_places = Recognising()
+    assert live_places.recognise(300, 10, sigma_m=0.6, before_m=1.0) == (0, None)
+    assert live_places.recognise(301, 11, sigma_m=0.4, before_m=1.0) == (1, [301.0])
+
+
+def test_only_the_newest_place_of_a_visit_counts():
+    live_places = Recognising()
+    assert live_places.recognise(300, 10, sigma_m=0.1, before_m=1.0) == (1, [300.0])
+    # now the path is as well known as the place, which has the same errors still
+    assert live_places.recognise(310, 20, sigma_m=0.1, before_m=0.1) == (0, [310.0])
+    # a place of another time has errors of its own
+    assert live_places.recognise(320, 200, sigma_m=0.1, before_m=1.0) == (1, [310.0, 320.0])
+    # what was known before a visit is forgotten after two minutes
+    assert live_places.recognise(500, 30, sigma_m=0.1, before_m=0.1) == (0, [310.0, 320.0])
+    assert live_places.recognise(501, 30, sigma_m=0.1, before_m=0.3) == (1, [501.0])
+
+
+def test_a_look_that_fails_leaves_all_as_it_was():
+    live_places, answer = Recognising(), Future()
+    answer.set_exception(np.linalg.LinAlgError())
+    assert live_places.places._use(_Job(1, answer)) == [] and live_places.ties is None
