@@ -89,6 +89,9 @@ def test_the_minimum_has_no_gradient_and_its_covariance_is_that_of_the_whole_mat
     whole = np.linalg.inv(matrix).reshape(len(fit.nodes.t_s), UNKNOWNS, -1, UNKNOWNS)
     found = system.covariances()
     np.testing.assert_allclose(found, np.einsum("iaib->iab", whole), rtol=1e-4, atol=1e-8)
+    each, cross = found, np.einsum("iaib->iab", whole[1:, :, :-1])
+    change = each[1:] + each[:-1] - cross - cross.transpose(0, 2, 1)
+    np.testing.assert_allclose(system.change_covariances(), change, rtol=1e-4, atol=1e-7)
 
 
 def test_elimination_is_the_schur_complement(fit):

@@ -2,12 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from fused_drives import DrivingCamera, fit_input, fixed_then_float
 
 import vgps
-from vgps.gps.outlier_detection import FixAssessment
-from vgps.online.fusion_fit import FitInput, fit, newest_fit
-from vgps.online.video_path import VideoPath
+from vgps.online.fusion_fit import fit, newest_fit
 
 CONFIG = vgps.Config()
 FIRST, AFTER = 305, 312  # frames at the last whole fit and now; there is a fix at frame 310
@@ -21,22 +19,10 @@ def drive(request):
     return drive, drive.seen(np.random.default_rng(4), share=0.5), drive.fixes(kinds, wrong)
 
 
-def given(path, frames, fixes, last=None):
-    rows = fixes.t_s <= path.t_s[frames - 1]
-    return FitInput(
-        path=VideoPath(t_s=path.t_s[:frames], poses=path.poses[:frames], moving=path.moving[:frames]),
-        fixes=fixes.where(rows),
-        number=np.flatnonzero(rows),
-        assessment=FixAssessment.unassessed(int(rows.sum())),
-        camera_p_antenna=ANTENNA,
-        last=last,
-    )
-
-
 def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
     _, path, fixes = drive
-    last = fit(given(path, FIRST, fixes), CONFIG).fused
-    now = given(path, AFTER, fixes, last)
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    now = fit_input(path, AFTER, fixes, last)
     newest, whole = newest_fit(now, CONFIG), fit(now, CONFIG).fused
     assert newest is not None and len(newest.nodes.t_s) < 6 < len(whole.nodes.t_s)
     ends = [one.to_world(now.path) for one in (newest, whole, last)]
@@ -49,8 +35,8 @@ def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
 
 def test_without_new_fixes_there_is_nothing_to_fit(drive):
     _, path, fixes = drive
-    last = fit(given(path, FIRST, fixes), CONFIG).fused
-    assert newest_fit(given(path, FIRST + 3, fixes, last), CONFIG) is None
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    assert newest_fit(fit_input(path, FIRST + 3, fixes, last), CONFIG) is None
 
 
 def test_a_fix_that_surprises_waits_for_its_verdict():
@@ -58,7 +44,7 @@ def test_a_fix_that_surprises_waits_for_its_verdict():
     kinds, wrong = fixed_then_float(40, 0, np.zeros(3))
     wrong[31] = [8.0, 5.0, 0.0]
     path, fixes = drive.seen(), drive.fixes(kinds, wrong)
-    last = fit(given(path, FIRST, fixes), CONFIG).fused
-    assert newest_fit(given(path, AFTER, fixes, last), CONFIG) is None
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    assert newest_fit(fit_input(path, AFTER, fixes, last), CONFIG) is None
     trusting = replace(fixes, world_p_fix=fixes.world_p_fix - wrong)
-    assert newest_fit(given(path, AFTER, trusting, last), CONFIG) is not None
+    assert newest_fit(fit_input(path, AFTER, trusting, last), CONFIG) is not None

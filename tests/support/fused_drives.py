@@ -8,7 +8,9 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
 from vgps.gps.fixes import CLASSES
+from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import FixClass
+from vgps.online.fusion_fit import FitInput
 from vgps.online.video_path import VideoPath
 
 ANTENNA = np.array([0.1, -1.0, 0.3])
@@ -62,3 +64,16 @@ def fixed_then_float(fixed, floating, offset_m, fixed_again=0):
     kinds = [FixClass.RTK_FIX] * fixed + [FixClass.RTK_FLOAT] * floating + [FixClass.RTK_FIX] * fixed_again
     wrong = np.repeat([0.0, 1.0, 0.0], counts)[:, None] * np.asarray(offset_m)
     return kinds, wrong
+
+
+def fit_input(path, frames, fixes, last=None):
+    """What a fit to the first so many frames of a path starts from."""
+    rows = fixes.t_s <= path.t_s[frames - 1]
+    return FitInput(
+        path=VideoPath(t_s=path.t_s[:frames], poses=path.poses[:frames], moving=path.moving[:frames]),
+        fixes=fixes.where(rows),
+        number=np.flatnonzero(rows),
+        assessment=FixAssessment.unassessed(int(rows.sum())),
+        camera_p_antenna=ANTENNA,
+        last=last,
+    )

@@ -145,7 +145,8 @@ class MemoryConfig(SettingsModel):
     """Standard deviation of the log of that factor between receivers: stated sigmas are weighed, not
     believed."""
     learn: bool = True
-    """Learn noise and walk of each class but RTK-fix from the recording, with the classes as priors."""
+    """Learn noise and walk of each class but RTK-fix from the recording, with the classes as priors; live,
+    those of classes whose errors do not drift steadily for long."""
     path_share: PositiveFloat = 0.003
     """Error of the video's path from one fix to the next, as a share of the distance."""
     path_spread: PositiveFloat = 0.7

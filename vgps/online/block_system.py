@@ -50,9 +50,13 @@ class BlockSystem:
             last[j:, j] = self._factor[: n - j, -n + j]
         return last
 
-    def covariances(self) -> FloatArray:
-        """Return the covariances (N, n, n) of all nodes, by elimination forwards and substitution back."""
-        out = np.empty_like(self.diagonal)
+    @cached_property
+    def _inverse(self) -> tuple[FloatArray, FloatArray]:
+        """Blocks (N, n, n) on, and (N - 1, n, n) below, the diagonal of the inverse.
+
+        By elimination forwards and substitution back.
+        """
+        out, cross = np.empty_like(self.diagonal), np.empty_like(self.below)
         information, gains = self.diagonal[0], []
         for k, below in enumerate(self.below):
             out[k] = np.linalg.inv(information)
@@ -60,8 +64,18 @@ class BlockSystem:
             information = self.diagonal[k + 1] - gains[k] @ below.T
         out[-1] = np.linalg.inv(information)
         for k in range(len(gains) - 1, -1, -1):
-            out[k] += gains[k].T @ out[k + 1] @ gains[k]
-        return out
+            cross[k] = -out[k + 1] @ gains[k]
+            out[k] -= gains[k].T @ cross[k]
+        return out, cross
+
+    def covariances(self) -> FloatArray:
+        """Return the covariances (N, n, n) of all nodes."""
+        return self._inverse[0]
+
+    def change_covariances(self) -> FloatArray:
+        """Return the covariances (N - 1, n, n) of the change from each node to the next."""
+        each, cross = self._inverse
+        return np.asarray(each[1:] + each[:-1] - cross - cross.transpose(0, 2, 1))
 
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
         """Return information (n, n) and vector (n,) of the last node with all others eliminated."""

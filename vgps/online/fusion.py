@@ -6,7 +6,8 @@ with the video, and the offset of the float solution is what is estimated; retur
 once.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,9 +16,10 @@ from scipy.spatial.transform import Rotation
 from vgps.config import Config
 from vgps.geometry import cross_matrices, interpolate_vectors
 from vgps.gps.fixes import Fixes
+from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.sensors import TimeOffset
 from vgps.mapping.map_update import Similarity
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.block_system import BlockSystem
 from vgps.online.fusion_equations import (
     OFFSET,
@@ -53,6 +55,7 @@ class FusedPath:
         time_offset: What is believed of the rest of the time offset.
         covariance: (13, 13) of the last node.
         system: The normal equations at these values, the time offset unknown.
+        learned: Noise and walk of fix classes, for the next fit.
     """
 
     nodes: FusionNodes
@@ -61,6 +64,7 @@ class FusedPath:
     time_offset: TimeOffset
     covariance: FloatArray
     system: BlockSystem
+    learned: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)
 
     @property
     def newest_s(self) -> float:

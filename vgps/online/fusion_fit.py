@@ -6,10 +6,12 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
+from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion import FusedPath, fuse
 from vgps.online.gravity import Gravity
+from vgps.online.live_errors import errors_in_fit
 from vgps.online.node_fixes import SAME_TIME_S
 from vgps.online.video_path import VideoPath
 from vgps.solution import Trajectory
@@ -47,7 +49,7 @@ class FitInput:
 def fit(given: FitInput, config: Config) -> FitResult:
     """Return the fit to all fixes but those rejected before."""
     fixes = given.assessment.applied(given.fixes)
-    fused = fuse(given.path, fixes, given.camera_p_antenna, config, given.last, given.gravity)
+    fused = _learning_fit(given, fixes, config)
     surprising = detects_outliers(config) and (
         given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
     )
@@ -65,7 +67,7 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
         return None
     path = given.path.since(float(last.nodes.t_s[last.nodes.fixes.node.max(initial=0)]))
-    fused = fuse(path, fixes, given.camera_p_antenna, config, last, given.gravity)
+    fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
     if detects_outliers(config) and fused.surprise(last, path, config) > _SURPRISE:
         return None
     return fused
@@ -85,5 +87,21 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
         assessment = assessment.updated(found)
     fixes = assessment.applied(given.fixes)
-    fused = fuse(path, fixes, given.camera_p_antenna, config, last, given.gravity)
-    return FitResult(fused, given.number, assessment)
+    return FitResult(_learning_fit(given, fixes, config), given.number, assessment)
+
+
+def _as_learned(config: Config, last: FusedPath | None) -> Config:
+    """Return settings with the errors of fixes as the last fit shows them."""
+    if last is None:
+        return config
+    return config.model_copy(update={"gps": with_errors(config.gps, last.learned)})
+
+
+def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
+    """Return a fit with errors of fixes as the last one shows them, and with what it shows itself."""
+    used = _as_learned(config, given.last)
+    fused = fuse(given.path, fixes, given.camera_p_antenna, used, given.last, given.gravity)
+    if not config.gps.learns:
+        return fused
+    shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)
+    return replace(fused, learned=(dict(given.last.learned) if given.last else {}) | shown)

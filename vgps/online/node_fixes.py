@@ -51,6 +51,7 @@ class NodeFixes:
 
     Attributes:
         node: (M,) node of each.
+        fix_class: (M,) class of each.
         step: (M, 3) camera at the fix minus camera at the node, in the map.
         velocity: (M, 3) the camera's at the fix, in the map, per second.
         time_offset_s: (M,) rest of the time offset for which the step holds.
@@ -60,6 +61,7 @@ class NodeFixes:
     """
 
     node: IntArray
+    fix_class: IntArray
     step: FloatArray
     velocity: FloatArray
     time_offset_s: FloatArray
@@ -91,6 +93,7 @@ def node_fixes(
     ratio = np.array([(1.0, 1.0, one.vertical) for one in errors]).reshape(-1, 3)
     return NodeFixes(
         node=node,
+        fix_class=seen.fixes.fix_class,
         step=seen.camera[:, :3, 3] - camera[node, :3, 3],
         velocity=seen.velocity,
         time_offset_s=seen.time_offset_s,

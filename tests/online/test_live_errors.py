@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from fused_drives import DrivingCamera, fit_input
+
+import vgps
+from vgps.gps.offset_errors import in_the_mean
+from vgps.model import FixClass
+from vgps.online.fusion_fit import fit
+
+CONFIG = vgps.Config()
+SINGLE = CONFIG.gps.offset_errors(FixClass.SINGLE)
+FRAMES, EVERY = 400, 20
+
+
+def offsets(step_m, noise_m, seed, fixes=FRAMES // 10):
+    """Errors of fixes a second apart, that begin 1.5 m off and walk."""
+    rng = np.random.default_rng(seed)
+    axes = np.array([1.0, 1.0, SINGLE.vertical])
+    walked = np.cumsum(step_m * axes * rng.standard_normal((fixes, 3)), axis=0)
+    return np.array([0.8, -0.5, 1.2]) + walked + noise_m * axes * rng.standard_normal((fixes, 3))
+
+
+def live(wrong, kinds=None, config=CONFIG):
+    """Fits as frames come, each from the one before, and the errors (n, 3) of the newest position."""
+    drive = DrivingCamera(FRAMES)
+    path = drive.seen(np.random.default_rng(5))
+    fixes = drive.fixes(kinds or [FixClass.SINGLE] * len(wrong), wrong)
+    last, errors = None, []
+    for frames in range(3 * EVERY, FRAMES + 1, EVERY):
+        now = fit_input(path, frames, fixes, last)
+        last = fit(now, config).fused
+        errors.append(last.world_T_camera(now.path)[-1, :3, 3] - drive.true[frames - 1, :3, 3])
+    return last, np.array(errors)
+
+
+def learned(step_m, noise_m):
+    """Step over a second and noise as learned, the median of three drives."""
+    found = [live(offsets(step_m, noise_m, seed))[0].learned[FixClass.SINGLE] for seed in range(3)]
+    walk_m, noise_m = np.median([(one.walk_m, one.noise_m) for one in found], axis=0)
+    return walk_m * np.sqrt(SINGLE.rate_lasts_s), noise_m
+
+
+@pytest.mark.slow
+def test_a_good_receiver_a_bad_one_and_a_noisy_one_are_told_apart():
+    good, bad, noisy = learned(0.03, 0.02), learned(0.3, 0.02), learned(0.03, 0.3)
+    assert 0.02 < good[0] < 0.12
+    assert 0.15 < bad[0] < 0.6
+    assert 0.15 < noisy[1] < 0.6 and noisy[1] > 3.0 * good[1]
+    assert noisy[0] < 0.6 * bad[0]
+
+
+@pytest.mark.slow
+def test_good_fixes_hold_the_path():
+    memory = CONFIG.gps.memory.model_copy(update={"learn": False})
+    untaught = CONFIG.model_copy(update={"gps": CONFIG.gps.model_copy(update={"memory": memory})})
+    size = []
+    for config in (CONFIG, untaught):
+        runs = [live(offsets(0.01, 0.01, seed), config=config) for seed in range(3)]
+        assert bool(runs[0][0].learned) == (config is CONFIG)
+        size.append(np.mean([np.linalg.norm(errors[8:], axis=1).mean() for _, errors in runs]))
+    assert size[0] < 0.93 * size[1]
+
+
+def test_few_fixes_leave_the_class_as_it_is():
+    drive = DrivingCamera(FRAMES)
+    fixes = drive.fixes([FixClass.SINGLE] * 40, offsets(0.01, 0.01, 0))
+    learned = fit(fit_input(drive.seen(), 12, fixes), CONFIG).fused.learned[FixClass.SINGLE]
+    mean = in_the_mean(SINGLE)
+    assert learned.walk_m == pytest.approx(mean.walk_m, rel=0.4)
+    assert learned.noise_m == pytest.approx(mean.noise_m, rel=0.4)
+
+
+def test_rtk_keeps_the_constants_of_its_classes():
+    kinds = [FixClass.RTK_FIX] * 20 + [FixClass.RTK_FLOAT] * 10 + [FixClass.DGPS] * 10
+    fused, _ = live(offsets(0.01, 0.01, 0), kinds)
+    assert set(fused.learned) == {FixClass.DGPS}
