@@ -62,6 +62,8 @@ def _among(few: Trajectory, path: Trajectory) -> Trajectory:
 def _in_the_world(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Trajectory:
     """Return a path with the scale and heading that suit the fixes best, whatever their clock."""
     chosen = fixes.where(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    if len(chosen) < 2:  # control points place the maps
+        return path
     to_world = align(
         Correspondences(
             map_T_camera=interpolate_poses(path.t_s, path.world_T_camera, chosen.t_s),
