@@ -31,7 +31,7 @@ def full():
 def test_a_full_disk_leaves_nothing_half_written(smoothed, recording, tmp_path, verb):
     out = tmp_path / "out" / "made"
     line = VERBS[verb].format(walk=recording, run=smoothed, out=out)
-    words = [sys.executable, "-m", "vgps", *line.split()]
+    words = [sys.executable, "-B", "-m", "vgps", *line.split()]  # compiled modules would be cut off, too
     done = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=full)
     assert done.returncode == 2, done.stderr
     said = [text for text in done.stderr.splitlines() if text.startswith("vgps: ")]
