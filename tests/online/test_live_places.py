@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from textured_room import CAMERA, CONFIG, path, room_gps_log, room_recording
+from textured_room import CAMERA, CONFIG, FPS, followed_map, path, room_gps_log, room_recording
 
 from vgps.config import Config, LoopsConfig
+from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.online import OnlineSmoother
 from vgps.online.live_places import LivePlaces, _Job
 from vgps.online.replay import fixes_of
@@ -98,3 +99,54 @@ def test_a_look_that_fails_leaves_all_as_it_was():
     live_places, answer = Recognising(), Future()
     answer.set_exception(np.linalg.LinAlgError())
     assert live_places.places._use(_Job(1, answer)) == [] and live_places.ties is None
+
+
+class Looking:
+    """Live places whose looks are noted instead of answered, along a map that forgets."""
+
+    def __init__(self):
+        self.map, _ = followed_map(np.repeat(path(1), 2, axis=0))
+        self.looks = []
+        static = SimpleNamespace(masked=lambda frame: frame)
+        self.pipeline = SimpleNamespace(current=self.map, tracker=SimpleNamespace(static=static))
+        self.fusion = SimpleNamespace(placed=lambda: (None, SimpleNamespace(t_s=self.map.t_s)))
+        self.places = LivePlaces(self.pipeline, self.fusion, CAMERA, Config())
+        self.places._recogniser = SimpleNamespace(look=self.look)
+        self.see()
+
+    def look(self, given, along):
+        self.looks.append(given)
+        return Answer(given.travelled_m + 1.0)
+
+    def see(self):
+        self.pipeline.t_s = np.arange(self.map.next_frame) / FPS
+        self.places.see(np.zeros((CAMERA.height, CAMERA.width), np.uint8))
+
+    def add(self, north_m=0.0):
+        """A frame so far north of the last one; the map keeps 60 frames, and what 40 of them observe."""
+        frame, pose = self.map.next_frame, self.map.poses[-1].copy()
+        pose[1, 3] += north_m
+        view = NewView(frame, self.map.raw_uv_px, self.map.last_uv_px, np.ones(len(self.map.ids), dtype=bool))
+        self.map.apply(MapUpdate(frames=(NewFrame(frame / FPS, pose),), view=view))
+        self.map.discard_before(frame - 60, frame - 40)
+
+
+def test_a_place_is_remembered_however_slowly_the_camera_leaves_it():
+    looking = Looking()
+    for _ in range(200):
+        looking.add()
+        looking.see()
+    looking.add(2.0)
+    looking.see()
+    first, second = looking.looks
+    assert first.settled == () and [one.frame for one in second.settled] == [1]
+    assert len(second.settled[0].depth) > 50 and np.all(second.settled[0].depth > 0.0)
+
+
+def test_a_frame_that_left_the_map_while_the_camera_was_lost_is_no_place():
+    looking = Looking()
+    for _ in range(200):
+        looking.add()
+    looking.add(2.0)
+    looking.see()
+    assert [one.settled for one in looking.looks] == [(), ()]

@@ -54,6 +54,7 @@ class LivePlaces:
         self._map: LocalMap | None = None
         self._travelled_m = self._next_m = 0.0
         self._unsettled: list[int] = []
+        self._settled: list[SeenLandmarks] = []  # to be remembered at the next look
         self._visits: list[Recognised] = []
 
     def see(self, image: GrayImage) -> list[OnlineEvent]:
@@ -67,7 +68,8 @@ class LivePlaces:
         if current is None or current.next_frame != len(pipeline.t_s):
             return events
         if current is not self._map:
-            self._map, self._unsettled = current, []
+            self._map, self._unsettled, self._settled = current, [], []
+        self._settle(current)
         moved = float(np.linalg.norm(current.odometry[-1]))
         self._travelled_m += moved if np.isfinite(moved) else 0.0
         if self._job is None and self._travelled_m >= self._next_m:
@@ -76,19 +78,25 @@ class LivePlaces:
                 self._begin(current, image, *placed)
         return events
 
+    def _settle(self, current: LocalMap) -> None:
+        """Take the landmarks of frames that have settled, before the map forgets that these observe them."""
+        settled = [one for one in self._unsettled if one < current.next_frame - _SETTLED_FRAMES]
+        self._unsettled = self._unsettled[len(settled) :]
+        self._settled += [_landmarks(current, one) for one in settled if one >= current.first_frame]
+
     def _begin(self, current: LocalMap, image: GrayImage, fused: FusedPath, path: VideoPath) -> None:
         """Look for the newest frame of a map in a thread."""
         frame, t_s = current.next_frame - 1, float(current.t_s[-1])
         newest = _landmarks(current, frame)
         if len(newest.depth) < self._config.loops.min_inliers:
             return
-        settled = [one for one in self._unsettled if one <= frame - _SETTLED_FRAMES]
-        self._unsettled = [*self._unsettled[len(settled) :], frame]
+        settled, self._settled = tuple(self._settled), []
+        self._unsettled.append(frame)
         look = Look(
             image=self._frame_pipeline.tracker.static.masked(Frame(frame, t_s, image)),
             travelled_m=self._travelled_m,
             depth_m=float(np.median(newest.depth)),
-            settled=tuple(_landmarks(current, one) for one in settled),
+            settled=settled,
         )
         executor = ThreadPoolExecutor(1)
         along = partial(_in_world, fused, path, current.next_frame - len(path.t_s))
