@@ -1,9 +1,9 @@
 """Fusion of video and fixes beside the frames: fit and verdicts in a thread, used some frames later."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from vgps.online.place_ties import PlaceTies
 from vgps.online.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
 from vgps.online.video_path import VideoPath, move_map, path_of
 from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.runtime.threads import begin
 
 # Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
 _FIT_FRAMES, _VERDICT_FRAMES = 1, 4
@@ -138,10 +139,7 @@ class LiveFusion:
             move_map(self._map, world_T_camera)
 
     def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
-        executor = ThreadPoolExecutor(1)
-        future = executor.submit(work, given, self._config)
-        executor.shutdown(wait=False)
-        self._job = _Job(len(self._frame_pipeline.t_s) + frames, given, future)
+        self._job = _Job(len(self._frame_pipeline.t_s) + frames, given, begin(work, given, self._config))
 
     def use_new_fixes(self) -> None:
         """Let the fixes that came with the newest frame count, before the fit to all of them is there."""
@@ -194,9 +192,7 @@ class LiveFusion:
             return None
         path = self._path(current)
         row = frame - (current.next_frame - len(path.t_s))
-        if row < 0 or not np.isfinite(path.poses[row, 0, 0]):
-            return None
-        if path.t_s[row] > self._fused.newest_s:
+        if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
             return None
         covariance = self._fused.covariances_at(path.t_s[[row]])[0]
         return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
@@ -224,7 +220,7 @@ class LiveFusion:
         current = self._map
         if self._fused is None or current is None or current is not self._frame_pipeline.current:
             return None
-        return self._fused, self._given(current).path
+        return self._fused, self._path(current).snapshot()
 
     def tie(self, ties: PlaceTies) -> None:
         """Let places seen again count, from the next fit on, instead of those of before."""
@@ -239,7 +235,7 @@ class LiveFusion:
         fixes = fix_buffer.fixes.without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         return FitInput(
-            path=replace(path, t_s=path.t_s.copy(), poses=path.poses.copy()),
+            path=path.snapshot(),
             fixes=fixes.where(rows),
             number=fix_buffer.number[rows],
             assessment=fix_buffer.assessment.where(rows),

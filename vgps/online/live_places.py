@@ -1,6 +1,6 @@
 """Places seen again in a live video, looked for in a thread beside the frames."""
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,6 +17,7 @@ from vgps.online.video_path import VideoPath
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.places.place_memory import WorldPath
 from vgps.places.recognition import Answer, Look, PlaceRecogniser, Recognised, SeenLandmarks
+from vgps.runtime.threads import begin
 
 _ANSWER_FRAMES = 4  # after which an answer is used, however quickly it was found: results repeat
 _SETTLED_FRAMES = 30  # after which stage C has refined the landmarks of a frame twice
@@ -98,11 +99,9 @@ class LivePlaces:
             depth_m=float(np.median(newest.depth)),
             settled=settled,
         )
-        executor = ThreadPoolExecutor(1)
         along = partial(_in_world, fused, path, current.next_frame - len(path.t_s))
-        answer = executor.submit(self._recogniser.look, look, along)
-        executor.shutdown(wait=False)
-        self._job = _Job(len(self._frame_pipeline.t_s) + _ANSWER_FRAMES, answer)
+        due_frame = len(self._frame_pipeline.t_s) + _ANSWER_FRAMES
+        self._job = _Job(due_frame, begin(self._recogniser.look, look, along))
 
     def _use(self, job: _Job) -> list[OnlineEvent]:
         """Wait for an answer, let a place count instead of others of the same visit, and return the event of

@@ -1,6 +1,6 @@
 """The path of a map as the video alone gives it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class VideoPath:
     poses: FloatArray
     moving: BoolArray
     ties: PlaceTies = field(default_factory=PlaceTies.none)
+
+    def snapshot(self) -> "VideoPath":
+        """Return a copy that stays as it is while the map changes."""
+        return replace(self, t_s=self.t_s.copy(), poses=self.poses.copy())
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return the poses (N, 4, 4) at times (N,); those outside the path are clamped."""

@@ -1,6 +1,6 @@
 """Stage C, synchronously or in a thread while the next frames are tracked."""
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from vgps.imu.rotation import rotation_sigma_rad
 from vgps.mapping.local_map import LocalMap
 from vgps.pipeline.reconciliation import PosingLimits, Reconciliation, reconcile
 from vgps.pipeline.stage_c import StageC
+from vgps.runtime.threads import begin
 from vgps.runtime.timing import CONCURRENT, StageTimer
 from vgps.smoothing.context import SmoothingContext
 
@@ -79,10 +80,8 @@ class WindowWorker:
     def start(self, local_map: LocalMap) -> None:
         """Start stage C on the map as it is; the map may grow until :meth:`finish` is called."""
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
-        executor = ThreadPoolExecutor(1)
-        warnings = executor.submit(self._stage_c.run, refined, fix_buffer, CONCURRENT)
+        warnings = begin(self._stage_c.run, refined, fix_buffer, CONCURRENT)
         self._job = _Job(local_map, refined, fix_buffer, warnings)
-        executor.shutdown(wait=False)
 
     def finish(self) -> WindowOutcome | None:
         """Wait for stage C and return its outcome, or None if it was not started.

@@ -1,4 +1,4 @@
-"""Threads: one for linear algebra on small blocks, several for parts of an array.
+"""Threads: one for linear algebra on small blocks, one beside the frames, several for parts of an array.
 
 BLAS's own threads have too little to share in small blocks: on busy cores, threads waiting for each other
 cost fourfold, and their number changes the last digits.
@@ -11,12 +11,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
 from itertools import islice
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
 
 _FEWEST = 4  # items, of some milliseconds each, for which threads are worth starting
 
@@ -31,6 +32,16 @@ def one_blas_thread() -> AbstractContextManager[object]:
     """Return a context in which BLAS uses one thread."""
     limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return limits
+
+
+def begin(
+    function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs
+) -> Future[Result]:
+    """Call a function in a thread of its own, and return what will hold its result."""
+    executor = ThreadPoolExecutor(1)
+    result = executor.submit(function, *args, **kwargs)
+    executor.shutdown(wait=False)
+    return result
 
 
 def usable_cores() -> int:
