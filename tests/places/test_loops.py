@@ -8,9 +8,8 @@ from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
 
 from vgps.config import LoopsConfig
 from vgps.model import Frame
-from vgps.places.loops import Loop, _candidates, _confirmed, find_loops
+from vgps.places.loops import Loop, _confirmed, find_loops
 from vgps.places.revisits import PosedVideo
-from vgps.places.words import WordIndex
 from vgps.solution import Observations
 from vgps.tracking.corners import new_corners
 
@@ -109,17 +108,6 @@ def test_neighbours_that_are_off_differently_confirm_nothing() -> None:
 
     assert agreeing([0.5, 0.5, 0.5, 0.5, 0.5]) == [True] * 5
     assert agreeing([0.5, 0.5, 0.5, 9.0, -9.0]) == [True] * 3 + [False] * 2
-
-
-def test_candidates_are_the_nearest_and_of_the_others_the_most_alike() -> None:
-    rng = np.random.default_rng(0)
-    views = [rng.integers(0, 256, (50, 32), dtype=np.uint8) for _ in range(8)]
-    index = WordIndex()
-    for frame, view in enumerate(views):
-        index.add(frame, index.words(view))
-    seen = index.words(np.concatenate([views[5], views[2][:25]]))
-    assert _candidates(np.array([7, 6, 0, 1, 2, 3, 4, 5]), seen, index, 4) == [7, 6, 5, 2]
-    assert _candidates(np.array([7]), seen, index, 4) == [7]
 
 
 def test_nothing_is_decoded_where_the_path_does_not_come_back() -> None:

@@ -89,7 +89,7 @@ def test_the_oldest_place_is_forgotten():
     memory.update(path_here)
     near = memory.near(sights[3], path_here, SETTINGS)
     assert sorted(memory.frame[near].tolist()) == [1, 2]
-    assert memory.frame[memory.most_alike(sights[2], near, 1)[0]] == 2
+    assert memory.frame[memory.candidates(sights[2], near, 1)[0]] == 2
 
 
 def test_the_covariance_of_a_pose_is_that_of_its_errors():

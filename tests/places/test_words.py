@@ -27,3 +27,15 @@ def test_a_view_without_features_is_like_nothing() -> None:
     index.add(1, index.words(np.zeros((0, 32), np.uint8)))
     assert index.similarity(index.words(np.ones((4, 32), np.uint8)), [1]).tolist() == [0.0]
     assert index.similarity(np.zeros(0, np.int64), []).tolist() == []
+
+
+def test_candidates_are_the_nearest_and_of_the_others_the_most_alike() -> None:
+    rng = np.random.default_rng(0)
+    views = [rng.integers(0, 256, (50, 32), dtype=np.uint8) for _ in range(8)]
+    index = WordIndex()
+    for frame, view in enumerate(views):
+        index.add(frame, index.words(view))
+    seen = index.words(np.concatenate([views[5], views[2][:25]]))
+    frames = np.array([7, 6, 0, 1, 2, 3, 4, 5])
+    assert frames[index.candidates(seen, frames, 4)].tolist() == [7, 6, 5, 2]
+    assert index.candidates(seen, frames[:1], 4).tolist() == [0]

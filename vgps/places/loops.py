@@ -10,10 +10,10 @@ import numpy as np
 from vgps.camera import undistort
 from vgps.config.loops import LoopsConfig
 from vgps.model import BoolArray, FloatArray, Frame, IntArray
-from vgps.places.revisits import PosedVideo, revisits
-from vgps.places.view import View, followed, make_view, matched, on_disk
+from vgps.places.revisits import PosedVideo, allowed, revisits
+from vgps.places.view import View, agreed_pose, followed, make_view, matched, on_disk
 from vgps.places.words import WordIndex
-from vgps.tracking.pose import Correspondences, ransac_pose, refine_pose
+from vgps.tracking.pose import Correspondences, refine_pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +69,9 @@ def _matching(
     for frame in frames:
         view = make_view(frame, video, config)
         words = index.words(view.descriptors)
-        earlier = _candidates(pairs[pairs[:, 0] == frame.index, 1], words, index, config.candidates)
-        if (loop := _best([views[k] for k in earlier], view, video, config)) is not None:
+        earlier = pairs[pairs[:, 0] == frame.index, 1]
+        earlier = earlier[index.candidates(words, earlier, config.candidates)]
+        if (loop := _best([views[k] for k in earlier.tolist()], view, video, config)) is not None:
             found.append(loop)
         if frame.index in last_use:
             views[frame.index] = replace(view, gray=on_disk(frame.gray, images), mask=None)
@@ -83,13 +84,6 @@ def _matching(
     return found
 
 
-def _candidates(earlier: IntArray, words: IntArray, index: WordIndex, count: int) -> list[int]:
-    """Return the earlier frames to compare a frame with: the nearest, and of the others the most similar."""
-    nearest, others = earlier[: count // 2].tolist(), earlier[count // 2 :].tolist()
-    alike = np.argsort(-index.similarity(words, others), kind="stable")
-    return [*nearest, *(others[k] for k in alike[: count - len(nearest)].tolist())]
-
-
 def _best(candidates: Sequence[View], view: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
     """Return the loop to the candidate of which most landmarks are found; None if no candidate gives one."""
     loops = [_loop(earlier, view, video, config) for earlier in candidates]
@@ -98,13 +92,12 @@ def _best(candidates: Sequence[View], view: View, video: PosedVideo, config: Loo
 
 def _loop(earlier: View, later: View, video: PosedVideo, config: LoopsConfig) -> Loop | None:
     K = video.camera.K
-    matches = matched(earlier, later, config.ratio)
-    if len(matches) < config.min_inliers:
+    agreed = agreed_pose(K, matched(earlier, later, config.ratio), config)
+    if agreed is None:
         return None
-    pose = ransac_pose(K, matches, config.inlier_px)
-    if pose is None or matches.inliers(K, pose, config.inlier_px).sum() < config.min_inliers:
-        return None
-    if not _within_sigmas(pose, earlier.frame, later.frame, video, config):
+    pose, _ = agreed
+    sigma_m = float(np.hypot(video.sigma_m[earlier.frame], video.sigma_m[later.frame]))
+    if not allowed(pose, video.poses[later.frame], sigma_m, video.depth[later.frame], config):
         return None
     rows, raw = followed(earlier, later, pose, video)
     least = max(config.min_inliers, config.min_share * len(rows))
@@ -125,17 +118,6 @@ def _loop(earlier: View, later: View, video: PosedVideo, config: LoopsConfig) ->
         landmark=earlier.landmark[rows[good]],
         raw_uv_px=raw[good],
     )
-
-
-def _within_sigmas(
-    pose: FloatArray, earlier: int, later: int, video: PosedVideo, config: LoopsConfig
-) -> bool:
-    """Whether a pose by landmarks of an earlier frame lies where the path's sigmas let the frame be."""
-    off = float(np.linalg.norm(pose[:3, 3] - video.poses[later, :3, 3]))
-    sigma = float(np.hypot(video.sigma_m[earlier], video.sigma_m[later]))
-    turned = float(pose[:3, 2] @ video.poses[later, :3, 2])
-    near = off < config.path_sigmas * sigma + config.slack * video.depth[later]
-    return bool(near and turned > np.cos(np.radians(config.max_angle_deg)))
 
 
 def _confirmed(loops: Sequence[Loop], video: PosedVideo, config: LoopsConfig) -> BoolArray:

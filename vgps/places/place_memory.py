@@ -100,30 +100,19 @@ class PlaceMemory:
         """Return the places (n,) of earlier visits that the end of a path may be near, the nearest first."""
         pose = path.poses[-1]
         distance = np.linalg.norm(self.pose[:, :3, 3] - pose[:3, 3], axis=1)
-        near = distance < config.reach * sight.depth_m + config.path_sigmas * self._sigma_m(path)
+        near = distance < config.reach * sight.depth_m + config.path_sigmas * self.sigma_m(path)
         aligned = self.pose[:, :3, 2] @ pose[:3, 2] > np.cos(np.radians(config.max_angle_deg))
         between = sight.travelled_m - self._travelled_m
         apart = between > config.apart * np.maximum(self._depth_m, sight.depth_m)
         rows = np.flatnonzero(near & aligned & apart)
         return np.asarray(rows[np.argsort(distance[rows], kind="stable")])
 
-    def most_alike(self, sight: Sight, near: IntArray, count: int) -> list[int]:
+    def candidates(self, sight: Sight, near: IntArray, count: int) -> IntArray:
         """Return the places to compare a frame with: the first of ``near`` and the most alike of the rest."""
-        first, rest = near[: count // 2].tolist(), near[count // 2 :].tolist()
         words = self._index.words(sight.descriptors)
-        alike = np.argsort(-self._index.similarity(words, self.frame[rest].tolist()), kind="stable")
-        return [*first, *(rest[k] for k in alike[: count - len(first)].tolist())]
+        return np.asarray(near[self._index.candidates(words, self.frame[near], count)])
 
-    def may_be(
-        self, pose: FloatArray, row: int, path: WorldPath, slack_m: float, config: LoopsConfig
-    ) -> bool:
-        """Whether a pose by the landmarks of a place lies where the path's sigmas let its end be."""
-        off_m = np.linalg.norm(pose[:3, 3] - path.poses[-1, :3, 3])
-        turned = pose[:3, 2] @ path.poses[-1, :3, 2]
-        near = off_m < config.path_sigmas * self._sigma_m(path)[row] + slack_m
-        return bool(near and turned > np.cos(np.radians(config.max_angle_deg)))
-
-    def _sigma_m(self, path: WorldPath) -> FloatArray:
+    def sigma_m(self, path: WorldPath) -> FloatArray:
         """Return the standard deviations (capacity,) of the places and of the end of a path together."""
         own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, :3].max(axis=1)
         return np.asarray(np.hypot(np.sqrt(own), path.sigma_m))

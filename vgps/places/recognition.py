@@ -10,8 +10,9 @@ from vgps.config.loops import LoopsConfig
 from vgps.geometry import project
 from vgps.model import Camera, FloatArray, Frame
 from vgps.places.place_memory import PlaceMemory, Sight, WorldPath
-from vgps.places.view import beside_landmarks, correspondences, described
-from vgps.tracking.pose import Correspondences, ransac_pose, refine_pose
+from vgps.places.revisits import allowed
+from vgps.places.view import agreed_pose, beside_landmarks, correspondences, described
+from vgps.tracking.pose import Correspondences, refine_pose
 
 _RECENT = 20  # frames recognised last that may confirm the next one
 
@@ -110,13 +111,14 @@ class PlaceRecogniser:
         if not len(near):
             return Answer(sight.travelled_m + config.reach * sight.depth_m)
         next_m = sight.travelled_m + config.spacing * sight.depth_m
-        rows = self._memory.most_alike(sight, near, config.candidates)
-        found = [one for row in rows if (one := self._matches(row, sight))]
+        rows = self._memory.candidates(sight, near, config.candidates).tolist()
+        found = [one for row in rows if (one := self._compared(row, sight))]
         if not found:
             return Answer(next_m)
-        row, matches, pose = max(found, key=lambda one: len(one[1]))
+        row, pose, matches = max(found, key=lambda one: len(one[2]))
         best = self._recognised(row, sight, refined(self._camera.K, pose, matches), path)
-        if not self._memory.may_be(best.world_T_camera, row, path, config.slack * sight.depth_m, config):
+        sigma_m = float(self._memory.sigma_m(path)[row])
+        if not allowed(best.world_T_camera, path.poses[-1], sigma_m, sight.depth_m, config):
             return Answer(next_m)
         sure = self._is_confirmed(best, path, sight.depth_m)
         self._recent.append(best)
@@ -133,18 +135,12 @@ class PlaceRecogniser:
         if len(rows) >= self._config.min_inliers:
             self._memory.add(sight, rows, points)
 
-    def _matches(self, row: int, sight: Sight) -> tuple[int, Correspondences, FloatArray] | None:
-        """Return the features of a place that agree on a frame's pose, and the pose; None if too few do."""
-        K, config = self._camera.K, self._config
+    def _compared(self, row: int, sight: Sight) -> tuple[int, FloatArray, Correspondences] | None:
+        """Return a place, a frame's pose by it, and the features that agree on it; None if too few do."""
         descriptors, points = self._memory.features(row)
-        matches = correspondences(descriptors, points, sight.descriptors, sight.uv_px, config.ratio)
-        if len(matches) < config.min_inliers:
-            return None
-        pose = ransac_pose(K, matches, config.inlier_px)
-        if pose is None:
-            return None
-        good = matches.inliers(K, pose, config.inlier_px)
-        return (row, matches.where(good), pose) if good.sum() >= config.min_inliers else None
+        matches = correspondences(descriptors, points, sight.descriptors, sight.uv_px, self._config.ratio)
+        agreed = agreed_pose(self._camera.K, matches, self._config)
+        return None if agreed is None else (row, *agreed)
 
     def _recognised(
         self, row: int, sight: Sight, located: tuple[FloatArray, FloatArray], path: WorldPath

@@ -98,6 +98,24 @@ def _candidates(
     return np.asarray(early[kept[np.argsort(distance[kept], kind="stable")][:_MOST]])
 
 
+def allowed(
+    pose: FloatArray, by_path: FloatArray, sigma_m: float, depth_m: float, config: LoopsConfig
+) -> bool:
+    """Whether a frame may have a pose (4, 4) by landmarks of an earlier visit; further off is a look-alike.
+
+    Args:
+        pose: By the landmarks.
+        by_path: (4, 4) by the path.
+        sigma_m: Standard deviation of the difference of their positions.
+        depth_m: Median depth of the frame's landmarks.
+        config: Limits.
+    """
+    off_m = np.linalg.norm(pose[:3, 3] - by_path[:3, 3])
+    turned = pose[:3, 2] @ by_path[:3, 2]
+    near = off_m < config.path_sigmas * sigma_m + config.slack * depth_m
+    return bool(near and turned > np.cos(np.radians(config.max_angle_deg)))
+
+
 def spaced_frames(video: PosedVideo, spacing: float) -> IntArray:
     """Return frames that lie at least a share of the depth apart along the path; all with observations."""
     usable = np.flatnonzero(np.isfinite(video.depth) & np.isfinite(video.sigma_m) & (video.depth > 0))

@@ -15,7 +15,7 @@ from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage, IntArray
 from vgps.places.revisits import PosedVideo
 from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import pyramidal_flow
-from vgps.tracking.pose import Correspondences
+from vgps.tracking.pose import Correspondences, ransac_pose
 
 _LK_WINDOW_PX = 21
 _LK_LEVELS = 3
@@ -114,6 +114,19 @@ def correspondences(
     pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(placed, descriptors, k=2)
     good = [best for best, second in pairs if best.distance < ratio * second.distance]
     return Correspondences(points[[one.queryIdx for one in good]], uv_px[[one.trainIdx for one in good]])
+
+
+def agreed_pose(
+    K: FloatArray, matches: Correspondences, config: LoopsConfig
+) -> tuple[FloatArray, Correspondences] | None:
+    """Return the pose (4, 4) on which most matches agree, and these; None if there are too few of them."""
+    if len(matches) < config.min_inliers:
+        return None
+    pose = ransac_pose(K, matches, config.inlier_px)
+    if pose is None:
+        return None
+    agree = matches.where(matches.inliers(K, pose, config.inlier_px))
+    return (pose, agree) if len(agree) >= config.min_inliers else None
 
 
 def followed(

@@ -41,6 +41,21 @@ class WordIndex:
         """Forget the words of a view; how frequent they are stays known."""
         self._words.pop(frame, None)
 
+    def candidates(self, words: IntArray, frames: IntArray, count: int) -> IntArray:
+        """Return which of some views to compare a view with: the nearest, and of the others the most alike.
+
+        Args:
+            words: (m,) of the view.
+            frames: (n,) of the others, the nearest first.
+            count: How many to compare at most; half of them are the nearest.
+
+        Returns:
+            Rows (k,) of ``frames``.
+        """
+        near = min(count // 2, len(frames))
+        alike = np.argsort(-self.similarity(words, frames[near:].tolist()), kind="stable")
+        return np.append(np.arange(near), near + alike[: count - near])
+
     def similarity(self, words: IntArray, frames: Sequence[int]) -> FloatArray:
         """Return how much of a view's words (n,) the views of some frames (k,) share, by what it tells."""
         total = max(len(self._words), 1)
