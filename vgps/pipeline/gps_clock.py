@@ -6,14 +6,15 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError
-from vgps.geometry import interpolate_poses, interpolate_vectors
+from vgps.geometry import interpolate_vectors
 from vgps.gps.fixes import Fixes
 from vgps.gps.time_offset import estimate_time_offset
 from vgps.model import FloatArray
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
-from vgps.smoothing.alignment import Correspondences, align
+from vgps.smoothing.alignment import align
+from vgps.smoothing.map_alignment import correspondences, fixes_within
 from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Trajectory
 
@@ -61,16 +62,8 @@ def _among(few: Trajectory, path: Trajectory) -> Trajectory:
 
 def _in_the_world(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Trajectory:
     """Return a path with the scale and heading that suit the fixes best, whatever their clock."""
-    chosen = fixes.where(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    chosen = fixes_within(path, fixes)
     if len(chosen) < 2:  # control points place the maps
         return path
-    to_world = align(
-        Correspondences(
-            map_T_camera=interpolate_poses(path.t_s, path.world_T_camera, chosen.t_s),
-            world_p_fix=chosen.world_p_fix,
-            region_m=np.stack([chosen.r_m, chosen.r_m, chosen.h_m], axis=1),
-            camera_p_antenna=camera_p_antenna,
-        ),
-        config.start,
-    )
+    to_world = align(correspondences(path, chosen, camera_p_antenna), config.start)
     return path if to_world is None else Trajectory(path.t_s, to_world.poses(path.world_T_camera))

@@ -16,6 +16,7 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
 from vgps.smoothing.alignment import Correspondences, align
 from vgps.smoothing.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+from vgps.solution import Trajectory
 
 _JACKKNIFE = 4.0
 _MOST_FIXES = 400  # more of them are thinned out evenly
@@ -115,18 +116,10 @@ def find_alignment(
     path = map_trajectory(local_map)
     if len(path) < 2:
         return None
-    inside = np.flatnonzero(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
-    if len(inside) < 2:
+    chosen = fixes_within(path, fixes)
+    if len(chosen) < 2:
         return None
-    if len(inside) > _MOST_FIXES:
-        inside = inside[np.linspace(0, len(inside) - 1, _MOST_FIXES).astype(np.int64)]
-    chosen, posed = fixes.where(inside), np.isfinite(path.world_T_camera[:, 0, 0])
-    seen = Correspondences(
-        map_T_camera=interpolate_poses(path.t_s[posed], path.world_T_camera[posed], chosen.t_s),
-        world_p_fix=chosen.world_p_fix,
-        region_m=np.stack([chosen.r_m, chosen.r_m, chosen.h_m], axis=1),
-        camera_p_antenna=camera_p_antenna,
-    )
+    seen = correspondences(path, chosen, camera_p_antenna)
     to_world = align(seen, config.start)
     if to_world is None:
         return None
@@ -141,4 +134,23 @@ def find_alignment(
         straight=bool(sigmas.tilt_rad > np.radians(config.start.level_sigma_deg) / np.sqrt(2.0)),
         fixes=len(seen),
         span_m=to_world.scale * float(np.linalg.norm(np.ptp(seen.map_T_camera[:, :3, 3], axis=0))),
+    )
+
+
+def fixes_within(path: Trajectory, fixes: Fixes) -> Fixes:
+    """Return the used fixes within a path; of many some, evenly."""
+    inside = np.flatnonzero(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    if len(inside) > _MOST_FIXES:
+        inside = inside[np.linspace(0, len(inside) - 1, _MOST_FIXES).astype(np.int64)]
+    return fixes.where(inside)
+
+
+def correspondences(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> Correspondences:
+    """Return fixes within a path, and the camera at their times; frames without a pose are passed over."""
+    posed = np.isfinite(path.world_T_camera[:, 0, 0])
+    return Correspondences(
+        map_T_camera=interpolate_poses(path.t_s[posed], path.world_T_camera[posed], fixes.t_s),
+        world_p_fix=fixes.world_p_fix,
+        region_m=np.stack([fixes.r_m, fixes.r_m, fixes.h_m], axis=1),
+        camera_p_antenna=camera_p_antenna,
     )
