@@ -32,10 +32,10 @@ def two_maps(aligned=(True, True)):
     return maps, true, t_s, fixes
 
 
-def merged(maps, t_s, fixes):
+def merged(maps, t_s, fixes, time_offset_s=0.0):
     """The merged maps; the maps themselves are checked to stay as they were."""
     before = [local_map.poses.copy() for local_map in maps]
-    found = merge_maps(maps, t_s, fixes, Sensors.fixed(ANTENNA), context(CONFIG))
+    found = merge_maps(maps, t_s, fixes, Sensors.fixed(ANTENNA, time_offset_s), context(CONFIG))
     for local_map, poses in zip(maps, before, strict=True):
         np.testing.assert_array_equal(local_map.poses, poses)
     return found
@@ -54,6 +54,13 @@ def test_an_unaligned_map_is_aligned_with_its_fixes():
     maps, true, t_s, fixes = two_maps((True, False))
     found = merged(maps, t_s, fixes)
     assert away(found.scene.poses[32:], true[32:]) < 0.3
+
+
+def test_an_unaligned_map_is_aligned_by_the_corrected_clock_of_its_fixes():
+    maps, _, t_s, fixes = two_maps((True, False))
+    late = replace(fixes, t_s=fixes.t_s + 0.5)
+    right, found = merged(maps, t_s, fixes), merged(maps, t_s, late, 0.5)
+    np.testing.assert_allclose(found.scene.poses, right.scene.poses, atol=1e-6)
 
 
 def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():

@@ -61,10 +61,10 @@ def merge_maps(
     """
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
-    georeferenced, warnings = _align_maps(maps, fixes, antenna, config)
+    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    georeferenced, warnings = _align_maps(maps, corrected, antenna, config)
     warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
     assessment = FixAssessment.unassessed(len(fixes))
-    corrected = fixes.without_time_offset(sensors.time_offset_s)
     if georeferenced and detects_outliers(config):
         poses, _ = _pose_all_frames(maps, t_s)
         assessment = detect_outliers(Trajectory(t_s, poses), corrected, antenna, config)
