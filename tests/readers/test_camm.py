@@ -35,11 +35,16 @@ def test_plain_positions(tmp_path):
     assert raw is not None and raw.fixes[0][1:4] == (47.5, 8.25, 500.0)
 
 
-def test_a_flat_fix_has_no_height(tmp_path):
-    raw = read_camm(
-        write_metadata_video(tmp_path / "VID.mp4", [(0.0, gps(47.5, 8.25, 500.0, status=2))], "camm")
-    )
-    assert raw is not None and raw.fixes[0][1:3] == (47.5, 8.25) and np.isnan(raw.fixes[0].height_m)
+@pytest.mark.parametrize(
+    ("statuses", "heights_m", "sigma_m"), [((2, 2), [0.0, 0.0], 1e3), ((2, 3), [500.0], 4.0)]
+)
+def test_flat_fixes_have_no_height(tmp_path, statuses, heights_m, sigma_m):
+    """Alone they are horizontal, beside others they are dropped."""
+    packets = [(0.3 * k, gps(47.5 + 0.1 * k, 8.25, 500.0, status)) for k, status in enumerate(statuses)]
+    fixes = open_recording(write_metadata_video(tmp_path / "VID.mp4", packets, "camm")).gps
+    assert fixes is not None
+    assert fixes.height_m.tolist() == heights_m and (fixes.sigma_m[:, 2] == sigma_m).all()
+    np.testing.assert_allclose(fixes.sigma_m[:, :2], np.sqrt(2.0))
 
 
 def test_full_positions_stand_for_plain_ones(tmp_path):

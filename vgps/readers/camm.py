@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vgps.model import FixClass
-from vgps.readers.fixes import Clock, Fix, RawLog, counted, without_repeats
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, with_a_height, without_repeats
 from vgps.readers.metadata_tracks import Packet, packets_of
 
 _TYPE = struct.Struct("<2xH")
@@ -41,9 +41,10 @@ def read_camm(video: Path) -> RawLog | None:
         if fix is not None:
             found[kind].append(fix)
     fixes, notes = without_repeats(found[_FULL] or found[_PLAIN], "packet")
+    fixes, about_heights = with_a_height(fixes)
     if damaged:
         notes.append(f"{counted(damaged, 'damaged packet')} of CAMM metadata skipped")
-    return RawLog(Clock.VIDEO, fixes, notes) if fixes else None
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes]) if fixes else None
 
 
 def _fix(packet: Packet, kind: int, number: int) -> Fix | None:

@@ -7,13 +7,14 @@ NMEA's: degrees times 100 plus minutes.
 """
 
 import logging
+import math
 import struct
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
 from vgps.model import FixClass
-from vgps.readers.fixes import NO_HEIGHT_NOTE, NO_HEIGHT_SIGMA_M, Clock, Fix, RawLog, counted, without_repeats
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, with_a_height, without_repeats
 from vgps.readers.metadata_tracks import length_s
 from vgps.readers.mp4_boxes import read_box
 
@@ -52,17 +53,15 @@ def read_dashcam(video: Path) -> RawLog | None:
         return None
     first, (first_utc_s, _, _) = found[0]
     start_utc_s = first_utc_s - length_s(video) * first / len(blocks)
-    sigma_m = (float("nan"), float("nan"), NO_HEIGHT_SIGMA_M)
-    fixes, notes = without_repeats(
-        [
-            Fix(utc_s - start_utc_s, north, east, 0.0, FixClass.SINGLE, index + 1, sigma_m)
-            for index, (utc_s, north, east) in found
-        ],
-        "block",
-    )
+    placed = [
+        Fix(utc_s - start_utc_s, north, east, math.nan, FixClass.SINGLE, index + 1)
+        for index, (utc_s, north, east) in found
+    ]
+    fixes, notes = without_repeats(placed, "block")
+    fixes, about_heights = with_a_height(fixes)
     if lost := len(blocks) - len(found):
         notes.append(f"{counted(lost, 'block')} without a fix skipped")
-    return RawLog(Clock.VIDEO, fixes, [NO_HEIGHT_NOTE, _NOTE, *notes])
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, _NOTE, *notes])
 
 
 def _blocks(video: Path) -> Iterator[bytes]:

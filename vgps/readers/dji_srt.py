@@ -14,16 +14,7 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.fixes import (
-    NO_HEIGHT_NOTE,
-    NO_HEIGHT_SIGMA_M,
-    Clock,
-    Fix,
-    RawLog,
-    counted,
-    from_sea_level,
-    without_repeats,
-)
+from vgps.readers.fixes import Clock, Fix, RawLog, counted, from_sea_level, with_a_height, without_repeats
 from vgps.readers.metadata_tracks import packets_of
 
 _NUMBER = r"\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)"
@@ -128,25 +119,18 @@ def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
             expected="[latitude: ...] [longitude: ...] or GPS(longitude,latitude,...), as of a DJI drone",
             remedy="enable video captions on the drone and fly with GPS",
         )
-    height, up_sigma_m, above_sea, notes = _heights(rows)
+    height, above_sea, notes = _heights(rows)
     fixes = [
-        Fix(
-            row.t_s,
-            row.latitude_deg,
-            row.longitude_deg,
-            h,
-            FixClass.SINGLE,
-            row.number,
-            (np.nan, np.nan, up_sigma_m),
-        )
+        Fix(row.t_s, row.latitude_deg, row.longitude_deg, h, FixClass.SINGLE, row.number)
         for row, h in zip(rows, height.tolist(), strict=True)
     ]
     fixes, about_repeats = without_repeats(fixes, "subtitle")
+    fixes, about_none = with_a_height(fixes)
     if above_sea:
         fixes, notes = from_sea_level(fixes)
     if len(rows) < len(found):
         notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
-    return RawLog(Clock.VIDEO, fixes, [*notes, *about_repeats])
+    return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats])
 
 
 def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
@@ -216,14 +200,14 @@ def _number(pattern: re.Pattern[str], text: str) -> float:
     return np.nan if match is None else float(match[match.lastindex or 0])
 
 
-def _heights(rows: list[_Row]) -> tuple[FloatArray, float, bool, list[str]]:
-    """Return (N,) heights, their sigma if it is known, whether they are above the sea, and a note."""
+def _heights(rows: list[_Row]) -> tuple[FloatArray, bool, list[str]]:
+    """Return (N,) heights, whether they are above the sea, and a note; NaN where there are none."""
     absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
     both = np.isfinite(absolute) & np.isfinite(relative)
     if not (np.isfinite(absolute) | np.isfinite(relative)).any():
-        return np.zeros(len(rows)), NO_HEIGHT_SIGMA_M, False, [NO_HEIGHT_NOTE]
+        return absolute, False, []
     if not np.isfinite(absolute).any():
-        return relative, np.nan, False, ["heights are above the take-off point but taken as ellipsoidal"]
+        return relative, False, ["heights are above the take-off point but taken as ellipsoidal"]
     whole = np.all(absolute[both] == np.round(absolute[both]))
     if both.any() and all(row.old for row in rows) and whole:
         level = float(np.median((absolute - relative)[both]))
@@ -231,5 +215,5 @@ def _heights(rows: list[_Row]) -> tuple[FloatArray, float, bool, list[str]]:
             "heights are the barometer's, shifted to the third number of GPS(...), which counts satellites "
             "on some drones: they may be wrong by hundreds of metres"
         )
-        return relative + level, np.nan, False, [note]
-    return absolute, np.nan, True, []
+        return relative + level, False, [note]
+    return absolute, True, []

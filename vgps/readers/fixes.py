@@ -12,8 +12,8 @@ from vgps.model import FixClass, FloatArray
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
-NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
-NO_HEIGHT_NOTE = f"no heights: fixes are horizontal, at height 0 with a sigma of {NO_HEIGHT_SIGMA_M:g} m"
+_NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
+_NO_HEIGHTS = f"no heights: fixes are horizontal, at height 0 with a sigma of {_NO_HEIGHT_SIGMA_M:g} m"
 _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
@@ -134,6 +134,14 @@ def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
             kept.append(fix)
     left = len(fixes) - len(kept)
     return kept, [f"{counted(left, what)} with a repeated position skipped"] if left else []
+
+
+def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
+    """Return fixes at height 0 with a large sigma and a note if none has a height, else as they are."""
+    if any(np.isfinite(fix.height_m) for fix in fixes):
+        return fixes, []
+    flat = [fix._replace(height_m=0.0, sigma_m=(*fix.sigma_m[:2], _NO_HEIGHT_SIGMA_M)) for fix in fixes]
+    return flat, [_NO_HEIGHTS]
 
 
 def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
