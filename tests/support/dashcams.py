@@ -7,43 +7,32 @@ from clips import write_clip
 
 _BYTES = 256
 
+Place = tuple[float, str, float, str]
+Three = tuple[int, int, int]
+
 
 def floats_block(
-    north: float,
-    south: str,
-    east: float,
-    west: str,
-    time: tuple[int, int, int],
-    date: tuple[int, int, int],
-    *,
-    at: int,
-    status: str = "A",
-    century: int = 0,
+    place: Place, time: Three, date: Three, *, at: int, status: str = "A", century: int = 0
 ) -> bytes:
     """A block with floats behind its letters; ``century`` is part of its year."""
+    north, south, east, west = place
     year, month, day = date
     clock = struct.pack("<6I", *time, year - 2000 + century, month, day)
     values = (status + south + west).encode() + b"\0" + struct.pack("<4f", north, east, 12.0, 90.0)
     return _head().ljust(at, b"\0") + clock + values + bytes(_BYTES - at - 44)
 
 
-def doubles_block(
-    north: float,
-    south: str,
-    east: float,
-    west: str,
-    time: tuple[int, int, int],
-    date: tuple[int, int, int],
-) -> bytes:
+def doubles_block(place: Place, time: Three, date: Three) -> bytes:
     """A block with doubles, each before its letter, and the date behind them."""
-    place = struct.pack("<3I4sd8sd8s2d", *time, b"A", north, south.encode(), east, west.encode(), 12.0, 90.0)
+    north, south, east, west = place
+    values = struct.pack("<3I4sd8sd8s2d", *time, b"A", north, south.encode(), east, west.encode(), 12.0, 90.0)
     year, month, day = date
-    return (_head() + bytes(4) + place + struct.pack("<3I", year - 2000, month, day)).ljust(_BYTES, b"\0")
+    return (_head() + bytes(4) + values + struct.pack("<3I", year - 2000, month, day)).ljust(_BYTES, b"\0")
 
 
-def write_dashcam_video(path: Path, blocks: list[bytes], video: Path | None = None) -> Path:
-    """A video, or a clip of a second, with a list of blocks in ``moov``, its last box, and blocks behind."""
-    data = (video or write_clip(path)).read_bytes()
+def write_dashcam_video(path: Path, blocks: list[bytes], seconds: int = 1) -> Path:
+    """A clip with a list of blocks in ``moov``, its last box, and blocks of the same size behind."""
+    data = write_clip(path, frames=10 * seconds).read_bytes()
     moov = data.rindex(b"moov") - 4
     size = 16 + 8 * len(blocks)
     first = len(data) + size + 8

@@ -3,11 +3,14 @@
 The box ``moov/gps `` lists the places and sizes of blocks in the file, one a second, that begin with a size
 and ``freeGPS ``. What follows differs by vendor. Read are a time, a date, three letters and two floats, types
 3 and 16 in ExifTool's QuickTimeStream.pl, and the same with doubles, type 15. Latitude and longitude are
-NMEA's: degrees times 100 plus minutes.
+NMEA's: degrees times 100 plus minutes. Some cameras of E-ACE and Akaso have text or encrypted numbers at the
+place of the floats, types 4 and 8; these are not read.
 """
 
 import logging
 import math
+import re
+import statistics
 import struct
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -27,6 +30,7 @@ _MARK = b"freeGPS "
 _FLOATS = struct.Struct("<6I3sx2f")  # time, date, status and hemispheres, latitude and longitude
 _FLOATS_AT = (16, 48)
 _DOUBLES = struct.Struct("<16x3Ic3xdc7xdc23x3I")  # the same, the date at the end
+_TEXT = re.compile(rb"[A-Za-z0-9+/.]{8}")
 _NOTE = "a dashcam's fixes have whole seconds, counted from the start of the video: they may be a second off"
 _NOT_READ = (
     "%s: none of its %d GPS blocks (freeGPS) has a fix in a layout that is read; if it has fixes, convert "
@@ -39,8 +43,8 @@ _Place = tuple[float, float, float]  # UTC [s], latitude and longitude [degrees]
 def read_dashcam(video: Path) -> RawLog | None:
     """Read the fixes of a dashcam's video; None if it has none, with a log if it has blocks.
 
-    Every fix is single, and horizontal since blocks have no heights; ``line`` counts the blocks. The first
-    is at its block's share of the video's length, the others follow by their own clock.
+    Every fix is single, and horizontal since blocks have no heights; ``line`` counts the blocks. Times are
+    those of the blocks' clock, which is put on the video's by the median block's share of the video's length.
 
     Raises:
         RecordingError: The video cannot be read.
@@ -51,8 +55,8 @@ def read_dashcam(video: Path) -> RawLog | None:
         if blocks:
             log.warning(_NOT_READ, video, len(blocks))
         return None
-    first, (first_utc_s, _, _) = found[0]
-    start_utc_s = first_utc_s - length_s(video) * first / len(blocks)
+    period_s = length_s(video) / len(blocks)
+    start_utc_s = statistics.median(utc_s - period_s * index for index, (utc_s, _, _) in found)
     placed = [
         Fix(utc_s - start_utc_s, north, east, math.nan, FixClass.SINGLE, index + 1)
         for index, (utc_s, north, east) in found
@@ -81,7 +85,8 @@ def _place(block: bytes) -> _Place | None:
     for at in _FLOATS_AT:
         *clock, letters, north, east = _FLOATS.unpack_from(block, at)
         if _is_fix(letters):
-            return _checked(clock, letters, north, east)
+            text = _TEXT.match(block, at + _FLOATS.size - 8)
+            return None if text else _checked(clock, letters, north, east)
     *clock, status, north, south, east, west, year, month, day = _DOUBLES.unpack_from(block)
     letters = status + south + west
     return _checked([*clock, year, month, day], letters, north, east) if _is_fix(letters) else None
@@ -95,7 +100,7 @@ def _checked(clock: list[int], letters: bytes, north: float, east: float) -> _Pl
     """Return time and degrees; None for impossible ones."""
     hour, minute, second, year, month, day = clock
     latitude, longitude = _degrees(north), _degrees(east)
-    if not (latitude <= 90.0 and longitude <= 180.0 and latitude + longitude > 0.0):
+    if not (0.0 < latitude <= 90.0 and 0.0 < longitude <= 180.0):
         return None
     try:
         utc = datetime(year % 2000 + 2000, month, day, hour, minute, second, tzinfo=UTC)
