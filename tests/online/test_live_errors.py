@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fused_drives import DrivingCamera, fit_input
 
 import vgps
+from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offset_errors import in_the_mean
 from vgps.model import FixClass
-from vgps.online.fusion_fit import fit
+from vgps.online.fusion_fit import fit, newest_fit
 
 CONFIG = vgps.Config()
 SINGLE = CONFIG.gps.offset_errors(FixClass.SINGLE)
@@ -74,3 +77,16 @@ def test_rtk_keeps_the_constants_of_its_classes():
     kinds = [FixClass.RTK_FIX] * 20 + [FixClass.RTK_FLOAT] * 10 + [FixClass.DGPS] * 10
     fused, _ = live(offsets(0.01, 0.01, 0), kinds)
     assert set(fused.learned) == {FixClass.DGPS}
+
+
+def test_what_was_learned_counts_in_the_next_fits_and_is_kept_while_there_are_no_such_fixes():
+    drive = DrivingCamera(FRAMES)
+    single, fixed = (
+        drive.fixes([kind] * 40, np.zeros((40, 3))) for kind in (FixClass.SINGLE, FixClass.RTK_FIX)
+    )
+    known = {FixClass.SINGLE: LearnedErrors(noise_m=0.01, walk_m=0.01)}
+    last = replace(fit(fit_input(drive.seen(), 300, single), CONFIG).fused, learned=known)
+    now = fit_input(drive.seen(), 312, single, last)
+    for fused in (newest_fit(now, CONFIG), fit(now, CONFIG).fused):
+        np.testing.assert_allclose(fused.nodes.fixes.noise_m[:, 0], 0.01)
+    assert fit(fit_input(drive.seen(), 312, fixed, last), CONFIG).fused.learned == known

@@ -5,7 +5,7 @@ import pytest
 
 from vgps.config import LoopsConfig
 from vgps.model import Camera, FloatArray
-from vgps.places.revisits import PosedVideo, revisits, spaced_frames
+from vgps.places.revisits import PosedVideo, allowed, revisits, spaced_frames
 from vgps.solution import Observations
 
 CAMERA = Camera(model="pinhole", width=320, height=240, fx=260.0, fy=260.0, cx=160.0, cy=120.0)
@@ -88,3 +88,14 @@ def test_frames_without_landmarks_or_sigma_are_left_out() -> None:
     assert len(revisits(replace(video, sigma_m=np.full(len(video.poses), np.nan)), LoopsConfig())) == 0
     nothing = Observations(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)))
     assert len(revisits(replace(video, observations=nothing), LoopsConfig())) == 0
+
+
+@pytest.mark.parametrize(
+    ("off_m", "turned_deg", "expected"), [(2.9, 44, True), (3.1, 0, False), (0.0, 46, False)]
+)
+def test_a_pose_may_differ_from_that_by_the_path_by_its_sigmas_and_a_share_of_the_depth(
+    off_m: float, turned_deg: float, expected: bool
+) -> None:
+    turn, pose = np.radians(turned_deg), np.eye(4)
+    pose[:3, 2], pose[0, 3] = [np.sin(turn), 0.0, np.cos(turn)], off_m
+    assert allowed(pose, np.eye(4), sigma_m=0.5, depth_m=DEPTH, config=LoopsConfig()) is expected
