@@ -46,6 +46,7 @@ _HAS_NOVATEL = importlib.util.find_spec("novatel_edie") is not None  # it has no
 CORPUS = Path(__file__).parent / "corpus"
 _RIG = Rig(video_start_utc=datetime(2026, 5, 1, 9, 30, tzinfo=UTC))
 _CAMERA = Camera(model="pinhole", width=64, height=48, fx=60.0, fy=60.0, cx=32.0, cy=24.0)
+_ARRAYS = (*[damage_npz] * 8, damage_bytes)
 _EXPORTS = ("geojson", "kml", "gpx", "tum", "kitti")
 
 
@@ -158,6 +159,13 @@ def _gps(path: Path) -> object:
     return read_gps_log(path, _RIG)
 
 
+def _run_target(name: str, corpus: str, file: str, mutators: tuple[Mutator, ...]) -> Target:
+    """Return the target for one file of a run folder."""
+    stem, suffix = file.split(".")
+    seeds = f"{stem}*.{suffix}"
+    return Target(name=name, read=_read_run, mutators=mutators, corpus=corpus, only=seeds, file=file)
+
+
 TARGETS = (
     Target(name="gpmf", read=_read_gpmf_payloads, mutators=(damage_gpmf, damage_gpmf, damage_bytes)),
     Target(name="mp4", read=_read_video, mutators=(damage_boxes, damage_boxes, damage_bytes)),
@@ -200,25 +208,10 @@ TARGETS = (
     Target(name="gcp_list", read=read_control_points, mutators=LOG),
     Target(name="geoid", read=_read_geoid, mutators=(*TEXT * 5, grow)),
     Target(name="trajectory", read=read_trajectory, mutators=LOG),
-    Target(
-        name="run_arrays", read=_read_run, mutators=(*[damage_npz] * 8, damage_bytes),
-        corpus="run", only="measurements*.npz", file="measurements.npz",
-    ),
-    Target(
-        name="run_summary", read=_read_run, mutators=TREE,
-        corpus="run", only="solution*.json", file="solution.json",
-    ),
-    Target(
-        name="run_config", read=_read_run, mutators=TREE,
-        corpus="run", only="config*.yaml", file="config.yaml",
-    ),
-    Target(
-        name="whole_arrays", read=_read_run, mutators=(*[damage_npz] * 8, damage_bytes),
-        corpus="whole_run", only="measurements*.npz", file="measurements.npz",
-    ),
-    Target(
-        name="whole_summary", read=_read_run, mutators=TREE,
-        corpus="whole_run", only="solution*.json", file="solution.json",
-    ),
+    _run_target("run_arrays", "run", "measurements.npz", _ARRAYS),
+    _run_target("run_summary", "run", "solution.json", TREE),
+    _run_target("run_config", "run", "config.yaml", TREE),
+    _run_target("whole_arrays", "whole_run", "measurements.npz", _ARRAYS),
+    _run_target("whole_summary", "whole_run", "solution.json", TREE),
     Target(name="database", read=_read_database, mutators=(*[damage_database] * 6, damage_bytes)),
 )  # fmt: skip
