@@ -2,9 +2,12 @@
 
 Unaligned errors of the camera centre, fixes rejected, and the time offset found, for each log and seed.
 --reencode runs all of it with the video encoded again, too: a result that such a disturbance flips is chance.
+--late runs all of it with the times of the fixes moved, as a receiver with another clock would give them.
 """
 
 import tempfile
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +21,17 @@ from vgps.evaluation import evaluate
 from vgps.model import Recording
 from vgps.solution import Verdict
 
-COLUMNS = ["video", "log", "seed", "frames posed", "mean [m]", "max [m]", "fixes rejected", "time offset [s]"]
+COLUMNS = [
+    "video",
+    "log",
+    "late by [s]",
+    "seed",
+    "frames posed",
+    "mean [m]",
+    "max [m]",
+    "fixes rejected",
+    "time offset [s]",
+]
 
 
 def one_run(opened: Recording, seed: int) -> dict[str, str | int | float]:
@@ -40,6 +53,12 @@ def one_run(opened: Recording, seed: int) -> dict[str, str | int | float]:
     }
 
 
+def late_by(opened: Recording, seconds: float) -> Recording:
+    """Return a recording whose fixes have later time stamps."""
+    log = opened.gps
+    return opened if log is None else replace(opened, gps=replace(log, t_s=log.t_s + seconds))
+
+
 def main() -> None:
     """Print a row per video, log and seed as it comes."""
     parser = ScriptParser("benchmarks.accuracy", __doc__)
@@ -47,6 +66,9 @@ def main() -> None:
     add_seeds(parser, 1)
     parser.add_argument(
         "--reencode", type=int, nargs="*", default=[], metavar="CRF", help="qualities of x264, as 20 28 34"
+    )
+    parser.add_argument(
+        "--late", type=float, nargs="*", default=[], metavar="S", help="time offsets, as 0.3 -0.2"
     )
     given = parser.parse_args()
     with parser.refusals(), tempfile.TemporaryDirectory() as scratch:
@@ -56,9 +78,10 @@ def main() -> None:
                 opened = vgps.open_recording(given.recording, gps=gps)
                 if crf is not None:
                     opened = reencoded(opened, Path(scratch) / f"{crf}.mp4", crf)
-                names = {"video": "as it is" if crf is None else f"crf {crf}", "log": Path(gps).stem}
-                for seed in range(given.seeds):
-                    found = {**names, **one_run(opened, seed)}
+                video = "as it is" if crf is None else f"crf {crf}"
+                for late_s, seed in product((0.0, *given.late), range(given.seeds)):
+                    names = {"video": video, "log": Path(gps).stem, "late_s": late_s}
+                    found = {**names, **one_run(late_by(opened, late_s), seed)}
                     results.add(**found)
                     table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
 
