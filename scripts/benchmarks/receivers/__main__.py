@@ -27,30 +27,23 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
-from scripts.benchmarks.receivers.cells import MODELS, Cell, run_cell
+from scripts.benchmarks.receivers.cells import DEFAULT, MODELS, Cell, Task, run_cell
 from scripts.benchmarks.receivers.sources import LOGS, REPLAYED, make_errors, read_series
 from scripts.benchmarks.receivers.summary import summaries, worse
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
 from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable, table
+from vgps.compare.methods import Method
 from vgps.errors import GpsLogError
 from vgps.runtime.progress import NoProgress
 
 RECORDINGS = ["kitti03", "kitti03:300-600", "kitti07", "walk", "drive"]
-
-
-class Task(NamedTuple):
-    """What a cell is of."""
-
-    recording: str
-    source: str
-    seed: int
 
 
 def tasks(drives: list[Drive], sources: list[str], seeds: int) -> Iterator[Task]:
@@ -62,16 +55,16 @@ def tasks(drives: list[Drive], sources: list[str], seeds: int) -> Iterator[Task]
             yield from (Task(drive.name, name, seed) for name in names for seed in range(seeds))
 
 
-def run(task: Task, data: Path, scenes: Path) -> Cell:
+def run(task: Task, data: Path, scenes: Path, models: Sequence[Method]) -> Cell:
     """Run one cell, in a process of its own."""
     drive = open_drive(task.recording, data, scenes)
     errors = make_errors(task.source, drive, data, task.seed)
-    return run_cell(drive, errors, task.source, task.seed, NoProgress())
+    return run_cell(drive, errors, task, models, NoProgress())
 
 
-def row(cell: Cell) -> list[str]:
+def row(cell: Cell, models: Sequence[Method]) -> list[str]:
     """Return a line of the table of cells."""
-    means = [f"{cell.mean_m[m.key]:.3f}" if m.key in cell.mean_m else "no result" for m in MODELS]
+    means = [f"{cell.mean_m[m.key]:.3f}" if m.key in cell.mean_m else "no result" for m in models]
     counts = cell.counts
     refused = counts.good_rtk_fix_refused + counts.good_other_refused
     return [
@@ -102,6 +95,13 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
     parser.add_argument(
         "--sources", nargs="+", default=[LOGS, *REPLAYED], metavar="SOURCE", help="or files of the recordings"
     )
+    parser.add_argument(
+        "--models",
+        nargs="+",
+        default=[one.key for one in MODELS],
+        choices=[one.key for one in MODELS],
+        help="of the fixes; all by default, the default model always",
+    )
     add_seeds(parser, 5)
     add_jobs(parser, "cells")
     data = Path(os.environ.get("VGPS_DATA", "../shared/data"))
@@ -116,9 +116,10 @@ def main() -> None:
     """Print a markdown table of the cells, and one of their summaries."""
     parser = ScriptParser("benchmarks.receivers", __doc__)
     given = arguments(parser)
+    models = [one for one in MODELS if one.key in {DEFAULT, *given.models}]
     cells: list[Cell] = []
     live = LiveTable(
-        *("recording, source, seed", "fixes: mean / max [m]", *(f"{m.key} [m]" for m in MODELS)),
+        *("recording, source, seed", "fixes: mean / max [m]", *(f"{m.key} [m]" for m in models)),
         *("cylinder over better", "NEES of samples", "good refused", "wrong missed"),
     )
     with parser.refusals(), tempfile.TemporaryDirectory() as scratch:
@@ -128,11 +129,11 @@ def main() -> None:
             check_source(source, drives, given.data)
         todo = list(tasks(drives, given.sources, given.seeds))
         with ProcessPoolExecutor(given.jobs) as pool:
-            found = pool.map(run, todo, [given.data] * len(todo), [scenes] * len(todo))
-            for number, cell in enumerate(found, 1):
+            of_task = partial(run, data=given.data, scenes=scenes, models=models)
+            for number, cell in enumerate(pool.map(of_task, todo), 1):
                 cells.append(cell)
                 print(f"cell {number} of {len(todo)}", file=sys.stderr)
-                live.add(*row(cell))
+                live.add(*row(cell, models))
                 results.add(**asdict(cell) | {"ratio": cell.ratio, "worse": worse(cell)})
         figures = summaries(cells)
         results.summarise(**figures)

@@ -1,14 +1,15 @@
 """One cell: a recording with the errors of one source and seed, under every GPS model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import vgps
 from scripts.benchmarks.receivers.sources import Errors
 from scripts.common.drives import Drive
-from vgps.compare.methods import ALL_METHODS, front_ends
+from vgps.compare.methods import ALL_METHODS, Method, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.evaluation.association import half_interval_s, match_times
@@ -24,6 +25,14 @@ MODELS = tuple(
     sorted((one for one in ALL_METHODS if one.model != "none"), key=lambda one: one.key != DEFAULT)
 )
 SIGMAS, SIZES = 5.0, 3.0  # errors beyond these are those of wrong fixes
+
+
+class Task(NamedTuple):
+    """What a cell is of."""
+
+    recording: str
+    source: str
+    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,13 +92,13 @@ class Cell:
         return self.mean_m.get(DEFAULT, np.inf) / self.better_m
 
 
-def run_cell(drive: Drive, errors: Errors, source: str, seed: int, progress: Progress) -> Cell:
-    """Run every model on one front end, as in :func:`vgps.compare.compare`."""
+def run_cell(drive: Drive, errors: Errors, task: Task, models: Sequence[Method], progress: Progress) -> Cell:
+    """Run models on one front end, as in :func:`vgps.compare.compare`."""
     size = np.linalg.norm(drive.errors(errors.log), axis=1)
     cell = Cell(
         recording=drive.name,
-        source=source,
-        seed=seed,
+        source=task.source,
+        seed=task.seed,
         receiver=errors.receiver,
         seen=errors.seen,
         mixed=errors.mixed,
@@ -98,12 +107,12 @@ def run_cell(drive: Drive, errors: Errors, source: str, seed: int, progress: Pro
         fixes_mean_m=float(size.mean()) if len(size) else np.nan,
         fixes_max_m=float(size.max()) if len(size) else np.nan,
     )
-    recording = replace(drive.recording, gps=errors.log)
+    recording, config = replace(drive.recording, gps=errors.log), vgps.Config(seed=task.seed)
     try:
-        for front, method in front_ends(recording, vgps.Config(seed=seed), progress, MODELS):
+        for front, method in front_ends(recording, config, progress, models):
             progress.stage(f"stage D: {method.key}")
             try:
-                solution = optimise_all(front, method.configured(vgps.Config(seed=seed)))
+                solution = optimise_all(front, method.configured(config))
             except GeometryError as error:
                 cell = replace(cell, failed=f"{method.key}: {error.found}")
                 continue
