@@ -3,8 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_bundle import drive
+from synthetic_rows import rolling_drive
 
 from vgps.geometry import triangulate
+from vgps.solver import chunks, landmark_refinement
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.cost import camera_points, pixel_errors, video_cost
 from vgps.solver.elimination import analyse_sparsity
@@ -55,8 +57,9 @@ def test_landmark_is_refined_to_its_triangulation_and_the_others_stay():
     away += np.random.default_rng(0).normal(0.0, 0.5, away.shape)
     which = np.arange(len(away)) == one
     start = replace(problem, world_p_landmark=away)
-    nearer, gain = refine_landmarks(start, which)
-    found, _ = refine_landmarks(replace(start, world_p_landmark=nearer), which)
+    structure = analyse_sparsity(problem)
+    nearer, gain = refine_landmarks(start, which, structure)
+    found, _ = refine_landmarks(replace(start, world_p_landmark=nearer), which, structure)
     rows = problem.landmark == one
     views = problem.world_T_camera[problem.frame[rows]]
     best, _ = triangulate(MATRIX, views, problem.uv_px[rows], np.array([0]), iterations=10)
@@ -72,10 +75,25 @@ def test_cost_of_a_refined_landmark_never_rises():
     )
     start = replace(problem, world_p_landmark=away)
     structure = analyse_sparsity(problem)
-    found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool))
+    found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool), structure)
     before, after = landmark_costs(start, structure, start.world_p_landmark, found)
     assert (after <= before + 1e-9).all() and after.sum() < 0.8 * before.sum()
     assert gain == pytest.approx(before.sum() - after.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("made", [drive(20, 200, seed=2)[0], rolling_drive()[0]], ids=["global", "rolling"])
+def test_many_landmarks_are_refined_chunk_by_chunk_as_all_at_once(monkeypatch, made):
+    away = made.world_p_landmark + np.random.default_rng(0).normal(0.0, 3.0, made.world_p_landmark.shape)
+    start, which = replace(made, world_p_landmark=away), np.arange(len(away)) % 3 > 0
+    at_once = refine_landmarks(start, which, analyse_sparsity(made))
+    monkeypatch.setattr(chunks, "CHUNK_OBSERVATIONS", 100)
+    monkeypatch.setattr(landmark_refinement, "CHUNK_OBSERVATIONS", 100)
+    structure = analyse_sparsity(made)
+    assert len(structure.chunks) > 3
+    by_chunk = refine_landmarks(start, which, structure)
+    np.testing.assert_allclose(by_chunk[0], at_once[0], rtol=1e-9)
+    assert by_chunk[1] == pytest.approx(at_once[1], rel=1e-9) and at_once[1] > 0.0
+    assert (by_chunk[0][~which] == away[~which]).all()
 
 
 def test_a_few_bad_landmarks_do_not_hold_back_the_poses():

@@ -175,6 +175,8 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: _S
     """Build and solve the problem of a stage."""
     context, batch = state.context, state.context.config.batch
     scene, sigma = select_observations(state.scene, context, batch.first_tolerance if stage.first else 1.0)
+    if context.config.submaps.frames_of(len(scene.t_s)) is not None:
+        scene = scene.on_disk()
     sensors = state.sensors
     if context.config.gps.has_memory:  # a walking offset and a time offset explain the same differences
         sensors = sensors.holding_time_offset()

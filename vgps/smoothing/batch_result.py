@@ -118,7 +118,7 @@ def batch_result(
         points=after.world_p_landmark,
         sigma_px=solved.given.sigma_px,
         observations=scene.observations,
-        loop=np.full(len(scene.observations.frame), -1) if scene.loop is None else scene.loop,
+        loop=np.broadcast_to(-1, len(scene.observations.frame)) if scene.loop is None else scene.loop,
         assessment=assessment,
         sensors=sensors,
         time_offset_sigma_s=_time_offset_sigma(covariance, solved.given.sensors, sensors),

@@ -53,20 +53,24 @@ def linearise_camera(
     return reduced_equations(linear, unknowns, by_camera, size)
 
 
-def linearise_held(problem: BundleProblem, linear: Linearisation, unknowns: Unknowns) -> CameraEquations:
-    """Linearise all observations by what may be left of errors in undistorted images, whatever the lens.
+def held_coupling(problem: BundleProblem, linear: Linearisation, unknowns: Unknowns) -> FloatArray:
+    """Return the coupling (6 n_free, p) of poses and states with a held calibration, the points eliminated.
 
-    Parameters: log focal length, principal point [px], and radial distortion k1, by which a ray of squared
-    radius r^2 is off by ``k1 r^2`` of itself. Of a rig they are those of each camera, followed by the poses
-    on it of all cameras but the reference.
+    Its parameters are what may be left of errors in undistorted images, whatever the lens: log focal length,
+    principal point [px], and radial distortion k1, by which a ray of squared radius r^2 is off by ``k1 r^2``
+    of itself. Of a rig they are those of each camera, followed by the poses on it of all cameras but the
+    reference.
 
     Args:
         problem: The problem.
         linear: The problem, linearised.
         unknowns: Places of its poses.
     """
-    by_camera = [_held_jacobian(problem, part) for part in linear.chunks]
-    return reduced_equations(linear, unknowns, by_camera, len(by_camera[0]) if by_camera else 4)
+    cameras = 1 if problem.mounts is None else len(problem.mounts.K)
+    coupling = np.zeros((POSE_DIM, len(unknowns.free), 4 * cameras + POSE_DIM * (cameras - 1)))
+    for part in linear.chunks:
+        _couple(coupling, part, _held_jacobian(problem, part))
+    return unknowns.to_columns(coupling.transpose(1, 0, 2))
 
 
 def _held_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
@@ -81,15 +85,21 @@ def reduced_equations(
     linear: Linearisation, unknowns: Unknowns, by_camera: Sequence[FloatArray], size: int
 ) -> CameraEquations:
     """Return the equations of parameters with these Jacobians (p, 2, n) by chunk, the points eliminated."""
-    coupling = np.zeros((6, len(unknowns.free), size))
+    coupling = np.zeros((POSE_DIM, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
     for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = np.stack([J[k] - absorbed_residuals(part, J[k]) for k in range(size)])
-        frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
-        coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
+        reduced = _couple(coupling, part, J)
         hessian += np.einsum("kin,min->km", J, reduced)
         gradient += np.einsum("in,kin->k", part.r, reduced)
     return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
+
+
+def _couple(coupling: FloatArray, part: LinearisedChunk, J: FloatArray) -> FloatArray:
+    """Add a chunk to the coupling (6, F, p) of frames with parameters; return its J without the points."""
+    reduced = np.stack([one - absorbed_residuals(part, one) for one in J])
+    frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
+    coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
+    return reduced
 
 
 def pinhole_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:

@@ -37,6 +37,6 @@ class SmoothingContext:
 
     @property
     def held_sigmas(self) -> FloatArray:
-        """Standard deviations of what all observations share, see :func:`camera_equations.linearise_held`."""
+        """Standard deviations of what all observations share, see :func:`camera_equations.held_coupling`."""
         each = [self.config.intrinsics.held_sigmas] * (1 + len(self.cameras))
         return np.concatenate([*each, *(one.sigma for one in self.cameras)])

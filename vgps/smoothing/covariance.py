@@ -19,6 +19,7 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 - every other factor has an error of its sigma.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -31,9 +32,9 @@ from vgps.gps.fix_errors import fix_errors
 from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.smoothing.camera_equations import linearise_held
-from vgps.smoothing.factor_graph import joined
+from vgps.smoothing.camera_equations import held_coupling
 from vgps.smoothing.loop_ties import loop_gradient
+from vgps.smoothing.track_scores import TrackScores, track_scores
 from vgps.smoothing.video_drift import drift_by_imu, drift_draws
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
@@ -42,7 +43,6 @@ from vgps.solver.marginals import Covariances, factorise_pose_system, split_cova
 from vgps.solver.normal_equations import Linearisation, linearise
 from vgps.solver.pose_equations import whitened_jacobian
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import pose_scores
 
 _STEPS_AT_ONCE = 2**23  # numbers of the draws' steps, in submaps
 _SIGNS_AT_ONCE = 2**22
@@ -57,7 +57,7 @@ class ErrorSources:
         others: All other factors.
         fixes: The fixes of the factors in ``gps`` with their regions, the time offset removed.
         camera_sigma: (p,) standard deviations of the calibration, see
-            :func:`vgps.smoothing.camera_equations.linearise_held`.
+            :func:`vgps.smoothing.camera_equations.held_coupling`.
         noise: Factors of the noise about offsets and of their walk, residuals (3,).
         noise_ratio: (N,) their errors over their sigmas.
         drift: Drift of the video.
@@ -94,10 +94,12 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         values = all_pose_values(problem)
         linear = linearise(problem, values, structure)
         factor, gradient = factorise_pose_system(linear, structure)
-        camera = linearise_held(problem, linear, structure).coupling
-        system = _System(problem, values, structure, linear, factor, gradient, camera)
-        sources = replace(sources, drift=_shown_drift(system, sources))
         at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
+        camera = held_coupling(problem, linear, structure)
+        tracks = track_scores(linear, structure, on_disk=at_once < draws)
+        jacobians = _FactorJacobians.of(problem, values, sources, structure)
+        system = _System(problem, values, structure, linear, factor, gradient, camera, tracks, jacobians)
+        sources = replace(sources, drift=_shown_drift(system, sources))
         blocks: FloatArray = np.zeros((structure.n_free, POSE_DIM, POSE_DIM))
         shared = np.zeros_like(linear.border.hessian)
         for begin in range(0, draws, at_once):
@@ -107,8 +109,38 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
     return split_covariances(problem, structure, blocks / draws, shared / draws)
 
 
+class _FactorJacobians(NamedTuple):
+    """Whitened Jacobians (rows, 6 n_free + shared) of the sources' factors, and of all of them together.
+
+    ``by_position`` (M, 3, 3) are those of the residuals of ``gps`` by the fixes' positions, up to the sign.
+    """
+
+    others: sparse.csr_array
+    noise: sparse.csr_array
+    gps: sparse.csr_array
+    by_position: FloatArray
+    stacked: sparse.csr_array
+
+    @classmethod
+    def of(
+        cls,
+        problem: BundleProblem,
+        values: gtsam.Values,
+        sources: ErrorSources,
+        structure: SparsityStructure,
+    ) -> "_FactorJacobians":
+        """Return those of a problem at these values."""
+        graphs = (sources.others, sources.noise, sources.gps)
+        others, noise, gps = (whitened_jacobian(problem, one, values, structure)[0] for one in graphs)
+        by_position = _residual_by_fix(problem, gps, sources, structure)
+        return cls(others, noise, gps, by_position, sparse.csr_array(sparse.vstack([others, noise, gps])))
+
+
 class _System(NamedTuple):
-    """The linearised problem, its factor, reduced gradient, and coupling (6 n_free, p) with the camera."""
+    """The linearised problem, its factor, its reduced gradient, and what draws of errors are multiplied by.
+
+    That is the coupling (6 n_free, p) with the camera, the scores of the tracks, and the factors' Jacobians.
+    """
 
     problem: BundleProblem
     values: gtsam.Values
@@ -117,23 +149,24 @@ class _System(NamedTuple):
     factor: PoseFactor
     gradient: FloatArray
     camera: FloatArray
+    tracks: Iterable[TrackScores]
+    factors: _FactorJacobians
 
 
 def _shown_drift(system: _System, sources: ErrorSources) -> DriftConfig | None:
     """Return the drift of the video that the settings expect, or the smaller one that an IMU shows."""
-    problem, values, structure, _, factor, *_ = system
+    problem, structure = system.problem, system.structure
     if sources.drift is None or not sources.inertial.size():
         return sources.drift
-    graph = joined(sources.gps, sources.noise, sources.others)
-    J, imu = (whitened_jacobian(problem, one, values, structure) for one in (graph, sources.inertial))
+    imu, residual = whitened_jacobian(problem, sources.inertial, system.values, structure)
     size = POSE_DIM * structure.n_free
-    by_place = J[0][:, :size]
+    by_place = system.factors.stacked[:, :size]
 
     def disagreement(drift: FloatArray) -> FloatArray:
-        remaining = drift - factor.solve(by_place.T @ (by_place @ drift))
-        return np.asarray(imu[0][:, :size] @ remaining)
+        remaining = drift - system.factor.solve(by_place.T @ (by_place @ drift))
+        return np.asarray(imu[:, :size] @ remaining)
 
-    return drift_by_imu(problem, structure, sources.drift, imu[1], disagreement)
+    return drift_by_imu(problem, structure, sources.drift, residual, disagreement)
 
 
 def _drawn_at_once(places: int) -> int:
@@ -145,68 +178,49 @@ def _moved_by_errors(
     system: _System, sources: ErrorSources, draws: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return movements of poses and states (n_free, 6, K) and of shared vectors (s, K) by drawn errors."""
-    problem, values, structure, linear, factor, gradient, camera = system
+    problem, structure, camera, J = system.problem, system.structure, system.camera, system.factors.stacked
     size = POSE_DIM * structure.n_free
-    right, J = _pose_factor_draws(problem, values, sources, structure, draws, rng)
-    right[:size] += _track_draws(linear, structure, draws, rng)
+    right = _pose_factor_draws(system.factors, sources, draws, rng)
+    right[:size] += _track_draws(system, draws, rng)
     right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((camera.shape[1], draws)))
     drift = drift_draws(problem, structure, sources.drift, draws, rng)
     right -= J.T @ (J[:, :size] @ drift)
     if sources.loop is not None:
         right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
     shared: FloatArray = np.zeros((0, draws))
-    steps = factor.solve(right[:size])
+    steps = system.factor.solve(right[:size])
     if problem.shared:
-        _, _, by_shared, complement = linear.border.eliminate(factor, gradient, 0.0)
-        rest = right[size:] - linear.border.coupling.T @ steps
+        border = system.linear.border
+        _, _, by_shared, complement = border.eliminate(system.factor, system.gradient, 0.0)
+        rest = right[size:] - border.coupling.T @ steps
         shared = np.linalg.solve(complement, rest).astype(np.float64)
         steps = steps - by_shared @ shared
     return (steps + drift).reshape(structure.n_free, POSE_DIM, draws), shared
 
 
-def _track_draws(
-    linear: Linearisation, structure: SparsityStructure, draws: int, rng: np.random.Generator
-) -> FloatArray:
+def _track_draws(system: _System, draws: int, rng: np.random.Generator) -> FloatArray:
     """Return gradients (6 n_free, K) with the residuals of every track multiplied by a random sign."""
-    signs = np.empty((linear.landmarks, draws), dtype=np.int8)
+    signs = np.empty((system.linear.landmarks, draws), dtype=np.int8)
     for rows in np.array_split(signs, 1 + signs.size // _SIGNS_AT_ONCE):
         rows[:] = rng.choice([-1, 1], rows.shape)
-    total = np.zeros((POSE_DIM * structure.n_free, draws))
-    for part in linear.chunks:
-        chunk, score = part.chunk, pose_scores(part)
-        row = structure.free[chunk.first_frame + chunk.coupled.frame]
-        free = row >= 0
-        if not free.any():
-            continue
-        first, last = int(row[free].min()), int(row.max())
-        index = (POSE_DIM * (row[free] - first) + np.arange(POSE_DIM)[:, None]).ravel()
-        entries = (score[:, free].ravel(), (index, np.tile(chunk.coupled.landmark[free], POSE_DIM)))
-        by_track = sparse.csr_array(entries, shape=(POSE_DIM * (last + 1 - first), len(chunk.landmarks)))
-        total[POSE_DIM * first : POSE_DIM * (last + 1)] += by_track @ signs[chunk.landmarks]
+    total = np.zeros((POSE_DIM * system.structure.n_free, draws))
+    for scores in system.tracks:
+        scores.add_to(total, signs)
     return total
 
 
 def _pose_factor_draws(
-    problem: BundleProblem,
-    values: gtsam.Values,
-    sources: ErrorSources,
-    structure: SparsityStructure,
-    draws: int,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, sparse.csr_array]:
-    """Return gradients (6 n_free + shared, K) of drawn errors of all factors, and their Jacobian."""
-    others, noise, by_fix = (
-        whitened_jacobian(problem, graph, values, structure)[0]
-        for graph in (sources.others, sources.noise, sources.gps)
-    )
+    factors: _FactorJacobians, sources: ErrorSources, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """Return gradients (6 n_free + shared, K) of drawn errors of all factors."""
+    others, noise = factors.others, factors.noise
     total: FloatArray = others.T @ rng.standard_normal((others.shape[0], draws))
     ratio = np.repeat(sources.noise_ratio, 3)[:, None]
     total += noise.T @ (ratio * rng.standard_normal((noise.shape[0], draws)))
     if sources.gps.size():
-        errors = fix_errors(sources.fixes, draws, rng)
-        whitened = _residual_by_fix(problem, by_fix, sources, structure) @ errors
-        total += by_fix.T @ whitened.reshape(-1, draws)
-    return total, sparse.csr_array(sparse.vstack([others, noise, by_fix]))
+        whitened = factors.by_position @ fix_errors(sources.fixes, draws, rng)
+        total += factors.gps.T @ whitened.reshape(-1, draws)
+    return total
 
 
 def _residual_by_fix(

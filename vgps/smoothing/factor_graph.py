@@ -25,6 +25,7 @@ from vgps.smoothing.motion_factors import motion_factors
 from vgps.smoothing.rig_views import RigViews, observation_lenses, observation_times
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
+from vgps.solver.disk_arrays import DiskArrays
 from vgps.solver.problem import BundleProblem
 
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
@@ -82,6 +83,12 @@ class Scene:
         loop = None if self.loop is None else self.loop[kept]
         return replace(self, observations=self.observations.rows(kept), loop=loop)
 
+    def on_disk(self) -> "Scene":
+        """Return the scene with its observations on disk."""
+        kept, seen = DiskArrays().kept, self.observations
+        observations = Observations(kept(seen.frame), kept(seen.landmark), kept(seen.uv_px))
+        return replace(self, observations=observations)
+
 
 def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
     """Return the frames of a map from ``first`` on as a scene, and the feature ids (L,) of its points.
@@ -137,8 +144,9 @@ def select_observations(
     views = np.bincount(scene.observations.landmark[good & tracked], minlength=len(scene.points))
     good &= views[scene.observations.landmark] >= config.mapping.min_views
     of_track = good & tracked
+    error = error[of_track]
     sigma = reliability_sigma_px(
-        error[of_track],
+        error,
         scene.observations.landmark[of_track],
         len(scene.points),
         config.mapping.sigma_floor_px,
@@ -156,7 +164,7 @@ def _bare_problem(scene: Scene, context: SmoothingContext) -> BundleProblem:
         frame=observations.frame,
         landmark=observations.landmark,
         uv_px=observations.uv_px,
-        sigma_px=np.ones(len(observations.frame)),
+        sigma_px=np.broadcast_to(1.0, len(observations.frame)),
         lens=observation_lenses(observations, context, scene.rig),
         row_times=observation_times(scene.t_s, observations, context, scene.rig),
         mounts=None if scene.rig is None else scene.rig.mounts(observations.landmark, context),

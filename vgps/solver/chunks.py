@@ -15,6 +15,7 @@ from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_layout import BLOCK_FRAMES
 from vgps.solver.disk_arrays import DiskArrays, stored
+from vgps.solver.landmark_groups import split_between_groups
 from vgps.solver.problem import BundleProblem
 
 CHUNK_OBSERVATIONS = 12000  # observations processed at a time: their arrays stay in the processor's cache
@@ -154,10 +155,7 @@ def split_into_chunks(
         group: (L,) group of each landmark.
         on_disk: Whether the chunks are kept on disk.
     """
-    rank = np.empty(len(group), np.int64)
-    rank[np.argsort(group, kind="stable")] = np.arange(len(group))
-    order = np.argsort(rank[problem.landmark] * len(free) + problem.frame)  # no two are equal
-    parts = _split_between_groups(group[problem.landmark[order]], order)
+    parts = split_between_groups(problem.frame, problem.landmark, group, CHUNK_OBSERVATIONS)
     chunks = map_in_order(partial(_chunk, problem, free, group), parts)
     return stored(chunks, _on_disk) if on_disk else tuple(chunks)
 
@@ -182,15 +180,6 @@ def _on_disk(chunk: Chunk, arrays: DiskArrays) -> Chunk:
         free_rows=kept(chunk.free_rows),
         entry=kept(chunk.entry),
     )
-
-
-def _split_between_groups(group: IntArray, order: IntArray) -> list[IntArray]:
-    """Cut the ordered observations between groups, into parts of about ``CHUNK_OBSERVATIONS``."""
-    if not len(order):
-        return []
-    begins = np.flatnonzero(np.diff(group, prepend=-1))
-    cuts = begins[np.flatnonzero(np.diff(begins // CHUNK_OBSERVATIONS, prepend=0))]
-    return np.split(order, cuts)
 
 
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:

@@ -8,12 +8,14 @@ import numpy as np
 from vgps.geometry import in_picture
 from vgps.model import BoolArray, FloatArray
 from vgps.runtime.threads import map_in_order
+from vgps.solver.disk_arrays import DiskArrays
 from vgps.solver.gtsam_values import pose_values
 from vgps.solver.problem import BundleProblem
 
 Result = TypeVar("Result")
 
 _AT_ONCE = 2**16  # observations
+_BYTES = 48  # of one: frame, landmark, pixels, sigma, constant of the loss
 
 
 def whitened_robust_k(k: float, pixel_sigma_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
@@ -148,7 +150,9 @@ def _in_parts(
     def of_part(rows: slice) -> Result:
         return function(problem.select_observations(np.arange(rows.start, rows.stop)))
 
-    yield from zip(parts, map_in_order(of_part, parts), strict=True)
+    for rows, result in zip(parts, map_in_order(of_part, parts), strict=True):
+        yield rows, result
+        DiskArrays.passed((rows.stop - rows.start) * _BYTES)
 
 
 def video_cost(problem: BundleProblem) -> float:

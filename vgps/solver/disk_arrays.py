@@ -3,8 +3,9 @@
 import mmap
 import os
 import tempfile
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, TypeVar, overload
+from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ import numpy.typing as npt
 Item = TypeVar("Item")
 
 _SEGMENT = 2**26  # bytes reserved on disk at a time
-_RESIDENT = 2**27  # bytes that are passed over before the pages are given back
+_RESIDENT = 2**27  # bytes that are passed over before the pages of all arrays are given back
 
 
 class DiskArrays:
@@ -22,11 +23,15 @@ class DiskArrays:
     error here and nothing worse later.
     """
 
+    _all_maps: ClassVar[
+        list[weakref.ref[mmap.mmap]]
+    ] = []  # of arrays that are still in use, wherever they are
+    _passed: ClassVar[int] = 0
+
     def __init__(self) -> None:
         self._maps: list[mmap.mmap] = []
         self._used = 0  # bytes of the last map
         self.size = 0  # bytes of all arrays
-        self._passed = 0
 
     def empty(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
         """Return an array of zeros in Fortran order.
@@ -41,6 +46,7 @@ class DiskArrays:
         if not self._maps or self._used + size > len(self._maps[-1]):
             self._maps.append(_mapped(max(size, _SEGMENT)))
             self._used = 0
+            self._all_maps.append(weakref.ref(self._maps[-1], self._all_maps.remove))
         array: npt.NDArray[Any] = np.ndarray(shape, kind, self._maps[-1], self._used, order="F")
         self._used += -(-size // 64) * 64
         self.size += size
@@ -53,13 +59,15 @@ class DiskArrays:
         self.passed(copy.nbytes)
         return copy
 
-    def passed(self, size: int) -> None:
-        """Say that so many bytes were in use and may leave the memory."""
-        self._passed += size
-        if self._passed > _RESIDENT:
-            self._passed = 0
-            for one in self._maps:
-                one.madvise(mmap.MADV_DONTNEED)  # of a shared map: what was written stays
+    @staticmethod
+    def passed(size: int) -> None:
+        """Say that so many bytes of any arrays were in use and may leave the memory."""
+        DiskArrays._passed += size
+        if DiskArrays._passed > _RESIDENT:
+            DiskArrays._passed = 0
+            for one in (reference() for reference in tuple(DiskArrays._all_maps)):
+                if one is not None:
+                    one.madvise(mmap.MADV_DONTNEED)  # of a shared map: what was written stays
 
 
 def _mapped(size: int) -> mmap.mmap:
@@ -77,11 +85,10 @@ class DiskSequence(Sequence[Item]):
     Args:
         items: The items.
         sizes: Bytes of each.
-        arrays: Where their arrays are.
     """
 
-    def __init__(self, items: Sequence[Item], sizes: Sequence[int], *arrays: DiskArrays) -> None:
-        self._items, self._sizes, self.arrays = items, sizes, arrays
+    def __init__(self, items: Sequence[Item], sizes: Sequence[int]) -> None:
+        self._items, self._sizes = items, sizes
 
     def __len__(self) -> int:
         return len(self._items)
@@ -96,23 +103,19 @@ class DiskSequence(Sequence[Item]):
     def __iter__(self) -> Iterator[Item]:
         for item, size in zip(self._items, self._sizes, strict=True):
             yield item
-            for one in self.arrays:
-                one.passed(size)
+            DiskArrays.passed(size)
 
 
-def stored(
-    items: Iterable[Item], store: Callable[[Item, DiskArrays], Item], beside: Sequence[Any] = ()
-) -> DiskSequence[Item]:
+def stored(items: Iterable[Item], store: Callable[[Item, DiskArrays], Item]) -> DiskSequence[Item]:
     """Return items with their arrays on disk.
 
     Args:
         items: The items, taken one by one.
         store: Returns an item with its arrays among those given.
-        beside: Items that are used with these ones, and give their memory back too if they are on disk.
     """
     arrays, kept, sizes = DiskArrays(), [], []
     for item in items:
         before = arrays.size
         kept.append(store(item, arrays))
         sizes.append(arrays.size - before)
-    return DiskSequence(kept, sizes, arrays, *(beside.arrays if isinstance(beside, DiskSequence) else ()))
+    return DiskSequence(kept, sizes)

@@ -99,9 +99,7 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
     Raises:
         ValueError: A landmark is observed twice in one frame.
     """
-    pairs = np.sort(problem.frame * len(problem.world_p_landmark) + problem.landmark)
-    if np.any(pairs[1:] == pairs[:-1]):
-        raise ValueError("a landmark is observed twice in one frame")
+    _refuse_twice(problem)
     unknowns = number_unknowns(problem)
     cliques = _places_of_factors(problem, unknowns)
     band, group = _band_structure(problem, unknowns, cliques)
@@ -124,6 +122,14 @@ def analyse_sparsity(problem: BundleProblem) -> SparsityStructure:
         return band
     blocks = blocks or _block_structure(problem, unknowns, cliques)
     return blocks if _BLOCK_SLOWDOWN * blocks.flops < band.flops else band
+
+
+def _refuse_twice(problem: BundleProblem) -> None:
+    pairs = problem.frame * len(problem.world_p_landmark)
+    pairs += problem.landmark
+    pairs.sort()
+    if np.any(pairs[1:] == pairs[:-1]):
+        raise ValueError("a landmark is observed twice in one frame")
 
 
 def _band_structure(

@@ -23,9 +23,11 @@ def track_ends(free: IntArray, landmark: IntArray, landmarks: int) -> tuple[IntA
         landmarks: L.
     """
     observed = free >= 0
+    if not observed.all():
+        free, landmark = free[observed], landmark[observed]
     first, last = np.full(landmarks, np.iinfo(np.int64).max), np.full(landmarks, -1)
-    np.minimum.at(first, landmark[observed], free[observed])
-    np.maximum.at(last, landmark[observed], free[observed])
+    np.minimum.at(first, landmark, free)
+    np.maximum.at(last, landmark, free)
     return first, last
 
 
@@ -78,6 +80,28 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
         owner, part = np.divmod(_distinct(owner * parts + part // 2), parts)
     _, group = np.unique(np.append(code, np.uint64(0)), return_inverse=True)
     return group[:-1]
+
+
+def split_between_groups(frame: IntArray, landmark: IntArray, group: IntArray, size: int) -> list[IntArray]:
+    """Return the observations in order of group, landmark and frame, in parts of whole groups.
+
+    Args:
+        frame: (N,) frame of each observation.
+        landmark: (N,) landmark of each observation.
+        group: (L,) group of each landmark.
+        size: Observations of a part, about.
+    """
+    if not len(frame):
+        return []
+    rank = np.empty(len(group), np.int64)
+    rank[np.argsort(group, kind="stable")] = np.arange(len(group))
+    key = rank[landmark]
+    key *= int(frame.max()) + 1
+    key += frame  # no two are equal
+    sizes = np.bincount(group, np.bincount(landmark, minlength=len(group))).astype(np.int64)
+    begins = (np.cumsum(sizes) - sizes)[sizes > 0]
+    cuts = begins[np.flatnonzero(np.diff(begins // size, prepend=0))]
+    return np.split(np.argsort(key), cuts)
 
 
 def _distinct(numbers: IntArray) -> IntArray:

@@ -7,12 +7,13 @@ gain.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.runtime.threads import map_in_order
-from vgps.solver.chunks import Chunk, couple
+from vgps.solver.chunks import CHUNK_OBSERVATIONS, Chunk, couple
 from vgps.solver.cost import observation_costs, view_poses
 from vgps.solver.elimination import SparsityStructure
 from vgps.solver.normal_equations import linearise_chunk
@@ -48,9 +49,11 @@ def move_with_frames(
     """
     turn = np.ascontiguousarray((after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)).transpose(1, 2, 0))
     x, y, z = ((points[:, i] - before[:, i, 3][anchor]) * scale for i in range(3))
-    rows = ([turn[i, j].take(anchor) for j in range(3)] for i in range(3))
-    moved = [a * x + b * y + c * z + after[:, i, 3][anchor] for i, (a, b, c) in enumerate(rows)]
-    return np.stack(moved, axis=1)
+    moved = np.empty_like(points)
+    for i in range(3):
+        a, b, c = (turn[i, j].take(anchor) for j in range(3))
+        moved[:, i] = a * x + b * y + c * z + after[:, i, 3][anchor]
+    return moved
 
 
 def landmark_costs(
@@ -94,40 +97,61 @@ def step_landmarks(
     worse = cost > cost_carried  # false of NaN, whose total then rejects the whole step
     gap = np.where(worse, cost - cost_carried, 0.0)
     best = np.where(worse[:, None], carried, stepped)
-    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS)
+    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS, structure)
     return refined, float(np.where(worse, cost_carried, cost).sum()) - gain
 
 
-def refine_landmarks(problem: BundleProblem, which: BoolArray) -> tuple[FloatArray, float]:
+def refine_landmarks(
+    problem: BundleProblem, which: BoolArray, structure: SparsityStructure
+) -> tuple[FloatArray, float]:
     """Refine landmarks by a few damped steps of their own; the cost of none of them rises.
 
     Args:
         problem: The poses, and the start of the landmarks.
         which: (L,) landmarks to refine.
+        structure: Structure of the problem; many landmarks are refined chunk by chunk, to save memory.
 
     Returns:
         All landmarks (L, 3), and the decrease of the cost.
     """
-    rows = np.flatnonzero(which[problem.landmark])
-    points = problem.world_p_landmark.copy()
-    if not len(rows):
-        return points, 0.0
-    problem = problem.select_observations(rows).by_view()  # the poses of rows stay, too
-    chunk = _chunk_of(problem)
-    refined = chunk.landmarks
-    damping = np.full(len(refined), _START_DAMPING)
+    points, cost = problem.world_p_landmark.copy(), np.zeros((2, len(which)))
+
+    def refined(part: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
+        here = part.moved(problem.world_T_camera, problem.world_p_landmark)
+        return _refined(here.select_observations(np.flatnonzero(which[part.landmark])))
+
+    def of_chunk(chunk: Chunk) -> tuple[IntArray, FloatArray, FloatArray]:
+        return refined(chunk.problem)
+
+    few = np.count_nonzero(which[problem.landmark]) <= CHUNK_OBSERVATIONS
+    for landmarks, found, costs in [refined(problem)] if few else map_in_order(of_chunk, structure.chunks):
+        points[landmarks], cost[:, landmarks] = found, costs
+    before, after = cost[:, which]
+    return points, float(before.sum()) - float(after.sum())
+
+
+def _refined(problem: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the observed landmarks (m,), their refined points (m, 3) and costs (2, m) before and after."""
+    landmarks, landmark = np.unique(problem.landmark, return_inverse=True)
+    points = problem.world_p_landmark[landmarks]
+    if not len(points):
+        return landmarks, points, np.zeros((2, 0))
+    problem = replace(
+        problem, landmark=landmark, world_p_landmark=points
+    ).by_view()  # the rows' poses stay, too
+    chunk, damping = _chunk_of(problem), np.full(len(points), _START_DAMPING)
     (cost,) = _chunk_costs(problem, chunk, [points])
-    start = float(cost.sum())
+    start = cost.copy()
     for _ in range(_ITERATIONS):
         linear = linearise_chunk(problem.moved(problem.world_T_camera, points), chunk)
         factors = factorise_landmarks(linear, damping)
-        trial = points.copy()
-        trial[refined] -= factors.transposed_times(factors.times(linear.gradient)).T
+        trial = points - factors.transposed_times(factors.times(linear.gradient)).T
         (trial_cost,) = _chunk_costs(problem, chunk, [trial])
         better = trial_cost < cost
-        points[refined[better]], cost[better] = trial[refined[better]], trial_cost[better]
+        points = np.where(better[:, None], trial, points)
+        cost[better] = trial_cost[better]
         damping *= np.where(better, 0.1, 10.0)
-    return points, start - float(cost.sum())
+    return landmarks, points, np.stack([start, cost])
 
 
 def _chunk_costs(problem: BundleProblem, chunk: Chunk, points: Sequence[FloatArray]) -> list[FloatArray]:
@@ -140,15 +164,14 @@ def _chunk_costs(problem: BundleProblem, chunk: Chunk, points: Sequence[FloatArr
 
 
 def _chunk_of(problem: BundleProblem) -> Chunk:
-    """Return all observations as a chunk without groups."""
-    landmarks, landmark = np.unique(problem.landmark, return_inverse=True)
+    """Return a problem as a chunk without groups."""
     return Chunk(
         problem=problem,
-        landmarks=landmarks,
-        landmark=landmark,
+        landmarks=np.arange(len(problem.world_p_landmark)),
+        landmark=problem.landmark,
         first_frame=0,
         frame=problem.frame,
-        coupled=couple(problem, landmark),
+        coupled=couple(problem, problem.landmark),
         free_rows=np.zeros(0, dtype=np.int64),
         entry=np.zeros((0, 3), dtype=np.int64),
         groups=(),

@@ -80,7 +80,7 @@ def linearise(problem: BundleProblem, values: gtsam.Values, structure: SparsityS
             yield part
 
     on_disk = structure.submaps is not None
-    chunks = stored(parts(), _on_disk, structure.chunks) if on_disk else tuple(parts())
+    chunks = stored(parts(), _on_disk) if on_disk else tuple(parts())
     hessian, factor_gradient, border = linearise_pose_graph(problem, values, structure)
     if rolling:
         blocks, between = rolling_blocks(chunks, structure)
