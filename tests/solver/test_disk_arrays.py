@@ -1,5 +1,7 @@
 """Arrays on disk keep what is written while their memory is given back."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -41,3 +43,32 @@ def test_stored_items_are_passed_over_again_and_again() -> None:
     for _ in range(2):
         for item, expected in zip(found, items, strict=True):
             np.testing.assert_array_equal(item, expected)
+
+
+def resident_files_mb() -> float:
+    """Return the memory of this process that files have, MB."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith("RssFile")) / 1024.0
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/status").is_file(), reason="the system does not say what is resident"
+)
+def test_passing_over_one_array_gives_back_the_memory_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(disk_arrays, "_RESIDENT", 2**40)
+    arrays = DiskArrays()
+    large = arrays.kept(np.ones(2**22))
+    del arrays  # what was kept stays, and is found
+    full = resident_files_mb()
+    monkeypatch.setattr(disk_arrays, "_RESIDENT", 0)
+    DiskArrays().kept(np.ones(2**10))
+    assert resident_files_mb() < full - 24.0
+    assert large.sum() == 2**22
+
+
+def test_what_nobody_uses_any_more_is_forgotten() -> None:
+    before = len(DiskArrays._all_maps)
+    kept = DiskArrays().kept(np.ones(2**10))
+    assert len(DiskArrays._all_maps) == before + 1
+    del kept
+    assert len(DiskArrays._all_maps) == before

@@ -1,7 +1,7 @@
 import numpy as np
 
 from vgps.solver.block_layout import BLOCK_FRAMES
-from vgps.solver.landmark_groups import group_by_blocks, group_by_track, track_ends
+from vgps.solver.landmark_groups import group_by_blocks, group_by_track, split_between_groups, track_ends
 
 
 def test_landmarks_of_similar_tracks_form_a_group() -> None:
@@ -36,3 +36,16 @@ def test_many_landmarks_in_the_same_quarters_of_blocks_form_their_own_group() ->
     group = group_by_blocks(np.concatenate(tracks), landmark, 180)
     assert [len(np.unique(group[part])) for part in (slice(60), slice(60, 120), slice(120, 180))] == [1, 1, 1]
     assert len(np.unique(group)) == 3
+
+
+def test_parts_have_whole_groups_in_order_of_group_landmark_and_frame() -> None:
+    frame, landmark = np.array([3, 1, 2, 0, 5, 4, 1]), np.array([0, 0, 1, 2, 2, 3, 3])
+    group = np.array([2, 0, 0, 2, 1])  # landmark 4, and with it group 1, was never observed
+    assert [part.tolist() for part in split_between_groups(frame, landmark, group, 2)] == [
+        [2, 3, 4],
+        [1, 0, 6, 5],
+    ]
+    whole = split_between_groups(frame, landmark, group, 100)
+    assert [part.tolist() for part in whole] == [[2, 3, 4, 1, 0, 6, 5]]
+    nothing = np.zeros(0, np.int64)
+    assert split_between_groups(nothing, nothing, group, 2) == []

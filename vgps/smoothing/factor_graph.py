@@ -136,7 +136,10 @@ def select_observations(
     config = context.config
     problem = _bare_problem(scene, context)
     error, behind = reprojection_errors(problem)
-    good = ~behind & (np.linalg.norm(error, axis=1) < tolerance * config.mapping.max_reprojection_px)
+    squared = error[:, 0] ** 2
+    squared += error[:, 1] ** 2
+    good = ~behind & (np.sqrt(squared) < tolerance * config.mapping.max_reprojection_px)
+    del squared  # memory counts here: arrays of a long recording's observations
     good &= (np.abs(scene.points).max(axis=1) < _POSITION_LIMIT)[scene.observations.landmark]
     tracked = np.ones_like(good)
     if scene.loop is not None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
 from vgps.model import FloatArray, IntArray
@@ -29,10 +30,10 @@ class TrackScores:
     first: int
     by_track: sparse.csr_array
 
-    def add_to(self, total: FloatArray, factors: FloatArray) -> None:
-        """Add to totals (6 n_free, K) the contributions times factors (L, K) of the landmarks."""
+    def add_to(self, total: FloatArray, signs: npt.NDArray[np.int8]) -> None:
+        """Add to totals (6 n_free, K) the contributions times signs (L, K) of the landmarks."""
         rows = slice(self.first, self.first + self.by_track.shape[0])
-        total[rows] += self.by_track @ factors[self.landmarks]
+        total[rows] += self.by_track @ signs[self.landmarks]
 
 
 def track_scores(linear: Linearisation, structure: SparsityStructure, on_disk: bool) -> Iterable[TrackScores]:
