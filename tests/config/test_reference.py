@@ -11,6 +11,7 @@ import vgps
 from vgps.config import Config, SettingsModel, read_config, setting_names
 from vgps.config.gps import Region
 from vgps.config.reference import all_settings, defaults_yaml, reference_text
+from vgps.config.sentences import sentences
 
 SETTINGS = {setting.name: setting for setting in all_settings()}
 
@@ -37,10 +38,9 @@ def test_the_reference_lists_every_setting_once():
 @pytest.mark.parametrize("model", [*models(), Region], ids=lambda model: model.__name__)
 def test_every_setting_has_one_sentence(model):
     assert model.__doc__
-    for name, field in model.model_fields.items():
-        if name not in model.sections():
-            words = field.description or ""
-            assert words.endswith(".") and "\n\n" not in words, f"{name}: {words!r}"
+    for name in set(model.model_fields) - set(model.sections()):
+        words = sentences(model).get(name, "")
+        assert words.endswith(".") and "\n\n" not in words, f"{name}: {words!r}"
 
 
 @pytest.mark.parametrize("model", list(models()), ids=lambda model: model.__name__)

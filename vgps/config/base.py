@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 class SettingsModel(BaseModel):
     """Base of all settings."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     renamed: ClassVar[Mapping[str, str]] = {}
     """Old name of a setting -> its present name, dotted where it moved into a section of this model."""

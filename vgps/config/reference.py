@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 
 from vgps.config.base import SettingsModel
 from vgps.config.root import Config
+from vgps.config.sentences import sentences
 
 _WIDTH = 100
 _UNITS = {
@@ -99,7 +100,7 @@ def _section_yaml(settings: SettingsModel, indent: str) -> Iterator[str]:
 
 def _field_yaml(settings: SettingsModel, name: str, indent: str) -> Iterator[str]:
     value, field = getattr(settings, name), type(settings).model_fields[name]
-    yield from _comment(field.description, indent)
+    yield from _comment(sentences(type(settings))[name], indent)
     if isinstance(value, dict):
         yield f"{indent}{name}:"
         yield from (f"{indent}  {key}: {_as_yaml(part)}" for key, part in value.items())
@@ -111,22 +112,22 @@ def _of_field(settings: SettingsModel, name: str, place: str) -> Iterator[Settin
     """Yield the setting of a field; of a mapping of fix classes one for each field of its values too."""
     value, field = getattr(settings, name), type(settings).model_fields[name]
     basic = name in settings.basic
-    yield _setting(f"{place}{name}", field, ", ".join(value) if isinstance(value, dict) else value, basic)
+    default = ", ".join(value) if isinstance(value, dict) else _as_yaml(value)
+    yield _setting(type(settings), name, place, default, basic)
     if isinstance(value, dict):
         model = get_args(field.annotation)[1]
-        for inner, its_field in model.model_fields.items():
+        for inner in model.model_fields:
             given = {key: getattr(part, inner) for key, part in value.items()}
             each = ", ".join(f"{key} {_as_yaml(one)}" for key, one in given.items() if one is not None)
-            yield _setting(f"{place}{name}.<class>.{inner}", its_field, each or "not set", basic)
+            yield _setting(model, inner, f"{place}{name}.<class>.", each or "not set", basic)
 
 
-def _setting(name: str, field: FieldInfo, default: Any, basic: bool) -> Setting:
-    last = name.rpartition(".")[2]
+def _setting(model: type[SettingsModel], name: str, place: str, default: str, basic: bool) -> Setting:
     return Setting(
-        name=name,
-        default=default if isinstance(default, str) else _as_yaml(default),
-        kind=_kind(last, field),
-        sentence=_sentence(field.description),
+        name=f"{place}{name}",
+        default=default,
+        kind=_kind(name, model.model_fields[name]),
+        sentence=_sentence(sentences(model)[name]),
         basic=basic,
     )
 
