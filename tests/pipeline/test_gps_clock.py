@@ -30,6 +30,11 @@ def test_a_wrong_clock_is_found_where_the_fixes_bend_the_path_to_it(data_dir, lo
     solution, error_m = smoothed(data_dir, log, shift_s)
     assert abs(solution.sensors.time_offset_s - shift_s) < 3.0 * solution.sensors.time_offset_sigma_s < 0.1
     assert error_m < 0.25
+    speed_m_s = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1) / np.diff(
+        solution.t_s
+    )
+    along_m = solution.sensors.time_offset_sigma_s * np.median(speed_m_s)
+    assert np.median(np.linalg.norm(solution.sigma_position_m, axis=1)) > 0.7 * along_m
     assert sum(SAID in warning for warning in solution.warnings) == 1
 
 
@@ -40,3 +45,13 @@ def test_a_clock_that_is_right_or_must_not_be_estimated_is_left_alone(data_dir):
     held = Config(sensors=SensorsConfig(estimate_time_offset="no"))
     solution, _ = smoothed(data_dir, "gps_fix.nmea", 0.4, held)
     assert solution.sensors.time_offset_s == 0.0
+
+
+@pytest.mark.parametrize("shift_s", [-5.0, 3.1])
+def test_a_clock_that_is_wrong_by_seconds_is_found_and_the_run_begins_again(data_dir, shift_s):
+    """The path was torn to places 41 to 70 m off by such clocks, with standard deviations of a metre."""
+    solution, error_m = smoothed(data_dir, "gps_fix.nmea", shift_s)
+    assert abs(solution.sensors.time_offset_s - shift_s) < 0.1
+    assert error_m < 0.3
+    assert sum("the run began again" in warning for warning in solution.warnings) == 1
+    assert solution.config["sensors"]["time_offset_s"] == 0.0  # the settings are the user's

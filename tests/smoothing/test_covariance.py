@@ -206,3 +206,15 @@ def test_noise_errs_by_its_ratio():
         return np.sqrt(np.median(np.diagonal(drawn_covariances(problem, changed, 500, 1).poses[:, 3:, 3:])))
 
     assert sigma(40.0) == pytest.approx(2.0 * sigma(20.0), rel=0.1)
+
+
+def test_an_error_of_the_gps_clock_moves_all_poses_along_the_path():
+    problem, poses, sources = optimum()
+    moved_m = 0.4 * np.gradient(poses[:, :3, 3], axis=0)
+    known, late = (
+        drawn_covariances(problem, replace(sources, clock_m=clock_m), draws=2000, seed=1).poses[:, 3:, 3:]
+        for clock_m in (None, moved_m)
+    )
+    along = np.einsum("fji,fj->fi", poses[:, :3, :3], moved_m)
+    more = np.einsum("fi,fij,fj->f", along, late - known, along) / np.sum(along**2, axis=1) ** 2
+    assert np.median(more) == pytest.approx(1.0, abs=0.15) and more.min() > 0.5 and more.max() < 1.5

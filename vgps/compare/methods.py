@@ -13,6 +13,7 @@ from vgps.errors import TrajectoryError
 from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.pipeline.gps_clock import with_gps_clock
 from vgps.pipeline.offline import optimise_all
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
@@ -134,7 +135,7 @@ def front_ends(
         if method.model == "none":
             yield run_front_end(recording, config.with_gps("none"), progress), method
             continue
-        shared = shared or run_front_end(recording, config, progress)
+        shared = shared or with_gps_clock(run_front_end(recording, config, progress), config)
         yield shared, method
 
 

@@ -125,6 +125,11 @@ class SensorsConfig(SettingsModel):
         """Prior standard deviation of the rest of the time offset; 0 if it is not estimated."""
         return 0.0 if self.estimate_time_offset == "no" else self.time_offset_sigma_s
 
+    @property
+    def time_offset_reach_s(self) -> float:
+        """How far from the configured time offset its rest is searched."""
+        return self.time_offset.search_sigmas * self.time_offset_prior_s
+
 
 class MotionConfig(SettingsModel):
     """Random accelerations of the camera, assumed only where frames have no features of their own."""

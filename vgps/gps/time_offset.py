@@ -60,9 +60,8 @@ def update_time_offset(
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     if not prior.sigma_s:
         return sensors, ()
-    duration_s = float(np.ptp(fixes.t_s)) if len(fixes) else 0.0
-    spaced = _spaced(fixes, min(_SPACING_S, duration_s / _MIN_SPACINGS) or _SPACING_S)
-    pairs = neighbour_pairs(path, spaced, sensors.camera_p_antenna, prior, config.time_offset)
+    compared = spaced(fixes, spacing_s(fixes))
+    pairs = neighbour_pairs(path, compared, sensors.camera_p_antenna, prior, config.time_offset)
     best = best_time_offset(pairs, prior)
     change_s = abs(best.time_offset_s - prior.time_offset_s)
     observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
@@ -104,7 +103,7 @@ def likelier_time_offset(
     """
     prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
     pairs = neighbour_pairs(
-        path, _spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
+        path, spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
     )
     found = without_prior(best_time_offset(pairs, prior), prior)
     gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
@@ -125,9 +124,15 @@ def likelier_time_offset(
     )
 
 
-def _spaced(fixes: Fixes, spacing_s: float) -> Fixes:
+def spacing_s(fixes: Fixes) -> float:
+    """Return the seconds between the fixes that are compared."""
+    duration_s = float(np.ptp(fixes.t_s)) if len(fixes) else 0.0
+    return min(_SPACING_S, duration_s / _MIN_SPACINGS) or _SPACING_S
+
+
+def spaced(fixes: Fixes, interval_s: float) -> Fixes:
     """Return the first fix of each interval: errors of closer ones are alike, and would count too much."""
-    number = np.floor((fixes.t_s - fixes.t_s[:1]) / spacing_s + 0.5)  # the stamps of 1 Hz in the middle
+    number = np.floor((fixes.t_s - fixes.t_s[:1]) / interval_s + 0.5)  # the stamps of 1 Hz in the middle
     return fixes.where(np.flatnonzero(np.diff(number, prepend=-1.0)))
 
 

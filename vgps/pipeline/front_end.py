@@ -47,6 +47,8 @@ class FrontEnd:
         seconds: Wall seconds by stage.
         others: Maps of the other cameras of a rig.
         journal: Where stage D keeps its long steps.
+        clock_compared: Whether the GPS clock was compared with the video alone.
+        shown_time_offset_s: Time offset that the shape of the video's path shows; None if it shows none.
     """
 
     recording: Recording
@@ -62,6 +64,8 @@ class FrontEnd:
     seconds: Mapping[str, float]
     others: tuple[CameraMaps, ...] = ()
     journal: Journal | None = None
+    clock_compared: bool = False
+    shown_time_offset_s: float | None = None
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""

@@ -15,7 +15,7 @@ from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
-from vgps.pipeline.gps_clock import with_gps_clock
+from vgps.pipeline.gps_clock import far_time_offset, with_far_clock, with_gps_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
 from vgps.pipeline.loop_closure import optimise_loops
@@ -96,6 +96,9 @@ def _smoothed(
         progress.stage("from the first frame again, with the rolling shutter that was seen")
         rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
         return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
+    front_end, config = _with_clock(front_end, config, progress)
+    recording = front_end.recording
+    run = _Run(recording, config) if config is not run.config else run
     found = imu_agreement(front_end, config)
     if found.misled and found.contradiction is None:
         progress.stage("again with the IMU's clock as the video shows it")
@@ -115,23 +118,36 @@ def _smoothed(
     return optimise_all(front_end, config, progress), run
 
 
+def _with_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
+    """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again."""
+    compared = with_gps_clock(front_end, config)
+    far_s = far_time_offset(compared, config)
+    if far_s is None:
+        return compared, config
+    progress.stage("again with the GPS clock that the video shows")
+    recording, shifted = with_far_clock(front_end.recording, config, far_s)
+    again = with_gps_clock(run_front_end(recording, shifted, progress), shifted)
+    confirmed = again.shown_time_offset_s is not None and far_time_offset(again, shifted) is None
+    return (again, shifted) if confirmed else (compared, config)
+
+
 def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None = None) -> Solution:
     """Run stage D: merge the maps, optimise everything, close loops, and return the solution.
 
     Raises:
         GeometryError: No step lowers the cost.
     """
-    timer, context = StageTimer(), front_end.context(config)
+    front_end = with_gps_clock(front_end, config)
+    timer = StageTimer(dict(front_end.seconds))
     with one_blas_thread(), timer.measure("batch"):
-        merged = merged_maps(front_end, context)
-        front_end, merged = with_gps_clock(front_end, merged, config)
+        merged = merged_maps(front_end, front_end.context(config))
         merged = tie_to_ground(front_end, merged, config)
         front_end = _with_level_imu(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
         (batch, refined, readout), loops = optimise_loops(
             front_end, merged, fixes, config, progress or NoProgress()
         )
-    finished = replace(front_end, fixes=fixes, seconds={**front_end.seconds, **timer.by_stage})
+    finished = replace(front_end, fixes=fixes, seconds=timer.by_stage)
     solution = replace(_solution(finished, merged, batch, config), loops=loops)
     solution = with_camera_height(solution, merged, batch)
     if refined is not None:

@@ -107,7 +107,7 @@ def batch_result(
     after = solved.result.problem
     scene = solved.given.scene
     path = Trajectory(scene.t_s, after.world_T_camera)
-    covariance, warnings = _covariance(solved, context)
+    covariance, warnings = _covariance(solved, sensors, context)
     if not context.rough:
         warnings += lever_arm_warnings(solved.given, after)
     # an error common to all tracks leaves no residuals, but fixes then fit worse than their regions predict
@@ -159,7 +159,9 @@ def report_with_warnings(
     return report, tuple(warnings)
 
 
-def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covariances, tuple[str, ...]]:
+def _covariance(
+    solved: BatchSolution, sensors: Sensors, context: SmoothingContext
+) -> tuple[Covariances, tuple[str, ...]]:
     """Return the covariances at the optimum; NaN for a rough solution, or with a warning if undetermined."""
     config, gps = context.config, solved.built.gps
     unknown = Covariances(np.full((len(solved.given.scene.t_s), 6, 6), np.nan), {})
@@ -175,6 +177,7 @@ def _covariance(solved: BatchSolution, context: SmoothingContext) -> tuple[Covar
         drift=config.drift,
         inertial=imu_links(solved.built.other_factors),
         loop=solved.given.scene.loop,
+        clock_m=_clock_error(solved, sensors),
     )
     problem, batch = solved.result.problem, config.batch
 
@@ -199,6 +202,15 @@ def _variance_factor(
     fixes = gps.bounded.without_time_offset(sensors.time_offset_s - solved.given.sensors.time_offset_s)
     offset = antenna_offsets(fixes, path, sensors.camera_p_antenna)
     return variance_factor(batch, offset, fixes, gps.weight)
+
+
+def _clock_error(solved: BatchSolution, sensors: Sensors) -> FloatArray | None:
+    """Return how far (F, 3) the camera moves within a standard deviation of a time offset that was held."""
+    sigma_s, t_s = sensors.prior_time_offset.sigma_s, solved.given.scene.t_s
+    if not sigma_s or solved.given.sensors.prior_time_offset.sigma_s or len(t_s) < 2:
+        return None
+    position = solved.result.problem.world_T_camera[:, :3, 3]
+    return np.asarray(sigma_s * np.gradient(position, t_s, axis=0), np.float64)
 
 
 def _time_offset_sigma(covariance: Covariances, solved: Sensors, sensors: Sensors) -> FloatArray:

@@ -14,6 +14,8 @@ errs all the same. So the covariance is that of ``x = H^-1 J^T W e`` over draws 
 - the **video** drifts in scale and rotation, all tracks together, by a share of the random walk of the
   settings ``drift``: a deformation d of the path that leaves no residuals. Of it remains what the other
   factors, with the matrix G, do not take back: ``x = d - H^-1 G d``; loops are among the other factors;
+- the **GPS clock**, if its time offset is held at an estimate, has that estimate's error: all fixes are where
+  the camera was a little earlier or later;
 - the **calibration**, which all tracks share, has an error in focal length, principal point and radial
   distortion;
 - every other factor has an error of its sigma.
@@ -25,7 +27,6 @@ from typing import NamedTuple
 
 import gtsam
 import numpy as np
-from scipy import sparse
 
 from vgps.config import DriftConfig
 from vgps.gps.fix_errors import fix_errors
@@ -33,9 +34,10 @@ from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.camera_equations import held_coupling
+from vgps.smoothing.factor_jacobians import FactorJacobians
 from vgps.smoothing.loop_ties import loop_gradient
 from vgps.smoothing.track_scores import TrackScores, track_scores
-from vgps.smoothing.video_drift import drift_by_imu, drift_draws
+from vgps.smoothing.video_drift import drift_by_imu, drift_draws, moved_poses
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_values import all_pose_values
@@ -63,6 +65,8 @@ class ErrorSources:
         drift: Drift of the video.
         inertial: Preintegrated rates and forces, which are among the others; they show a drift.
         loop: (N,) number of the loop of each observation, -1 for those of tracks; None without loops.
+        clock_m: (F, 3) how far the camera moves within a standard deviation of the time offset; None if that
+            is known, or among the shared vectors.
     """
 
     gps: gtsam.NonlinearFactorGraph
@@ -74,6 +78,7 @@ class ErrorSources:
     drift: DriftConfig | None = None
     inertial: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     loop: IntArray | None = None
+    clock_m: FloatArray | None = None
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
@@ -97,7 +102,8 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
         at_once = draws if structure.submaps is None else _drawn_at_once(structure.n_free)
         camera = held_coupling(problem, linear, structure)
         tracks = track_scores(linear, structure, on_disk=at_once < draws)
-        jacobians = _FactorJacobians.of(problem, values, sources, structure)
+        graphs = (sources.others, sources.noise, sources.gps)
+        jacobians = FactorJacobians.of(problem, values, graphs, structure)
         system = _System(problem, values, structure, linear, factor, gradient, camera, tracks, jacobians)
         sources = replace(sources, drift=_shown_drift(system, sources))
         blocks: FloatArray = np.zeros((structure.n_free, POSE_DIM, POSE_DIM))
@@ -107,33 +113,6 @@ def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int,
             blocks += moved @ moved.transpose(0, 2, 1)
             shared += change @ change.T
     return split_covariances(problem, structure, blocks / draws, shared / draws)
-
-
-class _FactorJacobians(NamedTuple):
-    """Whitened Jacobians (rows, 6 n_free + shared) of the sources' factors, and of all of them together.
-
-    ``by_position`` (M, 3, 3) are those of the residuals of ``gps`` by the fixes' positions, up to the sign.
-    """
-
-    others: sparse.csr_array
-    noise: sparse.csr_array
-    gps: sparse.csr_array
-    by_position: FloatArray
-    stacked: sparse.csr_array
-
-    @classmethod
-    def of(
-        cls,
-        problem: BundleProblem,
-        values: gtsam.Values,
-        sources: ErrorSources,
-        structure: SparsityStructure,
-    ) -> "_FactorJacobians":
-        """Return those of a problem at these values."""
-        graphs = (sources.others, sources.noise, sources.gps)
-        others, noise, gps = (whitened_jacobian(problem, one, values, structure)[0] for one in graphs)
-        by_position = _residual_by_fix(problem, gps, sources, structure)
-        return cls(others, noise, gps, by_position, sparse.csr_array(sparse.vstack([others, noise, gps])))
 
 
 class _System(NamedTuple):
@@ -150,7 +129,7 @@ class _System(NamedTuple):
     gradient: FloatArray
     camera: FloatArray
     tracks: Iterable[TrackScores]
-    factors: _FactorJacobians
+    factors: FactorJacobians
 
 
 def _shown_drift(system: _System, sources: ErrorSources) -> DriftConfig | None:
@@ -185,6 +164,9 @@ def _moved_by_errors(
     right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((camera.shape[1], draws)))
     drift = drift_draws(problem, structure, sources.drift, draws, rng)
     right -= J.T @ (J[:, :size] @ drift)
+    if sources.clock_m is not None:
+        late = system.factors.moved_with_fixes(moved_poses(problem, structure, sources.clock_m))
+        right += np.outer(late, rng.standard_normal(draws))
     if sources.loop is not None:
         right[:size] -= loop_gradient(problem, sources.loop, structure, drift)
     shared: FloatArray = np.zeros((0, draws))
@@ -210,7 +192,7 @@ def _track_draws(system: _System, draws: int, rng: np.random.Generator) -> Float
 
 
 def _pose_factor_draws(
-    factors: _FactorJacobians, sources: ErrorSources, draws: int, rng: np.random.Generator
+    factors: FactorJacobians, sources: ErrorSources, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return gradients (6 n_free + shared, K) of drawn errors of all factors."""
     others, noise = factors.others, factors.noise
@@ -221,27 +203,3 @@ def _pose_factor_draws(
         whitened = factors.by_position @ fix_errors(sources.fixes, draws, rng)
         total += factors.gps.T @ whitened.reshape(-1, draws)
     return total
-
-
-def _residual_by_fix(
-    problem: BundleProblem, by_pose: sparse.csr_array, sources: ErrorSources, structure: SparsityStructure
-) -> FloatArray:
-    """Return the derivative (M, 3, 3) of the whitened residuals by the fixes' positions, up to the sign.
-
-    A common translation of both frames moves the antenna relative to the fix, so that the derivative is the
-    sum of the Jacobians by their translations; or it is the Jacobian by the offset.
-    """
-    result = np.zeros((sources.gps.size(), 3, 3))
-    for row in range(len(result)):
-        keys = [key for key in list(sources.gps.at(row).keys()) if key not in problem.shared]
-        offsets = [key for key in keys if key in problem.states]
-        keys = [key for key in keys if key not in problem.states]
-        if not keys:  # a bound of an offset
-            start = POSE_DIM * structure.states[offsets[0]]
-            result[row] = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
-        for frame in problem.frames_of(keys).tolist():
-            start = POSE_DIM * int(structure.free[frame]) + 3
-            if structure.free[frame] >= 0:
-                translation = by_pose[3 * row : 3 * row + 3, start : start + 3].toarray()
-                result[row] += translation @ problem.world_T_camera[frame, :3, :3].T
-    return result

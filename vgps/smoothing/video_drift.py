@@ -49,6 +49,15 @@ def drift_draws(
     return total.reshape(-1, draws)
 
 
+def moved_poses(problem: BundleProblem, structure: SparsityStructure, moved_m: FloatArray) -> FloatArray:
+    """Return the movement (6 n_free,) of poses by vectors (F, 3) in the world, in the poses' tangents."""
+    total = np.zeros((structure.n_free, POSE_DIM))
+    free = structure.free >= 0
+    in_camera = np.einsum("fji,fj->fi", problem.world_T_camera[:, :3, :3], moved_m)
+    total[structure.free[free], 3:] = in_camera[free]
+    return total.ravel()
+
+
 def drift_by_imu(
     problem: BundleProblem,
     structure: SparsityStructure,

@@ -1,0 +1,89 @@
+"""Clocks that are wrong by seconds: found where the path turns or brakes, and never where it does neither."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_at, trajectory
+
+from vgps.config import SensorsConfig
+from vgps.gps.clock_search import search_time_offset
+
+VIDEO_S = np.arange(0.0, 60.0, 0.1)
+ANTENNA = np.array([0.3, -0.9, 0.1])
+CONFIG = SensorsConfig()
+
+
+def street(t_s):
+    """Positions (N, 3) of a car that brakes, turns by 90 degrees, and drives on through a bend."""
+    fine = np.arange(-90.0, 150.0, 0.02)
+    speed = 9.0 - 6.0 * np.exp(-(((fine - 22.0) / 3.0) ** 2))
+    heading = np.radians(90.0) / (1.0 + np.exp(-(fine - 22.0) / 0.7)) - 0.4 * np.sin(fine / 9.0)
+    moved = 0.02 * np.cumsum(speed * np.exp(1j * heading))
+    return np.stack([np.interp(t_s, fine, moved.real), np.interp(t_s, fine, moved.imag), 0 * t_s], axis=1)
+
+
+def straight(t_s):
+    return np.stack([7.0 * t_s, 2.0 * t_s, 0 * t_s], axis=1)
+
+
+def circle(t_s):
+    return np.stack([20.0 * np.cos(0.3 * t_s), 20.0 * np.sin(0.3 * t_s), 0 * t_s], axis=1)
+
+
+def seen(place, scale=1.0, turned_deg=0.0):
+    """The camera's path as a video without fixes gives it: at its own place, scale and heading."""
+    turned = scale * np.exp(1j * np.radians(turned_deg))
+    moved = (place[:, 0] + 1j * place[:, 1]) * turned
+    return trajectory(np.stack([moved.real + 300.0, moved.imag, place[:, 2]], axis=1), VIDEO_S)
+
+
+def stamped(place_of, late_s, noise_m=0.02, seed=0, t_s=np.arange(0.3, 59.0)):  # noqa: B008
+    """Fixes whose stamps are later than their positions, by so much."""
+    noise = np.random.default_rng(seed).normal(0.0, noise_m, (len(t_s), 3))
+    fixes = replace(fixes_at(t_s, 2.4, 6.5), world_p_fix=place_of(t_s) + noise)
+    return replace(fixes, t_s=t_s + late_s)
+
+
+@pytest.mark.parametrize("late_s", [-21.0, -5.3, 0.0, 3.4, 18.0])
+def test_a_clock_is_found_whatever_the_scale_and_heading_of_the_video(late_s):
+    path = seen(street(VIDEO_S), scale=0.3, turned_deg=140.0)
+    found = search_time_offset(path, stamped(street, late_s), np.zeros(3), CONFIG)
+    assert found == pytest.approx(late_s, abs=0.15)
+
+
+def test_the_search_is_about_the_configured_offset():
+    config = SensorsConfig(time_offset_s=-3600.0)
+    found = search_time_offset(seen(street(VIDEO_S)), stamped(street, -3605.0), ANTENNA, config)
+    assert found == pytest.approx(-3605.0, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
+    fixes, rng = stamped(street, 6.0, noise_m=0.1, seed=seed), np.random.default_rng(100 + seed)
+    fixes.world_p_fix[::6] += rng.normal(0.0, 40.0, (len(fixes.t_s[::6]), 3))
+    found = search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG)
+    assert found is None or abs(found - 6.0) < 0.3
+
+
+@pytest.mark.parametrize("place_of", [straight, circle])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_motion_that_looks_the_same_at_all_times_shows_none(place_of, seed):
+    path = seen(place_of(VIDEO_S))
+    assert search_time_offset(path, stamped(place_of, 5.0, seed=seed), np.zeros(3), CONFIG) is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_fixes_of_another_motion_show_none(seed):
+    def another(t_s):
+        steps = np.random.default_rng(100 + seed).normal(0.0, 1.5, (len(t_s), 3))
+        return np.cumsum(steps, axis=0)
+
+    path = seen(street(VIDEO_S))
+    assert search_time_offset(path, stamped(another, 0.0, seed=seed), np.zeros(3), CONFIG) is None
+
+
+@pytest.mark.parametrize("count", [0, 1, 7])
+def test_a_few_fixes_show_none(count):
+    fixes = stamped(street, 4.0).where(np.arange(20, 20 + count))
+    assert search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None

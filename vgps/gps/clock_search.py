@@ -1,0 +1,123 @@
+"""A GPS clock that is wrong by seconds, found by the shape of the path.
+
+Displacements between neighbouring fixes are compared with those of the camera over the same time at every
+time offset, each at the best slowly changing scale and heading. A clock that is wrong by more than a turn
+lasts has no gradient to follow, so all offsets are tried; one counts if no other explains the fixes nearly
+as well.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from vgps.config import SensorsConfig, TimeOffsetConfig
+from vgps.gps.fixes import Fixes, place
+from vgps.gps.neighbour_pairs import ComplexArray, Knots
+from vgps.gps.time_offset import min_gain, spaced, spacing_s
+from vgps.model import FloatArray
+from vgps.solution import Trajectory
+
+_REACH_S = 60.0  # to either side: more than a wrong clock mostly is, GPS time without leap seconds included
+_STEP_S = 0.2  # a fraction of the time that a turn takes
+_MIN_PAIRS = 8
+_MIN_SHARE = 0.5  # of the pairs that the best overlap has
+_REWEIGHTINGS = 4
+_MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
+_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
+_LEAST_SHARE = 1e-6  # likewise
+_WIDTH = 2.0  # Cauchy's constant, in spreads
+
+
+class _Misfit(NamedTuple):
+    """Lengths (n,) of what is left of the fixes' displacements at a time offset, over those themselves."""
+
+    left: FloatArray
+    degrees_of_freedom: int
+
+    @property
+    def share(self) -> float:
+        """Share of the motion that is left; a wrong fix counts as no motion."""
+        return float(np.mean(np.minimum(self.left, 1.0) ** 2)) if len(self.left) else np.inf
+
+
+def search_time_offset(
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
+) -> float | None:
+    """Return the time offset that the motion shows beyond doubt; None if it shows none.
+
+    The fixes may be far off the path: neither its place, nor its scale, nor its heading counts.
+
+    Wrong fixes make it less sure, so that a log with many of them shows none.
+
+    Args:
+        path: Of the video alone, level; every scale and heading will do.
+        fixes: Fixes at the times of their time stamps, outliers among them.
+        camera_p_antenna: (3,) metres.
+        config: How far around an offset others are taken for the same, and how sure it must be.
+    """
+    antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
+    seen = _Seen(path.t_s, antenna[:, 0] + 1j * antenna[:, 1])
+    chosen = spaced(fixes, spacing_s(fixes))
+    offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
+    found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
+    pairs = np.array([len(one.left) for one in found])
+    overlapping = pairs >= max(_MIN_PAIRS, _MIN_SHARE * pairs.max())
+    share = np.where(overlapping, [one.share for one in found], np.inf)
+    best = int(np.argmin(share))
+    reach_s = config.time_offset_reach_s
+    others = share[overlapping & (np.abs(offsets_s - offsets_s[best]) > reach_s)]
+    if not len(others):
+        return None
+    freedom, tried = found[best].degrees_of_freedom, 1.0 + len(others) * _STEP_S / reach_s
+    # an F-test of one parameter: by how much any other offset explains the fixes less well
+    worse = float(others.min()) / max(float(share[best]), _LEAST_SHARE) - 1.0
+    significant = worse * freedom > min_gain(config.significance_sigmas, freedom, tried)
+    return round(float(offsets_s[best]), 1) if significant else None
+
+
+class _Seen(NamedTuple):
+    """The antenna (F,) in the plane at the times of the frames (F,), as the camera moved it."""
+
+    t_s: FloatArray
+    antenna: ComplexArray
+
+
+def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig) -> _Misfit:
+    """Return what the camera's displacements leave of those of the fixes within the video."""
+    t_s = fixes.t_s - offset_s
+    inside = (t_s >= seen.t_s[0]) & (t_s <= seen.t_s[-1])
+    rows = np.flatnonzero(inside[:-1] & inside[1:] & (np.diff(t_s) <= config.max_pair_s))
+    if len(rows) < _MIN_PAIRS:
+        return _Misfit(np.zeros(0), 0)
+    camera = np.diff(np.interp(t_s, seen.t_s, seen.antenna))[rows]
+    wanted = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[rows]
+    knots_s = np.linspace(t_s[rows[0]], t_s[rows[-1]], 2 + int(np.ptp(t_s[rows]) / config.knot_s))
+    knots = Knots(place(knots_s, t_s[rows]), len(knots_s))
+    difference = _difference(camera, wanted, knots, config.factor_sigma)
+    length = np.abs(wanted)
+    bound = max(float(np.median(length)), _MIN_SPREAD_M)
+    moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), _MIN_SPREAD_M)
+    return _Misfit(np.abs(difference) / moved, 2 * len(rows) - 2 * knots.count - 1)
+
+
+def _difference(
+    camera: ComplexArray, wanted: ComplexArray, knots: Knots, factor_sigma: float
+) -> ComplexArray:
+    """Return the differences (n,) at the best factor in common and its changes at the knots, reweighted."""
+    weight: FloatArray = np.ones(len(camera))
+    difference = wanted
+    for _ in range(_REWEIGHTINGS):
+        common = complex(np.vdot(camera, weight * wanted)) / max(float(weight @ np.abs(camera) ** 2), 1e-12)
+        prior = (_spread(camera * common - wanted) / (factor_sigma * max(abs(common), 1e-6))) ** 2
+        band = knots.normal_band(weight * np.abs(camera) ** 2)
+        band[1] += prior
+        right = knots.sums(weight * camera.conj() * wanted) + prior * common
+        factor = np.asarray(solveh_banded(band, right), np.complex128)
+        difference = camera * knots.interpolated(factor) - wanted
+        weight = 1.0 / (1.0 + np.abs(difference / (_WIDTH * _spread(difference))) ** 2)
+    return difference
+
+
+def _spread(difference: ComplexArray) -> float:
+    return max(float(np.median(np.abs(difference))) / _MEDIAN, _MIN_SPREAD_M)
