@@ -129,7 +129,7 @@ def test_a_table_quotes_one_result_and_quotes_it_faithfully(file, paragraph, tab
     measured = np.array(numbers(found["rows"]) + numbers(found["summary"]))
     for line in table.splitlines()[2:]:
         for cell in line.split("|")[2:-1]:
-            for word in re.findall(r"\d+\.\d+", cell):
+            for word in re.findall(r"(?<![\d.])-?\d+\.\d+", cell):
                 digits = len(word.partition(".")[2])
                 assert np.isclose(np.round(measured, digits), float(word), atol=1e-9).any(), (cell, name)
 
