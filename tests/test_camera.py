@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -29,6 +30,15 @@ def grid(camera: Camera) -> np.ndarray:
 def test_every_pixel_comes_back(camera):
     flat = undistort(camera, grid(camera))
     np.testing.assert_allclose(distort(camera, flat), grid(camera), atol=1e-6)
+
+
+@pytest.mark.parametrize("camera", [CV4, CV5, CV8], ids=["4", "5", "8"])
+def test_distortion_is_that_of_opencv(camera):
+    flat = grid(PINHOLE)
+    rays = np.column_stack([flat, np.ones(len(flat))]) @ np.linalg.inv(camera.K).T
+    expected, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera.K, np.array(camera.distortion))
+    inside = np.hypot(*rays[:, :2].T) < turning_radius(camera)
+    np.testing.assert_allclose(distort(camera, flat)[inside], expected[inside, 0], rtol=0, atol=1e-9)
 
 
 @over_cameras

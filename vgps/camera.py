@@ -177,14 +177,23 @@ def _undistort_opencv(camera: Camera, uv: FloatArray) -> FloatArray:
 
 
 def _distort_rays(camera: Camera, rays: FloatArray) -> FloatArray:
+    """Return the distorted pixels (N, 2) of rays (x / z, y / z), by OpenCV's models."""
     coefficients = np.array(camera.distortion, np.float64)
     if camera.model == "fisheye":
         return np.asarray(
             cv2.fisheye.distortPoints(rays[:, None], camera.K, coefficients), np.float64
         ).reshape(-1, 2)
-    points = np.column_stack([rays, np.ones(len(rays))])
-    uv, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.K, coefficients)
-    return np.asarray(uv, np.float64).reshape(-1, 2)
+    # by hand: OpenCV computes the derivatives too, which takes several times as long
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
+    x, y = np.ascontiguousarray(rays.T)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        q, xy = x * x + y * y, 2.0 * x * y
+        factor = 1.0 + q * (k1 + q * (k2 + q * k3))
+        if k4 or k5 or k6:
+            factor /= 1.0 + q * (k4 + q * (k5 + q * k6))
+        u = x * factor + p1 * xy + p2 * (q + 2.0 * x * x)
+        v = y * factor + p1 * (q + 2.0 * y * y) + p2 * xy
+    return np.stack([camera.fx * u + camera.cx, camera.fy * v + camera.cy], axis=1)
 
 
 def _radial_slope(camera: Camera) -> np.polynomial.Polynomial:

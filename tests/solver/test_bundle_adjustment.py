@@ -21,6 +21,7 @@ from synthetic_states import drive_with_states
 
 from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import SolverSettings, solve
+from vgps.solver.cost import cost_terms
 from vgps.solver.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
 
@@ -52,6 +53,8 @@ def test_minimum_is_that_of_gtsam(case: str) -> None:
     cost = [graph.error(to_graph(end.problem)[1]) for end in (result, reference)]
     assert cost[0] == pytest.approx(cost[1], rel=1e-8)
     assert sum(result.report.cost_after.values()) == pytest.approx(cost[0], rel=1e-12)
+    assert result.report.cost_before == pytest.approx(cost_terms(problem), rel=1e-12)
+    assert result.report.cost_after == pytest.approx(cost_terms(result.problem), rel=1e-9)
     np.testing.assert_allclose(
         result.problem.world_T_camera, reference.problem.world_T_camera, rtol=0, atol=1e-6
     )

@@ -8,12 +8,15 @@ from synthetic_bundle import TIGHT, drive, held_frames, keep_observations, total
 
 from vgps.solver import levenberg_marquardt
 from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, Termination, minimise
 from vgps.solver.problem import BundleProblem
 
 
 def run(problem: BundleProblem, settings: SolverSettings = TIGHT) -> tuple[BundleProblem, Termination]:
-    return minimise(problem, analyse_sparsity(problem), settings)
+    structure = analyse_sparsity(problem)
+    best, end = minimise(iterate_at(problem, structure), structure, settings)
+    return best.problem, end
 
 
 def poses_only(graph: gtsam.NonlinearFactorGraph, frames: int = 1) -> BundleProblem:

@@ -139,9 +139,8 @@ def report_with_warnings(
     """Return the costs of the last problem at the start and the end of stage D, and warnings."""
     after, reason = result.problem, result.report.stop_reason
     before = cost_terms(replace(after, world_T_camera=start.poses, world_p_landmark=start.points))
-    cost_after = cost_terms(after)
     warnings: list[str] = []
-    total_before, total_after = sum(before.values()), sum(cost_after.values())
+    total_before, total_after = sum(before.values()), sum(result.report.cost_after.values())
     if total_after > total_before:
         warnings += [
             f"stage D raised the cost from {total_before:.6g} to {total_after:.6g} when it removed outliers: "
@@ -155,7 +154,7 @@ def report_with_warnings(
         ]
     if not result.converged:
         warnings += [f"stage D did not converge ({reason}): the poses may improve with more batch.iterations"]
-    report = replace(result.report, cost_before=before, cost_after=cost_after, iterations=iterations)
+    report = replace(result.report, cost_before=before, iterations=iterations)
     return report, tuple(warnings)
 
 

@@ -26,6 +26,7 @@ from vgps.smoothing.rig_views import RigViews, observation_lenses, observation_t
 from vgps.solution import Observations, Trajectory
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
 from vgps.solver.disk_arrays import DiskArrays
+from vgps.solver.integer_sets import numbered
 from vgps.solver.problem import BundleProblem
 
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
@@ -101,7 +102,7 @@ def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations)
     log = local_map.observations(first)
     known = np.isfinite(local_map.points[log.landmark, 0])
     known &= np.isfinite(local_map.poses[log.frame - local_map.first_frame, 0, 0])
-    ids, row = np.unique(log.landmark[known], return_inverse=True)
+    ids, row = numbered(log.landmark[known])
     observations = Observations(log.frame[known] - first, row, log.uv_px[known])
     constraints = tuple(
         ZeroMotion(held.frame - first, held.reference - first, held.reference_T_frame, held.sigma)

@@ -15,6 +15,7 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Observations, Trajectory
+from vgps.solver.integer_sets import distinct
 
 _STRETCH_M = 10.0  # of the path, with a plane of its own
 _LONGEST_STEP_S = 10.0  # from frame to frame: beyond it the camera was elsewhere in between
@@ -85,7 +86,7 @@ def _stretches(path: Trajectory, seen: Observations) -> Iterator[tuple[IntArray,
     begins = np.flatnonzero(np.diff(stretch, prepend=-1.0))
     for begin, end in pairwise([*begins.tolist(), len(centres)]):
         rows = slice(*np.searchsorted(frame, [begin, end]))
-        yield np.arange(begin, end), np.unique(landmark[rows])
+        yield np.arange(begin, end), distinct(landmark[rows])
 
 
 class _Section(NamedTuple):

@@ -27,6 +27,7 @@ from vgps.solution import Observations
 from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import analyse_sparsity
 from vgps.solver.gtsam_values import all_pose_values
+from vgps.solver.integer_sets import distinct
 from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
 
@@ -156,7 +157,7 @@ def refine_camera(
 
 def thinned(scene: Scene, every: int) -> Scene:
     """Return the scene with one in ``every`` of the frames that have observations."""
-    frames = np.unique(scene.observations.frame)[::every]
+    frames = distinct(scene.observations.frame)[::every]
     row_of = np.full(len(scene.t_s), -1)
     row_of[frames] = np.arange(len(frames))
     few = scene.with_observations(row_of[scene.observations.frame] >= 0)

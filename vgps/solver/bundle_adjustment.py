@@ -18,6 +18,7 @@ from vgps.solution import SolverReport, SubmapReport
 from vgps.solver.cost import cost_terms
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_backend import solve_with_gtsam
+from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.problem import BundleProblem
 
@@ -64,28 +65,37 @@ def solve(
     """
     settings = settings or SolverSettings()
     begin = time.perf_counter()
-    before = cost_terms(problem)
-    if not np.isfinite(sum(before.values())):
-        raise GeometryError(
-            f"the cost at the start is not finite ({_list_terms(before)})",
-            expected="poses near enough for every factor",
-            remedy="start from better poses, or raise the wall's exponent in stages",
-        )
     structure = analyse_sparsity(problem) if solver == "schur" else None
     if structure is not None and structure.fits(settings.max_flops, settings.max_bytes):
         with one_blas_thread():
-            solved, end = minimise(problem, structure, settings)
+            start = iterate_at(problem, structure)
+            _check_finite(before := start.cost_terms)
+            best, end = minimise(start, structure, settings)
+        solved, after = best.problem, best.cost_terms
     else:
         solver, structure = "gtsam", None
+        _check_finite(before := cost_terms(problem))
         solved, end = solve_with_gtsam(problem, settings)
+        after = cost_terms(solved)
     return BundleResult(
         problem=solved,
-        report=SolverReport(before, cost_terms(solved), end.iterations, end.reason, _submaps(structure)),
+        report=SolverReport(before, after, end.iterations, end.reason, _submaps(structure)),
         solver=solver,
         converged=end.converged,
         stuck=end.stuck,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _check_finite(cost: Mapping[str, float]) -> None:
+    """Raise an error unless the cost at the start, by its terms, is finite."""
+    if not np.isfinite(sum(cost.values())):
+        terms = ", ".join(f"{name} {value:.4g}" for name, value in cost.items())
+        raise GeometryError(
+            f"the cost at the start is not finite ({terms})",
+            expected="poses near enough for every factor",
+            remedy="start from better poses, or raise the wall's exponent in stages",
+        )
 
 
 def _submaps(structure: SparsityStructure | None) -> SubmapReport | None:
@@ -96,7 +106,3 @@ def _submaps(structure: SparsityStructure | None) -> SubmapReport | None:
     return SubmapReport(
         tuple(np.diff(layout.first).tolist()), tuple(layout.separator.tolist()), peak_memory_mb()
     )
-
-
-def _list_terms(cost: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in cost.items())

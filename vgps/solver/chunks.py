@@ -15,6 +15,7 @@ from vgps.runtime.threads import map_in_order
 from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.block_layout import BLOCK_FRAMES
 from vgps.solver.disk_arrays import DiskArrays, stored
+from vgps.solver.integer_sets import distinct, numbered
 from vgps.solver.landmark_groups import split_between_groups
 from vgps.solver.problem import BundleProblem
 
@@ -185,7 +186,7 @@ def _on_disk(chunk: Chunk, arrays: DiskArrays) -> Chunk:
 def _chunk(problem: BundleProblem, free: IntArray, group: IntArray, rows: IntArray) -> Chunk:
     rows = rows[np.argsort(problem.frame[rows], kind="stable")]  # so that sums by frame run along memory
     part = problem.select_observations(rows)
-    landmarks, landmark = np.unique(part.landmark, return_inverse=True)
+    landmarks, landmark = numbered(part.landmark)
     coupled = couple(part, landmark)
     free_rows = np.flatnonzero(free[coupled.frame] >= 0)
     at = free[coupled.frame[free_rows]]
@@ -217,15 +218,15 @@ def _lay_out_groups(
     """
     if not len(frame):
         return (), np.zeros((0, 3), dtype=np.int64)
-    _, group = np.unique(group[np.unique(landmark)], return_inverse=True)
-    _, landmark = np.unique(landmark, return_inverse=True)
+    landmarks, landmark = numbered(landmark)
+    _, group = numbered(group[landmarks])
     members = np.bincount(group)  # landmarks of each group
     rank = np.empty_like(group)  # of each landmark in its group
     before = np.repeat(np.cumsum(members) - members, members)
     rank[np.argsort(group, kind="stable")] = np.arange(len(group)) - before
     base = int(frame.max()) + 1
     of = group[landmark]
-    pairs = _without_short_gaps(np.unique(of * base + frame), base, free)
+    pairs = _without_short_gaps(distinct(of * base + frame), base, free)
     pair = np.searchsorted(pairs, of * base + frame)
     first = np.searchsorted(pairs, np.arange(len(members) + 1) * base)
     groups: list[LandmarkGroup] = []

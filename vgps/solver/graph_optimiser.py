@@ -14,6 +14,7 @@ from vgps.solver.bundle_adjustment import Solver
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.graph_reading import NotABundleError, is_pose, read_graph
 from vgps.solver.gtsam_backend import optimise_with_gtsam
+from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.marginals import marginal_covariances
 
@@ -79,8 +80,8 @@ def optimise_graph(
     else:
         fallback_reason = ""
         with one_blas_thread():
-            solved, end = minimise(bundle.problem, structure, settings)
-        result = bundle.values_of(solved)
+            best, end = minimise(iterate_at(bundle.problem, structure), structure, settings)
+        result = bundle.values_of(best.problem)
     return GraphResult(
         values=result,
         error_before=before,

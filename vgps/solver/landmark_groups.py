@@ -9,6 +9,7 @@ import numpy as np
 
 from vgps.model import IntArray
 from vgps.solver.block_layout import BLOCK_FRAMES
+from vgps.solver.integer_sets import numbered
 
 _QUARTER = BLOCK_FRAMES // 4
 _WORTH_A_GROUP = 60  # landmarks with which a group of its own saves more than it costs
@@ -48,7 +49,7 @@ def group_by_track(first: IntArray, last: IntArray) -> tuple[int, IntArray]:
     exponent = np.ceil(np.log2(np.maximum(length, 8))).astype(np.int64)
     code = np.full(len(last), -1)
     code[tracked] = exponent * (last.max(initial=0) + 1) + first[tracked] // 2 ** (exponent - 2)
-    _, group = np.unique(np.append(code, -1), return_inverse=True)
+    _, group = numbered(np.append(code, -1))
     return int(length.max(initial=0)), group[:-1]
 
 

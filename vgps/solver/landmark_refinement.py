@@ -16,6 +16,7 @@ from vgps.runtime.threads import map_in_order
 from vgps.solver.chunks import CHUNK_OBSERVATIONS, Chunk, couple
 from vgps.solver.cost import observation_costs, view_poses
 from vgps.solver.elimination import SparsityStructure
+from vgps.solver.integer_sets import numbered
 from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import factorise_landmarks
@@ -132,7 +133,7 @@ def refine_landmarks(
 
 def _refined(problem: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the observed landmarks (m,), their refined points (m, 3) and costs (2, m) before and after."""
-    landmarks, landmark = np.unique(problem.landmark, return_inverse=True)
+    landmarks, landmark = numbered(problem.landmark)
     points = problem.world_p_landmark[landmarks]
     if not len(points):
         return landmarks, points, np.zeros((2, 0))

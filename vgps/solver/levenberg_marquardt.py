@@ -3,16 +3,12 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import gtsam
 import numpy as np
 
-from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
+from vgps.solver.band_matrix import NotPositiveDefiniteError
 from vgps.solver.elimination import SparsityStructure
-from vgps.solver.gtsam_values import all_pose_values, vectors_at
-from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
+from vgps.solver.iterate import Iterate, Step, retract
 from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.problem import BundleProblem
 from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 LIGHT_DAMPING = 1e-2
@@ -74,69 +70,42 @@ class Termination:
     stuck: bool = False
 
 
-@dataclass(frozen=True)
-class _Iterate:
-    """A problem at its current values, all but its landmarks as GTSAM values, its cost, its anchor frames."""
-
-    problem: BundleProblem
-    values: gtsam.Values
-    cost: float
-    anchor: IntArray
-
-
-@dataclass(frozen=True)
-class _Step:
-    """Steps of poses and states (6 n_free,), landmarks (L, 3) and shared vectors (s,).
-
-    ``predicted`` is the decrease of the cost in the linear model.
-    """
-
-    reduced: FloatArray
-    landmarks: FloatArray
-    shared: FloatArray
-    predicted: float
-
-
 class _SearchResult(NamedTuple):
     """An iterate of lower cost, or the same one if none was found, and the damping that led there.
 
     ``at_minimum`` says that a lightly damped step predicted a decrease below the tolerance.
     """
 
-    iterate: _Iterate
+    iterate: Iterate
     damping: float
     at_minimum: bool
 
 
 def minimise(
-    problem: BundleProblem, structure: SparsityStructure, settings: SolverSettings
-) -> tuple[BundleProblem, Termination]:
+    start: Iterate, structure: SparsityStructure, settings: SolverSettings
+) -> tuple[Iterate, Termination]:
     """Minimise the cost by Levenberg-Marquardt.
 
     Args:
-        problem: The start, of finite cost.
+        start: The start, of finite cost.
         structure: Structure of the problem.
         settings: Stopping criteria and damping.
     """
-    values = all_pose_values(problem)
-    (video,) = landmark_costs(problem, structure, problem.world_p_landmark)
-    cost = float(video.sum()) + float(problem.pose_graph.error(values))
-    iterate = _Iterate(problem, values, cost, anchor_frames(problem))
-    damping, small_steps = settings.lambda_start, 0
+    iterate, damping, small_steps = start, settings.lambda_start, 0
     for iteration in range(settings.max_iterations):
         better, used, at_minimum = _search(iterate, structure, damping, settings)
         decrease = iterate.cost - better.cost
         if at_minimum:
-            return better.problem, _converged(iteration, decrease)
+            return better, _converged(iteration, decrease)
         if better is iterate:
             reason = f"no step lowers the cost, with a damping of up to {used:.0e}"
-            return iterate.problem, Termination(iteration, reason, stuck=iteration == 0)
+            return iterate, Termination(iteration, reason, stuck=iteration == 0)
         small_steps = small_steps + 1 if decrease <= settings.tolerance(iterate.cost) else 0
         iterate, damping = better, max(used / settings.lambda_factor, settings.lambda_min)
         if small_steps == _MAX_SMALL_STEPS or (small_steps and used <= LIGHT_DAMPING):
-            return iterate.problem, _converged(iteration + 1, decrease)
+            return iterate, _converged(iteration + 1, decrease)
     reason = f"stopped after {settings.max_iterations} iterations"
-    return iterate.problem, Termination(settings.max_iterations, reason)
+    return iterate, Termination(settings.max_iterations, reason)
 
 
 def _converged(iterations: int, decrease: float) -> Termination:
@@ -145,7 +114,7 @@ def _converged(iterations: int, decrease: float) -> Termination:
 
 
 def _search(
-    iterate: _Iterate, structure: SparsityStructure, damping: float, settings: SolverSettings
+    iterate: Iterate, structure: SparsityStructure, damping: float, settings: SolverSettings
 ) -> _SearchResult:
     """Raise the damping until a step lowers the cost."""
     linear = linearise(iterate.problem, iterate.values, structure)
@@ -163,7 +132,7 @@ def _search(
     return _SearchResult(iterate, used, False)
 
 
-def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: float) -> _Step | None:
+def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: float) -> Step | None:
     """Return the step of the damped normal equations; None if they are not positive definite."""
     matrix, gradient = reduce_to_poses(linear, structure, damping)
     try:
@@ -178,12 +147,12 @@ def _solve_step(linear: Linearisation, structure: SparsityStructure, damping: fl
         step = landmarks[:, part.chunk.landmarks]
         slope += float(np.sum(part.gradient * step))
         damped += float(np.sum(part.diagonal * step**2))
-    return _Step(reduced, landmarks.T, shared, 0.5 * (damping * damped - slope))
+    return Step(reduced, landmarks.T, shared, 0.5 * (damping * damped - slope))
 
 
 def _line_search(
-    iterate: _Iterate, structure: SparsityStructure, step: _Step, settings: SolverSettings
-) -> _Iterate | None:
+    iterate: Iterate, structure: SparsityStructure, step: Step, settings: SolverSettings
+) -> Iterate | None:
     """Return the best iterate along the step; None if the cost does not fall enough.
 
     Penalty walls and robust losses are far from quadratic: where the actual decrease is far below the
@@ -193,7 +162,7 @@ def _line_search(
         return None
     best = iterate
     for fraction in _STEP_FRACTIONS:
-        trial = _retract(iterate, structure, step, fraction)
+        trial = retract(iterate, structure, step, fraction)
         if trial.cost < best.cost:  # false of NaN
             best = trial
         if iterate.cost - best.cost >= _POOR_GAIN_RATIO * step.predicted:
@@ -202,7 +171,7 @@ def _line_search(
     return best if accepted else None
 
 
-def _further(iterate: _Iterate, better: _Iterate, structure: SparsityStructure, step: _Step) -> _Iterate:
+def _further(iterate: Iterate, better: Iterate, structure: SparsityStructure, step: Step) -> Iterate:
     """Return the better iterate, or a still better one beyond it if the full step falls far short.
 
     Where a robust loss flattens, the model overestimates the curvature, and up to dozens of short steps, each
@@ -211,40 +180,8 @@ def _further(iterate: _Iterate, better: _Iterate, structure: SparsityStructure, 
     if iterate.cost - better.cost <= _RICH_GAIN_RATIO * step.predicted:
         return better
     for multiple in _STEP_MULTIPLES:
-        trial = _retract(iterate, structure, step, multiple)
+        trial = retract(iterate, structure, step, multiple)
         if not trial.cost < better.cost:
             break
         better = trial
     return better
-
-
-def _retract(iterate: _Iterate, structure: SparsityStructure, step: _Step, fraction: float) -> _Iterate:
-    """Return the iterate after a fraction of a step."""
-    before, delta = iterate.problem, gtsam.VectorValues()
-    moves, reduced = structure.free >= 0, fraction * step.reduced
-    for key, pose_step in zip(before.keys[moves].tolist(), structure.to_frames(reduced)[moves], strict=True):
-        delta.insert(key, pose_step)
-    for key, place in structure.states.items():
-        start = POSE_DIM * place
-        delta.insert(key, reduced[start : start + len(before.states[key].vector)])
-    at = 0
-    for key in sorted(before.shared):
-        size = len(before.shared[key])
-        delta.insert(key, fraction * step.shared[at : at + size])
-        at += size
-    values = iterate.values.retract(delta)
-    problem = before.moved(_poses(values, before), before.world_p_landmark, *vectors_at(values, before))
-    landmarks, video = step_landmarks(problem, before, iterate.anchor, fraction * step.landmarks, structure)
-    problem = problem.moved(problem.world_T_camera, landmarks)
-    return _Iterate(problem, values, video + float(problem.pose_graph.error(values)), iterate.anchor)
-
-
-def _poses(values: gtsam.Values, before: BundleProblem) -> FloatArray:
-    """Return the poses (F, 4, 4) of the values; held poses stay unchanged to the last bit."""
-    rows = np.empty((len(before.world_T_camera), 12))
-    rows[np.argsort(before.keys)] = gtsam.utilities.extractPose3(values)  # in ascending order of keys
-    world_T_camera = before.world_T_camera.copy()
-    free = ~before.fixed_frames
-    world_T_camera[free, :3, :3] = rows[free, :9].reshape(-1, 3, 3)
-    world_T_camera[free, :3, 3] = rows[free, 9:]
-    return world_T_camera
