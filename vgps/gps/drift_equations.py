@@ -95,9 +95,11 @@ class DriftEquations:
             gradient: (K - 1, 11) of the priors.
             time_prior: The same two of the time offset, which is held without them.
         """
-        hessian = hessian + self._sums(self.J.swapaxes(1, 2) @ self.J)
-        gradient = gradient + self._sums(np.einsum("mia,mi->ma", self.J, self.r))
-        by_time = self._sums(np.einsum("mia,mi->ma", self.J, self.J_time))
+        columns = self.J.swapaxes(1, 2)  # (M, 11, 3)
+        whole = np.concatenate([self.J, self.r[:, :, None], self.J_time[:, :, None]], axis=2)
+        sums = self._sums(columns @ whole)
+        hessian = hessian + sums[:, :, :INTERVAL_DIM]
+        gradient, by_time = gradient + sums[:, :, INTERVAL_DIM], sums[:, :, INTERVAL_DIM + 1]
         solution = self._solve(hessian, np.stack([gradient, by_time], axis=2))
         if time_prior is None:
             return -solution[:, :, 0], 0.0
@@ -108,8 +110,9 @@ class DriftEquations:
 
     def _sums(self, values: FloatArray) -> FloatArray:
         """Return sums (K - 1, ...) over the fixes (M, ...) of each interval."""
-        entries = np.ones(len(values)), (self.interval, np.arange(len(values)))
-        of_interval = sparse.csr_array(entries, shape=(len(self.across), len(values)))
+        count, order = len(values), np.argsort(self.interval, kind="stable")
+        begins = np.searchsorted(self.interval[order], np.arange(len(self.across) + 1))
+        of_interval = sparse.csr_array((np.ones(count), order, begins), shape=(len(self.across), count))
         sums = of_interval @ values.reshape(len(values), -1)
         return np.asarray(sums).reshape(-1, *values.shape[1:])
 

@@ -35,6 +35,17 @@ class Loss:
     width: float
 
 
+@dataclass(frozen=True)
+class _Candidate:
+    """Parameters, the path (F, 4, 4) corrected by them, its frames around the fixes, and antenna minus fix
+    (M, 3)."""
+
+    parameters: FloatArray
+    path: FloatArray
+    placement: Placement
+    offset: FloatArray
+
+
 class DriftModel:
     """Drift of a path: scale and rotation of its steps, interpolated between knots that form a random walk.
 
@@ -99,13 +110,13 @@ class DriftModel:
 
     def offsets(self, parameters: FloatArray) -> FloatArray:
         """Return antenna minus fix (M, 3), metres."""
-        return self._offsets(self.corrected(parameters)[0], self._placement(parameters))
+        return self._at(parameters).offset
 
-    def _placement(self, parameters: FloatArray) -> Placement:
-        return place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
-
-    def _offsets(self, corrected: FloatArray, placement: Placement) -> FloatArray:
-        return antenna_at(corrected, placement, self._antenna) - self._fixes.world_p_fix
+    def _at(self, parameters: FloatArray) -> "_Candidate":
+        path, _ = self.corrected(parameters)
+        placement = place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
+        offset = antenna_at(path, placement, self._antenna) - self._fixes.world_p_fix
+        return _Candidate(parameters, path, placement, offset)
 
     def fit(self, parameters: FloatArray, loss: Loss) -> FloatArray:
         """Return the parameters that minimise ``sum rho(|offset / region|) + sum |change per knot /
@@ -113,20 +124,21 @@ class DriftModel:
 
         Iteratively reweighted Gauss-Newton; a step that does not lower the cost is halved.
         """
-        cost = self._cost(parameters, loss)
+        best = self._at(parameters)
+        cost = self._cost(best, loss)
         for _ in range(self._config.iterations):
-            step = self._step(parameters, loss)
+            step = self._step(best, loss)
             for halving in range(_HALVINGS):
-                trial = parameters + step * 0.5**halving
+                trial = self._at(best.parameters + step * 0.5**halving)
                 trial_cost = self._cost(trial, loss)
                 if trial_cost < cost:
                     break
             else:
-                return parameters
-            parameters, before, cost = trial, cost, trial_cost
+                return best.parameters
+            best, before, cost = trial, cost, trial_cost
             if before - cost < _MIN_DECREASE * cost:
                 break
-        return parameters
+        return best.parameters
 
     def fit_coarse_to_fine(self, rows: BoolArray, finest_m: float) -> FloatArray:
         """Fit fixes with regions as large as the error of the path, then with ever smaller ones.
@@ -151,7 +163,7 @@ class DriftModel:
 
     def cost(self, parameters: FloatArray, rows: BoolArray, regions: FloatArray) -> float:
         """Return the cost that :meth:`refine` minimises."""
-        return self._cost(parameters, Loss(regions, rows, self._config.robust_regions))
+        return self._cost(self._at(parameters), Loss(regions, rows, self._config.robust_regions))
 
     def regions(self, coarse_m: float = 0.0) -> FloatArray:
         """Return the sizes (M, 3) of the fixes' regions, enlarged by ``coarse_m``."""
@@ -178,22 +190,21 @@ class DriftModel:
         drift = parameters[_KNOTS:].reshape(-1, DRIFT_DIM)
         return np.diff(drift, axis=0, prepend=np.zeros((1, DRIFT_DIM)) if self._attached else drift[:0])
 
-    def _cost(self, parameters: FloatArray, loss: Loss) -> float:
-        squared = self._squared(self.offsets(parameters), loss)
+    def _cost(self, at: "_Candidate", loss: Loss) -> float:
+        squared = self._squared(at.offset, loss)
         of_fixes = loss.width**2 * np.log1p(squared / loss.width**2)
-        return float(of_fixes.sum() + self.prior_costs(parameters).sum())
+        return float(of_fixes.sum() + self.prior_costs(at.parameters).sum())
 
     def _squared(self, offset: FloatArray, loss: Loss) -> FloatArray:
         return np.where(loss.rows, np.sum((offset / loss.region_m) ** 2, axis=1), 0.0)
 
-    def _step(self, parameters: FloatArray, loss: Loss) -> FloatArray:
+    def _step(self, at: "_Candidate", loss: Loss) -> FloatArray:
         """Return the reweighted Gauss-Newton step.
 
         The Jacobian neglects second-order rotation and the rotation of the lever arm, which changes the
         iterates only, not the minimum.
         """
-        equations = self._equations(parameters, loss)
-        time_prior = None
+        parameters, equations, time_prior = at.parameters, self._equations(at, loss), None
         if self._time_offset_sigma_s:
             information = self._time_offset_sigma_s**-2
             time_prior = information, information * parameters[_TIME_OFFSET]
@@ -201,15 +212,13 @@ class DriftModel:
         drift = by_interval[:, DRIFTS].reshape(-1, 2, DRIFT_DIM)
         return np.concatenate([by_interval[0, POSITION], [time_step], drift[:, 0].ravel(), drift[-1, 1]])
 
-    def _equations(self, parameters: FloatArray, loss: Loss) -> DriftEquations:
+    def _equations(self, at: "_Candidate", loss: Loss) -> DriftEquations:
         """Return the equations of the fixes, whitened and weighted by the loss."""
-        corrected, _ = self.corrected(parameters)
-        placement = self._placement(parameters)
-        offset = self._offsets(corrected, placement)
+        placement, offset = at.placement, at.offset
         weight = np.where(loss.rows, 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2), 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
         frame, alpha = placement.frame, placement.alpha[:, None, None]
-        steps = np.diff(corrected[:, :3, 3], axis=0)
+        steps = np.diff(at.path[:, :3, 3], axis=0)
         by_step, within, across = self._intervals.derivatives(steps)
         J = np.zeros((len(frame), 3, INTERVAL_DIM))
         J[:, :, POSITION] = np.eye(3)

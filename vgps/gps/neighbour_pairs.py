@@ -159,7 +159,8 @@ class NeighbourPairs:
         """Return the spread (n,) per axis for the class of each pair's fixes, drawn towards that of all."""
         length = np.abs(difference)
         whole = float(np.median(length)) if len(length) else 0.0
-        of_group = [float(np.median(length[rows])) for rows in self._rows_of_group]
+        groups = self._rows_of_group
+        of_group = [float(np.median(length[rows])) for rows in groups] if len(groups) > 1 else [whole]
         spread = np.maximum([whole, *of_group], _MIN_SPREAD_M * _MEDIAN) / _MEDIAN
         share = self._group_size / (self._group_size + _PAIRS_OF_ALL)
         return np.asarray(spread[0] * (spread[1:] / spread[0]) ** share)[self._group]
