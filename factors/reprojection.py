@@ -37,7 +37,9 @@ def reliability_sigma_px(
     """
     if not floor_px > 0:
         raise ValueError(f"floor_px is {floor_px}, expected a positive number of pixels")
-    square = np.bincount(landmark, weights=np.sum(residual_px**2, axis=1), minlength=landmark_count)
+    squared = residual_px[:, 0] ** 2
+    squared += residual_px[:, 1] ** 2  # without a copy of both columns, for the sake of memory
+    square = np.bincount(landmark, weights=squared, minlength=landmark_count)
     count = np.bincount(landmark, minlength=landmark_count)
     mean = np.divide(square, count, out=np.full(landmark_count, np.nan), where=count > 0)
     sigma_px: FloatArray = np.maximum(np.sqrt(mean), floor_px)
