@@ -85,10 +85,19 @@ def test_two_views_need_parallax():
     assert initialise(local_map, min_parallax_deg=1.05 * parallax_deg) is None
 
 
+def test_the_oldest_view_with_enough_common_features_begins_the_map():
+    local_map, points, _ = views()
+    local_map.views[0, -6] = np.nan  # not seen in the oldest view
+    assert np.isfinite(initialise(local_map, min_inliers=len(points) - 1).poses).all()
+    start = initialise(local_map, min_inliers=len(points))
+    assert np.isnan(start.poses[0]).all()
+    np.testing.assert_allclose(start.poses[1], np.eye(4), atol=1e-12)
+    assert np.linalg.norm(start.poses[-1, :3, 3]) == pytest.approx(1.0)
+
+
 def test_two_views_need_common_features():
     local_map, points, _ = views()
-    assert initialise(local_map, min_inliers=len(points)) is not None
-    local_map.views[0, -6] = np.nan  # not seen in the oldest view
+    local_map.views[0, :-1] = np.nan
     assert initialise(local_map, min_inliers=len(points) - 1) is not None
     assert initialise(local_map, min_inliers=len(points)) is None
 

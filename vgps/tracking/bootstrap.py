@@ -31,11 +31,15 @@ class TwoViewInitialiser:
     def initialise(self, local_map: LocalMap) -> MapUpdate | None:
         """Return the poses of all views and the first positions, or None if two views do not give them yet.
 
-        The oldest view becomes the origin, and the distance of the two views the unit of length. They are the
-        oldest and the newest; under a rolling shutter those next to them, for which no row is extrapolated.
+        They are the newest and the oldest that shares enough features with it; under a rolling shutter those
+        next to them, for which no row is extrapolated. The oldest becomes the origin, and the distance of the
+        two the unit of length; views before it get no pose.
         """
         frames = local_map.view_frames[local_map.view_frames >= 0]
         views = local_map.views[:, -len(frames) :]
+        shared = np.isfinite(views[..., 0]).sum(axis=0) >= self._start.min_inliers
+        oldest = int(np.argmax(shared))  # the newest view shows every feature that is followed
+        frames, views = frames[oldest:], views[:, oldest:]
         common = np.flatnonzero(np.isfinite(views[:, 0, 0]))
         uv_px, pair = views[common], (0, len(frames) - 1)
         if self._camera.readout_s and len(frames) >= _MIN_ROLLING_VIEWS:
