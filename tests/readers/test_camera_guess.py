@@ -40,7 +40,7 @@ def test_an_unknown_camera_is_a_plain_lens_or_a_fisheye(tmp_path):
 def test_a_drones_subtitles_give_the_focal_length(tmp_path, text, equivalent_mm):
     video = write_clip(tmp_path / "DJI_0001.mp4")
     (tmp_path / "DJI_0001.SRT").write_text(f"1\n00:00:00,000 --> 00:00:00,033\n{text}\n")
-    (found,) = guesses_of(video)
+    found, *_ = guesses_of(video)
     # the video has the whole width of a sensor of 4:3, 64 pixels wide and 80 across
     assert found.camera.fx == pytest.approx(equivalent_mm / DIAGONAL_35_MM * 80, rel=1e-4)
 
@@ -67,15 +67,23 @@ def test_a_phones_tags_give_its_focal_length(tmp_path):
             if packet.dts is not None:
                 packet.stream = stream
                 made.mux(packet)
-    (found,) = guesses_of(tagged)
+    found, *_ = guesses_of(tagged)
     assert found.source == "Apple iPhone 13 with a lens of 50 mm in 35 mm terms by its tags"
     assert found.camera.fx == pytest.approx(50 / DIAGONAL_35_MM * 80, rel=1e-4)
 
 
 def test_a_phone_s_video_with_action_in_its_title_is_a_phone_s(tmp_path):
     tags = {"com.apple.quicktime.make": "Apple", "title": "Action"}
-    (found,) = guesses_of(write_metadata_video(tmp_path / "IMG_0001.MOV", [], tags=tags))
+    found, *_ = guesses_of(write_metadata_video(tmp_path / "IMG_0001.MOV", [], tags=tags))
     assert "most phones" in found.source
+
+
+def test_any_lens_follows_what_a_file_states(tmp_path):
+    tags = {"com.apple.quicktime.make": "Apple"}
+    stated, *others = guesses_of(write_metadata_video(tmp_path / "IMG_0001.MOV", [], tags=tags))
+    assert [guess.camera.model for guess in others] == ["opencv", "fisheye"]
+    assert all(guess.focal_sigma >= 0.4 for guess in others)
+    assert all(guess.source.startswith(f"{stated.source}, which the video contradicts") for guess in others)
 
 
 def test_exif_of_pictures_gives_the_focal_length(tmp_path):
@@ -84,6 +92,6 @@ def test_exif_of_pictures_gives_the_focal_length(tmp_path):
     for index in range(3):
         Image.fromarray(picture(index)).save(tmp_path / f"{index}.jpg", exif=exif)
     (tmp_path / "frame_times.csv").write_text("frame,t_s\n0,0\n1,1\n2,2\n")
-    (found,) = guesses_of(tmp_path)
+    found, *_ = guesses_of(tmp_path)
     assert found.camera.fx == pytest.approx(28 / DIAGONAL_35_MM * np.hypot(64, 48), rel=1e-4)
     assert found.source == "a lens of 28 mm in 35 mm terms by its EXIF"

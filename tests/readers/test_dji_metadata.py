@@ -97,7 +97,7 @@ def test_a_drones_video_has_its_fixes_and_its_lens(tmp_path):
     assert any("damaged packet" in note for note in fixes.skipped)
     assert any("repeated position" in note for note in fixes.skipped)
     video = open_video(file)
-    (guess,) = guess_cameras(video, telemetry_of(video))
+    guess, *_ = guess_cameras(video, telemetry_of(video))
     assert "DJI drones" in guess.source
 
 

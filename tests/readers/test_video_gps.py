@@ -39,7 +39,7 @@ def test_the_subtitles_of_a_zoom_lens_count_more_than_the_maker(tmp_path):
     file = write_metadata_video(
         tmp_path / "DJI_0001.MP4", [(0.0, subtitle_packet(text))], tags={"encoder": "DJI Mavic2"}
     )
-    (guess,) = open_recording(file).guesses
+    guess, *_ = open_recording(file).guesses
     assert "48 mm by its subtitles" in guess.source and guess.focal_sigma == 0.1
 
 

@@ -41,3 +41,13 @@ def test_no_more_pairs_than_wanted(texture):
 def test_a_camera_that_stands_gives_no_pair(texture):
     pairs = found(texture, [0] * 10)
     assert pairs.count == 0 and pairs.first_px.shape == (0, 2)
+
+
+def test_thinned_pairs_keep_features_of_each(texture):
+    pairs = found(texture, range(0, 60, STEP_PX))
+    few = pairs.thinned(20)
+    before, after = (np.bincount(each.pair) for each in (pairs, few))
+    assert few.count == pairs.count and np.all(after < before)
+    assert np.all((after >= 20) & (after < 40))
+    np.testing.assert_array_equal(few.first_px[0], pairs.first_px[0])
+    np.testing.assert_array_equal(pairs.thinned(10_000).second_px, pairs.second_px)

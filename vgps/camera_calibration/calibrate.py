@@ -1,4 +1,10 @@
-"""The first step of a calibration: a guess of the lens is fitted to pairs of views of the video."""
+"""The first step of a calibration: guesses of the lens are fitted to pairs of views, and compared.
+
+A guess is a lens model with a prior. Each is fitted from a ladder of focal lengths, as steps from a wrong one
+end in local minima, and the guess of the largest marginal likelihood (Laplace's approximation) is kept:
+
+    log p(pairs) = -cost - 1/2 log |information . diag(sigma_prior^2)| + const
+"""
 
 from dataclasses import dataclass
 from itertools import islice
@@ -7,14 +13,17 @@ import numpy as np
 
 from vgps.camera_calibration.lens import parameters_of, with_parameters
 from vgps.camera_calibration.two_view import LensFit, LensPrior, fit_lens, noise_of, start_of_pairs
-from vgps.config import Config
-from vgps.model import Camera, CameraGuess, Recording
+from vgps.config import CameraCalibrationConfig, Config
+from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.tracking.view_pairs import ViewPairs, view_pairs
 
-_STARTS = (-1.0, 0.0, 1.0)  # of the focal length, in standard deviations of the guess
+_LADDER = 2.0 ** np.arange(-0.5, 2.5, 0.5)  # focal lengths over half the diagonal: 164 to 28 degrees
+_REACH_SIGMAS = 3.0  # of a guess's focal length: steps of the ladder beyond are not tried
 _TRIED = 2  # of the starts, those with the lowest cost
+_COARSE_FEATURES = 60  # of each pair, from which the starts are compared
+_COARSE_STEPS = 8  # of a fit to them, enough to be near its minimum
 
 
 @dataclass(frozen=True)
@@ -44,13 +53,23 @@ def calibrate_from_pairs(recording: Recording, config: Config, progress: Progres
         )
         if pairs.count < settings.min_pairs:
             return FoundLens(recording.guesses[0].camera, recording.guesses[0], pairs.count)
-        noise_px = settings.noise_px
-        fits = [_fitted(pairs, guess, noise_px, settings.iterations) for guess in recording.guesses]
-        best = int(np.argmin([fit.cost for fit in fits]))
-        guess, fit = recording.guesses[best], fits[best]
-        finer_px = min(noise_of(pairs, fit), noise_px)
-        fit = fit_lens(pairs, prior_of(guess), fit.parameters, finer_px, settings.iterations)
-    return FoundLens(with_parameters(guess.camera, fit.parameters), guess, pairs.count)
+        return fit_guesses(pairs, recording.guesses, settings)
+
+
+def fit_guesses(
+    pairs: ViewPairs, guesses: tuple[CameraGuess, ...], settings: CameraCalibrationConfig
+) -> FoundLens:
+    """Return the guess under which the pairs are likeliest, fitted to them."""
+    few = pairs.thinned(_COARSE_FEATURES)
+    coarse = [_fitted(few, guess, settings.noise_px) for guess in guesses]
+    noise_px = min(settings.noise_px, *(noise_of(few, fit) for fit in coarse))
+    fits = [
+        fit_lens(pairs, prior_of(guess), fit.parameters, noise_px, settings.iterations)
+        for guess, fit in zip(guesses, coarse, strict=True)
+    ]
+    likelihoods = [_log_likelihood(fit, guess) for fit, guess in zip(fits, guesses, strict=True)]
+    best = int(np.argmax(likelihoods))
+    return FoundLens(with_parameters(guesses[best].camera, fits[best].parameters), guesses[best], pairs.count)
 
 
 def prior_of(guess: CameraGuess) -> LensPrior:
@@ -58,11 +77,25 @@ def prior_of(guess: CameraGuess) -> LensPrior:
     return LensPrior(guess.camera.model, parameters_of(guess.camera), guess.sigmas)
 
 
-def _fitted(pairs: ViewPairs, guess: CameraGuess, noise_px: float, iterations: int) -> LensFit:
+def _fitted(pairs: ViewPairs, guess: CameraGuess, noise_px: float) -> LensFit:
     """Return the best fit from a few starts of the focal length."""
     prior = prior_of(guess)
-    starts = [prior.mean + np.array([k * guess.focal_sigma, 0.0, 0.0, 0.0, 0.0]) for k in _STARTS]
+    starts = [prior.mean, *_ladder(guess)]
     cost = [start_of_pairs(pairs, prior, start, noise_px).cost for start in starts]
     tried = np.argsort(cost)[:_TRIED].tolist()
-    fits = [fit_lens(pairs, prior, starts[k], noise_px, iterations) for k in tried]
+    fits = [fit_lens(pairs, prior, starts[k], noise_px, _COARSE_STEPS) for k in tried]
     return min(fits, key=lambda fit: fit.cost)
+
+
+def _ladder(guess: CameraGuess) -> list[FloatArray]:
+    """Return the parameters of a guess with the focal lengths of the ladder that it allows for."""
+    camera, mean = guess.camera, parameters_of(guess.camera)
+    off = np.log(_LADDER * np.hypot(camera.width, camera.height) / 2) - mean[0]
+    near = off[np.abs(off) < _REACH_SIGMAS * guess.focal_sigma]
+    return [mean + np.array([step, 0.0, 0.0, 0.0, 0.0]) for step in near.tolist()]
+
+
+def _log_likelihood(fit: LensFit, guess: CameraGuess) -> float:
+    """Return the logarithm of the pairs' marginal likelihood under a guess, but for a constant."""
+    _, shown = np.linalg.slogdet(fit.information * np.outer(guess.sigmas, guess.sigmas))
+    return -fit.cost - 0.5 * float(shown)

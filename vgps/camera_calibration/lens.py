@@ -10,7 +10,8 @@ import numpy as np
 
 from vgps.model import BoolArray, Camera, FloatArray
 
-_NEWTON_STEPS = 12
+_NEWTON_STEPS = 12  # at most
+_EXACT = 1e-9  # step after which the next one, its square, is nothing
 _MIN_SLOPE = 0.05  # of g: below it the model folds back
 _LARGEST = {"fisheye": 3.0, "opencv": 20.0, "pinhole": 20.0}  # angle [rad], or its tangent
 
@@ -66,5 +67,8 @@ def _inverse(model: str, parameters: FloatArray, radius_px: FloatArray) -> tuple
     x = np.minimum(target, _LARGEST[model])
     for _ in range(_NEWTON_STEPS):
         slope = np.maximum(1.0 + 3.0 * k1 * x**2 + 5.0 * k2 * x**4, _MIN_SLOPE)
-        x = np.clip(x - (x * (1.0 + k1 * x**2 + k2 * x**4) - target) / slope, 0.0, _LARGEST[model])
+        before, excess = x, x * (1.0 + k1 * x**2 + k2 * x**4) - target
+        x = np.clip(x - excess / slope, 0.0, _LARGEST[model])
+        if np.all(np.abs(x - before) < _EXACT):
+            break
     return x, 1.0 + 3.0 * k1 * x**2 + 5.0 * k2 * x**4

@@ -35,9 +35,9 @@ class PairRays:
 
     def residual(self, rotation: FloatArray, direction: FloatArray) -> FloatArray:
         """Return the Sampson distances (N,) [px]."""
-        R, t = rotation[self.pair], direction[self.pair]
-        line = np.cross(t, np.einsum("nij,nj->ni", R, self.first))
-        other = np.einsum("nji,nj->ni", R, np.cross(self.second, t))
+        essential = (_skew(direction) @ rotation)[self.pair]
+        line = np.einsum("nij,nj->ni", essential, self.first)
+        other = np.einsum("nji,nj->ni", essential, self.second)
         gradient = np.hypot(
             np.linalg.norm(np.einsum("ni,nij->nj", other, self._by_first), axis=1),
             np.linalg.norm(np.einsum("ni,nij->nj", line, self._by_second), axis=1),
@@ -123,6 +123,14 @@ def retracted(rotation: FloatArray, direction: FloatArray, step: FloatArray) -> 
     other = np.cross(direction, one)
     moved = direction + step[:, 3:4] * one + step[:, 4:] * other
     return turned, moved / np.linalg.norm(moved, axis=1)[:, None]
+
+
+def _skew(vector: FloatArray) -> FloatArray:
+    """Return the matrices (P, 3, 3) of cross products with vectors (P, 3)."""
+    matrix = np.zeros((len(vector), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[:, i, j], matrix[:, j, i] = -vector[:, k], vector[:, k]
+    return matrix
 
 
 def cauchy_loss(r: FloatArray) -> FloatArray:

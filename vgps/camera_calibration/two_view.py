@@ -21,7 +21,7 @@ from vgps.camera_calibration.pair_geometry import (
 from vgps.model import FloatArray
 from vgps.tracking.view_pairs import ViewPairs
 
-_STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical derivatives by the lens
+_STEPS = np.array([1e-6, 1e-3, 1e-3, 1e-6, 1e-6])  # of the numerical derivatives by the lens
 _POSE_STEPS = 8
 _CONVERGED = 1e-5  # relative decrease of the cost
 _FINAL_DAMPING = 1e8
@@ -143,10 +143,11 @@ class _Step:
 def _normal_equations(pairs: ViewPairs, prior: LensPrior, fit: LensFit, noise_px: float) -> _Step:
     """Linearise about a fit; residuals and Jacobians are divided by the noise."""
     lens = PairRays(pairs, fit.model, fit.parameters)
-    r = lens.residual(fit.rotation, fit.direction) / noise_px
+    here = lens.residual(fit.rotation, fit.direction)
+    r = here / noise_px
     weight = 1.0 / (1.0 + r**2)
     by_pose = lens.by_pose(fit.rotation, fit.direction) / noise_px
-    by_lens = _by_lens(pairs, fit) / noise_px
+    by_lens = _by_lens(pairs, fit, here) / noise_px
     A_pp = sums_by_pair(pairs, weight, by_pose, by_pose) + np.diag(POSE_PRIOR / noise_px**2)
     A_pl = sums_by_pair(pairs, weight, by_pose, by_lens)
     g_p = sums_by_pair(pairs, weight, by_pose, r[:, None])[..., 0]
@@ -157,17 +158,14 @@ def _normal_equations(pairs: ViewPairs, prior: LensPrior, fit: LensFit, noise_px
     return _Step(A_pp, A_pl, g_p, A_ll, g_l, information)
 
 
-def _by_lens(pairs: ViewPairs, fit: LensFit) -> FloatArray:
-    """Return the derivatives (N, 5) of the distances by the parameters of the lens."""
+def _by_lens(pairs: ViewPairs, fit: LensFit, here: FloatArray) -> FloatArray:
+    """Return the derivatives (N, 5) of the distances ``here`` by the parameters of the lens."""
 
     def residual(parameters: FloatArray) -> FloatArray:
         return PairRays(pairs, fit.model, parameters).residual(fit.rotation, fit.direction)
 
     return np.stack(
-        [
-            (residual(fit.parameters + d) - residual(fit.parameters - d)) / (2.0 * d.sum())
-            for d in np.diag(_STEPS)
-        ],
+        [(residual(fit.parameters + d) - here) / d.sum() for d in np.diag(_STEPS)],
         axis=1,
     )
 

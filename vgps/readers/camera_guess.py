@@ -31,11 +31,15 @@ _FOCAL_LEN = re.compile(r"focal_len\s*:\s*(\d+(?:\.\d+)?)")
 _ZOOM = re.compile(r"dzoom_ratio\s*:\s*(\d+(?:\.\d+)?)")
 _DRONES_TEXT = re.compile(r"\biso\s*:|GPS|latitude")  # in subtitles; a caption may have "comparison"
 _WIDE_DJI = re.compile(r"Action|Avata|(?<![a-z])Neo|dvtm_(?:ac|oq)", re.IGNORECASE)  # much wider lenses
+_NOTHING_KNOWN = "nothing is known of the camera"
 _FOCAL_TAG = "camera.focal_length.35mm_equivalent"
 
 
 def guess_cameras(video: Video, telemetry: Telemetry) -> tuple[CameraGuess, ...]:
     """Return what the camera of a recording without a calibration may be, the likeliest first.
+
+    What the file states may be wrong: stabilisation and zoom crop the picture, programs linearise it. So any
+    lens follows what is stated, for the video to decide.
 
     Args:
         video: The recording's video or folder of images.
@@ -48,7 +52,9 @@ def guess_cameras(video: Video, telemetry: Telemetry) -> tuple[CameraGuess, ...]
     if found is None and isinstance(video, VideoFile | ChapteredVideo):
         text = _subtitles(video.path)
         found = _by_focal_len(text, size) or _by_maker(video.path, text, size)
-    return (found,) if found is not None else _unknown(size)
+    if found is None:
+        return _unknown(size, _NOTHING_KNOWN)
+    return (found, *_unknown(size, f"{found.source}, which the video contradicts"))
 
 
 def _of_pictures(file: Path, size: tuple[int, int]) -> CameraGuess | None:
@@ -100,12 +106,12 @@ def _of_a_drone(size: tuple[int, int], name: str) -> CameraGuess | None:
     return _wide_sensor(size, _DJI_MM, 0.15, f"{_DJI_MM:g} mm in 35 mm terms, as most DJI drones", name)
 
 
-def _unknown(size: tuple[int, int]) -> tuple[CameraGuess, ...]:
+def _unknown(size: tuple[int, int], source: str) -> tuple[CameraGuess, ...]:
     """Return the lenses of most cameras: little distortion, or a fisheye."""
-    source = "nothing is known of the camera: it was taken as {} of {:.0f} degrees' width, very roughly"
     longer = max(size)
-    plain = _rectilinear(size, 0.85 * longer, 0.5, source.format("a lens with little distortion", 61.0))
-    wide = _rectilinear(size, 0.5 * longer, 0.4, source.format("a fisheye", 115.0))
+    words = source + ": it was taken as {} of {:.0f} degrees' width, very roughly"
+    plain = _rectilinear(size, 0.85 * longer, 0.5, words.format("a lens with little distortion", 61.0))
+    wide = _rectilinear(size, 0.5 * longer, 0.4, words.format("a fisheye", 115.0))
     return (
         replace(plain, distortion_sigma=(0.2, 0.1)),
         replace(wide, camera=replace(wide.camera, model="fisheye")),

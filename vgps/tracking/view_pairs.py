@@ -26,6 +26,13 @@ class ViewPairs:
     pair: IntArray
     count: int
 
+    def thinned(self, most: int) -> "ViewPairs":
+        """Return the pairs with about so many features each, evenly taken, or fewer."""
+        first = np.searchsorted(self.pair, self.pair)
+        step = np.bincount(self.pair, minlength=self.count)[self.pair] // most
+        kept = (np.arange(len(self.pair)) - first) % np.maximum(step, 1) == 0
+        return ViewPairs(self.first_px[kept], self.second_px[kept], self.pair[kept], self.count)
+
 
 def view_pairs(
     frames: Iterable[Frame],

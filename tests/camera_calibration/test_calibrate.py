@@ -1,0 +1,74 @@
+"""The lens of pairs of views beside what a file states: the video decides where it shows it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vgps.camera import centred_camera
+from vgps.camera_calibration.calibrate import fit_guesses
+from vgps.camera_calibration.lens import angles, parameters_of
+from vgps.config import CameraCalibrationConfig
+from vgps.model import Camera, CameraGuess
+
+SIZE = {"width": 640, "height": 480, "cx": 325.0, "cy": 236.0}
+LENSES = {
+    "plain": Camera(model="opencv", fx=600.0, fy=600.0, distortion=(-0.05, 0.02, 0.0, 0.0), **SIZE),
+    "fisheye": Camera(model="fisheye", fx=330.0, fy=330.0, distortion=(0.04, 0.0, 0.0, 0.0), **SIZE),
+}
+HALF_DIAGONAL_PX = 400.0
+SETTINGS = CameraCalibrationConfig()
+
+
+def ray_angles(camera):
+    radii = np.array([0.5, 1.0]) * HALF_DIAGONAL_PX
+    return angles(camera.model, parameters_of(camera), radii)
+
+
+def guesses(model, focal_px):
+    """Return a stated focal length, and any lens, as a reader does."""
+    stated = CameraGuess(
+        camera=centred_camera(model, (640, 480), focal_px),
+        focal_sigma=0.08,
+        centre_sigma_px=6.4,
+        distortion_sigma=(0.1, 0.1),
+        source="stated",
+    )
+    any_lens = replace(stated, focal_sigma=0.5, distortion_sigma=(0.2, 0.1), source="any")
+    return (
+        stated,
+        replace(any_lens, camera=centred_camera("opencv", (640, 480), 544.0)),
+        replace(any_lens, camera=centred_camera("fisheye", (640, 480), 320.0)),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1 / 1.5, 1.5])
+@pytest.mark.parametrize("name", LENSES)
+def test_a_wrong_statement_gives_way_to_the_video(pairs, name, factor):
+    camera = LENSES[name]
+    found = fit_guesses(pairs(camera), guesses(camera.model, factor * camera.fx), SETTINGS)
+    assert found.guess.source == "any"
+    np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_a_right_statement_stays(pairs, name):
+    camera = LENSES[name]
+    found = fit_guesses(pairs(camera), guesses(camera.model, 1.03 * camera.fx), SETTINGS)
+    assert found.guess.source == "stated"
+    np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
+
+
+@pytest.mark.slow
+def test_a_picture_linearised_by_the_camera_is_no_fisheye(pairs):
+    camera = LENSES["plain"]
+    found = fit_guesses(pairs(camera), guesses("fisheye", 0.6 * camera.fx), SETTINGS)
+    np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
+
+
+def test_a_statement_that_the_video_does_not_show_stays(pairs):
+    camera = LENSES["plain"]
+    seen = pairs(camera, turn_deg=0.0)  # a camera that never turns
+    found = fit_guesses(seen, guesses("opencv", 1.2 * camera.fx), SETTINGS)
+    assert found.guess.source == "stated"
