@@ -1,9 +1,12 @@
 """The first step of a calibration: guesses of the lens are fitted to pairs of views, and compared.
 
 A guess is a lens model with a prior. Each is fitted from a ladder of focal lengths, as steps from a wrong one
-end in local minima, and the guess of the largest marginal likelihood (Laplace's approximation) is kept:
+end in local minima. A guess gives way to a later one of larger marginal likelihood, by Laplace,
 
-    log p(pairs) = -cost - 1/2 log |information . diag(sigma_prior^2)| + const
+    log p(pairs) = -cost - 1/2 log |information . diag(sigma_prior^2)| + const.
+
+A guess of another model must also be significantly better, by the scatter of the difference between the pairs
+(Vuong 1989, with pairs as clusters).
 """
 
 from dataclasses import dataclass
@@ -12,7 +15,14 @@ from itertools import islice
 import numpy as np
 
 from vgps.camera_calibration.lens import parameters_of, with_parameters
-from vgps.camera_calibration.two_view import LensFit, LensPrior, fit_lens, noise_of, start_of_pairs
+from vgps.camera_calibration.two_view import (
+    LensFit,
+    LensPrior,
+    fit_lens,
+    noise_of,
+    pair_losses,
+    start_of_pairs,
+)
 from vgps.config import CameraCalibrationConfig, Config
 from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.runtime.progress import Progress
@@ -22,6 +32,7 @@ from vgps.tracking.view_pairs import ViewPairs, view_pairs
 _LADDER = 2.0 ** np.arange(-0.5, 2.5, 0.5)  # focal lengths over half the diagonal: 164 to 28 degrees
 _REACH_SIGMAS = 3.0  # of a guess's focal length: steps of the ladder beyond are not tried
 _TRIED = 2  # of the starts, those with the lowest cost
+_SIGNIFICANT_SIGMAS = 2.0  # of the scatter between pairs, for a guess to give way to another model
 _COARSE_FEATURES = 60  # of each pair, from which the starts are compared
 _COARSE_STEPS = 8  # of a fit to them, enough to be near its minimum
 
@@ -67,8 +78,10 @@ def fit_guesses(
         fit_lens(pairs, prior_of(guess), fit.parameters, noise_px, settings.iterations)
         for guess, fit in zip(guesses, coarse, strict=True)
     ]
-    likelihoods = [_log_likelihood(fit, guess) for fit, guess in zip(fits, guesses, strict=True)]
-    best = int(np.argmax(likelihoods))
+    best = 0
+    for k in range(1, len(guesses)):
+        if _contradicts(pairs, (guesses[best], fits[best]), (guesses[k], fits[k]), noise_px):
+            best = k
     return FoundLens(with_parameters(guesses[best].camera, fits[best].parameters), guesses[best], pairs.count)
 
 
@@ -95,7 +108,23 @@ def _ladder(guess: CameraGuess) -> list[FloatArray]:
     return [mean + np.array([step, 0.0, 0.0, 0.0, 0.0]) for step in near.tolist()]
 
 
-def _log_likelihood(fit: LensFit, guess: CameraGuess) -> float:
+def _contradicts(
+    pairs: ViewPairs, kept: tuple[CameraGuess, LensFit], other: tuple[CameraGuess, LensFit], noise_px: float
+) -> bool:
+    """Whether the pairs are likelier under another guess, if of another model by more than chance would do.
+
+    Two models that describe a narrow lens equally well differ by errors of the features, which are not
+    independent within a pair, but nearly so between pairs.
+    """
+    if kept[1].model == other[1].model:
+        chance = 0.0
+    else:
+        gain = pair_losses(pairs, kept[1], noise_px) - pair_losses(pairs, other[1], noise_px)
+        chance = float(np.sqrt(len(gain)) * np.std(gain))
+    return _log_likelihood(*other) - _log_likelihood(*kept) > _SIGNIFICANT_SIGMAS * chance
+
+
+def _log_likelihood(guess: CameraGuess, fit: LensFit) -> float:
     """Return the logarithm of the pairs' marginal likelihood under a guess, but for a constant."""
     _, shown = np.linalg.slogdet(fit.information * np.outer(guess.sigmas, guess.sigmas))
     return -fit.cost - 0.5 * float(shown)

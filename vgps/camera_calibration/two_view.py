@@ -113,6 +113,13 @@ def noise_of(pairs: ViewPairs, fit: LensFit) -> float:
     return 1.4826 * float(np.median(np.abs(residual)))
 
 
+def pair_losses(pairs: ViewPairs, fit: LensFit, noise_px: float) -> FloatArray:
+    """Return the sum of the losses of each pair, (P,)."""
+    residual = PairRays(pairs, fit.model, fit.parameters).residual(fit.rotation, fit.direction)
+    losses = np.bincount(pairs.pair, cauchy_loss(residual / noise_px), pairs.count)
+    return np.asarray(losses, np.float64)
+
+
 @dataclass(frozen=True)
 class _Step:
     """The normal equations of lens and pairs: A_pp (P, 5, 5), A_pl (P, 5, 5), their gradients, and the lens
