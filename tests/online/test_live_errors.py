@@ -6,7 +6,7 @@ from fused_drives import DrivingCamera, fit_input
 
 import vgps
 from vgps.gps.learned_errors import LearnedErrors
-from vgps.gps.offset_errors import in_the_mean
+from vgps.gps.offset_errors import between_receivers, in_the_mean
 from vgps.model import FixClass
 from vgps.online.fusion_fit import fit, newest_fit
 
@@ -73,10 +73,65 @@ def test_few_fixes_leave_the_class_as_it_is():
     assert learned.noise_m == pytest.approx(mean.noise_m, rel=0.4)
 
 
+def test_fixes_without_any_error_are_fused_again_and_again():
+    drive = DrivingCamera(FRAMES)
+    single, last = drive.fixes([FixClass.SINGLE] * 40, np.zeros((40, 3))), None
+    for frames in (300, 312, 324):
+        last = fit(fit_input(drive.seen(), frames, single, last), CONFIG).fused
+    assert last.learned[FixClass.SINGLE].walk_m < 1e-6
+    np.testing.assert_allclose(
+        last.world_T_camera(drive.seen())[323, :3, 3], drive.true[323, :3, 3], atol=0.01
+    )
+
+
 def test_rtk_keeps_the_constants_of_its_classes():
     kinds = [FixClass.RTK_FIX] * 20 + [FixClass.RTK_FLOAT] * 10 + [FixClass.DGPS] * 10
     fused, _ = live(offsets(0.01, 0.01, 0), kinds)
     assert set(fused.learned) == {FixClass.DGPS}
+
+
+def stretches(size_m, seed, begins=FixClass.DGPS):
+    """Classes and errors of RTK-fixes, DGPS, RTK-float, DGPS and RTK-fixes; offsets have this size."""
+    kinds = np.repeat([FixClass.RTK_FIX, begins, FixClass.RTK_FLOAT, begins, FixClass.RTK_FIX], 8).tolist()
+    offset = (
+        size_m * np.random.default_rng(seed).standard_normal((5, 3)) * [[0.0], [1.0], [1.0], [1.0], [0.0]]
+    )
+    return kinds, np.repeat(offset, 8, axis=0)
+
+
+def sizes_of(kinds, wrong):
+    return live(wrong, kinds)[0].sizes
+
+
+def test_the_size_of_offsets_shows_where_fixes_on_both_sides_determine_them():
+    found = {size_m: [sizes_of(*stretches(size_m, seed)) for seed in range(2)] for size_m in (0.05, 4.0)}
+    for name in (FixClass.DGPS, FixClass.RTK_FLOAT):
+        prior = between_receivers(CONFIG.gps.offset_errors(name))
+        small, large = (np.mean([sizes[name] for sizes in found[size_m]]) for size_m in found)
+        assert small < 0.4 * prior
+        assert large > 1.5 * prior
+
+
+def test_offsets_right_after_rtk_fixes_leave_the_size_as_it_is():
+    kinds, wrong = stretches(0.05, 0)
+    after_fix = [FixClass.RTK_FIX] * 8 + [FixClass.RTK_FLOAT] * 8 + [FixClass.RTK_FIX] * 24
+    prior = between_receivers(CONFIG.gps.offset_errors(FixClass.RTK_FLOAT))
+    goes_on, drawn = sizes_of(after_fix, wrong), sizes_of(kinds, wrong)
+    assert set(goes_on) == {FixClass.RTK_FLOAT}
+    assert goes_on[FixClass.RTK_FLOAT] > 0.7 * prior
+    assert drawn[FixClass.RTK_FLOAT] < 0.4 * prior
+
+
+def test_known_sizes_bound_the_offsets_of_the_next_fits():
+    drive = DrivingCamera(FRAMES)
+    single = drive.fixes([FixClass.SINGLE] * 40, np.zeros((40, 3)))
+    last = replace(fit(fit_input(drive.seen(), 300, single), CONFIG).fused, sizes={FixClass.SINGLE: 0.1})
+    usual = between_receivers(SINGLE)
+    now = fit_input(drive.seen(), 312, single, last)
+    for fused in (newest_fit(now, CONFIG), fit(now, CONFIG).fused):
+        at = np.isfinite(fused.nodes.size_m[:, 0])
+        before = last.nodes.size_m[np.isfinite(last.nodes.size_m[:, 0])][0]
+        np.testing.assert_allclose(fused.nodes.size_m[at], np.tile(0.1 / usual * before, (at.sum(), 1)))
 
 
 def test_what_was_learned_counts_in_the_next_fits_and_is_kept_while_there_are_no_such_fixes():

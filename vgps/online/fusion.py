@@ -56,6 +56,7 @@ class FusedPath:
         covariance: (13, 13) of the last node.
         system: The normal equations at these values, the time offset unknown.
         learned: Noise and walk of fix classes, for the next fit.
+        sizes: Offsets of fix classes over the median receiver's, for the next fit.
     """
 
     nodes: FusionNodes
@@ -65,6 +66,7 @@ class FusedPath:
     covariance: FloatArray
     system: BlockSystem
     learned: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)
+    sizes: Mapping[FixClass, float] = field(default_factory=dict)
 
     @property
     def newest_s(self) -> float:
@@ -168,7 +170,7 @@ def fuse(
         rest_s = last.time_offset.time_offset_s
     seen = seen_fixes(path, fixes.where(fixes.used), rest_s)
     continued = _continued(seen.fixes, last) if last is not None else None
-    nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued)
+    nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued, last.sizes if last else None)
     if gravity is not None:
         nodes = _levelled(nodes, gravity, path, last)
     state = _start(nodes) if last is None else _continue(nodes, last)
@@ -199,9 +201,7 @@ def _prior_of(last: FusedPath, node: int) -> FirstNodePrior:
 
 def _levelled(nodes: FusionNodes, gravity: Gravity, path: VideoPath, last: FusedPath | None) -> FusionNodes:
     """Return the nodes with the elevations that an IMU gives, each for the time since the one before."""
-    scale = np.ones(len(nodes.t_s))
-    if last is not None:
-        scale = np.exp(np.interp(nodes.t_s, last.nodes.t_s, last.state.values[:, SCALE]))
+    scale = np.ones(len(nodes.t_s)) if last is None else last.scales_at(nodes.t_s)
     up = gravity.up(path, nodes.t_s, scale)
     share = np.minimum(np.diff(nodes.t_s, prepend=nodes.t_s[0]) / WINDOW_S, 1.0)
     level = np.sqrt(share) / up.sigma_rad

@@ -11,7 +11,7 @@ from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_o
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion import FusedPath, fuse
 from vgps.online.gravity import Gravity
-from vgps.online.live_errors import errors_in_fit
+from vgps.online.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.node_fixes import SAME_TIME_S
 from vgps.online.video_path import VideoPath
 from vgps.solution import Trajectory
@@ -104,4 +104,6 @@ def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
     if not config.gps.learns:
         return fused
     shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)
-    return replace(fused, learned=(dict(given.last.learned) if given.last else {}) | shown)
+    learned, sizes = ({}, {}) if given.last is None else (given.last.learned, given.last.sizes)
+    found = sizes_in_fit(fused.nodes, fused.state, fused.system, config.gps, sizes)
+    return replace(fused, learned={**learned, **shown}, sizes={**sizes, **found})

@@ -7,18 +7,19 @@ it by the video's step, the drift and the walk of the offset. Unlike stage D thi
 a fix counts as soon as it comes.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import TimeOffset
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.live_time_offset import HELD_S
 from vgps.online.node_fixes import SAME_TIME_S, NodeFixes, SeenFixes, node_fixes
 from vgps.online.place_ties import PlaceTies
@@ -33,7 +34,7 @@ _REPLACING_TURN_RAD = 0.35  # a quarter of a usual field of view replaces the fe
 # Cameras are mounted level to a degree or two, or any way: Cauchy's distribution with 80 % within the sigma.
 # About its mean the roll of KITTI's car has 1.1 to 1.5 degrees.
 _LEVEL_SHARE, _ROLL_DEVIATION_DEG = 0.3, 2.0
-_HELD_M = 1e-3  # walk of an offset between nodes without fixes, and error of a step of the video
+_HELD_M = 1e-3  # least walk of an offset, as between nodes without fixes, and error of a step of the video
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class FusionNodes:
         fixes: The fixes.
         ties: Places seen again.
         tied: (K,) nodes of these.
+        size_m: (N, 3) standard deviation of offsets of this class; infinite without fixes.
         bound: (N, 3) square roots of the information that the offset is zero.
         walk_m: (N, 3) scale of the offset's step to each node; infinite where it starts anew.
         walk_tail: (N,) degrees of freedom of this step; infinite for a Gaussian.
@@ -104,6 +106,7 @@ class FusionNodes:
     fixes: NodeFixes
     ties: PlaceTies
     tied: IntArray
+    size_m: FloatArray
     bound: FloatArray
     walk_m: FloatArray
     walk_tail: FloatArray
@@ -125,6 +128,7 @@ class FusionNodes:
             fixes=NodeFixes(**{one.name: getattr(fixes, one.name)[kept] for one in fields(fixes)}),
             ties=self.ties.where(tied),
             tied=self.tied[tied],
+            size_m=self.size_m[rows],
             bound=np.where(last[:, None], 0.0, self.bound[rows]),
             walk_m=self.walk_m[rows],
             walk_tail=self.walk_tail[rows],
@@ -142,6 +146,7 @@ def fusion_nodes(
     camera_p_antenna: FloatArray,
     config: Config,
     continued: BoolArray | None = None,
+    sizes: Mapping[FixClass, float] | None = None,
 ) -> FusionNodes:
     """Return the nodes of a path: one for each interval of fixes, others between them, and one at either end.
 
@@ -151,6 +156,7 @@ def fusion_nodes(
         camera_p_antenna: (3,) metres.
         config: Errors of fixes, drift, and the prior of a level camera.
         continued: (M,) which fixes do not start an offset because earlier ones, now forgotten, did.
+        sizes: Offsets of classes over the median receiver's, where known.
     """
     fixes = seen.fixes
     chain = chain_offsets(fixes, np.ones(len(fixes), dtype=bool), config.gps) if len(fixes) else _NO_CHAIN
@@ -161,7 +167,8 @@ def fusion_nodes(
     frames = np.diff(np.interp(t_s, path.t_s, np.cumsum(path.moving)))
     begins = np.zeros(len(t_s), dtype=bool)
     begins[at] = starts
-    walk_m, tail, bound = _offset_ties(fixes.where(rows), starts, at, len(t_s), config)
+    size_m, bound = _offset_bounds(fixes.where(rows), starts, at, len(t_s), config, sizes or {})
+    walk_m, tail = _offset_walks(fixes.where(rows), starts, at, len(t_s), config)
     knots = np.diff(t_s, prepend=t_s[0] - _NODE_S) / _NODE_S
     level_rad = np.radians([_ROLL_DEVIATION_DEG, config.start.pitch_sigma_deg])
     return FusionNodes(
@@ -171,6 +178,7 @@ def fusion_nodes(
         fixes=node_fixes(seen, camera_p_antenna, camera, at[chain.offset], config),
         ties=path.ties,
         tied=tied,
+        size_m=size_m,
         bound=bound,
         walk_m=walk_m,
         walk_tail=tail,
@@ -201,25 +209,40 @@ def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntAr
     return t_s, at, tied
 
 
-def _offset_ties(
-    first: Fixes, starts: BoolArray, at: IntArray, count: int, config: Config
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return scale (N, 3) and tail (N,) of the walk to each node, and the bound (N, 3) of its offset.
+def _offset_bounds(
+    first: Fixes,
+    starts: BoolArray,
+    at: IntArray,
+    count: int,
+    config: Config,
+    sizes: Mapping[FixClass, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the size (N, 3) of the offset of each node, and its bound (N, 3).
 
-    Sizes are those of the mean over receivers. A stretch is bounded once, and again for every correlation
-    time that it lasts.
+    A stretch is bounded once, and again for every correlation time that it lasts.
     """
-    walk_m, tail, bound = np.full((count, 3), _HELD_M), np.full(count, np.inf), np.zeros((count, 3))
+    size_m, bound = np.full((count, 3), np.inf), np.zeros((count, 3))
     bounded, interval_s = with_offset_regions(first, config.gps), np.diff(first.t_s, prepend=-np.inf)
     weight = np.where(starts, 1.0, np.minimum(interval_s / bounded.correlation_s, 1.0))
     weight[~starts & np.isinf(interval_s)] = 0.0
-    for k, errors in enumerate(errors_of(first, config.gps)):
-        spread = between_receivers(errors)
-        r_m, h_m = bounded.r_m[k] / INSIDE_PLANE, bounded.h_m[k] / INSIDE_LINE
-        bound[at[k]] = np.sqrt(weight[k]) / (spread * np.array([r_m, r_m, h_m]))
-        walk_m[at[k]] = np.inf
-        if not starts[k]:
-            since_s = interval_s[k] if np.isfinite(interval_s[k]) else 1.0
-            scale = float(step_scale(in_the_mean(errors), np.array(since_s)))
-            walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors.vertical]), errors.tail
-    return walk_m, tail, bound
+    by_receivers = [between_receivers(errors) for errors in errors_of(first, config.gps)]
+    classes = [CLASSES[k] for k in first.fix_class.tolist()]
+    size = np.array([sizes.get(name, spread) for name, spread in zip(classes, by_receivers, strict=True)])
+    r_m, h_m = size * bounded.r_m / INSIDE_PLANE, size * bounded.h_m / INSIDE_LINE
+    size_m[at] = np.stack([r_m, r_m, h_m], axis=1)
+    bound[at] = np.sqrt(weight)[:, None] / size_m[at]
+    return size_m, bound
+
+
+def _offset_walks(
+    first: Fixes, starts: BoolArray, at: IntArray, count: int, config: Config
+) -> tuple[FloatArray, FloatArray]:
+    """Return scale (N, 3) and tail (N,) of the walk to each node, those of the mean over receivers."""
+    walk_m, tail, interval_s = np.full((count, 3), _HELD_M), np.full(count, np.inf), np.diff(first.t_s)
+    walk_m[at] = np.inf
+    errors = errors_of(first, config.gps)
+    for k in np.flatnonzero(~starts).tolist():
+        since_s = interval_s[k - 1] if k else 1.0
+        scale = max(float(step_scale(in_the_mean(errors[k]), np.array(since_s))), _HELD_M)
+        walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors[k].vertical]), errors[k].tail
+    return walk_m, tail

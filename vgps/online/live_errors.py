@@ -1,4 +1,4 @@
-"""Noise and walk of the fix classes, learned while the video runs.
+"""Noise, walk and size of the errors of fix classes, learned while the video runs.
 
 How far an error walks differs between receivers more than anything else about them; taken for a bad one, a
 good receiver does not hold the path. A fit gives the steps of the offsets and the noise about them. Their
@@ -6,16 +6,21 @@ scales follow from MacKay's fixed point (Bayesian Interpolation, Neural Computat
 deviations over the number of them that the data determine, with the classes as priors. Each fit begins with
 what the one before it shows.
 
-RTK-fixes keep the constants of their class, since every path follows them; so do classes whose errors drift
-steadily for longer, which steps from fix to fix do not show.
+The size of the offsets follows in the same way, from stretches whose offsets video and other fixes determine.
+It says how far the path may lie from the next such fixes.
+
+RTK-fixes keep the constants of their class, since every path follows them; so do noise and walk of classes
+whose errors drift steadily for longer, which steps from fix to fix do not show.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES
 from vgps.gps.learned_errors import LearnedErrors
-from vgps.gps.offset_errors import in_the_mean
+from vgps.gps.offset_errors import between_receivers, in_the_mean
 from vgps.model import FixClass, FloatArray
 from vgps.online.block_system import BlockSystem
 from vgps.online.fusion_equations import OFFSET, POSITION, FusionState, squared_deviations
@@ -61,6 +66,41 @@ def errors_in_fit(
     return learned
 
 
+def sizes_in_fit(
+    nodes: FusionNodes,
+    state: FusionState,
+    system: BlockSystem,
+    config: GpsConfig,
+    used: Mapping[FixClass, float],
+) -> dict[FixClass, float]:
+    """Return the offsets of the classes but RTK-fix over those of the median receiver, as a fit shows them.
+
+    A stretch counts as one offset, and again for every correlation time that it lasts. One that follows
+    RTK-fixes does not count at once: a receiver that loses its ambiguities goes on from where it was.
+
+    Args:
+        nodes, state, system: The fit.
+        config: Priors of the classes.
+        used: Sizes in the fit; of other classes the root mean square over receivers.
+    """
+    node, first = np.unique(nodes.fixes.node, return_index=True)
+    fix_class, size_m = nodes.fixes.fix_class[first], nodes.size_m[node]
+    share = (nodes.bound[node, 0] * size_m[:, 0]) ** 2
+    after_fix = np.append(False, fix_class[:-1] == CLASSES.index(FixClass.RTK_FIX))
+    share[nodes.starts[node] & after_fix] = 0.0
+    squared = np.sum((state.values[node, OFFSET] / size_m) ** 2, axis=1)
+    variance = np.diagonal(system.covariances()[node, OFFSET, OFFSET], axis1=1, axis2=2)
+    shown = share * [squared, np.maximum(3.0 - np.sum(variance / size_m**2, axis=1), 0.0)]
+    sizes = {}
+    for k in np.unique(fix_class).tolist():
+        name, prior = CLASSES[k], config.offset_errors(CLASSES[k])
+        if name is not FixClass.RTK_FIX:
+            now = used.get(name, between_receivers(prior))
+            log, of_log = _log_scale(prior.between_receivers, now, shown[:, fix_class == k])
+            sizes[name] = float(np.exp(log + of_log))  # the root mean square
+    return sizes
+
+
 def _shown(squared: FloatArray, covariance: FloatArray, scale_m: FloatArray, tail: FloatArray) -> FloatArray:
     """Return reweighted squared deviations, and how many components the data determine, (2, n).
 
@@ -76,21 +116,26 @@ def _shown(squared: FloatArray, covariance: FloatArray, scale_m: FloatArray, tai
 
 
 def _mean_scale(median_m: float, spread: float, now_m: float, shown: FloatArray) -> float:
-    """Return the mean of a scale under its posterior, taken as log-normal.
+    """Return the mean of a scale with this median under its posterior, taken as log-normal."""
+    log, variance = _log_scale(spread, now_m / median_m, shown)
+    return float(median_m * np.exp(log + variance / 2.0))
+
+
+def _log_scale(spread: float, now: float, shown: FloatArray) -> tuple[float, float]:
+    """Return the log of a scale over its median, and the variance of the log, under the posterior.
 
     The log-likelihood of log scale x about the median is ``-squared exp(-2 x) / 2 - determined x``.
 
     Args:
-        median_m, spread: The log-normal prior.
-        now_m: The scale in the fit.
+        spread: Of the log-normal prior.
+        now: The scale in the fit, over the median.
         shown: (2, n) what the fit shows, in that scale.
     """
     if spread == 0.0:
-        return median_m
-    squared, determined = shown.sum(axis=1) * [(now_m / median_m) ** 2, 1.0]
+        return 0.0, 0.0
+    squared, determined = shown.sum(axis=1) * [now**2, 1.0]
     x = 0.0
     for _ in range(_NEWTON_STEPS):
         fit = squared * np.exp(-2.0 * x)
         x -= float(np.clip((determined - fit + x / spread**2) / (2.0 * fit + spread**-2.0), -1.0, 1.0))
-    variance = 1.0 / (2.0 * squared * np.exp(-2.0 * x) + spread**-2.0)
-    return float(median_m * np.exp(x + variance / 2.0))
+    return x, float(1.0 / (2.0 * squared * np.exp(-2.0 * x) + spread**-2.0))
