@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import search_time_offset
+from vgps.gps.clock_search import laid_flat, search_time_offset
+from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
 ANTENNA = np.array([0.3, -0.9, 0.1])
@@ -87,3 +89,22 @@ def test_fixes_of_another_motion_show_none(seed):
 def test_a_few_fixes_show_none(count):
     fixes = stamped(street, 4.0).where(np.arange(20, 20 + count))
     assert search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 40.0, 90.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
+    """Cameras that look ahead and down as far as straight to the ground, in the frame of the first one."""
+    place, pitch = street(VIDEO_S), np.radians(pitch_deg)
+    poses = np.tile(np.eye(4), (len(place), 1, 1))
+    down, ahead = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])
+    axis_z = np.cos(pitch) * ahead + np.sin(pitch) * down
+    axis_y = np.cos(pitch) * down - np.sin(pitch) * ahead
+    poses[:, :3, :3] = np.stack([np.cross(axis_y, axis_z), axis_y, axis_z], axis=1)
+    poses[:, :3, 3] = place
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    flat = laid_flat(Trajectory(VIDEO_S, turned @ poses))
+    assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
+    np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)  # not upside down
+    assert search_time_offset(flat, stamped(street, 7.0), np.zeros(3), CONFIG) == pytest.approx(7.0, abs=0.15)

@@ -59,6 +59,19 @@ def test_new_fixes_are_those_of_the_last_interval_and_late_ones_once():
     assert not fix_buffer.has_new(t_s, t_s + 0.1)
 
 
+def test_fixes_are_new_when_the_camera_was_where_they_are():
+    _, _, _, fixes = scene()
+    t_s, late_s = float(fixes.t_s[3]), 3.0
+    sensors = Config().sensors.model_copy(update={"time_offset_s": late_s})
+    stamped = replace(fixes, t_s=fixes.t_s + late_s)
+    fix_buffer = FixBuffer(rows_of(stamped, [3]), ANTENNA, Config(sensors=sensors))
+    assert fix_buffer.has_new(t_s - 0.05, t_s + 0.05)
+    assert not fix_buffer.has_new(t_s + late_s - 0.05, t_s + late_s + 0.05)
+    fix_buffer.add(rows_of(stamped, [1]), now_s=t_s)  # of a position before now, if not of a stamp
+    assert fix_buffer.has_new(t_s, t_s + 0.1)
+    np.testing.assert_allclose(fix_buffer.corrected.t_s, fixes.t_s[[1, 3]], atol=1e-9)
+
+
 def test_after_discarding_few_fixes_do_not_change_the_time_offset():
     _, poses, t_s, fixes = scene()
     late = replace(fixes, t_s=fixes.t_s + 0.7)

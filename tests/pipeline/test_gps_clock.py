@@ -8,7 +8,11 @@ import pytest
 import vgps
 from vgps.config import Config, SensorsConfig
 from vgps.evaluation import evaluate
+from vgps.gps.world_frame import world_fixes
+from vgps.pipeline.front_end import run_front_end
+from vgps.pipeline.gps_clock import clock_by_shape
 from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import NoProgress
 
 pytestmark = pytest.mark.slow
 SAID = "older than their time stamps"
@@ -55,3 +59,25 @@ def test_a_clock_that_is_wrong_by_seconds_is_found_and_the_run_begins_again(data
     assert error_m < 0.3
     assert sum("the run began again" in warning for warning in solution.warnings) == 1
     assert solution.config["sensors"]["time_offset_s"] == 0.0  # the settings are the user's
+
+
+def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):
+    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_ublox.nmea")
+    recording = replace(recording, gps=replace(recording.gps, t_s=recording.gps.t_s - 6.0))
+    alone = run_front_end(recording, Config().with_gps("none"), NoProgress())
+    _, fixes = world_fixes(recording, Config())
+    assert clock_by_shape(alone, fixes, Config()).shown_s == pytest.approx(-6.0, abs=0.25)
+
+
+def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(recording, monkeypatch):
+    """Else a drone that rises first, with positions 5 s older than their stamps, loses its map."""
+    opened, asked = vgps.open_recording(recording), []
+    late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 5.0))
+    config = Config(sensors=SensorsConfig(time_offset_s=5.0, estimate_time_offset="no"))
+    monkeypatch.setattr(
+        "vgps.pipeline.frame_pipeline.align_to_fixes", lambda _, fixes, *__: asked.append(fixes.t_s)
+    )
+    run_front_end(late, config, NoProgress())
+    assert asked
+    for t_s in asked:
+        np.testing.assert_allclose(t_s, opened.gps.t_s, atol=1e-9)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
+from scipy.spatial.transform import Rotation
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, place
@@ -27,6 +28,18 @@ _MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviat
 _MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
 _LEAST_SHARE = 1e-6  # likewise
 _WIDTH = 2.0  # Cauchy's constant, in spreads
+
+
+class ClockCheck(NamedTuple):
+    """What was found when the GPS clock was compared with a path of the video alone.
+
+    Attributes:
+        shown_s: Time offset that its shape shows; None if it shows none.
+        torn: Whether most fixes are outside their regions all the same: the path has been torn to them.
+    """
+
+    shown_s: float | None
+    torn: bool = False
 
 
 class _Misfit(NamedTuple):
@@ -74,6 +87,20 @@ def search_time_offset(
     worse = float(others.min()) / max(float(share[best]), _LEAST_SHARE) - 1.0
     significant = worse * freedom > min_gain(config.significance_sigmas, freedom, tried)
     return round(float(offsets_s[best]), 1) if significant else None
+
+
+def laid_flat(path: Trajectory) -> Trajectory:
+    """Return a path in any frame, turned so that the plane of its motion is level.
+
+    A camera looks ahead or down, upright, which tells above from below.
+    """
+    poses = path.world_T_camera
+    centres = poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0)
+    up = np.linalg.svd(centres, full_matrices=False)[2][2]
+    up *= -np.sign(up @ (poses[:, :3, 1] + poses[:, :3, 2]).mean(axis=0)) or 1.0
+    level_T_world = np.eye(4)
+    level_T_world[:3, :3] = Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0].as_matrix()
+    return Trajectory(path.t_s, level_T_world @ poses)
 
 
 class _Seen(NamedTuple):

@@ -34,12 +34,12 @@ class FixBuffer:
         self._discarded = False
 
     def add(self, more: Fixes, now_s: float) -> None:
-        """Add fixes of any time; those from before ``now_s`` count as late."""
+        """Add fixes of any time; those of positions from before ``now_s`` count as late."""
         self.fixes, order = self.fixes.merged(more)
         self.number = np.append(self.number, self._added + np.arange(len(more)))[order]
         self._added += len(more)
         self.assessment = self.assessment.merged(FixAssessment.unassessed(len(more)), order)
-        self._late |= bool((more.used & (more.t_s <= now_s)).any())
+        self._late |= bool((more.used & (more.t_s - self.sensors.time_offset_s <= now_s)).any())
 
     def discard_before(self, before_s: float) -> None:
         """Discard older fixes and their assessment."""
@@ -68,19 +68,20 @@ class FixBuffer:
         self.assessment = self.assessment.updated(newer)
 
     def has_new(self, since_s: float, until_s: float) -> bool:
-        """Return whether a usable fix is in (``since_s``, ``until_s``], or one arrived late since the last
-        call."""
-        t_s = self.fixes.t_s
+        """Return whether the position of a usable fix is of (``since_s``, ``until_s``], or one arrived late
+        since the last call."""
+        t_s = self.corrected.t_s
         has_new = self._late or bool((self.fixes.used & (t_s > since_s) & (t_s <= until_s)).any())
         self._late = False
         return has_new
 
     def usable(self, until_s: float) -> Fixes:
         """Return the fixes until a time with their verdicts applied and their time offset removed."""
-        return self.assessment.applied(self._corrected).until(until_s)
+        return self.assessment.applied(self.corrected).until(until_s)
 
     @property
-    def _corrected(self) -> Fixes:
+    def corrected(self) -> Fixes:
+        """All fixes, their time offset removed."""
         return self.fixes.without_time_offset(self.sensors.time_offset_s)
 
     def update_time_offset(self, path: Trajectory) -> None:
@@ -111,7 +112,7 @@ class FixBuffer:
         """
         if not detects_outliers(self._config):
             return np.inf
-        fixes, before = self._corrected, self.assessment.rejected
+        fixes, before = self.corrected, self.assessment.rejected
         newer = detect_outliers(path, fixes, self.sensors.camera_p_antenna, self._config)
         self.assessment = self.assessment.updated(newer)
         newly_rejected = self.assessment.rejected & ~before & (fixes.t_s <= used_until_s)

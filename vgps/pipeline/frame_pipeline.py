@@ -223,7 +223,7 @@ class FramePipeline:
             result = align_to_control(local_map, self._control_poses, start.min_control_travel_m)
             if result is None and self.fix_buffer.has_new(float(self.t_s[-2]), float(self.t_s[-1])):
                 antenna = self.sensors.prior_antenna
-                result = align_to_fixes(local_map, self.fix_buffer.fixes, antenna, self.config)
+                result = align_to_fixes(local_map, self.fix_buffer.corrected, antenna, self.config)
             if result is None:
                 return
             local_map.apply(result.update)

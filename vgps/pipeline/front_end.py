@@ -8,6 +8,7 @@ from typing import Protocol
 from vgps.camera import WIDEST_DEG, unused_share
 from vgps.config import Config
 from vgps.errors import GeometryError
+from vgps.gps.clock_search import ClockCheck
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.gps.world_frame import world_fixes
@@ -47,8 +48,7 @@ class FrontEnd:
         seconds: Wall seconds by stage.
         others: Maps of the other cameras of a rig.
         journal: Where stage D keeps its long steps.
-        clock_compared: Whether the GPS clock was compared with the video alone.
-        shown_time_offset_s: Time offset that the shape of the video's path shows; None if it shows none.
+        clock: What the video alone shows of the GPS clock; None before they are compared.
     """
 
     recording: Recording
@@ -64,8 +64,7 @@ class FrontEnd:
     seconds: Mapping[str, float]
     others: tuple[CameraMaps, ...] = ()
     journal: Journal | None = None
-    clock_compared: bool = False
-    shown_time_offset_s: float | None = None
+    clock: ClockCheck | None = None
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""

@@ -5,21 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.config import Config
-from vgps.errors import GeometryError
+from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
-from vgps.gps.clock_search import search_time_offset
-from vgps.gps.fixes import Fixes
+from vgps.gps.clock_search import ClockCheck, laid_flat, search_time_offset
+from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import estimate_time_offset
 from vgps.model import FloatArray, Recording
-from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
+from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment import align
 from vgps.smoothing.map_alignment import correspondences, fixes_within
 from vgps.solution import Trajectory
 
+_TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
     "searched: set sensors: {{time_offset_s: {0:.1f}}}"
@@ -35,29 +38,65 @@ def with_gps_clock(front_end: FrontEnd, config: Config) -> FrontEnd:
 
     Windows of stage C, and a solution of stage D, bend the path to fixes whose clock is wrong until hardly
     anything of it is left to see; so the fixes are compared with a rough solution without them. An offset
-    beyond reach is for another run, see :func:`far_time_offset`.
+    beyond reach is for another run, see :func:`with_right_clock`.
 
     Args:
         front_end: Its sensors have the time offset that stage C saw.
         config: Settings.
     """
-    if front_end.clock_compared or config.gps.model == "none":
+    if front_end.clock is not None or config.gps.model == "none":
         return front_end
     timer = StageTimer(dict(front_end.seconds))
     with one_blas_thread(), timer.measure("batch"):
         compared = _compared(front_end, config)
-    return replace(compared, clock_compared=True, seconds=timer.by_stage)
+    return replace(compared, clock=compared.clock or ClockCheck(None), seconds=timer.by_stage)
 
 
-def far_time_offset(front_end: FrontEnd, config: Config) -> float | None:
+def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
+    """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again.
+
+    A path that was torn to the fixes may show nothing. Then one that has never met them tells the offset.
+    """
+    compared = with_gps_clock(front_end, config)
+    clock = compared.clock
+    try:
+        if clock is not None and clock.torn:
+            progress.stage("again without the fixes, which the path contradicts")
+            alone = run_front_end(front_end.recording, config.with_gps("none"), progress)
+            clock = clock_by_shape(alone, front_end.fixes, config)
+        if (far_s := _far(clock, config)) is None:
+            return compared, config
+        progress.stage("again with the GPS clock that the video shows")
+        recording, shifted = _with_far_clock(front_end.recording, config, far_s)
+        again = with_gps_clock(run_front_end(recording, shifted, progress), shifted)
+    except (GeometryError, GpsLogError):  # the first run had a path
+        return compared, config
+    confirmed = again.clock is not None and again.clock.shown_s is not None
+    return (again, shifted) if confirmed and _far(again.clock, shifted) is None else (compared, config)
+
+
+def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
+    """Return what a path that has never met the fixes shows of their clock.
+
+    Args:
+        alone: Stages A to C without fixes.
+        fixes: At the times of their time stamps.
+        config: Settings.
+    """
+    path = laid_flat(merged_maps(alone, alone.context(config)).scene.trajectory)
+    return ClockCheck(search_time_offset(path, fixes, alone.sensors.camera_p_antenna, config.sensors))
+
+
+def _far(clock: ClockCheck | None, config: Config) -> float | None:
     """Return the time offset that the video shows if it is beyond the search about the configured one."""
-    shown_s, sensors = front_end.shown_time_offset_s, config.sensors
-    if shown_s is None or abs(shown_s - sensors.time_offset_s) <= sensors.time_offset_reach_s:
+    if clock is None or clock.shown_s is None:
         return None
-    return shown_s
+    sensors = config.sensors
+    beyond = abs(clock.shown_s - sensors.time_offset_s) > sensors.time_offset_reach_s
+    return clock.shown_s if beyond else None
 
 
-def with_far_clock(recording: Recording, config: Config, time_offset_s: float) -> tuple[Recording, Config]:
+def _with_far_clock(recording: Recording, config: Config, time_offset_s: float) -> tuple[Recording, Config]:
     """Return recording and settings of a run that begins with a time offset, which a note tells."""
     changes = {"time_offset_s": time_offset_s, "estimate_time_offset": "yes"}  # from a coarse grid
     sensors = config.sensors.model_copy(update=changes)
@@ -77,8 +116,9 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     except GeometryError:  # stage D says why
         return front_end
     shown_s = search_time_offset(video, fixes, sensors.camera_p_antenna, settings)
-    front_end = replace(front_end, shown_time_offset_s=shown_s)
-    if (far_s := far_time_offset(front_end, config)) is not None:
+    torn = shown_s is None and _outside_share(path, fixes, sensors) > _TORN_SHARE
+    front_end = replace(front_end, clock=ClockCheck(shown_s, torn))
+    if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
@@ -86,6 +126,15 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     path = _in_the_world(path, corrected, sensors.camera_p_antenna, config)
     found, notes = estimate_time_offset(sensors, path, fixes, config)
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
+
+
+def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
+    """Return the share of the fixes within the video whose regions do not reach the path."""
+    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    inside = corrected.where(np.flatnonzero(fixes.used & place(path.t_s, corrected.t_s).inside))
+    offset = antenna_offsets(inside, path, sensors.camera_p_antenna)
+    across = np.hypot(offset[:, 0], offset[:, 1]) > inside.r_m
+    return float(np.mean(across)) if len(across) else 0.0
 
 
 def _among(few: Trajectory, path: Trajectory) -> Trajectory:

@@ -15,7 +15,7 @@ from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
-from vgps.pipeline.gps_clock import far_time_offset, with_far_clock, with_gps_clock
+from vgps.pipeline.gps_clock import with_gps_clock, with_right_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
 from vgps.pipeline.loop_closure import optimise_loops
@@ -96,7 +96,7 @@ def _smoothed(
         progress.stage("from the first frame again, with the rolling shutter that was seen")
         rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
         return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
-    front_end, config = _with_clock(front_end, config, progress)
+    front_end, config = with_right_clock(front_end, config, progress)
     recording = front_end.recording
     run = _Run(recording, config) if config is not run.config else run
     found = imu_agreement(front_end, config)
@@ -116,19 +116,6 @@ def _smoothed(
     front_end = replace(front_end, recording=shifted, warnings=warnings, journal=journal)
     progress.stage("optimising everything (D)")
     return optimise_all(front_end, config, progress), run
-
-
-def _with_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
-    """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again."""
-    compared = with_gps_clock(front_end, config)
-    far_s = far_time_offset(compared, config)
-    if far_s is None:
-        return compared, config
-    progress.stage("again with the GPS clock that the video shows")
-    recording, shifted = with_far_clock(front_end.recording, config, far_s)
-    again = with_gps_clock(run_front_end(recording, shifted, progress), shifted)
-    confirmed = again.shown_time_offset_s is not None and far_time_offset(again, shifted) is None
-    return (again, shifted) if confirmed else (compared, config)
 
 
 def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None = None) -> Solution:
