@@ -41,14 +41,15 @@ def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
 def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
     """Return which fixes (M,) are within the video and of a class with a region."""
     r_m, _ = region_sizes(log.fix_class, config.gps)
-    usable = np.isfinite(r_m) & place(times_s, log.t_s).inside
+    usable = np.isfinite(r_m) & place(times_s, log.t_s - config.sensors.time_offset_s).inside
     if usable.sum() < _MIN_FIXES:
         classes = ", ".join(sorted(set(log.fix_class)))
         raise GpsLogError(
             f"usable fixes during the video: {usable.sum()} (classes in the log: {classes})",
             file=log.source,
             expected=f"at least {_MIN_FIXES}, of a class with a region",
-            remedy="check the log and rig.yaml's video_start_utc, or give regions with --survey",
+            remedy="check the log, rig.yaml's video_start_utc and sensors.time_offset_s, or give regions with "
+            "--survey",
         )
     return np.asarray(usable)
 
