@@ -48,8 +48,8 @@ def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
             f"usable fixes during the video: {usable.sum()} (classes in the log: {classes})",
             file=log.source,
             expected=f"at least {_MIN_FIXES}, of a class with a region",
-            remedy="check the log, rig.yaml's video_start_utc and sensors.time_offset_s, or give regions with "
-            "--survey",
+            remedy="check the log, rig.yaml's video_start_utc and sensors.time_offset_s, or give regions "
+            "with --survey",
         )
     return np.asarray(usable)
 
