@@ -96,7 +96,8 @@ def _smoothed(
         progress.stage("from the first frame again, with the rolling shutter that was seen")
         rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
         return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
-    front_end, config = with_right_clock(front_end, config, progress)
+    journal = None if checkpoint is None else checkpoint.journal
+    front_end, config = with_right_clock(replace(front_end, journal=journal), config, progress)
     recording = front_end.recording
     run = _Run(recording, config) if config is not run.config else run
     found = imu_agreement(front_end, config)
@@ -111,7 +112,6 @@ def _smoothed(
         front_end = run_front_end(recording, config, progress)
     shifted = with_imu_clock(front_end.recording, found)
     notes = shifted.notes[len(front_end.recording.notes) :]
-    journal = None if checkpoint is None else checkpoint.journal
     warnings = (*front_end.warnings, *notes)
     front_end = replace(front_end, recording=shifted, warnings=warnings, journal=journal)
     progress.stage("optimising everything (D)")
