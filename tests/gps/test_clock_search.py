@@ -108,3 +108,8 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
     np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)  # not upside down
     assert search_time_offset(flat, stamped(street, 7.0), np.zeros(3), CONFIG) == pytest.approx(7.0, abs=0.15)
+
+
+def test_a_path_of_two_places_is_laid_flat():
+    flat = laid_flat(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]))
+    assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6

@@ -96,7 +96,7 @@ def laid_flat(path: Trajectory) -> Trajectory:
     """
     poses = path.world_T_camera
     centres = poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0)
-    up = np.linalg.svd(centres, full_matrices=False)[2][2]
+    up = np.linalg.eigh(centres.T @ centres)[1][:, 0]
     up *= -np.sign(up @ (poses[:, :3, 1] + poses[:, :3, 2]).mean(axis=0)) or 1.0
     level_T_world = np.eye(4)
     level_T_world[:3, :3] = Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0].as_matrix()
