@@ -122,10 +122,10 @@ if "models" in FILES:
 # chosen by the receiver of the cells in grey.
 
 # %%
-if "receivers" in FILES:
-    receivers = load("receivers")
+for name in [name for name in FILES if name.startswith("receivers")]:
+    receivers = load(name)
     summary = receivers["summary"]
-    show([{"": name, **{group: summary[group][name] for group in summary}} for name in summary["all"]])
+    show([{"": key, **{group: summary[group][key] for group in summary}} for key in summary["all"]])
     labels = [f"{row['recording']}, {row['source']}" for row in receivers["rows"]]
     places = {label: place for place, label in enumerate(dict.fromkeys(labels))}
     figure, axes = plt.subplots(figsize=(8, 0.8 + 0.22 * len(places)), layout="constrained")

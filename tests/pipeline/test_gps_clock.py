@@ -9,8 +9,8 @@ import vgps
 from vgps.config import Config, SensorsConfig
 from vgps.evaluation import evaluate
 from vgps.gps.world_frame import world_fixes
+from vgps.pipeline import gps_clock
 from vgps.pipeline.front_end import run_front_end
-from vgps.pipeline.gps_clock import clock_by_shape
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 
@@ -53,7 +53,6 @@ def test_a_clock_that_is_right_or_must_not_be_estimated_is_left_alone(data_dir):
 
 @pytest.mark.parametrize("shift_s", [-5.0, 3.1])
 def test_a_clock_that_is_wrong_by_seconds_is_found_and_the_run_begins_again(data_dir, shift_s):
-    """The path was torn to places 41 to 70 m off by such clocks, with standard deviations of a metre."""
     solution, error_m = smoothed(data_dir, "gps_fix.nmea", shift_s)
     assert abs(solution.sensors.time_offset_s - shift_s) < 0.1
     assert error_m < 0.3
@@ -61,12 +60,35 @@ def test_a_clock_that_is_wrong_by_seconds_is_found_and_the_run_begins_again(data
     assert solution.config["sensors"]["time_offset_s"] == 0.0  # the settings are the user's
 
 
+def test_where_the_torn_path_shows_nothing_one_without_fixes_does(data_dir, monkeypatch):
+    found, search = [], gps_clock.search_time_offset
+
+    def hidden_at_first(*given):
+        found.append(search(*given) if found else None)
+        return found[-1]
+
+    monkeypatch.setattr(gps_clock, "search_time_offset", hidden_at_first)
+    solution, error_m = smoothed(data_dir, "gps_fix.nmea", -5.0)
+    assert found[0] is None and found[1:] == [pytest.approx(-5.0, abs=0.3)] * 2  # by its shape, then again
+    assert abs(solution.sensors.time_offset_s + 5.0) < 0.1 and error_m < 0.3
+
+
+def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeypatch):
+    opened, shown = vgps.open_recording(recording), iter([4.0, None])
+    monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: next(shown))
+    front_end = run_front_end(opened, Config(), NoProgress())
+    found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
+    assert next(shown, "both were asked for") == "both were asked for"
+    assert config == Config() and found.maps is front_end.maps
+    assert any("4.0 s older" in warning for warning in found.warnings)  # the user may try it
+
+
 def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):
     recording = vgps.open_recording(data_dir / "kitti07", gps="gps_ublox.nmea")
     recording = replace(recording, gps=replace(recording.gps, t_s=recording.gps.t_s - 6.0))
     alone = run_front_end(recording, Config().with_gps("none"), NoProgress())
     _, fixes = world_fixes(recording, Config())
-    assert clock_by_shape(alone, fixes, Config()).shown_s == pytest.approx(-6.0, abs=0.25)
+    assert gps_clock.clock_by_shape(alone, fixes, Config()).shown_s == pytest.approx(-6.0, abs=0.25)
 
 
 def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(recording, monkeypatch):

@@ -14,20 +14,17 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, place
-from vgps.gps.neighbour_pairs import ComplexArray, Knots
+from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, ComplexArray, Knots
 from vgps.gps.time_offset import min_gain, spaced, spacing_s
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
-_REACH_S = 60.0  # to either side: more than a wrong clock mostly is, GPS time without leap seconds included
+_REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
 _MIN_PAIRS = 8
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
-_MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
-_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
-_LEAST_SHARE = 1e-6  # likewise
-_WIDTH = 2.0  # Cauchy's constant, in spreads
+_LEAST_SHARE = 1e-6  # of motions that agree exactly, as simulated ones may
 
 
 class ClockCheck(NamedTuple):
@@ -59,19 +56,19 @@ def search_time_offset(
 ) -> float | None:
     """Return the time offset that the motion shows beyond doubt; None if it shows none.
 
-    The fixes may be far off the path: neither its place, nor its scale, nor its heading counts.
-
-    Wrong fixes make it less sure, so that a log with many of them shows none.
+    The fixes may be far off the path: neither its place, nor its scale, nor its heading counts. Wrong ones
+    make the offset less sure, so that a log with many of them shows none.
 
     Args:
         path: Of the video alone, level; every scale and heading will do.
-        fixes: Fixes at the times of their time stamps, outliers among them.
+        fixes: Fixes at the times of their time stamps, wrong ones among them; used ones count.
         camera_p_antenna: (3,) metres.
         config: How far around an offset others are taken for the same, and how sure it must be.
     """
     antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
     seen = _Seen(path.t_s, antenna[:, 0] + 1j * antenna[:, 1])
-    chosen = spaced(fixes, spacing_s(fixes))
+    used = fixes.where(fixes.used)
+    chosen = spaced(used, spacing_s(used))
     offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
     pairs = np.array([len(one.left) for one in found])
@@ -121,30 +118,31 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     wanted = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[rows]
     knots_s = np.linspace(t_s[rows[0]], t_s[rows[-1]], 2 + int(np.ptp(t_s[rows]) / config.knot_s))
     knots = Knots(place(knots_s, t_s[rows]), len(knots_s))
-    difference = _difference(camera, wanted, knots, config.factor_sigma)
+    difference = _difference(camera, wanted, knots, config)
     length = np.abs(wanted)
-    bound = max(float(np.median(length)), _MIN_SPREAD_M)
-    moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), _MIN_SPREAD_M)
+    bound = max(float(np.median(length)), MIN_SPREAD_M)
+    moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
     return _Misfit(np.abs(difference) / moved, 2 * len(rows) - 2 * knots.count - 1)
 
 
 def _difference(
-    camera: ComplexArray, wanted: ComplexArray, knots: Knots, factor_sigma: float
+    camera: ComplexArray, wanted: ComplexArray, knots: Knots, config: TimeOffsetConfig
 ) -> ComplexArray:
     """Return the differences (n,) at the best factor in common and its changes at the knots, reweighted."""
     weight: FloatArray = np.ones(len(camera))
     difference = wanted
     for _ in range(_REWEIGHTINGS):
         common = complex(np.vdot(camera, weight * wanted)) / max(float(weight @ np.abs(camera) ** 2), 1e-12)
-        prior = (_spread(camera * common - wanted) / (factor_sigma * max(abs(common), 1e-6))) ** 2
+        prior = (_spread(camera * common - wanted) / (config.factor_sigma * max(abs(common), 1e-6))) ** 2
         band = knots.normal_band(weight * np.abs(camera) ** 2)
         band[1] += prior
         right = knots.sums(weight * camera.conj() * wanted) + prior * common
         factor = np.asarray(solveh_banded(band, right), np.complex128)
         difference = camera * knots.interpolated(factor) - wanted
-        weight = 1.0 / (1.0 + np.abs(difference / (_WIDTH * _spread(difference))) ** 2)
+        bend = config.robust_spreads * _spread(difference)
+        weight = 1.0 / (1.0 + np.abs(difference / bend) ** 2)
     return difference
 
 
 def _spread(difference: ComplexArray) -> float:
-    return max(float(np.median(np.abs(difference))) / _MEDIAN, _MIN_SPREAD_M)
+    return max(float(np.median(np.abs(difference))) / MEDIAN, MIN_SPREAD_M)

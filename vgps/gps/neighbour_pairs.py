@@ -14,8 +14,8 @@ from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
 
-_MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
-_MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
+MIN_SPREAD_M = 0.005  # for differences that agree exactly, as simulated ones may
+MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviations per axis
 _PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
@@ -161,7 +161,7 @@ class NeighbourPairs:
         whole = float(np.median(length)) if len(length) else 0.0
         groups = self._rows_of_group
         of_group = [float(np.median(length[rows])) for rows in groups] if len(groups) > 1 else [whole]
-        spread = np.maximum([whole, *of_group], _MIN_SPREAD_M * _MEDIAN) / _MEDIAN
+        spread = np.maximum([whole, *of_group], MIN_SPREAD_M * MEDIAN) / MEDIAN
         share = self._group_size / (self._group_size + _PAIRS_OF_ALL)
         return np.asarray(spread[0] * (spread[1:] / spread[0]) ** share)[self._group]
 

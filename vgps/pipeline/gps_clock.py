@@ -29,7 +29,7 @@ _FAR = (
 )
 _FOUND = (
     "the GPS positions are about {0:.1f} s older than their time stamps, as the shape of the path shows; the "
-    "run began again with that, which sensors: {{time_offset_s: {0:.1f}}} saves"
+    "run began again with that: give sensors: {{time_offset_s: {0:.1f}}} to save the time"
 )
 
 
@@ -129,7 +129,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
 
 
 def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
-    """Return the share of the fixes within the video whose regions do not reach the path."""
+    """Return the share of the used fixes in the video whose regions do not reach the path in the plane."""
     corrected = fixes.without_time_offset(sensors.time_offset_s)
     inside = corrected.where(np.flatnonzero(fixes.used & place(path.t_s, corrected.t_s).inside))
     offset = antenna_offsets(inside, path, sensors.camera_p_antenna)
