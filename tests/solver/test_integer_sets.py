@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from vgps.model import IntArray
 from vgps.solver.integer_sets import distinct, numbered
 
-NUMBERS = st.lists(st.one_of(st.integers(-40, 40), st.integers(-(2**50), 2**50)), max_size=60)
+NUMBERS = st.lists(st.one_of(st.integers(-40, 40), st.integers(-(2**63), 2**63 - 1)), max_size=60)
 
 
 @given(NUMBERS)

@@ -9,7 +9,7 @@ import numpy as np
 
 from vgps.model import IntArray
 from vgps.solver.block_layout import BLOCK_FRAMES
-from vgps.solver.integer_sets import numbered
+from vgps.solver.integer_sets import distinct, numbered
 
 _QUARTER = BLOCK_FRAMES // 4
 _WORTH_A_GROUP = 60  # landmarks with which a group of its own saves more than it costs
@@ -70,7 +70,7 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
     """
     observed, rng = free >= 0, np.random.default_rng(0)
     parts = int(free.max(initial=0)) // _QUARTER + 1
-    owner, part = np.divmod(_distinct(landmark[observed] * parts + free[observed] // _QUARTER), parts)
+    owner, part = np.divmod(distinct(landmark[observed] * parts + free[observed] // _QUARTER), parts)
     code = np.zeros(landmarks, dtype=np.uint64)
     for least in (_WORTH_A_GROUP, _WORTH_A_GROUP, 1):  # quarters, halves, blocks
         number = rng.integers(1, 2**62, parts, dtype=np.uint64)
@@ -78,7 +78,7 @@ def group_by_blocks(free: IntArray, landmark: IntArray, landmarks: int) -> IntAr
         np.add.at(sums, owner, number[part])
         _, alike, count = np.unique(sums, return_inverse=True, return_counts=True)
         code = np.where((code == 0) & (count[alike] >= least), sums, code)
-        owner, part = np.divmod(_distinct(owner * parts + part // 2), parts)
+        owner, part = np.divmod(distinct(owner * parts + part // 2), parts)
     _, group = np.unique(np.append(code, np.uint64(0)), return_inverse=True)
     return group[:-1]
 
@@ -103,9 +103,3 @@ def split_between_groups(frame: IntArray, landmark: IntArray, group: IntArray, s
     begins = (np.cumsum(sizes) - sizes)[sizes > 0]
     cuts = begins[np.flatnonzero(np.diff(begins // size, prepend=0))]
     return np.split(np.argsort(key), cuts)
-
-
-def _distinct(numbers: IntArray) -> IntArray:
-    """Return the numbers that occur, ascending."""
-    numbers = np.sort(numbers)
-    return np.asarray(numbers[np.diff(numbers, prepend=-1) != 0])
