@@ -32,7 +32,10 @@ def test_every_pixel_comes_back(camera):
     np.testing.assert_allclose(distort(camera, flat), grid(camera), atol=1e-6)
 
 
-@pytest.mark.parametrize("camera", [CV4, CV5, CV8], ids=["4", "5", "8"])
+CV8_FROM_K5 = replace(CV8, distortion=(*CV8.distortion[:5], 0.0, *CV8.distortion[6:]))
+
+
+@pytest.mark.parametrize("camera", [CV4, CV5, CV8, CV8_FROM_K5], ids=["4", "5", "8", "8 without k4"])
 def test_distortion_is_that_of_opencv(camera):
     flat = grid(PINHOLE)
     rays = np.column_stack([flat, np.ones(len(flat))]) @ np.linalg.inv(camera.K).T
