@@ -110,10 +110,9 @@ class DriftEquations:
 
     def _sums(self, values: FloatArray) -> FloatArray:
         """Return sums (K - 1, ...) over the fixes (M, ...) of each interval."""
-        count, order = len(values), np.argsort(self.interval, kind="stable")
-        begins = np.searchsorted(self.interval[order], np.arange(len(self.across) + 1))
-        of_interval = sparse.csr_array((np.ones(count), order, begins), shape=(len(self.across), count))
-        sums = of_interval @ values.reshape(len(values), -1)
+        count = len(values)
+        entries = np.ones(count), self.interval, np.arange(count + 1)  # a column for each fix
+        sums = sparse.csc_array(entries, shape=(len(self.across), count)) @ values.reshape(count, -1)
         return np.asarray(sums).reshape(-1, *values.shape[1:])
 
     def _solve(self, hessian: FloatArray, right: FloatArray) -> FloatArray:

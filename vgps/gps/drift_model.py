@@ -112,7 +112,7 @@ class DriftModel:
         """Return antenna minus fix (M, 3), metres."""
         return self._at(parameters).offset
 
-    def _at(self, parameters: FloatArray) -> "_Candidate":
+    def _at(self, parameters: FloatArray) -> _Candidate:
         path, _ = self.corrected(parameters)
         placement = place(self._t_s, self._fixes.t_s - self.time_offset_s(parameters), beyond=True)
         offset = antenna_at(path, placement, self._antenna) - self._fixes.world_p_fix
@@ -190,21 +190,21 @@ class DriftModel:
         drift = parameters[_KNOTS:].reshape(-1, DRIFT_DIM)
         return np.diff(drift, axis=0, prepend=np.zeros((1, DRIFT_DIM)) if self._attached else drift[:0])
 
-    def _cost(self, at: "_Candidate", loss: Loss) -> float:
-        squared = self._squared(at.offset, loss)
+    def _cost(self, candidate: _Candidate, loss: Loss) -> float:
+        squared = self._squared(candidate.offset, loss)
         of_fixes = loss.width**2 * np.log1p(squared / loss.width**2)
-        return float(of_fixes.sum() + self.prior_costs(at.parameters).sum())
+        return float(of_fixes.sum() + self.prior_costs(candidate.parameters).sum())
 
     def _squared(self, offset: FloatArray, loss: Loss) -> FloatArray:
         return np.where(loss.rows, np.sum((offset / loss.region_m) ** 2, axis=1), 0.0)
 
-    def _step(self, at: "_Candidate", loss: Loss) -> FloatArray:
+    def _step(self, candidate: _Candidate, loss: Loss) -> FloatArray:
         """Return the reweighted Gauss-Newton step.
 
         The Jacobian neglects second-order rotation and the rotation of the lever arm, which changes the
         iterates only, not the minimum.
         """
-        parameters, equations, time_prior = at.parameters, self._equations(at, loss), None
+        parameters, equations, time_prior = candidate.parameters, self._equations(candidate, loss), None
         if self._time_offset_sigma_s:
             information = self._time_offset_sigma_s**-2
             time_prior = information, information * parameters[_TIME_OFFSET]
@@ -212,13 +212,13 @@ class DriftModel:
         drift = by_interval[:, DRIFTS].reshape(-1, 2, DRIFT_DIM)
         return np.concatenate([by_interval[0, POSITION], [time_step], drift[:, 0].ravel(), drift[-1, 1]])
 
-    def _equations(self, at: "_Candidate", loss: Loss) -> DriftEquations:
+    def _equations(self, candidate: _Candidate, loss: Loss) -> DriftEquations:
         """Return the equations of the fixes, whitened and weighted by the loss."""
-        placement, offset = at.placement, at.offset
+        placement, offset = candidate.placement, candidate.offset
         weight = np.where(loss.rows, 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2), 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
         frame, alpha = placement.frame, placement.alpha[:, None, None]
-        steps = np.diff(at.path[:, :3, 3], axis=0)
+        steps = np.diff(candidate.path[:, :3, 3], axis=0)
         by_step, within, across = self._intervals.derivatives(steps)
         J = np.zeros((len(frame), 3, INTERVAL_DIM))
         J[:, :, POSITION] = np.eye(3)
