@@ -23,9 +23,7 @@ class DiskArrays:
     error here and nothing worse later.
     """
 
-    _all_maps: ClassVar[
-        list[weakref.ref[mmap.mmap]]
-    ] = []  # of arrays that are still in use, wherever they are
+    _all_maps: ClassVar[list[weakref.ref[mmap.mmap]]] = []  # with arrays that are still in use
     _passed: ClassVar[int] = 0
 
     def __init__(self) -> None:

@@ -121,11 +121,9 @@ def refine_landmarks(
         here = part.moved(problem.world_T_camera, problem.world_p_landmark)
         return _refined(here.select_observations(np.flatnonzero(which[part.landmark])))
 
-    def of_chunk(chunk: Chunk) -> tuple[IntArray, FloatArray, FloatArray]:
-        return refined(chunk.problem)
-
     few = np.count_nonzero(which[problem.landmark]) <= CHUNK_OBSERVATIONS
-    for landmarks, found, costs in [refined(problem)] if few else map_in_order(of_chunk, structure.chunks):
+    by_chunk = map_in_order(lambda chunk: refined(chunk.problem), structure.chunks)
+    for landmarks, found, costs in [refined(problem)] if few else by_chunk:
         points[landmarks], cost[:, landmarks] = found, costs
     before, after = cost[:, which]
     return points, float(before.sum()) - float(after.sum())
@@ -137,9 +135,7 @@ def _refined(problem: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
     points = problem.world_p_landmark[landmarks]
     if not len(points):
         return landmarks, points, np.zeros((2, 0))
-    problem = replace(
-        problem, landmark=landmark, world_p_landmark=points
-    ).by_view()  # the rows' poses stay, too
+    problem = replace(problem, landmark=landmark, world_p_landmark=points).by_view()  # its poses stay, too
     chunk, damping = _chunk_of(problem), np.full(len(points), _START_DAMPING)
     (cost,) = _chunk_costs(problem, chunk, [points])
     start = cost.copy()
