@@ -95,6 +95,16 @@ def test_the_oldest_view_with_enough_common_features_begins_the_map():
     assert np.linalg.norm(start.poses[-1, :3, 3]) == pytest.approx(1.0)
 
 
+def test_a_later_view_begins_the_map_where_too_many_of_the_oldest_are_wrong():
+    local_map, points, _ = views()
+    few = len(points) // 3
+    local_map.views[few:, -6] = np.nan
+    local_map.views[:5, -6] += (40.0, -30.0)
+    start = initialise(local_map, min_inliers=few)
+    assert np.isnan(start.poses[0]).all()
+    np.testing.assert_allclose(start.poses[1], np.eye(4), atol=1e-12)
+
+
 def test_two_views_need_common_features():
     local_map, points, _ = views()
     local_map.views[0, :-1] = np.nan

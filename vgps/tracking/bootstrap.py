@@ -11,7 +11,7 @@ from vgps.geometry import largest_angle_rad, triangulate, world_rays
 from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.model import BoolArray, Camera, FloatArray
+from vgps.model import BoolArray, Camera, FloatArray, IntArray
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
 from vgps.tracking.static_regions import still
@@ -31,15 +31,21 @@ class TwoViewInitialiser:
     def initialise(self, local_map: LocalMap) -> MapUpdate | None:
         """Return the poses of all views and the first positions, or None if two views do not give them yet.
 
-        They are the newest and the oldest that shares enough features with it; under a rolling shutter those
-        next to them, for which no row is extrapolated. The oldest becomes the origin, and the distance of the
-        two the unit of length; views before it get no pose.
+        They are the newest and the oldest that shares enough features with it or, if those do not fit, twice
+        as many; under a rolling shutter those next to them, for which no row is extrapolated. The oldest
+        becomes the origin, and the distance of the two the unit of length; views before it get no pose.
         """
         frames = local_map.view_frames[local_map.view_frames >= 0]
+        # the newest view shows every feature that is followed
+        shared = np.isfinite(local_map.views[:, -len(frames) :, 0]).sum(axis=0)
+        enough = [shared >= least * self._start.min_inliers for least in (1, 2)]
+        oldest = sorted({int(np.argmax(views)) for views in enough if views.any()})
+        starts = (self._start_from(local_map, frames[view:]) for view in oldest)
+        return next((start for start in starts if start is not None), None)
+
+    def _start_from(self, local_map: LocalMap, frames: IntArray) -> MapUpdate | None:
+        """Return the start of a map from the views of the given frames, the newest ones."""
         views = local_map.views[:, -len(frames) :]
-        shared = np.isfinite(views[..., 0]).sum(axis=0) >= self._start.min_inliers
-        oldest = int(np.argmax(shared))  # the newest view shows every feature that is followed
-        frames, views = frames[oldest:], views[:, oldest:]
         common = np.flatnonzero(np.isfinite(views[:, 0, 0]))
         uv_px, pair = views[common], (0, len(frames) - 1)
         if self._camera.readout_s and len(frames) >= _MIN_ROLLING_VIEWS:
