@@ -68,6 +68,24 @@ def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
     assert found is None or abs(found - 6.0) < 0.3
 
 
+def test_fixes_that_are_not_used_do_not_count():
+    fixes = stamped(street, 6.0)
+    fixes.world_p_fix[::2] = 0.0
+    fixes.used[::2] = False
+    found = search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG)
+    assert found == pytest.approx(6.0, abs=0.25)
+
+
+def test_fixes_of_a_stop_agree_with_no_motion_at_all():
+    """At offsets where only they are within the video, nothing is left of the fixes' displacements."""
+
+    def stopping(t_s):
+        return street(np.minimum(t_s, 24.0))
+
+    found = search_time_offset(seen(stopping(VIDEO_S)), stamped(stopping, 4.0), np.zeros(3), CONFIG)
+    assert found == pytest.approx(4.0, abs=0.25)
+
+
 @pytest.mark.parametrize("place_of", [straight, circle])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_motion_that_looks_the_same_at_all_times_shows_none(place_of, seed):

@@ -7,6 +7,7 @@ import pytest
 
 import vgps
 from vgps.config import Config, SensorsConfig
+from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
 from vgps.gps.world_frame import world_fixes
 from vgps.pipeline import gps_clock
@@ -76,8 +77,11 @@ def test_where_the_torn_path_shows_nothing_one_without_fixes_does(data_dir, monk
 def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeypatch):
     opened, shown = vgps.open_recording(recording), iter([4.0, None])
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: next(shown))
-    front_end = run_front_end(opened, Config(), NoProgress())
+    front_end, again = run_front_end(opened, Config(), NoProgress()), []
+    monkeypatch.setattr(gps_clock, "run_front_end", lambda *given: again.append(given) or front_end)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
+    ((_, settings, _),) = again
+    assert settings.sensors.time_offset_s == 4.0 and settings.sensors.estimate_time_offset == "yes"
     assert next(shown, "both were asked for") == "both were asked for"
     assert config == Config() and found.maps is front_end.maps
     assert any("4.0 s older" in warning for warning in found.warnings)  # the user may try it
@@ -89,6 +93,15 @@ def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):
     alone = run_front_end(recording, Config().with_gps("none"), NoProgress())
     _, fixes = world_fixes(recording, Config())
     assert gps_clock.clock_by_shape(alone, fixes, Config()).shown_s == pytest.approx(-6.0, abs=0.25)
+
+
+def test_fixes_are_during_the_video_by_the_configured_time_offset(recording):
+    opened = vgps.open_recording(recording)
+    late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 3600.0))
+    with pytest.raises(GpsLogError, match="usable fixes during the video: 0"):
+        world_fixes(late, Config())
+    _, fixes = world_fixes(late, Config(sensors=SensorsConfig(time_offset_s=3600.0)))
+    assert len(fixes) == len(opened.gps.t_s)
 
 
 def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(recording, monkeypatch):

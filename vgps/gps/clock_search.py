@@ -24,6 +24,7 @@ _STEP_S = 0.2  # a fraction of the time that a turn takes
 _MIN_PAIRS = 8
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
+_MOVING = 0.75  # quantile of displacements; a quarter may be wrong, three quarters those of a stop
 _LEAST_SHARE = 1e-6  # of motions that agree exactly, as simulated ones may
 
 
@@ -120,7 +121,7 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     knots = Knots(place(knots_s, t_s[rows]), len(knots_s))
     difference = _difference(camera, wanted, knots, config)
     length = np.abs(wanted)
-    bound = max(float(np.median(length)), MIN_SPREAD_M)
+    bound = max(float(np.quantile(length, _MOVING)), MIN_SPREAD_M)  # a displacement while it moves
     moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
     return _Misfit(np.abs(difference) / moved, 2 * len(rows) - 2 * knots.count - 1)
 
