@@ -88,7 +88,7 @@ axes.barh(logs, np.median(mean_m, axis=1), color="#2a9d8f", label="mean of the m
 axes.plot(max_m.max(axis=1), range(len(logs)), "k|", ms=12, label="largest error of all seeds")
 axes.invert_yaxis()
 axes.set(xlabel="unaligned camera error [m]", xlim=(0, None))
-axes.legend()
+figure.legend(loc="outside upper center", ncols=2)
 plt.show()
 
 # %% [markdown]
@@ -138,7 +138,8 @@ for name in [name for name in FILES if name.startswith("receivers")]:
     axes.set_yticks(range(len(places)), list(places))
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="mean error of the default over the better of fixes and Gaussian")
-    axes.set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
+    ticks = [0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     plt.show()
 
