@@ -16,6 +16,7 @@ LENSES = {
     "plain": Camera(model="opencv", fx=600.0, fy=600.0, distortion=(-0.05, 0.02, 0.0, 0.0), **SIZE),
     "fisheye": Camera(model="fisheye", fx=330.0, fy=330.0, distortion=(0.04, 0.0, 0.0, 0.0), **SIZE),
 }
+NARROW = replace(LENSES["plain"], fx=1500.0, fy=1500.0)  # 30 degrees from corner to corner
 HALF_DIAGONAL_PX = 400.0
 SETTINGS = CameraCalibrationConfig()
 
@@ -72,3 +73,17 @@ def test_a_statement_that_the_video_does_not_show_stays(pairs):
     seen = pairs(camera, turn_deg=0.0)  # a camera that never turns
     found = fit_guesses(seen, guesses("opencv", 1.2 * camera.fx), SETTINGS)
     assert found.guess.source == "stated"
+
+
+def test_a_narrow_lens_is_found_from_a_usual_one(pairs):
+    _, plain, _ = guesses("opencv", NARROW.fx)
+    found = fit_guesses(pairs(NARROW, noise_px=0.1), (plain,), SETTINGS)
+    np.testing.assert_allclose(ray_angles(found.camera), ray_angles(NARROW), rtol=0.1)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_narrow_lens_keeps_the_first_of_two_models(pairs, order):
+    """They describe it equally well."""
+    both = guesses("opencv", NARROW.fx)[1:][::order]
+    found = fit_guesses(pairs(NARROW, noise_px=0.1), both, SETTINGS)
+    assert found.camera.model == both[0].camera.model

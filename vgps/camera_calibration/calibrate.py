@@ -29,7 +29,7 @@ from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.tracking.view_pairs import ViewPairs, view_pairs
 
-_LADDER = 2.0 ** np.arange(-0.5, 2.5, 0.5)  # focal lengths over half the diagonal: 164 to 28 degrees
+_LADDER = 2.0 ** np.arange(-0.5, 2.5, 0.5)  # focal lengths over half the diagonal: fisheyes of 162 to 29 deg
 _REACH_SIGMAS = 3.0  # of a guess's focal length: steps of the ladder beyond are not tried
 _TRIED = 2  # of the starts, those with the lowest cost
 _SIGNIFICANT_SIGMAS = 2.0  # of the scatter between pairs, for a guess to give way to another model
