@@ -73,6 +73,18 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     assert of._cost(of._at(ours), loss) == pytest.approx(2.0 * reference.cost, rel=2e-3)
 
 
+def test_a_fit_reaches_the_minimum_from_afar():
+    """From a radian away steps that raise the cost are shortened, and one step is not enough."""
+    rng = np.random.default_rng(4)
+    fixes = fixes_at(np.arange(0.05, 19.0), 0.5, 0.7, offset=rng.normal(0, 0.5, (19, 3)))
+    of = flexible(drifting(0.1), fixes)
+    minimum = of.refine(of.fit_coarse_to_fine(ALL, 0.3), ALL, of.regions())
+    least = of.cost(minimum, ALL, of.regions())
+    for away in rng.normal(0.0, 1.0, (40, len(minimum))):
+        found = of.refine(minimum + away, ALL, of.regions())
+        assert of.cost(found, ALL, of.regions()) == pytest.approx(least, rel=1e-2)
+
+
 @pytest.mark.parametrize("time_offset_s", [-0.4, 0.37])
 def test_turns_determine_the_time_offset(time_offset_s):
     t_s = np.arange(1.05, 18.0)
