@@ -40,7 +40,7 @@ def test_many_landmarks_in_the_same_quarters_of_blocks_form_their_own_group() ->
 
 def test_parts_have_whole_groups_in_order_of_group_landmark_and_frame() -> None:
     frame, landmark = np.array([3, 1, 2, 0, 5, 4, 1]), np.array([0, 0, 1, 2, 2, 3, 3])
-    group = np.array([2, 0, 0, 2, 1])  # landmark 4, and with it group 1, was never observed
+    group = np.array([2, 0, 0, 2, 1, 3])  # landmarks 4 and 5, and so groups 1 and 3, were never observed
     assert [part.tolist() for part in split_between_groups(frame, landmark, group, 2)] == [
         [2, 3, 4],
         [1, 0, 6, 5],

@@ -90,6 +90,9 @@ def test_many_landmarks_are_refined_chunk_by_chunk_as_all_at_once(monkeypatch, m
     monkeypatch.setattr(landmark_refinement, "CHUNK_OBSERVATIONS", 100)
     structure = analyse_sparsity(made)
     assert len(structure.chunks) > 3
+    first = refine_landmarks(start, which, replace(structure, chunks=structure.chunks[:1]))[0]
+    moved, there = np.any(first != away, axis=1), np.isin(np.arange(len(away)), structure.chunks[0].landmarks)
+    assert moved.any() and not moved[~there].any()
     by_chunk = refine_landmarks(start, which, structure)
     np.testing.assert_allclose(by_chunk[0], at_once[0], rtol=1e-9)
     assert by_chunk[1] == pytest.approx(at_once[1], rel=1e-9) and at_once[1] > 0.0
