@@ -5,7 +5,7 @@ import time
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from vgps.runtime.threads import map_in_order, one_blas_thread, usable_cores
+from vgps.runtime.threads import begin, map_in_order, one_blas_thread, usable_cores
 
 
 def blas_threads() -> list[int]:
@@ -17,6 +17,14 @@ def test_blas_has_one_thread_inside_and_as_many_as_before_after_it() -> None:
         with one_blas_thread():
             assert set(blas_threads()) == {1}
         assert set(blas_threads()) == {2}
+
+
+def test_what_is_begun_runs_while_the_caller_goes_on() -> None:
+    signal = threading.Event()
+    seen = begin(signal.wait, timeout=10.0)
+    assert not seen.done()
+    signal.set()
+    assert seen.result()
 
 
 @pytest.fixture

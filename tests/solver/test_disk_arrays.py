@@ -18,7 +18,7 @@ def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_was_written_is_there_after_its_memory_was_given_back() -> None:
     arrays, rng = DiskArrays(), np.random.default_rng(0)
-    written = [rng.normal(size=shape) for shape in [(3, 5), (700,), (2, 6, 40), (0, 4), (90, 90)]]
+    written = [rng.normal(size=shape) for shape in [(3, 5), (7,), (700,), (2, 6, 40), (0, 4), (5,), (90, 90)]]
     kept = [arrays.kept(one.T) for one in written]
     for one, copy in zip(written, kept, strict=True):
         assert copy.flags.c_contiguous
