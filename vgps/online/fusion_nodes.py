@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
-from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.live_time_offset import HELD_S
@@ -165,10 +165,10 @@ def fusion_nodes(
     t_s, at, tied = _node_times(path, fixes.t_s[rows])
     camera = path.at(t_s)
     frames = np.diff(np.interp(t_s, path.t_s, np.cumsum(path.moving)))
-    begins = np.zeros(len(t_s), dtype=bool)
-    begins[at] = starts
-    size_m, bound = _offset_bounds(fixes.where(rows), starts, at, len(t_s), config, sizes or {})
-    walk_m, tail = _offset_walks(fixes.where(rows), starts, at, len(t_s), config)
+    first = fixes.where(rows)
+    size_m = _offset_sizes(first, config, sizes or {})
+    bound = np.sqrt(_times_bounded(first, starts))[:, None] / size_m
+    walk_m, tail = _offset_walks(first, starts, config)
     knots = np.diff(t_s, prepend=t_s[0] - _NODE_S) / _NODE_S
     level_rad = np.radians([_ROLL_DEVIATION_DEG, config.start.pitch_sigma_deg])
     return FusionNodes(
@@ -178,11 +178,11 @@ def fusion_nodes(
         fixes=node_fixes(seen, camera_p_antenna, camera, at[chain.offset], config),
         ties=path.ties,
         tied=tied,
-        size_m=size_m,
-        bound=bound,
-        walk_m=walk_m,
-        walk_tail=tail,
-        starts=begins,
+        size_m=_with_rows(len(t_s), at, size_m, np.inf),
+        bound=_with_rows(len(t_s), at, bound, 0.0),
+        walk_m=_with_rows(len(t_s), at, walk_m, _HELD_M),
+        walk_tail=_with_rows(len(t_s), at, tail, np.inf),
+        starts=np.isin(np.arange(len(t_s)), at[starts]),
         elevation=np.zeros((len(t_s), 2)),
         level=np.sqrt(knots)[:, None] / level_rad,
         time_offset=TimeOffset(seen.rest_s, HELD_S),
@@ -209,40 +209,32 @@ def _node_times(path: VideoPath, fix_t_s: FloatArray) -> tuple[FloatArray, IntAr
     return t_s, at, tied
 
 
-def _offset_bounds(
-    first: Fixes,
-    starts: BoolArray,
-    at: IntArray,
-    count: int,
-    config: Config,
-    sizes: Mapping[FixClass, float],
-) -> tuple[FloatArray, FloatArray]:
-    """Return the size (N, 3) of the offset of each node, and its bound (N, 3).
+def _with_rows(count: int, rows: IntArray, values: FloatArray, others: float) -> FloatArray:
+    """Return an array of so many rows that has values in some of them."""
+    out = np.full((count, *values.shape[1:]), others)
+    out[rows] = values
+    return out
 
-    A stretch is bounded once, and again for every correlation time that it lasts.
-    """
-    size_m, bound = np.full((count, 3), np.inf), np.zeros((count, 3))
-    bounded, interval_s = with_offset_regions(first, config.gps), np.diff(first.t_s, prepend=-np.inf)
-    weight = np.where(starts, 1.0, np.minimum(interval_s / bounded.correlation_s, 1.0))
-    weight[~starts & np.isinf(interval_s)] = 0.0
+
+def _offset_sizes(first: Fixes, config: Config, sizes: Mapping[FixClass, float]) -> FloatArray:
+    """Return the standard deviations (K, 3) of the offsets of fixes' classes."""
     by_receivers = [between_receivers(errors) for errors in errors_of(first, config.gps)]
     classes = [CLASSES[k] for k in first.fix_class.tolist()]
     size = np.array([sizes.get(name, spread) for name, spread in zip(classes, by_receivers, strict=True)])
-    r_m, h_m = size * bounded.r_m / INSIDE_PLANE, size * bounded.h_m / INSIDE_LINE
-    size_m[at] = np.stack([r_m, r_m, h_m], axis=1)
-    bound[at] = np.sqrt(weight)[:, None] / size_m[at]
-    return size_m, bound
+    return size[:, None] * region_sigmas(with_offset_regions(first, config.gps))
 
 
-def _offset_walks(
-    first: Fixes, starts: BoolArray, at: IntArray, count: int, config: Config
-) -> tuple[FloatArray, FloatArray]:
-    """Return scale (N, 3) and tail (N,) of the walk to each node, those of the mean over receivers."""
-    walk_m, tail, interval_s = np.full((count, 3), _HELD_M), np.full(count, np.inf), np.diff(first.t_s)
-    walk_m[at] = np.inf
-    errors = errors_of(first, config.gps)
+def _times_bounded(first: Fixes, starts: BoolArray) -> FloatArray:
+    """Return how often (K,) offsets are bounded: a stretch once, and again for every correlation time."""
+    since_s = np.diff(first.t_s, prepend=first.t_s[:1])
+    return np.where(starts, 1.0, np.minimum(since_s / first.correlation_s, 1.0))
+
+
+def _offset_walks(first: Fixes, starts: BoolArray, config: Config) -> tuple[FloatArray, FloatArray]:
+    """Return scale (K, 3) and tail (K,) of the walk to each offset, those of the mean over receivers."""
+    walk_m, tail = np.full((len(starts), 3), np.inf), np.full(len(starts), np.inf)
+    errors, since_s = errors_of(first, config.gps), np.diff(first.t_s, prepend=first.t_s[:1] - 1.0)
     for k in np.flatnonzero(~starts).tolist():
-        since_s = interval_s[k - 1] if k else 1.0
-        scale = max(float(step_scale(in_the_mean(errors[k]), np.array(since_s))), _HELD_M)
-        walk_m[at[k]], tail[at[k]] = scale * np.array([1.0, 1.0, errors[k].vertical]), errors[k].tail
+        scale = max(float(step_scale(in_the_mean(errors[k]), since_s[k])), _HELD_M)
+        walk_m[k], tail[k] = scale * np.array([1.0, 1.0, errors[k].vertical]), errors[k].tail
     return walk_m, tail
