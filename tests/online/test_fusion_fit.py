@@ -22,7 +22,7 @@ def drive(request):
 def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
     _, path, fixes = drive
     last = None
-    for _ in range(3):  # until the errors that are learned are those in use
+    for _ in range(12):  # until the errors that are learned are those in use
         last = fit(fit_input(path, FIRST, fixes, last), CONFIG).fused
     now = fit_input(path, AFTER, fixes, last)
     newest, whole = newest_fit(now, CONFIG), fit(now, CONFIG).fused

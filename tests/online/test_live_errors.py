@@ -73,6 +73,16 @@ def test_few_fixes_leave_the_class_as_it_is():
     assert learned.noise_m == pytest.approx(mean.noise_m, rel=0.4)
 
 
+def test_a_walk_from_before_the_path_is_not_learned_from():
+    drive = DrivingCamera(FRAMES)
+    path, fixes = drive.seen(), drive.fixes([FixClass.SINGLE] * 40, np.zeros((40, 3)))
+    last = replace(fit(fit_input(path, 105, fixes), CONFIG).fused, learned={})
+    now = fit_input(path.since(10.0), 5, fixes.where(fixes.t_s >= 10.0), last)
+    again = fit(now, CONFIG).fused
+    assert again.nodes.fixes.node.tolist() == [0] and not again.nodes.starts[0]
+    assert again.learned[FixClass.SINGLE].walk_m == pytest.approx(in_the_mean(SINGLE).walk_m)
+
+
 def test_fixes_without_any_error_are_fused_again_and_again():
     drive = DrivingCamera(FRAMES)
     single, last = drive.fixes([FixClass.SINGLE] * 40, np.zeros((40, 3))), None
@@ -110,6 +120,16 @@ def test_the_size_of_offsets_shows_where_fixes_on_both_sides_determine_them():
         small, large = (np.mean([sizes[name] for sizes in found[size_m]]) for size_m in found)
         assert small < 0.4 * prior
         assert large > 1.5 * prior
+
+
+def test_a_size_settles_instead_of_overshooting_with_every_fit():
+    kinds, wrong = stretches(0.05, 0)
+    drive, last, found = DrivingCamera(FRAMES), None, []
+    path, fixes = drive.seen(np.random.default_rng(5)), drive.fixes(kinds, wrong)
+    for _ in range(12):
+        last = fit(fit_input(path, 240, fixes, last), CONFIG).fused
+        found.append(last.sizes[FixClass.RTK_FLOAT])
+    assert max(found[-6:]) < 1.6 * min(found[-6:])
 
 
 def test_offsets_right_after_rtk_fixes_leave_the_size_as_it_is():

@@ -45,7 +45,7 @@ def errors_in_fit(
     fixes, learned = nodes.fixes, {}
     first = np.flatnonzero(np.diff(fixes.node, prepend=-1))  # what others walked is in their noise
     node, fix_class = fixes.node[first], fixes.fix_class[first]
-    walks = np.isfinite(nodes.walk_tail[node])
+    walks = np.isfinite(nodes.walk_tail[node]) & (node > 0)
     (_, noise), (_, walk), _ = squared_deviations(nodes, state)
     at_fix = system.covariances()[node][:, _ANTENNA_AND_OFFSET]
     covariance = _SUM @ at_fix[:, :, _ANTENNA_AND_OFFSET] @ _SUM.T
@@ -97,7 +97,8 @@ def sizes_in_fit(
         if name is not FixClass.RTK_FIX:
             now = used.get(name, between_receivers(prior))
             log, of_log = _log_scale(prior.between_receivers, now, shown[:, fix_class == k])
-            sizes[name] = float(np.exp(log + of_log))  # the root mean square
+            # the root mean square, half the way to it: whole steps may overshoot, each fit the other way
+            sizes[name] = float(np.sqrt(now * np.exp(log + of_log)))
     return sizes
 
 
