@@ -39,11 +39,10 @@ _COARSE_STEPS = 8  # of a fit to them, enough to be near its minimum
 
 @dataclass(frozen=True)
 class FoundLens:
-    """A camera found from pairs of views, and the guess that it comes from; ``pairs`` is their number."""
+    """A camera found from pairs of views, and the guess that it comes from."""
 
     camera: Camera
     guess: CameraGuess
-    pairs: int
 
 
 def calibrate_from_pairs(recording: Recording, config: Config, progress: Progress) -> FoundLens:
@@ -63,7 +62,7 @@ def calibrate_from_pairs(recording: Recording, config: Config, progress: Progres
             np.random.default_rng(config.seed),
         )
         if pairs.count < settings.min_pairs:
-            return FoundLens(recording.guesses[0].camera, recording.guesses[0], pairs.count)
+            return FoundLens(recording.guesses[0].camera, recording.guesses[0])
         return fit_guesses(pairs, recording.guesses, settings)
 
 
@@ -82,7 +81,7 @@ def fit_guesses(
     for k in range(1, len(guesses)):
         if _contradicts(pairs, (guesses[best], fits[best]), (guesses[k], fits[k]), noise_px):
             best = k
-    return FoundLens(with_parameters(guesses[best].camera, fits[best].parameters), guesses[best], pairs.count)
+    return FoundLens(with_parameters(guesses[best].camera, fits[best].parameters), guesses[best])
 
 
 def prior_of(guess: CameraGuess) -> LensPrior:
