@@ -19,7 +19,7 @@ from vgps.smoothing.height_ties import HeightTies
 
 
 def doubts(warnings):
-    return [text for text in warnings if "lever arm" in text]
+    return [text for text in warnings if "the lever arm has it" in text]
 
 
 def drive(camera_p_antenna, fixes=None, heights=None):

@@ -30,6 +30,8 @@ class Sensors:
         time_offset_s: By which positions are older than their time stamps.
         camera_p_antenna: (3,) metres.
         prior_time_offset: Prior of the time offset; with a sigma of 0 it is not estimated.
+        probability: Of the time offset not to be chance.
+        poses_tell: Whether the poses tell the time offset though errors have memory.
         prior_antenna: (3,) prior of the lever arm.
         antenna_sigma_m: Its standard deviation; with 0 the lever arm is not estimated.
     """
@@ -39,6 +41,8 @@ class Sensors:
     prior_time_offset: TimeOffset
     prior_antenna: FloatArray
     antenna_sigma_m: float = 0.0
+    probability: float = 1.0
+    poses_tell: bool = False
 
     @classmethod
     def fixed(cls, camera_p_antenna: FloatArray, time_offset_s: float = 0.0) -> "Sensors":
@@ -56,9 +60,11 @@ class Sensors:
         """Return sensors with a prior of this standard deviation of the lever arm, unless it has one."""
         return replace(self, antenna_sigma_m=self.antenna_sigma_m or sigma_m)
 
-    def with_time_offset(self, prior: TimeOffset) -> "Sensors":
+    def with_time_offset(self, prior: TimeOffset, probability: float = 1.0) -> "Sensors":
         """Return sensors with another prior of the time offset, starting from it."""
-        return replace(self, time_offset_s=prior.time_offset_s, prior_time_offset=prior)
+        return replace(
+            self, time_offset_s=prior.time_offset_s, prior_time_offset=prior, probability=probability
+        )
 
     def holding_time_offset(self) -> "Sensors":
         """Return sensors whose time offset is not estimated with the poses."""

@@ -30,8 +30,8 @@ def estimate_time_offset(
 ) -> tuple[Sensors, tuple[str, ...]]:
     """Return the sensors with the time offset that a path without fixes shows, and warnings.
 
-    Where none is certain, one that is likelier than none shifts coarse fixes; errors without memory let the
-    poses say more.
+    Where none is certain, one that is likelier than none counts; errors without memory let the poses say
+    more.
 
     Args:
         sensors: Lever arm, and the time offset to replace.
@@ -96,7 +96,8 @@ def likelier_time_offset(
     1995): clocks that agree to ``trusted_time_offset_s``, and any time offset of the prior. The standard
     deviation covers both.
 
-    Only coarse fixes are shifted, by less than they err anyway: what may be chance must not spoil RTK-fixes.
+    Coarse fixes are shifted by less than they err anyway. What may be chance must not spoil RTK-fixes: with
+    the probability of the time offset the poses decide.
 
     Args:
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
@@ -115,8 +116,10 @@ def likelier_time_offset(
     likely, probability = weighed(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
     shift_m = path.length_m / float(np.ptp(path.t_s)) * abs(likely.time_offset_s - prior.time_offset_s)
     clear = likely.sigma_s <= config.time_offset.shown_share * prior.sigma_s
-    if not (probability >= 0.5 and clear and shift_m <= fixes.r_m[fixes.used].min()):
+    if not (probability >= 0.5 and clear):
         return sensors, ()
+    if shift_m > fixes.r_m[fixes.used].min():
+        return sensors.with_time_offset(likely, probability), ()
     late = f"{likely.time_offset_s:.2f} s (standard deviation {likely.sigma_s:.2f} s)"
     return sensors.with_time_offset(likely), (
         f"the GPS positions are {late} older than their time stamps with a probability of {probability:.0%}; "

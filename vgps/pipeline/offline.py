@@ -10,7 +10,6 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
-from vgps.pipeline.antenna_notes import antenna_notes
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
@@ -22,6 +21,7 @@ from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.pipeline.rough_solution import is_tied
+from vgps.pipeline.sensor_notes import antenna_notes, clock_notes
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -211,6 +211,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             *merged.warnings,
             *batch.warnings,
             *close_calls(batch.assessment, front_end.fixes.t_s),
+            *clock_notes(front_end, batch),
             *antenna_notes(front_end, merged, batch, config),
         ),
         config=config.model_dump(mode="json"),

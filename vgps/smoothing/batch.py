@@ -1,11 +1,10 @@
 """Stage D, Kume 2010: batch optimisation of all poses and features by Levenberg-Marquardt."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from factors import exponent_schedule
 from vgps.config import BatchConfig, Config, StartConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes, antenna_offsets, place
@@ -16,6 +15,7 @@ from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
+from vgps.smoothing.clock_check import with_shown_clock
 from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
@@ -25,6 +25,7 @@ from vgps.smoothing.imu_states import start_imu
 from vgps.smoothing.long_steps import solve_once
 from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
 from vgps.smoothing.readout import with_better_readout
+from vgps.smoothing.rounds import Stage, stages
 from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
 from vgps.solution import Trajectory
@@ -64,9 +65,9 @@ def optimise_batch(
     iterations, given = 0, context.cameras
     errors = largest_errors(config.gps) if config.batch.rounds > 1 else {}
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
-    *earlier, last = _stages(config)
+    *earlier, last = stages(config)
     for stage in earlier:
-        solved = _solve_stage(state, fixes, fixed, stage)
+        state, solved = _solve_with_clock(state, fixes, fixed, stage)
         state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
         if stage.ends_round:
             context, state = _with_rows(context, state, solved)
@@ -82,24 +83,6 @@ def optimise_batch(
     result = batch_result(solved, state.assessment, state.sensors, report, context)
     notes = (*warnings, *result.warnings, *mount_notes(context.cameras, given))
     return replace(result, warnings=notes)
-
-
-@dataclass(frozen=True)
-class _Stage:
-    """Whether a solution is of the first or the last round and ends it, and the exponent of its GPS walls."""
-
-    first: bool
-    last: bool
-    ends_round: bool
-    n: int
-
-
-def _stages(config: Config) -> Iterator[_Stage]:
-    """Yield the solutions of all rounds: the first one raises the exponent in stages."""
-    exponent, rounds = config.gps.exponent, config.batch.rounds
-    for round_ in range(rounds):
-        for n in exponent_schedule(exponent) if round_ == 0 else [exponent]:
-            yield _Stage(round_ == 0, round_ == rounds - 1, n == exponent, n)
 
 
 @dataclass(frozen=True)
@@ -171,14 +154,14 @@ def _with_mounts(
     return replace(context, cameras=cameras), replace(state, scene=scene)
 
 
-def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: _Stage) -> BatchSolution:
+def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: Stage) -> BatchSolution:
     """Build and solve the problem of a stage."""
     context, batch = state.context, state.context.config.batch
     scene, sigma = select_observations(state.scene, context, batch.first_tolerance if stage.first else 1.0)
     if context.config.submaps.frames_of(len(scene.t_s)) is not None:
         scene = scene.on_disk()
     sensors = state.sensors
-    if context.config.gps.has_memory:  # a walking offset and a time offset explain the same differences
+    if context.config.gps.has_memory and not sensors.poses_tell:
         sensors = sensors.holding_time_offset()
     given = BatchInput(
         scene=scene,
@@ -201,6 +184,21 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: _S
             remedy="check the camera's calibration, the GPS log and their clocks",
         )
     return BatchSolution(given, built, result)
+
+
+def _solve_with_clock(
+    state: _State, fixes: Fixes, fixed: BoolArray | None, stage: Stage
+) -> tuple[_State, BatchSolution]:
+    """Solve a stage; the end of the first round decides whether the poses tell the time offset."""
+    solved = _solve_stage(state, fixes, fixed, stage)
+    if not (stage.first and stage.ends_round):
+        return state, solved
+
+    def again(sensors: Sensors) -> BatchSolution:
+        return _solve_stage(replace(state, sensors=sensors), fixes, fixed, stage)
+
+    sensors, solved = with_shown_clock(state.sensors, solved, again)
+    return replace(state, sensors=sensors), solved
 
 
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:

@@ -1,4 +1,4 @@
-"""What a run says of a lever arm that nobody measured."""
+"""What a run says of a GPS clock and a lever arm that nobody measured."""
 
 import numpy as np
 
@@ -27,4 +27,16 @@ def antenna_notes(
         f"the antenna's place in the camera is not given: it was taken as zero, uncertain by {prior_m:g} m, "
         f"and the motion {says} (estimate {place} m, standard deviations {sigmas} m): measure it and give "
         "camera_p_antenna in rig.yaml",
+    )
+
+
+def clock_notes(front_end: FrontEnd, batch: BatchResult) -> tuple[str, ...]:
+    """Return a warning if the poses have told a time offset that was not known before stage D."""
+    before = front_end.sensors
+    if not batch.sensors.poses_tell or (before.prior_time_offset.sigma_s and before.probability == 1.0):
+        return ()
+    late = f"{batch.sensors.time_offset_s:.3f} s (standard deviation {batch.time_offset_sigma_s[0]:.3f} s)"
+    return (
+        f"the GPS positions are {late} older than their time stamps, as all poses together show; the fixes "
+        "were shifted accordingly",
     )

@@ -1,0 +1,91 @@
+"""The time offset that the poses of stage D show: against the truth, chance, and the solver's marginals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_bundle import ANTENNA, TIGHT
+from synthetic_map import away, context, map_of, scene
+
+from vgps.config import Config
+from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.smoothing import batch
+from vgps.smoothing.batch import optimise_batch
+from vgps.smoothing.factor_graph import scene_of_map
+from vgps.smoothing.sensor_steps import better_sensors
+from vgps.solver.bundle_adjustment import solve
+from vgps.solver.marginals import marginal_covariances
+
+HELD = Sensors.fixed(ANTENNA)
+SHARP = {"batch": {"video_sigma_scale": 1.0}}  # a video as exact as this one, of a drive that turns gently
+
+
+def settings(**changes):
+    return Config.model_validate(SHARP | changes)
+
+
+def result(late_s, sensors=HELD, config=None, frames=60):
+    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error."""
+    problem, true, _, exact = scene(frames, disturbed=0.2)
+    made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    fixes = replace(exact, t_s=exact.t_s + late_s)
+    found = optimise_batch(made, fixes, sensors, context(config or settings()))
+    return found, away(found.trajectory.world_T_camera, true)
+
+
+@pytest.mark.parametrize("late_s", [0.2, -0.15])
+def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
+    found, error = result(late_s)
+    sigma_s = float(found.time_offset_sigma_s[0])
+    assert abs(found.sensors.time_offset_s - late_s) < 3.0 * sigma_s < 0.1
+    assert found.sensors.poses_tell
+    assert error < 0.2 * result(late_s, config=settings(sensors={"estimate_time_offset": "no"}))[1]
+
+
+def test_a_right_clock_stays_as_it_is():
+    found, _ = result(0.0)
+    assert found.sensors == HELD and np.isnan(found.time_offset_sigma_s[0])
+
+
+def test_what_displacements_showed_by_chance_is_taken_back():
+    chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
+    found, error = result(0.0, chance)
+    assert found.sensors == HELD and np.isnan(found.time_offset_sigma_s[0])
+    assert error < 0.01
+
+
+def test_what_displacements_showed_is_improved():
+    shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
+    found, _ = result(0.2, shown)
+    assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
+    assert found.sensors.prior_time_offset == TimeOffset(0.25, 0.05)
+
+
+def test_the_configured_time_offset_is_the_one_that_is_doubted():
+    given = Sensors.fixed(ANTENNA, 0.2)
+    assert result(0.2, given, settings(sensors={"time_offset_s": 0.2}))[0].sensors == given
+
+
+def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
+    """A gentle drive with a video that counts little."""
+    assert result(0.3, config=Config())[0].sensors == HELD
+    found, _ = result(0.3, HELD.with_time_offset(TimeOffset(0.25, 0.1), 0.8), Config())
+    assert abs(found.sensors.time_offset_s - 0.3) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
+
+
+def test_step_and_covariance_are_those_of_a_solution_with_the_time_offset_free(monkeypatch):
+    """With errors of no memory and Gaussian ones the problem is as good as quadratic."""
+    seen = []
+    keep = lambda sensors, solved, _: seen.append(solved) or (sensors, solved)  # noqa: E731
+    monkeypatch.setattr(batch, "with_shown_clock", keep)
+    result(0.02, config=settings(gps={"model": "gaussian"}, batch=SHARP["batch"] | {"robust_px": 1e3}))
+    (solved,) = seen
+    given, end = solved.given, solved.result.problem
+    free = replace(given.sensors, prior_time_offset=TimeOffset(0.0, 0.5))
+    step, covariance = better_sensors(given, end, free, TIME_OFFSET)
+    problem = batch.batch_problem(replace(given, sensors=free)).problem
+    free_end = solve(problem, TIGHT).problem
+    assert step == pytest.approx(free_end.shared[TIME_OFFSET], rel=0.05)
+    marginal = marginal_covariances(free_end).shared[TIME_OFFSET]
+    assert covariance == pytest.approx(marginal, rel=0.05)
