@@ -5,8 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutter
+import textured_room
+from scipy.spatial.transform import Rotation
+from solutions import NORTH_R_CAMERA, make_poses
+from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutter, rotation_error_deg
 
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView
 from vgps.tracking.bootstrap import TwoViewInitialiser
 
 POSES = path(6)
@@ -131,3 +136,39 @@ def test_a_view_between_that_shows_too_little_holds_the_start_back():
     local_map, _, _ = views()
     local_map.views[CONFIG.tracking.min_inliers + 3 :, -3] = np.nan
     assert initialise(local_map) is not None
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "right_m", "turn_deg"), [(0.0, 3.0, -5.0), (7.0, 0.0, 0.0), (4.0, 4.0, 3.0)]
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_drone_above_flat_ground_is_not_taken_for_one_that_falls_along_a_wall(
+    ahead_m, right_m, turn_deg, seed
+):
+    """Two views of a plane allow two motions."""
+    down = Rotation.from_euler("x", -35.0, degrees=True).as_matrix()
+    yaw = Rotation.from_euler("z", turn_deg * np.linspace(0, 1, 6)[:, None], degrees=True).as_matrix()
+    start = np.array([0.0, 0.0, 25.0])
+    share = np.linspace(0.0, 1.0, 6)[:, None]
+    poses = make_poses(start + share * (right_m, ahead_m, 0.0), yaw @ NORTH_R_CAMERA @ down)
+    local_map = ground_map(poses, np.random.default_rng(seed))
+    local_map.apply(initialise(local_map))
+    true = (np.linalg.inv(poses[0]) @ poses)[-1]
+    assert rotation_error_deg(local_map.poses[-1], true) < 1.0
+    assert local_map.positioned.mean() > 0.9
+
+
+def ground_map(poses, rng):
+    """A map without poses or positions of points of the plane z = 0, seen with 0.2 px of noise."""
+    uv = rng.uniform((30, 60), (290, 200), (200, 2))
+    ray = textured_room.rays(uv) @ poses[0][:3, :3].T
+    points = poses[0][:3, 3] - ray * (poses[0][2, 3] / ray[:, 2])[:, None]
+    made = LocalMap(0, CONFIG.mapping.max_track_frames)
+    for index, pose in enumerate(poses):
+        seen = textured_room.pixels(pose, points) + rng.normal(0.0, 0.2, (len(points), 2))
+        known = slice(len(made.ids))
+        view = NewView(index, seen[known], seen[known], np.ones(len(made.ids), dtype=bool))
+        made.apply(MapUpdate(frames=(NewFrame(index / 10.0, np.full((4, 4), np.nan)),), view=view))
+        if index == 0:
+            made.apply(MapUpdate(features=NewFeatures(seen, seen, np.zeros(len(points), dtype=np.uint8))))
+    return made

@@ -1,22 +1,43 @@
 """Start of a map: the relative pose of two views, first positions, and the poses of the views between."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from vgps.camera import distort
 from vgps.config import StartConfig, TrackingConfig
-from vgps.geometry import largest_angle_rad, triangulate, world_rays
+from vgps.geometry import largest_angle_rad, project, triangulate, world_rays
 from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import BoolArray, Camera, FloatArray, IntArray
+from vgps.tracking.planar_motion import poses_over_plane
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
 from vgps.tracking.static_regions import still
 
 _MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
+_SAME_DIRECTION = 0.9  # cosine of the angle between two motions, above which they are one
+
+
+@dataclass(frozen=True)
+class _TwoViewMap:
+    """Positions (m, 3) of some features, which of them (n,), and the poses (V, 4, 4) of all views."""
+
+    points: FloatArray
+    good: BoolArray
+    view_poses: FloatArray
+
+    def misfit(self, K: FloatArray, uv_px: FloatArray, limit_px: float) -> float:
+        """Return the mean square of the errors of features (n, V, 2) [px^2], at the limit for all others."""
+        squared = np.full(uv_px.shape[:2], limit_px**2)
+        for view, pose in enumerate(self.view_poses):
+            projected, depth = project(K, pose, self.points)
+            error = np.sum((projected - uv_px[self.good, view]) ** 2, axis=1)
+            squared[self.good, view] = np.where(depth > 0.0, np.fmin(error, limit_px**2), limit_px**2)
+        return float(np.mean(squared[np.isfinite(uv_px[..., 0])]))
 
 
 class TwoViewInitialiser:
@@ -59,20 +80,44 @@ class TwoViewInitialiser:
         last_pose = self._relative_pose(first, last)
         if last_pose is None:
             return None
-        points, good = self._triangulate_pair(first, last, last_pose)
+        found = self._two_view_map(uv_px, pair, last_pose, self._rng)
+        if found is None:
+            return None
+        found = self._or_its_planar_twin(found, uv_px, pair)
+        first_T_map = np.linalg.inv(found.view_poses[0])
+        points = found.points @ first_T_map[:3, :3].T + first_T_map[:3, 3]
+        poses = local_map.poses.copy()
+        poses[frames - local_map.first_frame] = first_T_map @ found.view_poses
+        ids = local_map.ids[common[found.good]]
+        positions = Positions(ids, points, np.full(len(ids), self._tracking.inlier_px / 2))
+        return MapUpdate(first_frame=local_map.first_frame, poses=poses, positions=positions)
+
+    def _two_view_map(
+        self, uv_px: FloatArray, pair: tuple[int, int], last_pose: FloatArray, rng: np.random.Generator
+    ) -> _TwoViewMap | None:
+        """Return the map of features (n, V, 2) by the relative pose of a pair of the views, or None."""
+        points, good = self._triangulate_pair(uv_px[:, pair[0]], uv_px[:, pair[1]], last_pose)
         if points is None:
             return None
         known = dict(zip(pair, (np.eye(4), last_pose), strict=True))
-        view_poses = self._view_poses(uv_px[good], points, known)
-        if view_poses is None:
-            return None
-        first_T_map = np.linalg.inv(view_poses[0])
-        points = points @ first_T_map[:3, :3].T + first_T_map[:3, 3]
-        poses = local_map.poses.copy()
-        poses[frames - local_map.first_frame] = first_T_map @ view_poses
-        ids = local_map.ids[common[good]]
-        positions = Positions(ids, points, np.full(len(ids), self._tracking.inlier_px / 2))
-        return MapUpdate(first_frame=local_map.first_frame, poses=poses, positions=positions)
+        view_poses = self._view_poses(uv_px[good], points, known, rng)
+        return None if view_poses is None else _TwoViewMap(points, good, view_poses)
+
+    def _or_its_planar_twin(
+        self, found: _TwoViewMap, uv_px: FloatArray, pair: tuple[int, int]
+    ) -> _TwoViewMap:
+        """Return the map, or one of the other motion that two views of a plane allow if all views show it."""
+        first, last = pair
+        limit_px = self._start.max_error_px
+        direction = found.view_poses[last, :3, 3] - found.view_poses[first, :3, 3]
+        rng = np.random.default_rng(0)  # other draws do not depend on whether there is a plane
+        others = [
+            self._two_view_map(uv_px, pair, pose, rng)
+            for pose in poses_over_plane(self._K, uv_px[:, first], uv_px[:, last], limit_px)
+            if pose[:3, 3] @ direction < _SAME_DIRECTION
+        ]
+        possible = [found, *(other for other in others if other is not None)]
+        return min(possible, key=lambda one: one.misfit(self._K, uv_px, limit_px))
 
     def _fits_what_moves(self, views: FloatArray, first: FloatArray, last: FloatArray) -> BoolArray:
         """Return (n,) which features move in the picture, or stay and fit the pose that the others give.
@@ -121,7 +166,11 @@ class TwoViewInitialiser:
         return pose
 
     def _view_poses(
-        self, uv_px: FloatArray, points: FloatArray, known: Mapping[int, FloatArray]
+        self,
+        uv_px: FloatArray,
+        points: FloatArray,
+        known: Mapping[int, FloatArray],
+        rng: np.random.Generator,
     ) -> FloatArray | None:
         """Return the pose (V, 4, 4) of every view from points (n, 3) seen there at (n, V, 2).
 
@@ -129,6 +178,7 @@ class TwoViewInitialiser:
             uv_px: Undistorted pixels, NaN where unknown.
             points: Positions.
             known: Poses of the two views that gave them.
+            rng: Draws the samples.
         """
         poses = np.empty((uv_px.shape[1], 4, 4))
         guess, last_pose = known.values()
@@ -141,7 +191,7 @@ class TwoViewInitialiser:
             if len(matches) < self._tracking.min_inliers:
                 return None
             guesses = np.array([guess, last_pose])
-            pose = lmeds_pose(self._K, matches, guesses, self._tracking.lmeds_samples, self._rng)
+            pose = lmeds_pose(self._K, matches, guesses, self._tracking.lmeds_samples, rng)
             matches = matches.where(matches.inliers(self._K, pose, 2 * self._tracking.inlier_px))
             guess, _ = refine_pose(self._K, pose, matches, np.ones(len(matches)))
             poses[view] = guess
