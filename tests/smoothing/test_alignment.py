@@ -64,6 +64,17 @@ def test_a_nearly_vertical_climb_keeps_the_shape_of_the_map():
     np.testing.assert_allclose(found.world_R_map @ found.world_R_map.T, np.eye(3), atol=1e-12)
 
 
+def test_a_drone_that_climbs_and_leaves_looking_down_is_not_upside_down():
+    """It leaves along the upper edge of its picture, which is up for a camera that looks ahead."""
+    world = drive(0.0, frames=24)
+    world[:, :3, :3] = LOOKS_NORTH @ Rotation.from_euler("x", -90.0, degrees=True).as_matrix()
+    climbed = np.linspace(0.0, 2.0, 24).clip(max=1.0)
+    world[:, :3, 3] = world[0, :3, 3] + 30 * climbed[:, None] * [0, 0, 1]
+    world[:, 1, 3] += 60 * np.linspace(-1.0, 1.0, 24).clip(min=0.0)
+    found = align(seen_by(in_map(world, 3.7, np.eye(3), np.zeros(3)), antennas(world), 3.0), CONFIG)
+    assert np.degrees(Rotation.from_matrix(found.world_R_map).magnitude()) < 1.0
+
+
 def test_the_derivatives_are_those_of_the_residuals():
     world = drive(0.7)
     seen = seen_by(in_map(world, 2.0, np.eye(3), np.zeros(3)), antennas(world) + 0.05, 0.07)

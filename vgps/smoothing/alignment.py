@@ -15,6 +15,7 @@ _ITERATIONS = 100  # upper limit; a dozen suffice
 _CONVERGED = 1e-9  # relative decrease of the cost
 _MAX_DAMPING = 1e8
 _NO_MOTION = 1e-9
+_LEAST_ACROSS = 0.3  # of a direction, for it to say what is up beside the path
 _RIDGE = 1e-12  # keeps the equations solvable where nothing determines an unknown
 
 
@@ -92,8 +93,11 @@ def align(seen: Correspondences, config: StartConfig) -> Similarity | None:
     Returns:
         The similarity, however uncertain; None if the camera was at one place at all fixes.
     """
-    found = _level_start(seen)
-    if found is None or not np.ptp(seen.world_p_fix, axis=0).any():
+    starts = _level_starts(seen)
+    if not starts:
+        return None
+    found = min(starts, key=lambda start: linearise(seen, start, config).cost)
+    if not np.ptp(seen.world_p_fix, axis=0).any():
         return found
     system, damping = linearise(seen, found, config), 1e-4
     for _ in range(_ITERATIONS):
@@ -170,27 +174,32 @@ def _moved(seen: Correspondences, at: Similarity, step: FloatArray) -> Similarit
     return Similarity(scale * at.scale, rotation @ at.world_R_map, shift)
 
 
-def _level_start(seen: Correspondences) -> Similarity | None:
-    """Return an initial similarity: main directions of the paths aligned, and the camera level."""
+def _level_starts(seen: Correspondences) -> list[Similarity]:
+    """Return initial similarities: main directions of the paths aligned, the camera level or looking down."""
     centres, fixes = seen.map_T_camera[:, :3, 3], seen.world_p_fix
     third = max(1, len(centres) // 3)
     map_direction = centres[-third:].mean(axis=0) - centres[:third].mean(axis=0)
     world_direction = np.median(fixes[-third:], axis=0) - np.median(fixes[:third], axis=0)
     if np.linalg.norm(map_direction) < _NO_MOTION:
-        return None
+        return []
     if np.linalg.norm(world_direction) < _NO_MOTION:  # of unknown length and heading: within a region, north
         world_direction = np.array([0.0, float(np.median(seen.region_m[:, 0])), 0.0])
     scale = float(np.linalg.norm(world_direction) / np.linalg.norm(map_direction))
     forward = map_direction / np.linalg.norm(map_direction)
     world_forward = world_direction / np.linalg.norm(world_direction)
-    up = _across(-seen.map_T_camera[:, :3, 1].mean(axis=0), forward)
-    if np.linalg.norm(up) < 0.3:  # the camera looks along its own up axis: straight down or up
-        up = _across(-seen.map_T_camera[:, :3, 2].mean(axis=0), forward)
     world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
-    if np.linalg.norm(world_up) < 0.3:  # straight up or down
+    if np.linalg.norm(world_up) < _LEAST_ACROSS:  # straight up or down
         world_up = _across(np.array([0.0, 1.0, 0.0]), world_forward)
-    rotation = _axes(world_forward, world_up) @ _axes(forward, up).T
-    return Similarity(scale, rotation, np.median(fixes - scale * centres @ rotation.T, axis=0))
+    # the camera's own up, and its back
+    ups = [_across(-seen.map_T_camera[:, :3, axis].mean(axis=0), forward) for axis in (1, 2)]
+    least = min(_LEAST_ACROSS, max(float(np.linalg.norm(up)) for up in ups))
+    rotations = [
+        _axes(world_forward, world_up) @ _axes(forward, up).T for up in ups if np.linalg.norm(up) >= least
+    ]
+    return [
+        Similarity(scale, rotation, np.median(fixes - scale * centres @ rotation.T, axis=0))
+        for rotation in rotations
+    ]
 
 
 def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
