@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from vgps.camera import centred_camera
+from vgps.camera_calibration import calibrate
 from vgps.camera_calibration.calibrate import fit_guesses
 from vgps.camera_calibration.lens import angles, parameters_of
+from vgps.camera_calibration.two_view import LensFit
 from vgps.config import CameraCalibrationConfig
 from vgps.model import Camera, CameraGuess
 
@@ -73,6 +75,31 @@ def test_a_statement_that_the_video_does_not_show_stays(pairs):
     seen = pairs(camera, turn_deg=0.0)  # a camera that never turns
     found = fit_guesses(seen, guesses("opencv", 1.2 * camera.fx), SETTINGS)
     assert found.guess.source == "stated"
+
+
+def test_a_statement_that_is_off_by_two_sigmas_stays(pairs):
+    camera = LENSES["plain"]
+    found = fit_guesses(pairs(camera), guesses("opencv", np.exp(2.4 * 0.08) * camera.fx), SETTINGS)
+    assert found.guess.source == "stated"
+    np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("gain", "off_sigmas", "gives_way"),
+    [(1.5, 0.5, False), (5.0, 0.5, True), (1.5, 2.5, True), (0.0, 2.5, False)],
+)
+def test_a_statement_gives_way_to_more_than_pairs_that_follow_errors(
+    monkeypatch, gain, off_sigmas, gives_way
+):
+    """Gains of each of 30 pairs; above flat ground another focal length gained 1.3 of noise."""
+    stated, other, _ = guesses("opencv", 600.0)
+    fits = [
+        LensFit("opencv", parameters_of(guess.camera), None, None, cost, np.diag(guess.sigmas**-2.0))
+        for guess, cost in ((stated, 30 * gain), (other, 0.0))
+    ]
+    fits[0].parameters[0] += off_sigmas * stated.focal_sigma
+    monkeypatch.setattr(calibrate, "pair_losses", lambda _, fit, __: np.full(30, fit.cost / 30))
+    assert calibrate._contradicts(None, (stated, fits[0]), (other, fits[1]), 0.1) == gives_way
 
 
 def test_a_narrow_lens_is_found_from_a_usual_one(pairs):

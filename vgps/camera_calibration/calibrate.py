@@ -5,8 +5,8 @@ end in local minima. A guess gives way to a later one of larger marginal likelih
 
     log p(pairs) = -cost - 1/2 log |information . diag(sigma_prior^2)| + const.
 
-A guess of another model must also be significantly better, by the scatter of the difference between the pairs
-(Vuong 1989, with pairs as clusters).
+Where the fits are different lenses it must be significantly larger, by the scatter of the difference between
+the pairs (Vuong 1989, with pairs as clusters).
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,10 @@ from vgps.tracking.view_pairs import ViewPairs, view_pairs
 _LADDER = 2.0 ** np.arange(-0.5, 2.5, 0.5)  # focal lengths over half the diagonal: fisheyes of 162 to 29 deg
 _REACH_SIGMAS = 3.0  # of a guess's focal length: steps of the ladder beyond are not tried
 _TRIED = 2  # of the starts, those with the lowest cost
-_SIGNIFICANT_SIGMAS = 2.0  # of the scatter between pairs, for a guess to give way to another model
+_LOG_ODDS = float(np.log(20.0))  # that what a file states is right
+_PULLED_SIGMAS = 2.0  # of its focal length: a fit that is further from a guess shows that it is wrong
+_PAIR_UNKNOWNS = 5  # of the geometry of a pair, each of which follows the errors of features by half a unit
+_SIGNIFICANT_SIGMAS = 2.0  # of the scatter between pairs
 _COARSE_FEATURES = 60  # of each pair, from which the starts are compared
 _COARSE_STEPS = 8  # of a fit to them, enough to be near its minimum
 
@@ -110,17 +113,21 @@ def _ladder(guess: CameraGuess) -> list[FloatArray]:
 def _contradicts(
     pairs: ViewPairs, kept: tuple[CameraGuess, LensFit], other: tuple[CameraGuess, LensFit], noise_px: float
 ) -> bool:
-    """Whether the pairs are likelier under another guess, if of another model by more than chance would do.
+    """Whether the pairs are likelier under another guess, and by more than chance would do.
 
-    Two models that describe a narrow lens equally well differ by errors of the features, which are not
-    independent within a pair, but nearly so between pairs.
+    Where the motion does not show the lens, as of a camera that moves level above flat ground, another one
+    lets the geometry of every pair follow the errors of its features. These are not independent within a
+    pair, but nearly so between pairs. What the pairs do show pulls a fit away from a wrong statement.
     """
-    if kept[1].model == other[1].model:
-        chance = 0.0
-    else:
-        gain = pair_losses(pairs, kept[1], noise_px) - pair_losses(pairs, other[1], noise_px)
-        chance = float(np.sqrt(len(gain)) * np.std(gain))
-    return _log_likelihood(*other) - _log_likelihood(*kept) > _SIGNIFICANT_SIGMAS * chance
+    if _log_likelihood(*other) - _log_likelihood(*kept) < _LOG_ODDS:
+        return False
+    (guess, kept_fit), (_, other_fit) = kept, other
+    off = kept_fit.parameters[0] - parameters_of(guess.camera)[0]
+    if kept_fit.model == other_fit.model and abs(off) > _PULLED_SIGMAS * guess.focal_sigma:
+        return True
+    gain = pair_losses(pairs, kept_fit, noise_px) - pair_losses(pairs, other_fit, noise_px)
+    chance = _PAIR_UNKNOWNS / 2 * len(gain) + _SIGNIFICANT_SIGMAS * float(np.sqrt(len(gain)) * np.std(gain))
+    return float(gain.sum()) > chance
 
 
 def _log_likelihood(guess: CameraGuess, fit: LensFit) -> float:
