@@ -1,11 +1,14 @@
 """GPS models on one front end run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
 
 import vgps
 from vgps.compare import ALL_METHODS, METHODS, Method, compare
+from vgps.compare.methods import front_ends
 from vgps.config import Config
 from vgps.errors import TrajectoryError
 from vgps.readers.calibration import read_rig
@@ -45,6 +48,16 @@ def test_every_method_poses_every_frame_and_only_the_model_differs(comparison, r
     assert comparison.evaluations["cylinder (16)"].camera_position_m.mean < 0.1
     alone = vgps.smooth(vgps.open_recording(recording), Config())
     np.testing.assert_array_equal(comparison.paths["cylinder (16)"], alone.world_T_camera[:, :3, 3])
+
+
+@pytest.mark.slow
+def test_all_methods_share_a_clock_that_is_wrong_by_seconds(data_dir):
+    opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
+    late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 3.0))
+    rows = list(front_ends(late, Config(), NoProgress(), METHODS[1:3]))
+    assert rows[0][0] is rows[1][0]
+    assert [settings.sensors.time_offset_s for _, _, settings in rows] == pytest.approx([3.0, 3.0], abs=0.2)
+    assert [settings.gps.model for _, _, settings in rows] == ["gaussian", "gaussian-receiver"]
 
 
 def test_the_method_without_gps_begins_at_the_true_poses(comparison):

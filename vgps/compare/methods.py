@@ -13,7 +13,7 @@ from vgps.errors import TrajectoryError
 from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
-from vgps.pipeline.gps_clock import with_gps_clock
+from vgps.pipeline.gps_clock import with_right_clock
 from vgps.pipeline.offline import optimise_all
 from vgps.readers.calibration import rig_beside
 from vgps.readers.trajectory import read_trajectory
@@ -99,9 +99,9 @@ def compare(
     true = read_trajectory(truth, video_start_s=rig.video_start_s)
     evaluations, paths, seconds = {}, {}, {}
     fixes = np.zeros((0, 3))
-    for front, method in front_ends(recording, config, progress, methods):
+    for front, method, settings in front_ends(recording, config, progress, methods):
         progress.stage(f"stage D: {method.name}")
-        solution = optimise_all(front, method.configured(config))
+        solution = optimise_all(front, settings)
         check_origin(solution.world_origin, rig.world_origin, truth)
         if method.model == "none":
             solution = _place(solution, true)
@@ -122,10 +122,11 @@ def compare(
 
 def front_ends(
     recording: Recording, config: Config, progress: Progress, methods: Sequence[Method]
-) -> Iterable[tuple[FrontEnd, Method]]:
-    """Yield every method with its front end.
+) -> Iterable[tuple[FrontEnd, Method, Config]]:
+    """Yield every method with its front end and its settings.
 
-    All share one run with the model of ``config``, except the method without GPS, whose run gets no fix.
+    All share one run with the model of ``config``, and its GPS clock, except the method without GPS, whose
+    run gets no fix.
 
     Raises:
         VgpsError: The recording does not determine the answer.
@@ -133,10 +134,12 @@ def front_ends(
     shared: FrontEnd | None = None
     for method in methods:
         if method.model == "none":
-            yield run_front_end(recording, config.with_gps("none"), progress), method
+            without = config.with_gps("none")
+            yield run_front_end(recording, without, progress), method, method.configured(without)
             continue
-        shared = shared or with_gps_clock(run_front_end(recording, config, progress), config)
-        yield shared, method
+        if shared is None:
+            shared, config = with_right_clock(run_front_end(recording, config, progress), config, progress)
+        yield shared, method, method.configured(config)
 
 
 def _place(solution: Solution, true: Trajectory) -> Solution:

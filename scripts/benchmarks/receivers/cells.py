@@ -109,10 +109,10 @@ def run_cell(drive: Drive, errors: Errors, task: Task, models: Sequence[Method],
     )
     recording, config = replace(drive.recording, gps=errors.log), vgps.Config(seed=task.seed)
     try:
-        for front, method in front_ends(recording, config, progress, models):
+        for front, method, settings in front_ends(recording, config, progress, models):
             progress.stage(f"stage D: {method.key}")
             try:
-                solution = optimise_all(front, method.configured(config))
+                solution = optimise_all(front, settings)
             except GeometryError as error:
                 cell = replace(cell, failed=f"{method.key}: {error.found}")
                 continue

@@ -84,11 +84,11 @@ def run_fault(
     row: dict[str, Cell] = {}
     try:
         faulty = fault.into(recording, rng)
-        for front, method in front_ends(faulty.recording, config, progress, MODELS):
+        for front, method, settings in front_ends(faulty.recording, config, progress, MODELS):
             check_origin(front.origin, rig.world_origin, truth)
             progress.stage(f"{fault.name}, stage D: {method.name}")
             try:
-                solution = optimise_all(front, method.configured(config))
+                solution = optimise_all(front, settings)
             except _NO_RESULT as error:
                 row[method.name] = Cell.of_failure(error)
                 continue
