@@ -35,6 +35,16 @@ def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
 
 
+def test_a_fit_finds_what_the_next_one_begins_with(drive):
+    _, path, fixes = drive
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    found = [
+        newest_fit(fit_input(path, AFTER, fixes, one), CONFIG) for one in (last, replace(last, carried=None))
+    ]
+    assert last.carried is not None
+    np.testing.assert_allclose(found[0].state.values, found[1].state.values, atol=1e-9)
+
+
 def test_without_new_fixes_there_is_nothing_to_fit(drive):
     _, path, fixes = drive
     last = fit(fit_input(path, FIRST, fixes), CONFIG).fused

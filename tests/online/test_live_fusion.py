@@ -18,10 +18,10 @@ LATE_S = 0.4
 class Pipeline:
     """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
 
-    def __init__(self, late_s=0.0):
+    def __init__(self, late_s=0.0, wrong_m=0.0):
         drive = DrivingCamera(500)
-        self.path = drive.seen(np.random.default_rng(4), share=0.5)
-        fixes = drive.fixes([FixClass.RTK_FIX] * 50, np.zeros((50, 3)))
+        self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
+        fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
         self.t_s, self.warnings = np.zeros(0), []
         self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
@@ -49,6 +49,16 @@ class Pipeline:
         self.fusion.use_new_fixes()
         return bool(came.any())
 
+    def scale(self, factor):
+        """Scale the map, as stage C may."""
+        self.path.poses[:, :3, 3] *= factor
+        self.current.apply(MapUpdate(first_frame=0, poses=self.path.poses[: len(self.t_s)]))
+
+    def error_m(self):
+        to_world, centre = self.fusion.to_world(self.current), self.current.poses[-1, :3, 3]
+        placed = to_world.scale * to_world.world_R_map @ centre + to_world.world_p_map
+        return np.linalg.norm(placed - self.true[len(self.t_s) - 1, :3, 3])
+
 
 def test_a_fix_counts_with_the_frame_that_it_comes_with():
     pipeline, at_fixes, between = Pipeline(), [], []
@@ -60,6 +70,24 @@ def test_a_fix_counts_with_the_frame_that_it_comes_with():
             (at_fixes if came else between).append(sigma_m - before_m)
     assert len(at_fixes) == 6 and max(at_fixes) < 0.0
     assert min(between) > 0.1 * max(at_fixes)
+
+
+def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():
+    pipeline = Pipeline()
+    for _ in range(107):
+        pipeline.frame()
+    before_m = pipeline.error_m()
+    pipeline.scale(1.1)
+    assert not pipeline.frame()
+    assert pipeline.error_m() < before_m + 0.1  # at the old scale 0.6 m
+
+
+def test_a_wrong_fix_has_its_verdict_after_two_frames():
+    wrong_m = np.where(np.arange(50)[:, None] == 10, 8.0, 0.0)
+    pipeline = Pipeline(wrong_m=wrong_m)
+    while not pipeline.fix_buffer.assessment.rejected.any():
+        pipeline.frame()
+    assert pipeline.t_s[-1] == pytest.approx(pipeline.to_come.t_s[10] + 0.2)
 
 
 def test_the_next_map_begins_with_the_time_offset_that_was_found():

@@ -78,6 +78,9 @@ def _default_regions() -> dict[FixClass, Region]:
     }
 
 
+_DEFAULT_REGIONS = _default_regions()
+
+
 class OffsetErrors(SettingsModel):
     """Errors of a fix class with memory: the region of its offsets, their walk, and the noise about them."""
 
@@ -238,7 +241,7 @@ class GpsConfig(SettingsModel):
     def offset_errors(self, fix_class: FixClass) -> OffsetErrors:
         """Return the errors of a class with memory; a region that was set bounds the offsets, too."""
         errors = self.memory.classes.get(fix_class, OffsetErrors())
-        region, default = self.regions[fix_class], _default_regions().get(fix_class)
+        region, default = self.regions[fix_class], _DEFAULT_REGIONS.get(fix_class)
         if default is not None and (region.r_m, region.h_m) == (default.r_m, default.h_m):
             return errors
         own = {"r_m": region.r_m, "h_m": region.h_m, "between_receivers": self.memory.own_spread}

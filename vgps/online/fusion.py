@@ -2,8 +2,7 @@
 
 A fixed-lag smoother over the nodes of :mod:`vgps.online.fusion_nodes`: each fit starts from the last one, and
 what leaves the path stays as a prior of its first node. So when RTK-float follows RTK-fix the pose goes on
-with the video, and the offset of the float solution is what is estimated; returned RTK-fixes move the pose at
-once.
+with the video, and the offset of the float solution is estimated; returned RTK-fixes move the pose at once.
 """
 
 from collections.abc import Mapping
@@ -36,7 +35,7 @@ from vgps.online.fusion_equations import (
     vague_prior,
 )
 from vgps.online.fusion_nodes import FusionNodes, fusion_nodes, video_drift
-from vgps.online.gravity import WINDOW_S, Gravity
+from vgps.online.gravity import Gravity
 from vgps.online.live_time_offset import any_time_offset, believed_time_offset, with_time_offset_sigma
 from vgps.online.node_fixes import SAME_TIME_S, seen_fixes
 from vgps.online.video_path import VideoPath
@@ -57,6 +56,7 @@ class FusedPath:
         system: The normal equations at these values, the time offset unknown.
         learned: Noise and walk of fix classes, for the next fit.
         sizes: Offsets of fix classes over the median receiver's, for the next fit.
+        carried: What the nodes before the last one with a fix say of it, if that was found.
     """
 
     nodes: FusionNodes
@@ -67,6 +67,7 @@ class FusedPath:
     system: BlockSystem
     learned: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)
     sizes: Mapping[FixClass, float] = field(default_factory=dict)
+    carried: FirstNodePrior | None = None
 
     @property
     def newest_s(self) -> float:
@@ -76,6 +77,15 @@ class FusedPath:
     def to_world(self, path: VideoPath) -> Similarity:
         """Return the similarity from the map to the world at the last node and after it."""
         return self._similarity(len(self.nodes.t_s) - 1, path.at(self.nodes.t_s[-1:])[0])
+
+    @property
+    def last_fix(self) -> int:
+        """The last node with a fix; the first one if there are none."""
+        return int(self.nodes.fixes.node.max(initial=0))
+
+    def with_carried(self) -> "FusedPath":
+        """Return the fit with what the next one, from the last fix on, would have to find."""
+        return replace(self, carried=_prior_of(self, self.last_fix))
 
     def _similarity(self, node: int, map_T_camera: FloatArray) -> Similarity:
         x, R = self.state.values[node], self.state.world_R_map[node]
@@ -107,8 +117,8 @@ class FusedPath:
         bound of offsets, and the correction of the newest position."""
         deviations = squared_deviations(self.nodes, self.state)
         new = [d[t_s > last.newest_s + SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
-        before = last.world_T_camera(path)[-1, :3, 3]
-        shift = self.world_T_camera(path)[-1, :3, 3] - before
+        before, now = (one.to_world(path).points(path.poses[-1:, :3, 3])[0] for one in (last, self))
+        shift = now - before
         covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
         return float(max(*new, shift @ np.linalg.solve(covariance, shift)))
 
@@ -166,13 +176,15 @@ def fuse(
     prior, rest_s = None, 0.0
     if last is not None:
         node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - SAME_TIME_S)), len(last.nodes.t_s) - 1)
-        path, prior = path.since(float(last.nodes.t_s[node])), _prior_of(last, node)
+        path = path.since(float(last.nodes.t_s[node]))
+        prior = (last.carried if node == last.last_fix else None) or _prior_of(last, node)
         rest_s = last.time_offset.time_offset_s
     seen = seen_fixes(path, fixes.where(fixes.used), rest_s)
     continued = _continued(seen.fixes, last) if last is not None else None
     nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued, last.sizes if last else None)
     if gravity is not None:
-        nodes = _levelled(nodes, gravity, path, last)
+        scale = np.ones(len(nodes.t_s)) if last is None else last.scales_at(nodes.t_s)
+        nodes = gravity.levelled(nodes, path, scale)
     state = _start(nodes) if last is None else _continue(nodes, last)
     bias_rad = np.array([_ANY_ROLL_RAD, _NO_PITCH_RAD]) if gravity is None else np.full(2, gravity.bias_rad)
     prior = prior or vague_prior(state, bias_rad)
@@ -197,20 +209,6 @@ def _prior_of(last: FusedPath, node: int) -> FirstNodePrior:
     system = normal_equations(last.nodes.until(node), state, last.prior)
     at = FusionState(state.values[-1:], state.world_R_map[-1:])
     return FirstNodePrior(at, *system.eliminated())
-
-
-def _levelled(nodes: FusionNodes, gravity: Gravity, path: VideoPath, last: FusedPath | None) -> FusionNodes:
-    """Return the nodes with the elevations that an IMU gives, each for the time since the one before."""
-    scale = np.ones(len(nodes.t_s)) if last is None else last.scales_at(nodes.t_s)
-    up = gravity.up(path, nodes.t_s, scale)
-    share = np.minimum(np.diff(nodes.t_s, prepend=nodes.t_s[0]) / WINDOW_S, 1.0)
-    level = np.sqrt(share) / up.sigma_rad
-    return replace(
-        nodes,
-        elevation=np.einsum("ni,nij->nj", up.direction, nodes.camera[:, :3, [0, 2]]),
-        level=np.stack([level, level], axis=1),
-        mean_roll=np.inf,
-    )
 
 
 def _continued(fixes: Fixes, last: FusedPath) -> BoolArray:

@@ -138,7 +138,11 @@ def squared_deviations(nodes: FusionNodes, state: FusionState) -> tuple[tuple[Fl
 
 def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float:
     """Return the negative log-likelihood up to a constant."""
-    r, x, drift = _residuals(nodes, state), state.values, nodes.drift
+    return _cost(nodes, state, prior, _residuals(nodes, state))
+
+
+def _cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, r: _Residuals) -> float:
+    x, drift = state.values, nodes.drift
     noise, walk = _squares(nodes, state, r)
     tail, heavy = nodes.walk_tail[1:], np.isfinite(nodes.walk_tail[1:])
     total = np.einsum("ni,nij,nj->", r.step, r.step_information, r.step)
@@ -155,7 +159,13 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
 
 def normal_equations(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> BlockSystem:
     """Return the reweighted normal equations."""
-    r, x, count = _residuals(nodes, state), state.values, len(nodes.t_s)
+    return _normal_equations(nodes, state, prior, _residuals(nodes, state))
+
+
+def _normal_equations(
+    nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, r: _Residuals
+) -> BlockSystem:
+    x, count = state.values, len(nodes.t_s)
     total = BlockSum(count, UNKNOWNS)
     before, after = np.zeros((2, count - 1, 3, UNKNOWNS))
     before[:, :, POSITION], after[:, :, POSITION] = -np.eye(3), np.eye(3)
@@ -220,13 +230,14 @@ def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState,
 
 def minimise(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, iterations: int) -> FusionState:
     """Return the optimised state; a step that fails is halved."""
-    current = cost(nodes, state, prior)
+    r = _residuals(nodes, state)
+    current = _cost(nodes, state, prior, r)
     for _ in range(iterations):
-        system = normal_equations(nodes, state, prior)
-        step = system.step()
+        step = _normal_equations(nodes, state, prior, r).step()
         for halving in range(_HALVINGS):
             trial = state.moved(step * 0.5**halving)
-            trial_cost = cost(nodes, trial, prior)
+            r = _residuals(nodes, trial)
+            trial_cost = _cost(nodes, trial, prior, r)
             if trial_cost < current:
                 break
         else:

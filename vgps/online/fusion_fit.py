@@ -66,7 +66,7 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     assert last is not None
     if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
         return None
-    path = given.path.since(float(last.nodes.t_s[last.nodes.fixes.node.max(initial=0)]))
+    path = given.path.since(float(last.nodes.t_s[last.last_fix]))
     fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
     if detects_outliers(config) and fused.surprise(last, path, config) > _SURPRISE:
         return None
@@ -102,8 +102,8 @@ def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
     used = _as_learned(config, given.last)
     fused = fuse(given.path, fixes, given.camera_p_antenna, used, given.last, given.gravity)
     if not config.gps.learns:
-        return fused
+        return fused.with_carried()
     shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)
     learned, sizes = ({}, {}) if given.last is None else (given.last.learned, given.last.sizes)
     found = sizes_in_fit(fused.nodes, fused.state, fused.system, config.gps, sizes)
-    return replace(fused, learned={**learned, **shown}, sizes={**sizes, **found})
+    return replace(fused, learned={**learned, **shown}, sizes={**sizes, **found}).with_carried()

@@ -5,7 +5,7 @@ minus the change of the video's velocity over the window is 9.8 m/s^2 upwards. W
 accelerometer, which tilts the camera's axes by the same angles wherever it goes: two unknowns of the fusion.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from vgps.config import ImuConfig
 from vgps.geometry import interpolate_vectors
 from vgps.imu.camera_imu import CameraImu
 from vgps.model import BoolArray, FloatArray
+from vgps.online.fusion_nodes import FusionNodes
 from vgps.online.video_path import VideoPath
 
-WINDOW_S, _SHORTEST_S = 1.5, 0.5
+_WINDOW_S, _SHORTEST_S = 1.5, 0.5
 _HALF_S = 0.15  # a velocity is a difference of positions so long before and after
 # Error of a velocity by the video: of positions to a centimetre or two, and of the scale while it drifts.
 _VELOCITY_SIGMA_M_S, _VELOCITY_SHARE = 0.05, 0.05
@@ -55,7 +56,7 @@ class Gravity:
             scale: (N,) metres per unit of the map.
         """
         end_s = np.minimum(t_s, path.t_s[-1]) - _HALF_S
-        start_s = np.maximum(end_s - WINDOW_S, path.t_s[0] + _HALF_S)
+        start_s = np.maximum(end_s - _WINDOW_S, path.t_s[0] + _HALF_S)
         span_s = end_s - start_s
         known = (span_s >= _SHORTEST_S) & self._imu.covers(start_s, end_s)
         span_s = np.where(known, span_s, 1.0)
@@ -68,6 +69,24 @@ class Gravity:
         moved = np.hypot(_VELOCITY_SIGMA_M_S, _VELOCITY_SHARE * np.linalg.norm(change, axis=1)) / span_s
         sigma = np.hypot(moved, self._imu.accelerometer_density / np.sqrt(span_s)) / self._imu.gravity_m_s2
         return UpInMap(up / length[:, None], np.where(known, sigma, np.inf))
+
+    def levelled(self, nodes: FusionNodes, path: VideoPath, scale: FloatArray) -> FusionNodes:
+        """Return nodes (N,) with the elevations of the camera's axes, each for the time since the one before.
+
+        Args:
+            nodes: Those of the path.
+            path: At least two frames.
+            scale: (N,) metres per unit of the map.
+        """
+        up = self.up(path, nodes.t_s, scale)
+        share = np.minimum(np.diff(nodes.t_s, prepend=nodes.t_s[0]) / _WINDOW_S, 1.0)
+        level = np.sqrt(share) / up.sigma_rad
+        return replace(
+            nodes,
+            elevation=np.einsum("ni,nij->nj", up.direction, nodes.camera[:, :3, [0, 2]]),
+            level=np.stack([level, level], axis=1),
+            mean_roll=np.inf,
+        )
 
     def _force_in_map(self, path: VideoPath) -> FloatArray:
         """Return the integral (n, 3) of the specific force in the map's axes since the path's first frame."""

@@ -1,9 +1,7 @@
-"""Fusion of video and fixes beside the frames: fit and verdicts in a thread, used some frames later."""
+"""Fusion of video and fixes beside the frames: fit and verdicts in a thread, used some time later."""
 
 from collections.abc import Callable
-from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +12,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
+from vgps.online.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
 from vgps.online.fusion import FusedPath
 from vgps.online.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.gravity import Gravity
@@ -25,24 +24,12 @@ from vgps.online.video_path import VideoPath, move_map, path_of
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.runtime.threads import begin
 
-# Frames after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
-_FIT_FRAMES, _VERDICT_FRAMES = 1, 4
-
-
-@dataclass(frozen=True)
-class _Job:
-    """A fit at work that is due at a frame."""
-
-    due_frame: int
-    given: FitInput
-    fit: "Future[FitResult]"
-
 
 class LiveFusion:
     """Place of the newest map in the world by the fixes, fitted again with every fix.
 
     The map itself follows the video alone. A fix that agrees with the path counts from the next frame on;
-    one that surprises waits some frames for a verdict, while the pose goes on with the video.
+    one that surprises waits for a verdict, while the pose goes on with the video.
 
     Args:
         frame_pipeline: Stages A to C, without fixes in stage C.
@@ -55,13 +42,13 @@ class LiveFusion:
         self._gravity = None if imu is None else Gravity(imu, config.imu)
         self._bridge = None if imu is None else InertialBridge(imu, config)
         self._map: LocalMap | None = None
-        self._job: _Job | None = None
+        self._job: FitJob | None = None
         self._latest: FitResult | None = None
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._ties = PlaceTies.none()
-        self._seen = (0, 0)  # frames and fixes of the last fit
+        self._seen: SeenByFit | None = None  # None if a fit is due
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
         self._told_s = self._time_offset_s  # the time offset that the user last heard of
 
@@ -71,15 +58,13 @@ class LiveFusion:
         return None if self._latest is None else self._latest.fused
 
     def refine(self) -> None:
-        """Use a fit that is due, and begin the next one if there are new fixes or many new frames."""
-        pipeline, current = self._frame_pipeline, self._frame_pipeline.current
+        """Begin a fit if there are new fixes or many new frames, or if stage C has changed the map."""
+        current = self._frame_pipeline.current
         if current is not self._map:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
             self._map, self._job, self._latest, self._newest = current, None, None, None
             self._known_s = self._time_offset_s
-        if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
-            self._take()
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
         if current is None or not current.aligned or self._job is not None:
@@ -87,7 +72,7 @@ class LiveFusion:
         if self._fused is None:
             self._begin(current)
             self._finish()
-        elif self._is_due():
+        elif self._is_due(current):
             self._begin(current)
 
     def fuse_all(self) -> None:
@@ -113,7 +98,7 @@ class LiveFusion:
             self._frame_pipeline.warnings.append(f"the fixes could not be fused with the video: {error}")
             return
         if result.surprising:
-            self._start(fit_with_verdicts, given, _VERDICT_FRAMES - _FIT_FRAMES)
+            self._start(fit_with_verdicts, given, VERDICT_S - FIT_S)
             return
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
@@ -138,13 +123,18 @@ class LiveFusion:
         if self._map is not None and self._fused is not None:
             move_map(self._map, world_T_camera)
 
-    def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, frames: int) -> None:
-        self._job = _Job(len(self._frame_pipeline.t_s) + frames, given, begin(work, given, self._config))
+    def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, seconds: float) -> None:
+        due_s = float(self._frame_pipeline.t_s[-1]) + seconds
+        self._job = FitJob(due_s, given, begin(work, given, self._config))
 
     def use_new_fixes(self) -> None:
-        """Let the fixes that came with the newest frame count, before the fit to all of them is there."""
-        current, fixes = self._frame_pipeline.current, self._fix_count()
-        if self._fused is None or current is None or current is not self._map or fixes == self._newest_fixes:
+        """Use a fit that is due, and let the fixes count that came since, before the fit to all is there."""
+        pipeline, current, fixes = self._frame_pipeline, self._frame_pipeline.current, self._fix_count()
+        if current is None or current is not self._map:
+            return
+        if self._job is not None and pipeline.t_s[-1] >= self._job.due_s:
+            self._take()
+        if self._fused is None or fixes == self._newest_fixes:
             return
         self._newest, self._newest_fixes = self._fused, fixes
         with suppress(np.linalg.LinAlgError):  # the fit to all says so
@@ -204,10 +194,13 @@ class LiveFusion:
         poses = self._fused.world_T_camera(self._path(self._map))
         return RetiredPoses(self._map.next_frame - len(poses), poses, True, self._map.bridged)
 
-    def _is_due(self) -> bool:
-        frames, fixes = self._seen
-        return self._fix_count() != fixes or len(self._frame_pipeline.t_s) >= (
-            frames + self._config.window.every_frames
+    def _is_due(self, current: LocalMap) -> bool:
+        seen, every_frames = self._seen, self._config.window.every_frames
+        return (
+            seen is None
+            or self._fix_count() != seen.fixes
+            or len(self._frame_pipeline.t_s) >= seen.frames + every_frames
+            or not seen.same_shape(current)
         )
 
     def _fix_count(self) -> int:
@@ -224,7 +217,7 @@ class LiveFusion:
 
     def tie(self, ties: PlaceTies) -> None:
         """Let places seen again count, from the next fit on, instead of those of before."""
-        self._ties, self._seen = ties, (0, -1)
+        self._ties, self._seen = ties, None
 
     def _path(self, current: LocalMap) -> VideoPath:
         return path_of(current, self._config.online.keep_s, self._ties)
@@ -245,5 +238,5 @@ class LiveFusion:
         )
 
     def _begin(self, current: LocalMap) -> None:
-        self._seen = len(self._frame_pipeline.t_s), self._fix_count()
-        self._start(fit, self._given(current), _FIT_FRAMES)
+        self._seen = SeenByFit.of(current, len(self._frame_pipeline.t_s), self._fix_count())
+        self._start(fit, self._given(current), FIT_S)
