@@ -158,14 +158,27 @@ def test_a_drone_above_flat_ground_is_not_taken_for_one_that_falls_along_a_wall(
     assert local_map.positioned.mean() > 0.9
 
 
-def ground_map(poses, rng):
-    """A map without poses or positions of points of the plane z = 0, seen with 0.2 px of noise."""
+@pytest.mark.parametrize("seed", range(8))
+def test_a_map_over_a_plane_waits_for_the_parallax_that_shows_its_motion(seed):
+    """As a picture of 4K, which moves by many pixels before the views between the two tell their motions."""
+    down = Rotation.from_euler("x", -35.0, degrees=True).as_matrix()
+    for ahead_m, count, starts in ((1.5, 6, False), (1.5, 10, True), (9.0, 6, True)):
+        share = np.linspace(0.0, 1.0, count)[:, None]
+        poses = make_poses(np.array([0.0, 0.0, 25.0]) + share * (0.0, ahead_m, 0.0), NORTH_R_CAMERA @ down)
+        local_map = ground_map(poses, np.random.default_rng(seed), noise_px=0.1)
+        start = initialise(local_map, min_flow_px=2.0)
+        assert (start is not None) == starts
+    assert rotation_error_deg(start.poses[-1], np.eye(4)) < 1.0
+
+
+def ground_map(poses, rng, noise_px=0.2):
+    """A map without poses or positions of points of the plane z = 0, seen with some noise."""
     uv = rng.uniform((30, 60), (290, 200), (200, 2))
     ray = textured_room.rays(uv) @ poses[0][:3, :3].T
     points = poses[0][:3, 3] - ray * (poses[0][2, 3] / ray[:, 2])[:, None]
     made = LocalMap(0, CONFIG.mapping.max_track_frames)
     for index, pose in enumerate(poses):
-        seen = textured_room.pixels(pose, points) + rng.normal(0.0, 0.2, (len(points), 2))
+        seen = textured_room.pixels(pose, points) + rng.normal(0.0, noise_px, (len(points), 2))
         known = slice(len(made.ids))
         view = NewView(index, seen[known], seen[known], np.ones(len(made.ids), dtype=bool))
         made.apply(MapUpdate(frames=(NewFrame(index / 10.0, np.full((4, 4), np.nan)),), view=view))

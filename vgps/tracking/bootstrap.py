@@ -20,6 +20,8 @@ from vgps.tracking.static_regions import still
 
 _MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
 _SAME_DIRECTION = 0.9  # cosine of the angle between two motions, above which they are one
+_CLEAR_SHARE = 1.1  # of the least misfit, below which another motion over a plane is as likely
+_CLEAR_PARALLAX_DEG = 5.0  # beyond it the likeliest motion over a plane is taken
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,12 @@ class _TwoViewMap:
             error = np.sum((projected - uv_px[self.good, view]) ** 2, axis=1)
             squared[self.good, view] = np.where(depth > 0.0, np.fmin(error, limit_px**2), limit_px**2)
         return float(np.mean(squared[np.isfinite(uv_px[..., 0])]))
+
+    def parallax_deg(self, pair: tuple[int, int]) -> float:
+        """Return the median angle between the rays of a pair of the views."""
+        rays = self.points - self.view_poses[list(pair), None, :3, 3]
+        rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+        return float(np.degrees(np.median(np.arccos(np.minimum(np.sum(rays[0] * rays[1], axis=1), 1.0)))))
 
 
 class TwoViewInitialiser:
@@ -83,7 +91,10 @@ class TwoViewInitialiser:
         found = self._two_view_map(uv_px, pair, last_pose, self._rng)
         if found is None:
             return None
-        found = self._or_its_planar_twin(found, uv_px, pair)
+        may_wait = 2 * len(frames) < local_map.views.shape[1]
+        found = self._or_its_planar_twin(found, uv_px, pair, may_wait)
+        if found is None:
+            return None
         first_T_map = np.linalg.inv(found.view_poses[0])
         points = found.points @ first_T_map[:3, :3].T + first_T_map[:3, 3]
         poses = local_map.poses.copy()
@@ -104,9 +115,12 @@ class TwoViewInitialiser:
         return None if view_poses is None else _TwoViewMap(points, good, view_poses)
 
     def _or_its_planar_twin(
-        self, found: _TwoViewMap, uv_px: FloatArray, pair: tuple[int, int]
-    ) -> _TwoViewMap:
-        """Return the map, or one of the other motion that two views of a plane allow if all views show it."""
+        self, found: _TwoViewMap, uv_px: FloatArray, pair: tuple[int, int], may_wait: bool
+    ) -> _TwoViewMap | None:
+        """Return the map, or one of the other motion that two views of a plane allow, if that fits better.
+
+        None if all views together do not show which, with little parallax so far and time to wait for more.
+        """
         first, last = pair
         limit_px = self._start.max_error_px
         direction = found.view_poses[last, :3, 3] - found.view_poses[first, :3, 3]
@@ -117,7 +131,11 @@ class TwoViewInitialiser:
             if pose[:3, 3] @ direction < _SAME_DIRECTION
         ]
         possible = [found, *(other for other in others if other is not None)]
-        return min(possible, key=lambda one: one.misfit(self._K, uv_px, limit_px))
+        misfit = np.array([one.misfit(self._K, uv_px, limit_px) for one in possible])
+        best = possible[int(np.argmin(misfit))]
+        alike = np.sum(misfit < _CLEAR_SHARE * misfit.min()) > 1
+        waits = may_wait and alike and best.parallax_deg(pair) < _CLEAR_PARALLAX_DEG
+        return None if waits else best
 
     def _fits_what_moves(self, views: FloatArray, first: FloatArray, last: FloatArray) -> BoolArray:
         """Return (n,) which features move in the picture, or stay and fit the pose that the others give.
