@@ -8,8 +8,10 @@ from synthetic_bundle import ANTENNA, TIGHT
 from synthetic_map import away, context, map_of, scene
 
 from vgps.config import Config
+from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.model import FixClass
 from vgps.smoothing import batch
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
@@ -25,11 +27,12 @@ def settings(**changes):
     return Config.model_validate(SHARP | changes)
 
 
-def result(late_s, sensors=HELD, config=None, frames=60):
+def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX):
     """Return stage D's result for a synthetic drive whose stamps are late, and its mean error."""
-    problem, true, _, exact = scene(frames, disturbed=0.2)
+    problem, true, _, exact = scene(disturbed=0.2)
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    fixes = replace(exact, t_s=exact.t_s + late_s)
+    fix_class = np.full(len(exact), CLASSES.index(told))
+    fixes = replace(exact, t_s=exact.t_s + late_s, fix_class=fix_class)
     found = optimise_batch(made, fixes, sensors, context(config or settings()))
     return found, away(found.trajectory.world_T_camera, true)
 
@@ -60,6 +63,12 @@ def test_what_displacements_showed_is_improved():
     found, _ = result(0.2, shown)
     assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
     assert found.sensors.prior_time_offset == TimeOffset(0.25, 0.05)
+
+
+def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
+    shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
+    found, _ = result(0.2, shown, told=FixClass.RTK_FLOAT)
+    assert found.sensors == shown and found.time_offset_sigma_s == [0.05]
 
 
 def test_the_configured_time_offset_is_the_one_that_is_doubted():

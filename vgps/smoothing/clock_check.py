@@ -2,7 +2,8 @@
 
 Displacements between fixes show it where the path turns or brakes (:mod:`vgps.gps.time_offset`). Places of
 RTK-fixes show it as well, and better: an offset that walks by centimetres does not explain them. Those of
-coarse fixes do not, so the first round decides, which takes their errors as large as any receiver's.
+coarse fixes say little and depend on how the video drifts, so the first round decides, which takes their
+errors as large as any receiver's.
 """
 
 from collections.abc import Callable
@@ -11,12 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.errors import GeometryError
+from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.gps.time_offset import weighed
+from vgps.model import FixClass
 from vgps.smoothing.batch_result import BatchSolution
 from vgps.smoothing.sensor_steps import better_sensors
 
-_TELLING = 2.0  # standard deviations of what displacements show
 _SUSPECT = 2.0  # standard deviations from the configured time offset that make a trial worth while
 
 
@@ -25,9 +27,9 @@ def with_shown_clock(
 ) -> tuple[Sensors, BatchSolution]:
     """Return whether the poses tell the time offset, and the first round with it.
 
-    They do if the places of the fixes show about as well as their displacements what these have shown. Where
-    that might be chance, or the places alone suggest a time offset, the round is solved again with it to
-    estimate, and counts if it is likelier than none and to the side that was suspected.
+    What displacements have shown they improve if most fixes are RTK-fixes. Where that might be chance, or the
+    places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
+    is likelier than none and to the side that was suspected.
 
     Args:
         sensors: Before the round.
@@ -38,11 +40,13 @@ def with_shown_clock(
     settings, used = config.sensors, solved.given.fixes.used
     if not (settings.time_offset_prior_s and config.gps.has_memory and used.any()):
         return sensors, solved
+    likely = sensors.prior_time_offset
+    if likely.sigma_s and sensors.probability == 1.0:
+        good = solved.given.fixes.fix_class[used] == CLASSES.index(FixClass.RTK_FIX)
+        return replace(sensors, poses_tell=bool(np.median(good))), solved
     prior = TimeOffset(settings.time_offset_s, settings.time_offset_prior_s)
     try:
-        shown, likely = _shown(solved, prior), sensors.prior_time_offset
-        if likely.sigma_s and sensors.probability == 1.0:
-            return replace(sensors, poses_tell=shown.sigma_s < _TELLING * likely.sigma_s), solved
+        shown = _shown(solved, prior)
         chance_s = float(np.hypot(settings.trusted_time_offset_s, shown.sigma_s))
         if not likely.sigma_s and abs(shown.time_offset_s - prior.time_offset_s) < _SUSPECT * chance_s:
             return sensors, solved
