@@ -97,6 +97,10 @@ class Config(SettingsModel):
         """Return the configuration under which the camera's calibration is refined."""
         return self._with("intrinsics", refine="yes")
 
+    def with_imu_knots(self, knot_s: float) -> Self:
+        """Return the configuration with another time between the IMU's knots."""
+        return self._with("imu", knot_s=knot_s)
+
     def with_seed(self, seed: int | None) -> Self:
         """Return the configuration with another seed, if one is given."""
         return self if seed is None else self.model_copy(update={"seed": seed})

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
+import numpy as np
+
 from vgps.camera import WIDEST_DEG, unused_share
 from vgps.config import Config
 from vgps.errors import GeometryError
@@ -49,6 +51,7 @@ class FrontEnd:
         others: Maps of the other cameras of a rig.
         journal: Where stage D keeps its long steps.
         clock: What the video alone shows of the GPS clock; None before they are compared.
+        inertial: Whether IMU and fixes gave the path; the IMU then holds every frame.
     """
 
     recording: Recording
@@ -65,11 +68,14 @@ class FrontEnd:
     others: tuple[CameraMaps, ...] = ()
     journal: Journal | None = None
     clock: ClockCheck | None = None
+    inertial: bool = False
 
     def context(self, config: Config) -> SmoothingContext:
         """Return the camera, the control points and the settings for stage D."""
         imu = camera_imu(self.recording, self.origin, config)
         recording, journal = self.recording, self.journal
+        if self.inertial:
+            config = config.with_imu_knots(float(np.median(np.diff(self.t_s))))
         return SmoothingContext(
             recording.camera, config, self.controls, imu, recording.cameras, journal=journal
         )

@@ -17,6 +17,7 @@ from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_gps_clock, with_right_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
 from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
+from vgps.pipeline.inertial_start import with_inertial_start
 from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
@@ -97,7 +98,8 @@ def _smoothed(
         rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
         return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
     journal = None if checkpoint is None else checkpoint.journal
-    front_end, config = with_right_clock(replace(front_end, journal=journal), config, progress)
+    front_end = with_inertial_start(replace(front_end, journal=journal), config)
+    front_end, config = with_right_clock(front_end, config, progress)
     recording = front_end.recording
     run = _Run(recording, config) if config is not run.config else run
     found = imu_agreement(front_end, config)

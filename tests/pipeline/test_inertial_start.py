@@ -1,0 +1,60 @@
+"""Maps that lost their scale are put on the path of IMU and fixes, others stay as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vgps
+from vgps.config import Config
+from vgps.mapping.map_update import MapUpdate
+from vgps.pipeline.front_end import run_front_end
+from vgps.pipeline.inertial_start import with_inertial_start
+from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import NoProgress
+
+
+@pytest.fixture(scope="module")
+def front_end(data_dir):
+    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
+    return run_front_end(recording, Config(), NoProgress())
+
+
+def shrunk(local_map):
+    """A map whose steps get shorter from frame to frame."""
+    lost = local_map.snapshot()
+    poses = lost.poses.copy()
+    steps = np.diff(poses[:, :3, 3], axis=0) * 0.95 ** np.arange(len(poses) - 1)[:, None]
+    poses[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
+    lost.apply(MapUpdate(first_frame=lost.first_frame, poses=poses))
+    return lost
+
+
+@pytest.mark.slow
+def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data_dir):
+    (kept,) = front_end.maps
+    lost = replace(front_end, maps=(shrunk(kept),))
+    found = with_inertial_start(lost, Config())
+    (moved,) = found.maps
+    truth = read_trajectory(data_dir / "kitti07" / "truth.tum").world_T_camera[kept.first_frame :]
+    posed = np.isfinite(moved.poses[:, 0, 0])
+    off = (moved.poses[:, :3, 3] - truth[: len(moved.poses), :3, 3])[posed]
+    assert np.linalg.norm(off, axis=1).max() < 0.2
+    known = np.isfinite(moved.points[:, 0]) & np.isfinite(kept.points[:, 0])
+    assert np.median(np.linalg.norm(moved.points[known] - kept.points[known], axis=1)) < 1.0
+    assert found.inertial and "the video lost its scale: " in found.warnings[-1]
+    assert found.context(Config()).config.imu.knot_s == pytest.approx(0.1)
+    assert front_end.context(Config()).config == Config()
+
+
+@pytest.mark.slow
+def test_maps_with_scale_or_without_an_imu_stay_as_they_are(front_end):
+    assert with_inertial_start(front_end, Config()) is front_end
+    lost = replace(front_end, maps=tuple(shrunk(one) for one in front_end.maps))
+    alone = replace(lost, recording=replace(lost.recording, imu=None))
+    assert with_inertial_start(alone, Config()) is alone
+    unused = replace(lost, fixes=replace(lost.fixes, used=np.zeros_like(lost.fixes.used)))
+    assert with_inertial_start(unused, Config()) is unused
+    late = replace(lost.fixes, t_s=lost.fixes.t_s + 3.0)
+    with_late_fixes = replace(lost, fixes=late)
+    assert with_inertial_start(with_late_fixes, Config()) is with_late_fixes
