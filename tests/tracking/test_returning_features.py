@@ -1,5 +1,6 @@
 """A camera in a room that looks away and back again; poses, points and pixels are exact."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -24,21 +25,20 @@ from vgps.camera import distort
 from vgps.evaluation.alignment import align
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions
 from vgps.model import Frame
+from vgps.tracking import returning_features
 from vgps.tracking.frame_tracker import FrameTracker
 from vgps.tracking.reference_patches import ReferencePatches
 from vgps.tracking.returning_features import ReturningFeatures
 from vgps.tracking.tracking_result import TrackingResult
 
-TRACKING = CONFIG.tracking.model_copy(update={"return_frames": 120})
+TRACKING = CONFIG.tracking
 POSES = path(4)
 AWAY, BACK = moved(POSES[-1], 0.05, (0.0, 90.0, 0.0)), moved(POSES[-1], 0.2)
 
 
-def posed(sigma=1e-3):
-    """What stage A found in a frame that features posed; None for one that none posed."""
-    none = np.zeros((0, 2))
-    sigmas = None if sigma is None else np.full(6, sigma)
-    return TrackingResult(raw_uv_px=none, uv_px=none, found=np.zeros(0, bool), pose_sigma=sigmas)
+@pytest.fixture(autouse=True)
+def every_view_is_searched(monkeypatch):
+    monkeypatch.setattr(returning_features, "_EVERY", 1)
 
 
 class Walk:
@@ -54,7 +54,7 @@ class Walk:
         self.patches = self.tracker._patches[self.map] = ReferencePatches(camera)
         self.newest = image(POSES[-1], camera)
 
-    def look(self, pose, followed=(), gray=None, mask=None, result=None):
+    def look(self, pose, followed=(), gray=None, mask=None, posed=True):
         """Add a view in which only some features were followed; return what comes back to it."""
         self.patches.take(self.map, self.newest)  # as stage A does
         uv = pixels(pose, self.points[self.map.ids])
@@ -63,7 +63,9 @@ class Walk:
         self.map.apply(MapUpdate(frames=(NewFrame(number / FPS, pose),), view=view))
         self.newest = image(pose, self.camera) if gray is None else gray
         frame = Frame(number, number / FPS, self.newest, mask)
-        update = self.tracker.find_returning(self.map, frame, result or posed())
+        sigma = np.full(6, 1e-3) if posed else None  # none if no feature posed the frame
+        result = TrackingResult(raw_uv_px=uv, uv_px=uv, found=found, pose_sigma=sigma)
+        update = self.tracker.find_returning(self.map, frame, result)
         self.map.apply(update)
         return np.zeros(0, int) if update.returned is None else update.returned.ids
 
@@ -153,7 +155,7 @@ def test_they_wait_behind_a_mask_and_where_no_feature_posed_the_frame():
     walk.look(AWAY)
     left = np.ones((CAMERA.height, CAMERA.width), bool)
     left[:, CAMERA.width // 2 :] = False
-    assert len(walk.look(BACK, result=posed(None))) == 0
+    assert len(walk.look(BACK, posed=False)) == 0
     first = walk.look(BACK, mask=left)
     assert (walk.map.raw_uv_px[:, 0] < CAMERA.width // 2).all()
     second = walk.look(BACK, followed=first)
@@ -161,22 +163,57 @@ def test_they_wait_behind_a_mask_and_where_no_feature_posed_the_frame():
 
 
 def test_no_more_features_are_followed_than_wanted():
-    walk = Walk(max_features=30)
+    walk = Walk(max_features=30, min_returning=10)
     walk.look(AWAY)
     first = walk.look(BACK)
     assert 20 < len(first) <= 30
     assert 0 < len(walk.look(BACK, followed=first[:10])) <= 20
 
 
+def left_ids(walk):
+    """Features that wait to come back."""
+    ((_, left),) = walk.tracker.state([walk.map])["left"]
+    return np.concatenate([part.ids for part in left[0]])
+
+
+def test_every_third_view_is_searched(monkeypatch):
+    monkeypatch.undo()
+    walk = Walk()
+    counts = [len(walk.look(pose)) for pose in [AWAY] * 3 + [BACK] * 3]
+    assert counts[:5] == [0] * 5 and counts[5] > 0.8 * len(walk.all_ids)
+
+
+def test_they_wait_while_fewer_are_in_view_than_come_back():
+    walk, few = Walk(), Walk(min_returning=1000)
+    walk.look(AWAY)
+    few.look(AWAY)
+    waiting = left_ids(few)
+    assert len(few.look(BACK)) == 0 < len(walk.look(BACK))
+    np.testing.assert_array_equal(left_ids(few), waiting)
+
+
+def test_they_wait_while_fewer_are_found_than_come_back():
+    whole = Walk()
+    whole.look(AWAY)
+    half = image(BACK)
+    half[:, : CAMERA.width // 2] = 0
+    walk = Walk(min_returning=int(0.8 * len(whole.look(BACK))))
+    walk.look(AWAY)
+    before = left_ids(walk)
+    assert len(walk.look(BACK, gray=half)) == 0
+    u = pixels(BACK, walk.points[before])[:, 0]
+    after = left_ids(walk)  # those in the dark half are given up
+    assert 10 < len(after) < len(before) - 10
+    assert u[np.isin(before, after)].min() > CAMERA.width // 2 - 10
+
+
 def test_a_restored_tracker_finds_the_same():
     walk, again = Walk(), Walk()
     walk.look(AWAY)
     again.look(AWAY)
-    ((_, patches),) = walk.tracker.state([walk.map])["left"]
+    ((_, left),) = walk.tracker.state([walk.map])["left"]
     again.tracker._returning = ReturningFeatures(CAMERA, TRACKING)
-    again.tracker.restore(
-        walk.tracker.state([]) | {"left": [(again.map, patches.rows(np.arange(len(patches.ids))))]}
-    )
+    again.tracker.restore(walk.tracker.state([]) | {"left": [(again.map, deepcopy(left))]})
     back = walk.look(BACK)
     assert len(back) > 0
     np.testing.assert_array_equal(again.look(BACK), back)
@@ -198,7 +235,7 @@ def test_a_rolling_shutter_shows_them_elsewhere(monkeypatch):
     walk = Walk(replace(CAMERA, readout_s=0.05))
     walk.look(AWAY)
     turning = moved(BACK, 0.0, (0.0, -4.0, 0.0))
-    walk.look(turning, gray=np.zeros_like(image(BACK)), result=posed(None))
+    walk.look(turning, gray=np.zeros_like(image(BACK)), posed=False)
     starts = []
     whole = ReferencePatches.align
 
@@ -235,12 +272,14 @@ def gaps(local_map):
 
 
 @pytest.mark.slow
-def test_a_panning_camera_drifts_less():
+def test_a_panning_camera_drifts_less(monkeypatch):
+    monkeypatch.undo()
     true = looking_around(100)
     errors = {120: [], 0: []}
     for return_frames, found in errors.items():
         for seed in range(3):
-            tracking = CONFIG.tracking.model_copy(update={"return_frames": return_frames})
+            update = {"return_frames": return_frames, "min_returning": 12}  # of 150 features
+            tracking = CONFIG.tracking.model_copy(update=update)
             config = CONFIG.model_copy(update={"tracking": tracking, "seed": seed})
             (local_map,) = fed(frames(true), config=config).maps
             first = local_map.first_posed

@@ -39,9 +39,12 @@ class TrackingConfig(SettingsModel):
     rematch_px: PositiveInt = 2
     """A feature is lost if its reference patch fits only further than this from where it is expected
     (A-4)."""
-    return_frames: NonNegativeInt = 0
-    """A feature that left the picture goes on when the camera looks back before its reference patch is this
-    old; 0 for never."""
+    return_frames: NonNegativeInt = 120
+    """Features that left the picture go on when the camera looks back before their reference patches are
+    this old; 0 for never."""
+    min_returning: PositiveInt = 30
+    """Features that left the picture come back together, in no smaller number: fewer hardly tie the frames of
+    both times."""
     max_match_error: PositiveFloat = 25.0
     """A match is rejected if its mean absolute difference in grey values (0 to 255) exceeds this."""
     forward_backward_px: PositiveFloat = 1.0

@@ -132,14 +132,12 @@ class FrameTracker:
         Args:
             local_map: The map with the view, before features are renewed.
             frame: The frame of its newest view.
-            result: What :meth:`track` found in it; nothing is searched if features gave no pose.
+            result: What :meth:`track` found in it; nothing is kept or searched if features gave no pose.
         """
-        if not self._config.return_frames:
+        if not self._config.return_frames or result.pose_sigma is None:
             return MapUpdate()
-        followed = self._patches.setdefault(local_map, ReferencePatches(self._camera))
-        self._returning.keep(local_map, followed.patches)
-        if result.pose_sigma is None:
-            return MapUpdate()
+        followed = self._patches[local_map]
+        self._returning.keep(local_map, followed.patches.rows(np.flatnonzero(~result.found)))
         update, found = self._returning.search(local_map, self.moving.masked(frame))
         if len(found.ids):
             followed.patches = followed.patches.joined(found)

@@ -61,14 +61,15 @@ class Patches:
         """Return the patches of some rows."""
         return Patches(**{name: value[rows] for name, value in vars(self).items()})
 
-    def joined(self, other: "Patches") -> "Patches":
+    def joined(self, *others: "Patches") -> "Patches":
         """Return these patches and others."""
-        return Patches(
-            **{name: np.concatenate([value, vars(other)[name]]) for name, value in vars(self).items()}
-        )
+        columns = {
+            name: [value, *(vars(other)[name] for other in others)] for name, value in vars(self).items()
+        }
+        return Patches(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
-_NO_PATCHES = Patches(
+NO_PATCHES = Patches(
     ids=np.zeros(0, np.int64),
     frame=np.zeros(0, np.int64),
     arms=np.zeros((0, 4, 2)),
@@ -96,7 +97,7 @@ class ReferencePatches:
         patches: The patches.
     """
 
-    def __init__(self, camera: Camera, patches: Patches = _NO_PATCHES) -> None:
+    def __init__(self, camera: Camera, patches: Patches = NO_PATCHES) -> None:
         self._camera, self._K = camera, camera.K
         self.patches = patches
 
