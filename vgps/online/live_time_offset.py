@@ -21,9 +21,13 @@ _AGREE_S = 1e-6  # of clocks that agree: ``trusted_time_offset_s`` is in what th
 
 
 def video_alone(config: Config) -> Config:
-    """Return the settings of a stage C that leaves fixes and their time offset to the fusion."""
+    """Return the settings of a stage C that leaves fixes and their time offset to the fusion.
+
+    No feature comes back: one that does so again and again would keep its map from forgetting.
+    """
     sensors = config.sensors.model_copy(update={"estimate_time_offset": "no"})
-    return config.with_gps(model="none").model_copy(update={"sensors": sensors})
+    tracking = config.tracking.model_copy(update={"return_frames": 0})
+    return config.with_gps(model="none").model_copy(update={"sensors": sensors, "tracking": tracking})
 
 
 def any_time_offset(config: SensorsConfig) -> TimeOffset:

@@ -38,7 +38,10 @@ def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
     corrected = fixes.without_time_offset(sensors.time_offset_s)
     path = merged_maps(replace(front_end, sensors=sensors), context).scene.trajectory
     lost = strays(path, corrected, sensors.camera_p_antenna)
-    if not lost.any() or agreement([map_trajectory(one) for one in front_end.maps], imu).contradiction:
+    if not lost.any():
+        return front_end
+    seen = agreement([map_trajectory(one) for one in front_end.maps], imu)
+    if seen.contradiction or seen.misled:  # the path may have strayed by what the IMU predicted
         return front_end
     better = inertial_path(path, imu, corrected, sensors.camera_p_antenna, config)
     if better is None or 2 * strays(better, corrected, sensors.camera_p_antenna).sum() > lost.sum():

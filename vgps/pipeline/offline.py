@@ -106,7 +106,7 @@ def _smoothed(
     if found.misled and found.contradiction is None:
         progress.stage("again with the IMU's clock as the video shows it")
         recording = with_imu_clock(recording, found)
-        front_end = run_front_end(recording, config, progress)
+        front_end = with_inertial_start(run_front_end(recording, config, progress), config)
         found = imu_agreement(front_end, config)
     if (wrong := contradiction_note(front_end, found)) is not None:
         progress.stage("again without the IMU, which contradicts the video")
