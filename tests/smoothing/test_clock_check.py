@@ -1,6 +1,7 @@
 """The time offset that the poses of stage D show: against the truth, chance, and the solver's marginals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,14 +9,15 @@ from synthetic_bundle import ANTENNA, TIGHT
 from synthetic_map import away, context, map_of, scene
 
 from vgps.config import Config
+from vgps.errors import GeometryError
 from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import FixClass
-from vgps.smoothing import batch
+from vgps.smoothing import batch, clock_check
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import scene_of_map
-from vgps.smoothing.sensor_steps import better_sensors
+from vgps.smoothing.sensor_steps import least_cost_step
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.marginals import marginal_covariances
 
@@ -58,6 +60,43 @@ def test_what_displacements_showed_by_chance_is_taken_back():
     assert error < 0.01
 
 
+def trial(monkeypatch, shown, sensors=HELD):
+    """Return the sensors that follow, and those tried, where the poses show one time offset after another."""
+    in_turn = iter(shown)
+    solved = SimpleNamespace(
+        given=SimpleNamespace(context=context(Config()), fixes=SimpleNamespace(used=np.ones(3, dtype=bool)))
+    )
+    monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
+    again = []
+
+    def solve(other):
+        again.append(other)
+        return solved
+
+    return clock_check.with_shown_clock(sensors, solved, solve)[0], again
+
+
+@pytest.mark.parametrize(("found_s", "counts"), [(0.14, True), (-0.14, False), (0.02, False)])
+def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts):
+    after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(found_s, 0.04)])
+    assert [one.time_offset_s for one in again] == [0.07]
+    assert after == (again[0] if counts else HELD)
+
+
+def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):
+    assert trial(monkeypatch, [TimeOffset(0.05, 0.02)]) == (HELD, [])
+
+
+def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
+    def failing(*_):
+        raise GeometryError("not determined")
+
+    chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
+    monkeypatch.setattr(clock_check, "least_cost_step", failing)
+    found, error = result(0.0, chance)
+    assert found.sensors == HELD and error < 0.01
+
+
 def test_what_displacements_showed_is_improved():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown)
@@ -86,13 +125,17 @@ def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_n
 def test_step_and_covariance_are_those_of_a_solution_with_the_time_offset_free(monkeypatch):
     """With errors of no memory and Gaussian ones the problem is as good as quadratic."""
     seen = []
-    keep = lambda sensors, solved, _: seen.append(solved) or (sensors, solved)  # noqa: E731
-    monkeypatch.setattr(batch, "with_shown_clock", keep)
+
+    def kept(sensors, solved, _):
+        seen.append(solved)
+        return sensors, solved
+
+    monkeypatch.setattr(batch, "with_shown_clock", kept)
     result(0.02, config=settings(gps={"model": "gaussian"}, batch=SHARP["batch"] | {"robust_px": 1e3}))
     (solved,) = seen
     given, end = solved.given, solved.result.problem
     free = replace(given.sensors, prior_time_offset=TimeOffset(0.0, 0.5))
-    step, covariance = better_sensors(given, end, free, TIME_OFFSET)
+    step, covariance = least_cost_step(given, end, free, TIME_OFFSET)
     problem = batch.batch_problem(replace(given, sensors=free)).problem
     free_end = solve(problem, TIGHT).problem
     assert step == pytest.approx(free_end.shared[TIME_OFFSET], rel=0.05)

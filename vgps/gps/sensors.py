@@ -30,10 +30,10 @@ class Sensors:
         time_offset_s: By which positions are older than their time stamps.
         camera_p_antenna: (3,) metres.
         prior_time_offset: Prior of the time offset; with a sigma of 0 it is not estimated.
-        probability: Of the time offset not to be chance.
-        poses_tell: Whether the poses tell the time offset though errors have memory.
         prior_antenna: (3,) prior of the lever arm.
         antenna_sigma_m: Its standard deviation; with 0 the lever arm is not estimated.
+        probability: That the prior time offset is not chance; below 1 stage D decides.
+        poses_tell: Whether the poses of stage D tell the time offset though errors have memory.
     """
 
     time_offset_s: float

@@ -31,12 +31,15 @@ def antenna_notes(
 
 
 def clock_notes(front_end: FrontEnd, batch: BatchResult) -> tuple[str, ...]:
-    """Return a warning if the poses have told a time offset that was not known before stage D."""
-    before = front_end.sensors
-    if not batch.sensors.poses_tell or (before.prior_time_offset.sigma_s and before.probability == 1.0):
+    """Return a warning if stage D shifted fixes by a time offset that was not certain before."""
+    before, after = front_end.sensors, batch.sensors
+    if not after.prior_time_offset.sigma_s or (
+        before.prior_time_offset.sigma_s and before.probability == 1.0
+    ):
         return ()
-    late = f"{batch.sensors.time_offset_s:.3f} s (standard deviation {batch.time_offset_sigma_s[0]:.3f} s)"
-    return (
-        f"the GPS positions are {late} older than their time stamps, as all poses together show; the fixes "
-        "were shifted accordingly",
+    late = f"{after.time_offset_s:.3f} s (standard deviation {batch.time_offset_sigma_s[0]:.3f} s)"
+    why = (
+        "as all poses together show" if after.poses_tell else f"with a probability of {after.probability:.0%}"
     )
+    text = f"the GPS positions are {late} older than their time stamps, {why}"
+    return (f"{text}; the fixes were shifted accordingly",)

@@ -7,7 +7,7 @@ import numpy as np
 from vgps.errors import GeometryError
 from vgps.gps.sensors import ANTENNA
 from vgps.smoothing.batch_problem import BatchInput
-from vgps.smoothing.sensor_steps import better_sensors
+from vgps.smoothing.sensor_steps import least_cost_step
 from vgps.solver.problem import BundleProblem
 
 _PRIOR_M = 10.0  # says nothing
@@ -28,7 +28,7 @@ def lever_arm_warnings(given: BatchInput, end: BundleProblem) -> tuple[str, ...]
         return ()
     try:
         sensors = replace(given.sensors, antenna_sigma_m=_PRIOR_M)
-        step, covariance = better_sensors(given, end, sensors, ANTENNA)
+        step, covariance = least_cost_step(given, end, sensors, ANTENNA)
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         return ()
     if step @ np.linalg.solve(covariance, step) < _CONTRADICTION:

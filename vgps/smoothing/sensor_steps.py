@@ -1,4 +1,4 @@
-"""What a solution of stage D says of a quantity that all fixes share and that it held."""
+"""What a solution of stage D says of the time offset or the lever arm that it held."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
 
 
-def better_sensors(
+def least_cost_step(
     given: BatchInput, end: BundleProblem, sensors: Sensors, key: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the step (d,) of a shared vector to the least cost, poses adapting, and its covariance (d, d).

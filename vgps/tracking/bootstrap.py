@@ -45,7 +45,8 @@ class _TwoViewMap:
         """Return the median angle between the rays of a pair of the views."""
         rays = self.points - self.view_poses[list(pair), None, :3, 3]
         rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-        return float(np.degrees(np.median(np.arccos(np.minimum(np.sum(rays[0] * rays[1], axis=1), 1.0)))))
+        by_feature = rays.transpose(1, 0, 2).reshape(-1, 3)
+        return float(np.degrees(np.median(largest_angle_rad(by_feature, np.arange(0, len(by_feature), 2)))))
 
 
 class TwoViewInitialiser:
