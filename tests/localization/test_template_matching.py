@@ -19,8 +19,17 @@ def cut(u, v, side=15):
 @given(st.floats(30, 130), st.floats(30, 90), st.floats(-6, 6), st.floats(-6, 6))
 def test_positions_have_subpixel_precision(u, v, off_u, off_v):
     found = match_templates(IMAGE, cut(u, v)[None], np.array([[u + off_u, v + off_v]]), np.array([8.0]))
-    np.testing.assert_allclose(found.uv_px, [[u, v]], atol=0.4)
-    assert found.correlation[0] > 0.95
+    # a template from halfway between pixels is blurred: 0.54 px and 0.926 at the worst place of this picture
+    np.testing.assert_allclose(found.uv_px, [[u, v]], atol=0.6)
+    assert found.correlation[0] > 0.9
+
+
+def test_most_positions_are_within_a_tenth_of_a_pixel():
+    rng = np.random.default_rng(0)
+    uv, off = rng.uniform((30, 30), (130, 90), (400, 2)), rng.uniform(-6, 6, (400, 2))
+    found = match_templates(IMAGE, np.stack([cut(*place) for place in uv]), uv + off, np.full(400, 8.0))
+    assert np.median(np.linalg.norm(found.uv_px - uv, axis=1)) < 0.1
+    assert np.mean(found.correlation > 0.95) > 0.99
 
 
 def test_brightness_and_contrast_do_not_matter():
