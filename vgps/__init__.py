@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vgps.model import Camera, Recording, Rig
     from vgps.online import Fix, OnlineEstimate, OnlineSmoother
     from vgps.pipeline.offline import smooth
-    from vgps.readers.calibration import read_camera
+    from vgps.readers.calibration.camera_file import read_camera
     from vgps.readers.recording import open_recording
     from vgps.smoothing.run_graph import factor_graph
     from vgps.solution import Solution
@@ -55,7 +55,7 @@ _HOMES = {
     "factor_graph": "smoothing.run_graph",
     "localize": "localization",
     "open_recording": "readers.recording",
-    "read_camera": "readers.calibration",
+    "read_camera": "readers.calibration.camera_file",
     "read_config": "config",
     "smooth": "pipeline.offline",
     "write_run": "writers.run_folder",

@@ -24,7 +24,7 @@ from vgps.model import FloatArray
 from vgps.online import OnlineEstimate
 from vgps.online.gps_source import GpsSource
 from vgps.online.live_feed import VideoClock
-from vgps.readers.fixes import unix_s
+from vgps.readers.gps_formats.fixes import unix_s
 
 COLUMNS = {
     "pose_p50_ms": "pose p50 [ms]",

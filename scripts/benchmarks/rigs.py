@@ -18,8 +18,8 @@ from vgps.evaluation import evaluate
 from vgps.model import Frame, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.offline import optimise_all
-from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.trajectory import read_trajectory
+from vgps.readers.video.derived_video import DerivedVideo
 from vgps.solution import FrameState, Trajectory
 
 COLUMNS = ["recording", "cameras", "black [s]", "mean [m]", "max [m]", "frames without a camera"]

@@ -15,8 +15,8 @@ from vgps.errors import RecordingError
 from vgps.geodesy import to_enu
 from vgps.geometry import interpolate_poses
 from vgps.model import FloatArray, Frame, GeodeticPoint, GpsLog, Recording
-from vgps.readers.derived_video import DerivedVideo
 from vgps.readers.recording import find_gps_logs
+from vgps.readers.video.derived_video import DerivedVideo
 from vgps.simulate import SCENES, simulate
 from vgps.solution import Trajectory
 

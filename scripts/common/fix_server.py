@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pynmeagps import GET, NMEAMessage
 
 from vgps.model import FixClass
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 
 _QUALITY = {FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5, FixClass.DGPS: 2, FixClass.SINGLE: 1}
 

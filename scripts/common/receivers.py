@@ -11,8 +11,8 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, FloatArray, IntArray, Rig
-from vgps.readers.fixes import NMEA_QUALITY
 from vgps.readers.gps import read_gps_log
+from vgps.readers.gps_formats.fixes import NMEA_QUALITY
 from vgps.readers.table import Table, read_table
 from vgps.survey import ErrorSeries, read_errors
 

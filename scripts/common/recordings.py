@@ -8,7 +8,7 @@ from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluation.run import change_origin
 from vgps.geometry import interpolate_poses
 from vgps.model import FloatArray, GpsLog
-from vgps.readers.calibration import rig_beside
+from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Solution, Trajectory
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import av
 
 from vgps.model import Recording
-from vgps.readers.video import VideoFile
+from vgps.readers.video.video_file import VideoFile
 
 
 def reencoded(recording: Recording, out: Path, crf: int) -> Recording:

@@ -8,7 +8,7 @@ import numpy as np
 
 from vgps.errors import RecordingError
 from vgps.model import FloatArray, Frame, GpsLog, IntArray, Recording
-from vgps.readers.derived_video import DerivedVideo
+from vgps.readers.video.derived_video import DerivedVideo
 from vgps.solution import Trajectory
 
 

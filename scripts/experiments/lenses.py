@@ -22,9 +22,9 @@ from scripts.common.recordings import read_truth
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.evaluation import evaluate
 from vgps.model import Camera, Float32Array, Frame, Recording
-from vgps.readers.camera_guess import guess_cameras
-from vgps.readers.derived_video import DerivedVideo
-from vgps.readers.gpmf import Telemetry
+from vgps.readers.calibration.camera_guess import guess_cameras
+from vgps.readers.gopro.gpmf import Telemetry
+from vgps.readers.video.derived_video import DerivedVideo
 from vgps.simulate import SCENES, GpsConfig, simulate
 
 WIDTH, HEIGHT = 480, 320

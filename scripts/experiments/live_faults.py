@@ -32,7 +32,7 @@ from vgps.geodesy import to_geodetic
 from vgps.model import GeodeticPoint, GrayImage
 from vgps.online import OnlineSmoother
 from vgps.online.gps_messages import Epochs, StreamedFix, messages
-from vgps.readers.fixes import unix_s
+from vgps.readers.gps_formats.fixes import unix_s
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import simulate

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vgps.readers.calibration import read_camera
+from vgps.readers.calibration.camera_file import read_camera
 
 
 @pytest.fixture

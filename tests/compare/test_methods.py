@@ -11,7 +11,7 @@ from vgps.compare import ALL_METHODS, METHODS, Method, compare
 from vgps.compare.methods import front_ends
 from vgps.config import Config
 from vgps.errors import TrajectoryError
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.runtime.progress import NoProgress
 
 CHOSEN = [METHODS[0], METHODS[1], METHODS[4]]

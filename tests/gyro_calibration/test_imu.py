@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from vgps.gyro_calibration.imu import _with_mounting, calibrate_imu
 from vgps.imu.mount_fit import Mount
 from vgps.model import ImuLog, Recording, Rig
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.simulate import SCENES, AccelerometerConfig, simulate
 
 

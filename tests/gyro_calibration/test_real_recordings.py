@@ -10,7 +10,7 @@ import yaml
 from synthetic_rotations import apart_deg
 
 from vgps.gyro_calibration import calibrate_gyro
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.recording import open_recording
 
 

@@ -9,7 +9,7 @@ from vgps.gps.fixes import Fixes
 from vgps.model import FixClass, Frame, GeodeticPoint
 from vgps.online.fix_intake import FixIntake
 from vgps.pipeline.frame_pipeline import FramePipeline
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 from vgps.smoothing.context import SmoothingContext
 
 ORIGIN = GeodeticPoint(49.0, 8.4, 120.0)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vgps.online.gps_messages import Epochs, messages
-from vgps.readers.fixes import Clock
-from vgps.readers.nmea import read_nmea
-from vgps.readers.ubx import read_ubx
+from vgps.readers.gps_formats.fixes import Clock
+from vgps.readers.gps_formats.nmea import read_nmea
+from vgps.readers.gps_formats.ubx import read_ubx
 
 EPOCHS = [
     b"$GNRMC,235959.00,A,4900.6599756,N,00824.9900171,E,0.1,,260911,,,A",

@@ -7,7 +7,7 @@ from live_sources import TcpServer, Terminal, epochs_of, until
 
 from vgps.errors import GpsLogError
 from vgps.online.gps_source import GpsSource
-from vgps.readers.nmea import read_nmea
+from vgps.readers.gps_formats.nmea import read_nmea
 
 
 @pytest.fixture(scope="module")

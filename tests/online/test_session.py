@@ -18,7 +18,7 @@ from vgps.online.gps_messages import StreamedFix
 from vgps.online.gps_source import ReceivedFix
 from vgps.online.live_feed import VideoClock
 from vgps.online.video_source import VideoSource
-from vgps.readers.fixes import Clock, Fix
+from vgps.readers.gps_formats.fixes import Clock, Fix
 from vgps.readers.run_folder import read_run
 
 

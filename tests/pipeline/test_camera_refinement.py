@@ -18,8 +18,8 @@ from vgps.geometry import interpolate_poses
 from vgps.model import CameraGuess
 from vgps.pipeline.camera_refinement import moved_far, with_found_camera, with_held_guess
 from vgps.pipeline.gyro_agreement import rotation_ratio
-from vgps.readers.calibration import read_camera
-from vgps.readers.gpmf import read_gpmf
+from vgps.readers.calibration.camera_file import read_camera
+from vgps.readers.gopro.gpmf import read_gpmf
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 from vgps.runtime.timing import sequential_seconds

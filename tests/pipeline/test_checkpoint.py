@@ -12,7 +12,7 @@ from vgps.errors import RunFolderError
 from vgps.pipeline import checkpoint as module
 from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder, fingerprint
 from vgps.pipeline.front_end import run_front_end
-from vgps.readers.masks import MaskFolder
+from vgps.readers.video.masks import MaskFolder
 from vgps.runtime import journal
 from vgps.runtime.progress import NoProgress
 from vgps.smoothing import long_steps

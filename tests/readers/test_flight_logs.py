@@ -12,9 +12,9 @@ from log_bytes import FIX, UNIX_S, dataflash, fit, igc, novatel, sbf, tlog, ulog
 from vgps.crs import egm96
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.readers.fixes import Clock
 from vgps.readers.gps import gps_format, read_gps_log
-from vgps.readers.igc import read_igc
+from vgps.readers.gps_formats.fixes import Clock
+from vgps.readers.gps_formats.igc import read_igc
 
 GEOID_M = egm96().height_m(*np.array(FIX)[:, :2].T)
 NOVATEL = pytest.mark.skipif(sys.platform == "darwin", reason="novatel-edie has no wheels for macOS")
@@ -82,9 +82,9 @@ def test_ulog_as_pyulog_writes_it(tmp_path):
 
 
 def test_times_are_utc(tmp_path):
-    from vgps.readers.fit import read_fit
-    from vgps.readers.mavlink import read_mavlink
-    from vgps.readers.ulog import read_ulog
+    from vgps.readers.gps_formats.fit import read_fit
+    from vgps.readers.gps_formats.mavlink import read_mavlink
+    from vgps.readers.gps_formats.ulog import read_ulog
 
     readers = (
         (igc, read_igc),
@@ -130,7 +130,7 @@ def test_sigmas_of_sbf(tmp_path):
 def test_novatel_in_ascii_and_binary(tmp_path):
     from novatel_edie import oem
 
-    from vgps.readers.novatel import read_novatel
+    from vgps.readers.gps_formats.novatel import read_novatel
 
     text = novatel()
     assert read_novatel(text, tmp_path).fixes[0].t_s == pytest.approx(UNIX_S, abs=1e-6)

@@ -14,13 +14,13 @@ from vgps.errors import GpsLogError, RecordingError, VideoError
 from vgps.geodesy import to_enu
 from vgps.model import FixClass, GeodeticPoint
 from vgps.readers import sources
-from vgps.readers.gopro import (
+from vgps.readers.gopro.gpmf import read_gpmf
+from vgps.readers.gopro.sensors import (
     GYRO_R_CAMERA,
     gopro_exposures,
     picture_rotations,
     read_gopro_gyro,
 )
-from vgps.readers.gpmf import read_gpmf
 from vgps.readers.gps import gps_format, read_gps_log
 from vgps.readers.recording import open_recording
 
@@ -40,7 +40,9 @@ def with_telemetry(monkeypatch):
 
     def tell(found):
         monkeypatch.setattr(sources, "read_gpmf", lambda path: replace(found, path=Path(path)))
-        monkeypatch.setattr("vgps.readers.video_gps.read_gpmf", lambda path: replace(found, path=Path(path)))
+        monkeypatch.setattr(
+            "vgps.readers.video_gps.find.read_gpmf", lambda path: replace(found, path=Path(path))
+        )
 
     return tell
 
@@ -62,7 +64,7 @@ def test_a_video_alone_is_a_recording_with_gps_gyro_and_exposure(folder, with_te
 def test_a_videos_metadata_are_read_once(folder, with_telemetry, monkeypatch):
     with_telemetry(walk())
     told, calls = sources.read_gpmf, []
-    for place in ("vgps.readers.sources.read_gpmf", "vgps.readers.video_gps.read_gpmf"):
+    for place in ("vgps.readers.sources.read_gpmf", "vgps.readers.video_gps.find.read_gpmf"):
         monkeypatch.setattr(place, lambda path: calls.append(path) or told(path))
     assert len(open_recording(folder / "GX010042.MP4").gps) == 8
     assert calls == [folder / "GX010042.MP4"]

@@ -100,8 +100,8 @@ def test_an_imu_of_unknown_mounting_is_left_out(data_dir):
 
 @pytest.mark.parametrize("name", ["gopro_walk", "gopro_hero7"])
 def test_gravity_is_up_in_the_picture_of_a_gopro(name, data_dir):
-    from vgps.readers.gopro import GYRO_R_CAMERA, read_gopro_imu
-    from vgps.readers.gpmf import read_gpmf
+    from vgps.readers.gopro.gpmf import read_gpmf
+    from vgps.readers.gopro.sensors import GYRO_R_CAMERA, read_gopro_imu
 
     imu = read_gopro_imu(read_gpmf(data_dir / name / "video.mp4"))
     mean = imu.force_m_s2.mean(axis=0) @ GYRO_R_CAMERA

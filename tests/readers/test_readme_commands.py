@@ -11,7 +11,7 @@ from gpmf_bytes import doppler_speeds
 from user_files import write_bag, write_drone_video, write_flight, write_pictures
 
 from vgps.evaluation import evaluate
-from vgps.readers.gpmf import read_gpmf
+from vgps.readers.gopro.gpmf import read_gpmf
 from vgps.readers.run_folder import read_run
 from vgps.solution import FrameState
 

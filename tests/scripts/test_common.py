@@ -21,7 +21,7 @@ from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError, TrajectoryError
 from vgps.model import FixClass, GeodeticPoint
 from vgps.readers.gps import read_gps_log
-from vgps.readers.video import VideoFile
+from vgps.readers.video.video_file import VideoFile
 from vgps.simulate import SCENES
 from vgps.solution import Trajectory
 from vgps.writers.tum import write_tum

@@ -8,7 +8,7 @@ from rendered_boards import CONFIG, board_and_corners, moving
 
 from vgps.camera import centred_camera, project, undistort
 from vgps.errors import ConfigError
-from vgps.readers.calibration import read_camera
+from vgps.readers.calibration.camera_file import read_camera
 from vgps.simulate import SCENES, Renderer, build_motion, build_world, simulate
 from vgps.simulate.fisheye import pieces
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from vgps.readers.video import VideoFile
+from vgps.readers.video.video_file import VideoFile
 
 
 def shade(index: int) -> int:

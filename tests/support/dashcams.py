@@ -1,4 +1,4 @@
-"""Videos of dashcams with Novatek's chips, made by the description in readers/dashcam.py."""
+"""Videos of dashcams with Novatek's chips, made by the description in readers/video_gps/dashcam.py."""
 
 import struct
 from pathlib import Path

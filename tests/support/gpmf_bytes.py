@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vgps.readers.gpmf import Telemetry, collect
-from vgps.readers.gpmf_times import sample_times
-from vgps.readers.metadata_tracks import Packet
+from vgps.readers.gopro.gpmf import Telemetry, collect
+from vgps.readers.gopro.sample_times import sample_times
+from vgps.readers.video.metadata_tracks import Packet
 
 KINDS = {"b": "b", "B": "B", "s": "h", "S": "H", "l": "i", "L": "I", "f": "f", "d": "d", "j": "q", "J": "Q"}
 

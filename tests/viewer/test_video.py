@@ -11,7 +11,7 @@ import pytest
 import rerun as rr
 from reading_back import Logged
 
-from vgps.readers.video import VideoFile
+from vgps.readers.video.video_file import VideoFile
 from vgps.viewer.run_stream import RunStream
 from vgps.viewer.video import _picture_of_frame, log_video
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from vgps.readers.calibration import read_camera
+from vgps.readers.calibration.camera_file import read_camera
 from vgps.writers.camera import write_camera
 from vgps.writers.run_folder import write_run
 

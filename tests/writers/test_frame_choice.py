@@ -6,7 +6,7 @@ from PIL import Image, ImageFilter
 from solutions import EAST_R_CAMERA, make_poses, make_solution
 
 from vgps.errors import RunFolderError
-from vgps.readers.images import ImageFolder
+from vgps.readers.video.images import ImageFolder
 from vgps.solution import Observations
 from vgps.writers.frame_choice import FrameChoice, choose_frames, subset
 

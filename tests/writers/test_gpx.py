@@ -10,7 +10,7 @@ from exports import exported
 
 from vgps.errors import CoordinateSystemError, RunFolderError
 from vgps.geodesy import to_geodetic
-from vgps.readers.gpx import read_gpx
+from vgps.readers.gps_formats.gpx import read_gpx
 
 START = datetime(2026, 5, 1, 9, 30, 12, 500000, tzinfo=UTC)
 

@@ -3,7 +3,7 @@ import pytest
 import yaml
 
 from vgps.errors import CalibrationError, RunFolderError
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.writers.rig import write_rig
 
 QUARTER = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]

@@ -15,7 +15,7 @@ from vgps.model import FloatArray, GeodeticPoint, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_right_clock
 from vgps.pipeline.offline import optimise_all
-from vgps.readers.calibration import rig_beside
+from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import Progress
 from vgps.solution import Solution, Trajectory

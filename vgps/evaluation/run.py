@@ -12,7 +12,7 @@ from vgps.errors import RunFolderError, TrajectoryError
 from vgps.evaluation.metrics import Evaluation, trajectory_errors
 from vgps.geodesy import enu_R_ecef, to_enu, to_geodetic
 from vgps.model import FloatArray, GeodeticPoint
-from vgps.readers.calibration import rig_beside
+from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.run_files import read_summary
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Solution, Trajectory

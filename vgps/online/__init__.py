@@ -2,6 +2,6 @@
 
 from vgps.online.estimate import OnlineEstimate, OnlineEvent, OnlineState
 from vgps.online.smoother import OnlineSmoother
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 
 __all__ = ["Fix", "OnlineEstimate", "OnlineEvent", "OnlineSmoother", "OnlineState"]

@@ -14,7 +14,7 @@ from vgps.online.archive import FixArchive
 from vgps.online.estimate import counts_as_news
 from vgps.online.node_fixes import SAME_TIME_S
 from vgps.pipeline.frame_pipeline import FramePipeline
-from vgps.readers.fixes import Fix, counted
+from vgps.readers.gps_formats.fixes import Fix, counted
 
 _FURTHEST_AHEAD_S = 3600.0  # of the newest frame; later fixes are those of a clock that jumped
 

@@ -6,9 +6,9 @@ from typing import Protocol
 
 from pyubx2 import NMEA_PROTOCOL, PARSE_NONE, UBX_PROTOCOL, UBXReader
 
-from vgps.readers.fixes import Clock, Fix, RawLog
-from vgps.readers.nmea import read_nmea
-from vgps.readers.ubx import read_ubx
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog
+from vgps.readers.gps_formats.nmea import read_nmea
+from vgps.readers.gps_formats.ubx import read_ubx
 
 _NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: offset of the time of week
 _TIMED = (b"GGA", b"GST", b"RMC", b"ZDA")

@@ -8,7 +8,7 @@ from vgps.model import Rig
 from vgps.online.gps_source import GpsSource, ReceivedFix
 from vgps.online.run import FeedItem, SourceNote
 from vgps.online.video_source import VideoSource
-from vgps.readers.fixes import DAY_S, Clock, Fix, unix_s
+from vgps.readers.gps_formats.fixes import DAY_S, Clock, Fix, unix_s
 
 _MOST_EARLY = 1000  # fixes kept until the first frame
 _SAME_CLOCK_S = 2.0  # exceeds the latency of receivers and the error of network clocks

@@ -8,7 +8,7 @@ import numpy as np
 
 from vgps.model import GpsLog, Recording
 from vgps.online.run import FeedItem, GyroSample, TimedImage
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 
 
 def replay(recording: Recording, stop: threading.Event, *, realtime: bool = False) -> Iterator[FeedItem]:

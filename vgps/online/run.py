@@ -11,7 +11,7 @@ from types import FrameType
 from vgps.model import FloatArray, GrayImage
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.smoother import OnlineSmoother
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 
 
 @dataclass(frozen=True)

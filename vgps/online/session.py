@@ -24,7 +24,8 @@ from vgps.online.robot_outputs import NmeaOutput, WebSocketOutput
 from vgps.online.run import FeedItem, TimedImage, run_online, stopped_by_signals
 from vgps.online.smoother import OnlineSmoother
 from vgps.online.video_source import VideoSource
-from vgps.readers.calibration import read_camera, read_rig
+from vgps.readers.calibration.camera_file import read_camera
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.recording import open_recording
 from vgps.readers.rig_cameras import refuse_several
 from vgps.writers.run_folder import check_writable, write_run

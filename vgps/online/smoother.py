@@ -25,7 +25,7 @@ from vgps.online.session_result import SessionRecord, session_front_end, session
 from vgps.online.verdict_events import VerdictEvents
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.offline import optimise_all
-from vgps.readers.fixes import Fix
+from vgps.readers.gps_formats.fixes import Fix
 from vgps.runtime.allocator import release_free_memory
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.context import SmoothingContext

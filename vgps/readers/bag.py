@@ -13,8 +13,8 @@ import numpy as np
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import Camera, FixClass, FloatArray, Frame, GyroLog, RgbImage
 from vgps.readers.bag_messages import IMAGES, bag_messages, grey_of, rgb_of, stamp_s
-from vgps.readers.fixes import EPOCH, Clock, Fix, RawLog, counted, uncertainty
-from vgps.readers.luma import ahead
+from vgps.readers.gps_formats.fixes import EPOCH, Clock, Fix, RawLog, counted, uncertainty
+from vgps.readers.video.luma import ahead
 
 _MAGIC = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
 _UTC_S = 1e9  # ROS times from here on are Unix times; smaller ones are a simulation's

@@ -11,8 +11,8 @@ from PIL import Image
 from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import GrayImage, RgbImage
-from vgps.readers.container import check_size
 from vgps.readers.extras import optional_module
+from vgps.readers.video.container import check_size
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601

@@ -9,22 +9,22 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, GpsLog, Rig
 from vgps.readers.bag import looks_like_bag, read_bag_fixes
-from vgps.readers.dji_srt import looks_like_srt, read_dji_srt
-from vgps.readers.fit import looks_like_fit, read_fit
-from vgps.readers.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
-from vgps.readers.gpmf import Telemetry
-from vgps.readers.gps_csv import looks_like_gps_csv, read_gps_csv
-from vgps.readers.gpx import looks_like_gpx, read_gpx
-from vgps.readers.igc import looks_like_igc, read_igc
-from vgps.readers.mavlink import looks_like_mavlink, read_mavlink
-from vgps.readers.nmea import looks_like_nmea, read_nmea
-from vgps.readers.novatel import looks_like_novatel, read_novatel
-from vgps.readers.rtklib import looks_like_pos, read_pos
-from vgps.readers.sbf import looks_like_sbf, read_sbf
+from vgps.readers.gopro.gpmf import Telemetry
+from vgps.readers.gps_formats.fit import looks_like_fit, read_fit
+from vgps.readers.gps_formats.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
+from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
+from vgps.readers.gps_formats.gpx import looks_like_gpx, read_gpx
+from vgps.readers.gps_formats.igc import looks_like_igc, read_igc
+from vgps.readers.gps_formats.mavlink import looks_like_mavlink, read_mavlink
+from vgps.readers.gps_formats.nmea import looks_like_nmea, read_nmea
+from vgps.readers.gps_formats.novatel import looks_like_novatel, read_novatel
+from vgps.readers.gps_formats.rtklib import looks_like_pos, read_pos
+from vgps.readers.gps_formats.sbf import looks_like_sbf, read_sbf
+from vgps.readers.gps_formats.ubx import looks_like_ubx, read_ubx
+from vgps.readers.gps_formats.ulog import looks_like_ulog, read_ulog
 from vgps.readers.table import read_bytes
-from vgps.readers.ubx import looks_like_ubx, read_ubx
-from vgps.readers.ulog import looks_like_ulog, read_ulog
-from vgps.readers.video_gps import looks_like_video, read_video_gps
+from vgps.readers.video_gps.dji_srt import looks_like_srt, read_dji_srt
+from vgps.readers.video_gps.find import looks_like_video, read_video_gps
 
 _SAME_TIME_S = 1e-6
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.errors import ImuLogError
 from vgps.model import BoolArray, FloatArray, GyroLog, ImuLog, Rig
-from vgps.readers.fixes import counted
+from vgps.readers.gps_formats.fixes import counted
 from vgps.readers.table import read_samples
 
 GAP_INTERVALS = 5.0  # sample intervals; a longer time without samples is a gap

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.errors import GpsLogError
 from vgps.model import FloatArray, GpsLog, Rig
-from vgps.readers.fixes import EPOCH, unix_s
+from vgps.readers.gps_formats.fixes import EPOCH, unix_s
 
 _AT_ENDS_S = 2.0  # by which a log may begin after the video and end before it
 _FARTHEST_ZONE = 14 * 60  # minutes from UTC

@@ -6,14 +6,14 @@ from pathlib import Path
 from vgps.errors import GpsLogError
 from vgps.model import GpsLog, Rig
 from vgps.readers.bag import BagVideo
-from vgps.readers.dji_srt import files_beside
-from vgps.readers.exif import exif_fixes
-from vgps.readers.gpmf import Telemetry
+from vgps.readers.gopro.gpmf import Telemetry
 from vgps.readers.gps import gps_format, gps_log, read_gps_log
-from vgps.readers.images import ImageFolder
 from vgps.readers.overlap import check_overlap
 from vgps.readers.sources import Source
-from vgps.readers.video_gps import find_video_gps, unread_metadata
+from vgps.readers.video.exif import exif_fixes
+from vgps.readers.video.images import ImageFolder
+from vgps.readers.video_gps.dji_srt import files_beside
+from vgps.readers.video_gps.find import find_video_gps, unread_metadata
 
 log = logging.getLogger(__name__)
 

@@ -9,31 +9,32 @@ import numpy as np
 from vgps.errors import GpsLogError, RecordingError
 from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
 from vgps.readers.bag import BagVideo
-from vgps.readers.calibration import read_camera_of, read_rig
-from vgps.readers.camera_guess import guess_cameras
-from vgps.readers.chapters import ChapteredVideo
+from vgps.readers.calibration.camera_file import read_camera_of
+from vgps.readers.calibration.camera_guess import guess_cameras
+from vgps.readers.calibration.projection_checks import check_flat, check_square_pixels, log_other_tracks
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.control_points import PointSystem, read_control_points
-from vgps.readers.gopro import (
+from vgps.readers.gopro.chapters import ChapteredVideo
+from vgps.readers.gopro.gpmf import Telemetry
+from vgps.readers.gopro.lens import with_readout
+from vgps.readers.gopro.sensors import (
     GYRO_R_CAMERA,
     gopro_exposures,
     read_gopro_gyro,
     read_gopro_imu,
 )
-from vgps.readers.gopro_lens import with_readout
-from vgps.readers.gpmf import Telemetry
+from vgps.readers.gopro.stabilisation import with_picture_motion
 from vgps.readers.gps import UnknownStartError, gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
-from vgps.readers.images import ImageFolder
 from vgps.readers.imu import gyro_of, on_video_clock, read_imu
-from vgps.readers.masks import find_masks
 from vgps.readers.overlap import check_overlap
 from vgps.readers.own_gps import own_gps
-from vgps.readers.projection_checks import check_flat, check_square_pixels, log_other_tracks
 from vgps.readers.rig_cameras import open_cameras
 from vgps.readers.sources import PathLike, Source, opened, place_of, telemetry_of
-from vgps.readers.stabilisation import with_picture_motion
-from vgps.readers.video import VideoFile
-from vgps.readers.video_tags import stated_time
+from vgps.readers.video.images import ImageFolder
+from vgps.readers.video.masks import find_masks
+from vgps.readers.video.tags import stated_time
+from vgps.readers.video.video_file import VideoFile
 
 _CALIBRATE = (
     "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "

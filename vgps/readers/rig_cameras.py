@@ -9,14 +9,14 @@ import numpy as np
 
 from vgps.errors import CalibrationError, RecordingError, VideoError
 from vgps.model import Camera, FloatArray, Frame, Recording, RigCamera, Video
-from vgps.readers.calibration import read_camera_of
-from vgps.readers.derived_video import DerivedVideo
-from vgps.readers.gopro_lens import with_readout
-from vgps.readers.masks import MaskFolder
-from vgps.readers.rig_fields import CameraFields, RigFields
-from vgps.readers.sources import MASKS, Source, opened, telemetry_of
-from vgps.readers.stabilisation import is_stabilised
-from vgps.readers.yaml_fields import read_fields
+from vgps.readers.calibration.camera_file import read_camera_of
+from vgps.readers.calibration.rig_file import CameraFields, RigFields
+from vgps.readers.calibration.yaml_fields import read_fields
+from vgps.readers.gopro.lens import with_readout
+from vgps.readers.gopro.stabilisation import is_stabilised
+from vgps.readers.sources import Source, opened, telemetry_of
+from vgps.readers.video.derived_video import DerivedVideo
+from vgps.readers.video.masks import MASKS, MaskFolder
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from vgps.errors import RunFolderError
-from vgps.readers.fixes import HIGHEST_M
+from vgps.readers.gps_formats.fixes import HIGHEST_M
 
 REMEDY = "run vgps smooth again"
 Arrays = Mapping[str, npt.NDArray[Any]]

@@ -4,13 +4,13 @@ from pathlib import Path
 
 from vgps.errors import RecordingError
 from vgps.readers.bag import BagVideo, is_bag
-from vgps.readers.chapters import ChapteredVideo, chapters_of
-from vgps.readers.frame_times import FRAME_TIMES
-from vgps.readers.gpmf import Telemetry, read_gpmf
-from vgps.readers.images import ImageFolder, list_images
-from vgps.readers.video import VideoFile
+from vgps.readers.gopro.chapters import ChapteredVideo, chapters_of
+from vgps.readers.gopro.gpmf import Telemetry, read_gpmf
+from vgps.readers.video.frame_times import FRAME_TIMES
+from vgps.readers.video.images import ImageFolder, list_images
+from vgps.readers.video.masks import MASKS
+from vgps.readers.video.video_file import VideoFile
 
-MASKS = "masks"  # folder of masks beside a video
 _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
 PathLike = str | Path
 Source = VideoFile | ChapteredVideo | ImageFolder | BagVideo

@@ -10,9 +10,9 @@ import numpy as np
 import rerun as rr
 
 from vgps.model import FloatArray, Frame, IntArray, Video
-from vgps.readers.container import open_container
-from vgps.readers.luma import quarter_turns
-from vgps.readers.video import VideoFile
+from vgps.readers.video.container import open_container
+from vgps.readers.video.luma import quarter_turns
+from vgps.readers.video.video_file import VideoFile
 from vgps.viewer.run_stream import RunStream
 
 _CODECS = frozenset({"h264", "hevc", "av1"})
@@ -92,7 +92,7 @@ def _mp4(file: Path) -> tuple[bytes, str] | None:
             if codec not in _CODECS or picture is None or quarter_turns(picture):
                 return None
         contents = file.read_bytes() if file.suffix.lower() in {".mp4", ".m4v"} else _remux(file)
-    except av.FFmpegError:  # damage that vgps.readers.video tolerates
+    except av.FFmpegError:  # damage that vgps.readers.video.video_file tolerates
         return None
     return contents, codec
 

@@ -13,7 +13,7 @@ from PIL.TiffImagePlugin import IFDRational
 from scipy.spatial.transform import Rotation
 
 from vgps.model import FloatArray
-from vgps.readers.images import ImageFolder
+from vgps.readers.video.images import ImageFolder
 from vgps.writers.export_job import ExportJob
 from vgps.writers.jpeg import encoded, with_metadata
 

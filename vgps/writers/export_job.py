@@ -13,8 +13,8 @@ from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, GeodeticPoint, IntArray, RgbImage
-from vgps.readers.images import ImageFolder
 from vgps.readers.sources import Source, is_image_folder, open_video, place_of
+from vgps.readers.video.images import ImageFolder
 from vgps.solution import Solution
 from vgps.writers.colmap import IMAGE_NAME
 from vgps.writers.frame_choice import FrameChoice

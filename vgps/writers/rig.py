@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from vgps.readers.calibration import read_rig
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.writers.atomic import new_file
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, FixClass, FloatArray, GeodeticPoint, GpsLog, Recording
-from vgps.readers.fixes import counted
+from vgps.readers.gps_formats.fixes import counted
 from vgps.simulate.sensor_config import FIX_ERRORS, FixErrors
 from vgps.simulate.sensors import unit_gauss_markov
 

@@ -16,7 +16,7 @@ from vgps.errors import GeometryError, GpsLogError, VgpsError
 from vgps.evaluation import evaluate
 from vgps.model import Recording
 from vgps.pipeline.offline import optimise_all
-from vgps.readers.calibration import rig_beside
+from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import Progress
 from vgps.solution import FixTable, Verdict

@@ -25,21 +25,22 @@ from vgps.landmarks.database import LandmarkDatabase
 from vgps.model import Camera, Rig
 from vgps.online.gps_messages import Epochs, messages
 from vgps.readers.bag import BagVideo
-from vgps.readers.calibration import read_camera, read_rig
-from vgps.readers.camera_guess import guess_cameras
+from vgps.readers.calibration.camera_file import read_camera
+from vgps.readers.calibration.camera_guess import guess_cameras
+from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.control_points import read_control_points
-from vgps.readers.exif import exif_fixes
-from vgps.readers.frame_times import read_frame_times
-from vgps.readers.gopro import gopro_exposures, picture_rotations, read_gopro_gps, read_gopro_gyro
-from vgps.readers.gpmf import Telemetry, collect, read_gpmf
+from vgps.readers.gopro.gpmf import Telemetry, collect, read_gpmf
+from vgps.readers.gopro.sensors import gopro_exposures, picture_rotations, read_gopro_gps, read_gopro_gyro
 from vgps.readers.gps import gps_log, read_gps_log
 from vgps.readers.gyro import read_gyro
-from vgps.readers.images import ImageFolder
-from vgps.readers.metadata_tracks import Packet
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
-from vgps.readers.video import VideoFile
-from vgps.readers.video_gps import find_video_gps
+from vgps.readers.video.exif import exif_fixes
+from vgps.readers.video.frame_times import read_frame_times
+from vgps.readers.video.images import ImageFolder
+from vgps.readers.video.metadata_tracks import Packet
+from vgps.readers.video.video_file import VideoFile
+from vgps.readers.video_gps.find import find_video_gps
 from vgps.writers.export import export
 
 _HAS_NOVATEL = importlib.util.find_spec("novatel_edie") is not None  # it has no wheels for macOS

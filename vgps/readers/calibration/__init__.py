@@ -1,0 +1,1 @@
+"""Cameras and rigs: ``camera.yaml``, ``rig.yaml``, other programs' calibrations, and a guess without one."""

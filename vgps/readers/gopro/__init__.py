@@ -1,0 +1,1 @@
+"""GoPro's metadata: GPS, inertial sensors, lens and stabilisation, and recordings in chapters."""

@@ -1,0 +1,1 @@
+"""Frames with their times, from video files and folders of images, and what else those files hold."""
