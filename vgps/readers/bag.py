@@ -13,7 +13,7 @@ import numpy as np
 from vgps.errors import GpsLogError, VideoError
 from vgps.model import Camera, FixClass, FloatArray, Frame, GyroLog, RgbImage
 from vgps.readers.bag_messages import IMAGES, bag_messages, grey_of, rgb_of, stamp_s
-from vgps.readers.gps_formats.fixes import EPOCH, Clock, Fix, RawLog, counted, uncertainty
+from vgps.readers.gps_formats.fixes import EPOCH, Clock, Fix, RawLog, skipped, uncertainty
 from vgps.readers.video.luma import ahead
 
 _MAGIC = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
@@ -164,8 +164,7 @@ def _fixes(found: list[tuple[float, Any]], origin_s: float, clock: Clock, path: 
         for row, (t_s, message) in enumerate(found, 1)
         if message.status.status != _NO_FIX
     ]
-    notes = [f"{counted(len(found) - len(fixes), 'message')} without a fix skipped"]
-    return RawLog(clock, fixes, notes if len(fixes) < len(found) else [])
+    return RawLog(clock, fixes, skipped(len(found) - len(fixes), "message", "without a fix"))
 
 
 def _fix(t_s: float, message: Any, row: int) -> Fix:

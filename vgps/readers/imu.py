@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.errors import ImuLogError
 from vgps.model import BoolArray, FloatArray, GyroLog, ImuLog, Rig
-from vgps.readers.gps_formats.fixes import counted
+from vgps.readers.gps_formats.fixes import counted, skipped
 from vgps.readers.table import read_samples
 
 GAP_INTERVALS = 5.0  # sample intervals; a longer time without samples is a gap
@@ -34,9 +34,9 @@ def read_imu(path: str | Path, *, video_start_s: float = 0.0) -> ImuLog:
     """
     path = Path(path)
     names = [*(f"w{axis}_rad_s" for axis in "xyz"), *(f"a{axis}_m_s2" for axis in "xyz")]
-    t_s, values, skipped = read_samples(path, names, ImuLogError)
-    notes = (f"{counted(skipped, 'sample')} of the IMU skipped",) if skipped else ()
-    return checked_imu(t_s - video_start_s, values[:, :3], values[:, 3:], path, notes)
+    t_s, values, left_out = read_samples(path, names, ImuLogError)
+    notes = skipped(left_out, "sample", "of the IMU")
+    return checked_imu(t_s - video_start_s, values[:, :3], values[:, 3:], path, (*notes,))
 
 
 def find_imu(folder: Path, name: str | None = None) -> Path:

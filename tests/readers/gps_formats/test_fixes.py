@@ -2,7 +2,7 @@ from datetime import UTC, date, datetime, timedelta, timezone
 
 import pytest
 
-from vgps.readers.gps_formats.fixes import counted, damaged_lines, unix_day_s, unix_s
+from vgps.readers.gps_formats.fixes import axis_sigmas, counted, damaged_lines, skipped, unix_day_s, unix_s
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,17 @@ def test_numbers_agree_with_their_nouns(number, noun, text):
 def test_damaged_lines_are_counted_with_the_first():
     assert damaged_lines([]) == []
     assert damaged_lines([9, 4]) == ["2 damaged or truncated lines skipped, first line 4"]
+
+
+def test_what_was_skipped_is_noted_where_there_is_any():
+    assert skipped(0, "epoch", "without a fix") == []
+    assert skipped(2, "epoch", "without a fix") == ["2 epochs without a fix skipped"]
+    assert skipped(1, "damaged block") == ["1 damaged block skipped"]
+
+
+def test_a_horizontal_accuracy_is_that_of_both_axes_together():
+    assert axis_sigmas(2.0**0.5, 3.0) == pytest.approx((1.0, 1.0, 3.0))
+    assert axis_sigmas(0.0) == pytest.approx((float("nan"),) * 3, nan_ok=True)
 
 
 def test_seconds_from_1970_whatever_the_time_zone():

@@ -15,7 +15,7 @@ from vgps.geometry import interpolate_vectors
 from vgps.model import FixClass, FloatArray, GyroLog, ImuLog
 from vgps.readers.gopro.gpmf import Block, Telemetry, first_number
 from vgps.readers.gopro.sample_times import sample_times
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, from_sea_level
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, from_sea_level, skipped
 from vgps.readers.imu import checked_imu
 
 # GoPro's axes: X to the left in the image, Y backward, Z up; checked on a MAX by gravity and by its
@@ -201,9 +201,7 @@ def _axes(telemetry: Telemetry, key: str) -> str:
 
 
 def _notes(telemetry: Telemetry, sensor: list[Block], good: np.ndarray, fix: FloatArray) -> list[str]:
-    notes = []
-    if telemetry.damaged:
-        notes.append(f"{counted(telemetry.damaged, 'damaged payload')} of GoPro metadata skipped")
+    notes = skipped(telemetry.damaged, "damaged payload", "of GoPro metadata")
     if not good.all():
         notes.append(f"{(~good).sum()} of {len(good)} GPS samples had no fix")
     flat = int((good & (fix < _FIX_3D)).sum())

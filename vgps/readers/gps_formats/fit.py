@@ -7,12 +7,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.readers.extras import optional_module
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, from_sea_level, unix_s
+from vgps.readers.gps_formats.fixes import (
+    Clock,
+    Fix,
+    RawLog,
+    axis_sigmas,
+    counted,
+    from_sea_level,
+    skipped,
+    unix_s,
+)
 
 _SEMICIRCLE_DEG = 180.0 / 2**31
 
@@ -42,8 +49,7 @@ def read_fit(data: bytes, path: Path) -> RawLog:
         if not fixes:
             raise GpsLogError(f"damaged FIT ({error})", file=path, remedy="copy it again") from error
     fixes, notes = from_sea_level(fixes)
-    if bare:
-        notes.append(f"{counted(bare, 'record')} without a position skipped")
+    notes += skipped(bare, "record", "without a position")
     if damaged:
         notes.append(f"the file is damaged after {counted(len(fixes), 'fix')}")
     return RawLog(Clock.UTC, fixes, notes)
@@ -68,8 +74,6 @@ def _fix(frame: Any, number: int) -> Fix | None:
     altitude = value("altitude") if altitude is None else altitude
     if latitude is None or longitude is None or when is None or altitude is None:
         return None
-    accuracy = value("gps_accuracy")
-    sigma = np.nan if accuracy is None else float(accuracy) / np.sqrt(2.0)
     return Fix(
         unix_s(when),
         latitude * _SEMICIRCLE_DEG,
@@ -77,5 +81,5 @@ def _fix(frame: Any, number: int) -> Fix | None:
         float(altitude),
         FixClass.SINGLE,
         number,
-        (sigma, sigma, np.nan),
+        axis_sigmas(float(value("gps_accuracy") or 0.0)),
     )

@@ -15,6 +15,7 @@ DAY_S = 86400.0
 _NO_HEIGHT_SIGMA_M = 1000.0  # of a height that is unknown: higher than drones fly above their start
 _NO_HEIGHTS = f"no heights: fixes are horizontal, at height 0 with a sigma of {_NO_HEIGHT_SIGMA_M:g} m"
 _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may be wrong by some metres"
+_SHARE_OF_AN_AXIS = 2.0**-0.5  # of a horizontal accuracy
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
 _STILL_S = 1.0  # a position repeated for longer than this is a new fix
@@ -104,6 +105,12 @@ def uncertainty(covariance: FloatArray) -> tuple[Triple, Triple]:
     return (*sigma.tolist(),), (*correlation.tolist(),)
 
 
+def axis_sigmas(horizontal_m: float, vertical_m: float = np.nan) -> Triple:
+    """Return sigmas east, north, up [m]; a horizontal accuracy is that of both axes, 0 and less unknown."""
+    axis_m = horizontal_m * _SHARE_OF_AN_AXIS if horizontal_m > 0.0 else np.nan
+    return axis_m, axis_m, vertical_m if vertical_m > 0.0 else np.nan
+
+
 def damaged_lines(lines: list[int]) -> list[str]:
     """Return a note on damaged lines, or none."""
     if not lines:
@@ -116,6 +123,11 @@ def counted(number: int, noun: str) -> str:
     if number == 1:
         return f"1 {noun}"
     return f"{number} {noun}es" if noun.endswith("x") else f"{number} {noun}s"
+
+
+def skipped(number: int, noun: str, why: str = "") -> list[str]:
+    """Return a note on what was skipped, or none: ``2 epochs without a fix skipped``."""
+    return [f"{counted(number, noun)}{why and ' ' + why} skipped"] if number else []
 
 
 def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
@@ -132,8 +144,7 @@ def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
         same = bool(kept) and kept[-1][1:3] == fix[1:3]
         if not same or fix.t_s - kept[-1].t_s >= _STILL_S:
             kept.append(fix)
-    left = len(fixes) - len(kept)
-    return kept, [f"{counted(left, what)} with a repeated position skipped"] if left else []
+    return kept, skipped(len(fixes) - len(kept), what, "with a repeated position")
 
 
 def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:

@@ -32,9 +32,9 @@ from vgps.readers.gps_formats.fixes import (
     Clock,
     Fix,
     RawLog,
-    counted,
     damaged_lines,
     from_sea_level,
+    skipped,
     unix_s,
 )
 from vgps.readers.table import Table, read_table
@@ -99,9 +99,7 @@ def read_gps_csv(path: Path) -> RawLog:
     ]
     fixes, notes = from_sea_level(fixes) if above_sea else (fixes, [])
     notes += damaged_lines([*table.short_lines, *table.line[bad].tolist()])
-    without = classes.count(None)
-    if without:
-        notes.append(f"{counted(without, 'row')} without a fix skipped")
+    notes += skipped(classes.count(None), "row", "without a fix")
     return RawLog(clock, fixes, notes)
 
 

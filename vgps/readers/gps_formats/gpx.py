@@ -9,7 +9,7 @@ from gpxpy.gpx import GPXException, GPXTrackPoint
 
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, unix_s
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, skipped, unix_s
 
 # <fix> as GPX 1.1 defines it (none, 2d, 3d, dgps, pps), and as programs for RTK receivers write it
 _CLASSES = {
@@ -104,11 +104,10 @@ def _number(value: float | int | None) -> float:
 
 
 def _notes(points: list[GPXTrackPoint], named: list[tuple[int, GPXTrackPoint, str]], fixes: int) -> list[str]:
-    notes = []
-    if len(named) < len(points):
-        notes.append(f"{counted(len(points) - len(named), 'point')} without a time skipped")
-    if fixes < len(named):
-        notes.append(f"{counted(len(named) - fixes, 'point')} without a fix skipped")
+    notes = [
+        *skipped(len(points) - len(named), "point", "without a time"),
+        *skipped(len(named) - fixes, "point", "without a fix"),
+    ]
     if any(point.elevation is not None and point.geoid_height is None for _, point, _ in named):
         notes.append("heights without geoidheight are taken as ellipsoidal: they may be wrong by 100 m")
     return notes

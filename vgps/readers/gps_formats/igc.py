@@ -13,9 +13,9 @@ from vgps.readers.gps_formats.fixes import (
     Clock,
     Fix,
     RawLog,
-    counted,
     damaged_lines,
     from_sea_level,
+    skipped,
     unix_day_s,
 )
 
@@ -63,9 +63,7 @@ def read_igc(data: bytes, path: Path) -> RawLog:
             day_s += DAY_S
         before_s = clock_s
         fixes.append(_fix(record, day_s + clock_s, number))
-    notes = damaged_lines(damaged)
-    if flat:
-        notes.append(f"{counted(flat, 'record')} without a three-dimensional fix skipped")
+    notes = damaged_lines(damaged) + skipped(flat, "record", "without a three-dimensional fix")
     datum = _DATUM.search(data)
     if datum is not None and datum[1] == b"GEO":
         fixes, about_heights = from_sea_level(fixes)

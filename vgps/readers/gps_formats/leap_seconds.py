@@ -22,6 +22,11 @@ _UTC_S = np.array([unix_day_s(date.fromisoformat(day)) for day in _STEPS.split()
 _GPS_S = _UTC_S + np.arange(1, len(_UTC_S) + 1)
 
 
+def utc_of_week(week: int, of_week_s: float) -> float:
+    """Return UTC [s from 1970] of a GPS week and a time of week [s]."""
+    return float(utc_from_gps(np.array([GPS_EPOCH_S + week * WEEK_S + of_week_s]))[0])
+
+
 def utc_from_gps(gps_s: FloatArray) -> FloatArray:
     """Return UTC of GPS time, both as seconds from 1970 without leap seconds, in the same shape.
 

@@ -11,8 +11,8 @@ from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.readers.extras import optional_module, quiet
 from vgps.readers.gps_formats.dataflash import SYNC, dataflash_messages
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, from_sea_level
-from vgps.readers.gps_formats.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, axis_sigmas, counted, from_sea_level, skipped
+from vgps.readers.gps_formats.leap_seconds import utc_of_week
 
 _STARTS = (0xFE, 0xFD)  # of a message of MAVLink 1 and 2, behind a time of eight bytes
 _LEAST_US, _LAST_US = 1_000_000_000_000_000, 10_000_000_000_000_000  # of telemetry logs: 2001 to 2286
@@ -59,9 +59,7 @@ def read_mavlink(data: bytes, path: Path) -> RawLog:
     found = [fix for fix in all_read if fix is not None]
     if not found:
         raise GpsLogError(f"{counted(len(all_read), 'message')} {name}, none with a fix", file=path)
-    notes = []
-    if len(found) < len(all_read):
-        notes.append(f"{counted(len(all_read) - len(found), 'message')} without a fix skipped")
+    notes = skipped(len(all_read) - len(found), "message", "without a fix")
     fixes = [fix for fix, _ in found]
     if any(above_sea for _, above_sea in found):
         fixes, about_heights = from_sea_level(fixes)
@@ -97,9 +95,8 @@ def _whole(read: Callable[[Any, int], Read], message: Any, number: int) -> Read:
 def _dataflash(message: Any, number: int) -> Read:
     if message.Status < _LEAST_FIX or message.GWk <= 0:
         return None
-    gps_s = GPS_EPOCH_S + message.GWk * WEEK_S + message.GMS * 1e-3
     fix = Fix(
-        float(utc_from_gps(np.array([gps_s]))[0]),
+        utc_of_week(message.GWk, message.GMS * 1e-3),
         float(message.Lat),
         float(message.Lng),
         float(message.Alt),
@@ -116,8 +113,6 @@ def _telemetry(message: Any, number: int) -> Read:
         return None
     own = message.time_usec > _LEAST_US  # else since the autopilot started
     ellipsoid_m = getattr(message, "alt_ellipsoid", 0) * 1e-3
-    h_acc, v_acc = getattr(message, "h_acc", 0) * 1e-3, getattr(message, "v_acc", 0) * 1e-3
-    sigma = (h_acc / np.sqrt(2.0), h_acc / np.sqrt(2.0), v_acc) if h_acc > 0 and v_acc > 0 else (np.nan,) * 3
     fix = Fix(
         message.time_usec * 1e-6 if own else float(message._timestamp),
         message.lat * 1e-7,
@@ -125,7 +120,7 @@ def _telemetry(message: Any, number: int) -> Read:
         ellipsoid_m or message.alt * 1e-3,
         fix_class(int(message.fix_type)),
         number,
-        sigma,
+        axis_sigmas(getattr(message, "h_acc", 0) * 1e-3, getattr(message, "v_acc", 0) * 1e-3),
         hdop=np.nan if message.eph == _UNKNOWN_U16 else message.eph / 100.0,
         satellites=float(message.satellites_visible),
     )

@@ -23,6 +23,7 @@ from vgps.readers.gps_formats.fixes import (
     RawLog,
     counted,
     damaged_lines,
+    skipped,
     unix_day_s,
 )
 
@@ -183,11 +184,11 @@ def _log(reading: _Reading) -> RawLog:
     fixes = [
         _fix(epoch, reading, separation) for epoch, separation in zip(with_fix, filled.tolist(), strict=True)
     ]
-    notes = damaged_lines(reading.damaged)
-    if len(with_fix) < len(reading.epochs):
-        notes.append(f"{counted(len(reading.epochs) - len(with_fix), 'epoch')} without a fix skipped")
-    if reading.untimed:
-        notes.append(f"{counted(reading.untimed, 'fix')} without a time of day skipped")
+    notes = [
+        *damaged_lines(reading.damaged),
+        *skipped(len(reading.epochs) - len(with_fix), "epoch", "without a fix"),
+        *skipped(reading.untimed, "fix", "without a time of day"),
+    ]
     if not known.all():
         source = "as in the others" if known.any() else "from EGM96: heights may be wrong by a metre"
         height = f"{np.nanmedian(instead):g} m" if known.any() else f"{np.nanmedian(instead):.1f} m"

@@ -5,12 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vgps.model import FixClass
 from vgps.readers.extras import optional_module
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted
-from vgps.readers.gps_formats.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, skipped
+from vgps.readers.gps_formats.leap_seconds import utc_of_week
 
 # a message in ASCII with its check sum, or the header of a binary one: their lengths, and the number 42
 _BESTPOS = re.compile(
@@ -58,11 +56,11 @@ def read_novatel(data: bytes, path: Path) -> RawLog:
         for row, message in enumerate(positions, 1)
         if int(message.solution_status) == _COMPUTED
     ]
-    notes = []
-    if (damaged := len(_BESTPOS.findall(data)) - len(positions)) > 0:
-        notes.append(f"{counted(damaged, 'damaged message')} skipped")
-    if len(fixes) < len(positions):
-        notes.append(f"{counted(len(positions) - len(fixes), 'epoch')} without a fix skipped")
+    damaged = max(0, len(_BESTPOS.findall(data)) - len(positions))
+    notes = [
+        *skipped(damaged, "damaged message"),
+        *skipped(len(positions) - len(fixes), "epoch", "without a fix"),
+    ]
     return RawLog(Clock.UTC, fixes, notes)
 
 
@@ -81,12 +79,11 @@ def _positions(data: bytes, path: Path) -> Iterator[Any]:
 
 
 def _fix(message: Any, row: int) -> Fix:
-    gps_s = GPS_EPOCH_S + message.header.week * WEEK_S + message.header.milliseconds * 1e-3
     values = message.to_dict()
     # the name changed with the firmware
     above_geoid_m = values["orthometric_height"] if "orthometric_height" in values else values["height"]
     return Fix(
-        float(utc_from_gps(np.array([gps_s]))[0]),
+        utc_of_week(message.header.week, message.header.milliseconds * 1e-3),
         message.latitude,
         message.longitude,
         above_geoid_m + message.undulation,

@@ -20,10 +20,10 @@ from vgps.readers.gps_formats.fixes import (
     Clock,
     Fix,
     RawLog,
-    counted,
     damaged_lines,
     from_sea_level,
     sigmas_and_correlations,
+    skipped,
     unix_day_s,
 )
 from vgps.readers.gps_formats.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
@@ -104,8 +104,7 @@ def read_pos(data: bytes, path: Path) -> RawLog:
     if header.above_sea:
         fixes, about_heights = from_sea_level(fixes)
         notes += about_heights
-    if len(fixes) < len(quality):
-        notes.append(f"{counted(len(quality) - len(fixes), 'epoch')} without a fix skipped")
+    notes += skipped(len(quality) - len(fixes), "epoch", "without a fix")
     return RawLog(Clock.UTC, fixes, notes)
 
 

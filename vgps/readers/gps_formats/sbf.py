@@ -9,8 +9,8 @@ import numpy as np
 
 from vgps.model import FixClass
 from vgps.readers.extras import optional_module
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, Triple, counted, uncertainty
-from vgps.readers.gps_formats.leap_seconds import GPS_EPOCH_S, WEEK_S, utc_from_gps
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, Triple, axis_sigmas, skipped, uncertainty
+from vgps.readers.gps_formats.leap_seconds import utc_of_week
 
 _PVT, _COVARIANCE = 4007, 5906
 _ID = 0x1FFF  # the other bits of the field are the revision
@@ -55,11 +55,10 @@ def read_sbf(data: bytes, path: Path) -> RawLog:
             variances[message.TOW] = message
     good = [(row, one) for row, one in enumerate(positions, 1) if one.Error == 0 and one.Type in _CLASSES]
     fixes = [_fix(one, variances.get(one.TOW), row) for row, one in good]
-    notes = []
-    if damaged:
-        notes.append(f"{counted(damaged, 'damaged block')} skipped")
-    if len(fixes) < len(positions):
-        notes.append(f"{counted(len(positions) - len(fixes), 'epoch')} without a fix skipped")
+    notes = [
+        *skipped(damaged, "damaged block"),
+        *skipped(len(positions) - len(fixes), "epoch", "without a fix"),
+    ]
     if any(one.Datum == _OF_THE_BASE for _, one in good):
         notes.append("positions are in the datum of the reference stations, says the receiver")
     return RawLog(Clock.UTC, fixes, notes)
@@ -75,12 +74,11 @@ def _blocks(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _fix(message: Any, covariance: Any | None, row: int) -> Fix:
-    gps_s = GPS_EPOCH_S + message.WNc * WEEK_S + message.TOW * 1e-3
     place = [message.Latitude, message.Longitude, message.Height]
     latitude, longitude, height = (value if value > _UNKNOWN else np.nan for value in place)
     sigma, correlation = _uncertainty(message, covariance)
     return Fix(
-        float(utc_from_gps(np.array([gps_s]))[0]),
+        utc_of_week(message.WNc, message.TOW * 1e-3),
         float(np.degrees(latitude)),
         float(np.degrees(longitude)),
         float(height),
@@ -99,7 +97,6 @@ def _uncertainty(message: Any, covariance: Any | None) -> tuple[Triple, Triple]:
         ee, nn, uu = covariance.Cov_lonlon, covariance.Cov_latlat, covariance.Cov_hgthgt
         en, eu, nu = covariance.Cov_latlon, covariance.Cov_lonhgt, covariance.Cov_lathgt
         return uncertainty(np.array([[ee, en, eu], [en, nn, nu], [eu, nu, uu]]))
-    horizontal, vertical = message.HAccuracy / 2.0, message.VAccuracy / 2.0
-    if min(horizontal, vertical) <= 0.0 or max(message.HAccuracy, message.VAccuracy) >= _UNKNOWN_U16 / 100:
-        return (np.nan, np.nan, np.nan), (0.0, 0.0, 0.0)
-    return (horizontal / np.sqrt(2.0), horizontal / np.sqrt(2.0), vertical), (0.0, 0.0, 0.0)
+    two_sigmas = message.HAccuracy, message.VAccuracy
+    known = (both / 2.0 if both < _UNKNOWN_U16 / 100 else np.nan for both in two_sigmas)
+    return axis_sigmas(*known), (0.0, 0.0, 0.0)

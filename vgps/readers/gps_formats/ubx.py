@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
 from pyubx2 import UBXMessageError, UBXParseError, UBXReader, UBXStreamError, UBXTypeError
 
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, unix_s
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, axis_sigmas, counted, skipped, unix_s
 
 _NAV_PVT = b"\xb5\x62\x01\x07"
 _MESSAGE = re.compile(rb"\xb5\x62\x01([\x07\x14\x04])(..)", re.DOTALL)  # PVT, HPPOSLLH, DOP and the length
@@ -27,7 +26,6 @@ _HALF_WEEK_MS = 302_400_000
 _FRAME = 8  # bytes around a payload
 _GNSS_3D, _GNSS_2D, _GNSS_AND_DEAD_RECKONING = 3, 2, 4
 _FIXED, _FLOAT = 2, 1
-_HORIZONTAL = 2.0**-0.5  # share of a horizontal accuracy on each axis
 
 _Epoch = tuple[int, int]  # weeks since the log's first, time of week in ms
 
@@ -66,13 +64,15 @@ def read_ubx(data: bytes) -> RawLog:
             unresolved += not message.fullyResolved
             more = reading.precise.get(epoch), reading.dilution.get(epoch)
             fixes.append(_fix(message, number, unix_s(minute), *more))
-    notes = (
-        (reading.damaged, "damaged message", "skipped"),
-        (undated, "message", "before the receiver knew the time skipped"),
-        (lost, "message", "without a fix skipped"),
-        (unresolved, "fix", "before the receiver knew the leap seconds: times may be wrong by whole seconds"),
-    )
-    return RawLog(Clock.UTC, fixes, [f"{counted(n, noun)} {rest}" for n, noun, rest in notes if n])
+    notes = [
+        *skipped(reading.damaged, "damaged message"),
+        *skipped(undated, "message", "before the receiver knew the time"),
+        *skipped(lost, "message", "without a fix"),
+    ]
+    if unresolved:
+        before = f"{counted(unresolved, 'fix')} before the receiver knew the leap seconds"
+        notes.append(f"{before}: times may be wrong by whole seconds")
+    return RawLog(Clock.UTC, fixes, notes)
 
 
 def _read(data: bytes) -> _Reading:
@@ -128,8 +128,6 @@ def _minute(message: Any) -> datetime | None:
 
 def _fix(message: Any, number: int, minute_s: float, precise: Any | None, dilution: Any | None) -> Fix:
     place = message if precise is None else precise
-    horizontal_m, vertical_m = place.hAcc * 1e-3, place.vAcc * 1e-3
-    sigma = (horizontal_m * _HORIZONTAL, horizontal_m * _HORIZONTAL, vertical_m)
     return Fix(
         t_s=minute_s + message.second + message.nano * 1e-9,
         latitude_deg=place.lat,
@@ -137,7 +135,7 @@ def _fix(message: Any, number: int, minute_s: float, precise: Any | None, diluti
         height_m=place.height * 1e-3,
         fix_class=_class(message),
         line=number,
-        sigma_m=sigma if horizontal_m > 0 and vertical_m > 0 else (np.nan, np.nan, np.nan),
+        sigma_m=axis_sigmas(place.hAcc * 1e-3, place.vAcc * 1e-3),
         hdop=float(message.pDOP if dilution is None else dilution.hDOP),
         satellites=float(message.numSV),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from vgps.errors import GpsLogError
 from vgps.model import FloatArray
 from vgps.readers.extras import optional_module, quiet
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, axis_sigmas, counted, skipped
 from vgps.readers.gps_formats.mavlink import fix_class
 
 _TOPICS = ("sensor_gps", "vehicle_gps_position")
@@ -46,10 +46,7 @@ def read_ulog(data: bytes, path: Path) -> RawLog:
     if not len(rows):
         raise GpsLogError(f"{counted(len(good), 'position')}, none with a fix and UTC", file=path)
     fixes = [_fix(found, int(row), float(utc_s[row])) for row in rows]
-    notes = (
-        [f"{counted(int((~good).sum()), 'message')} without a fix or UTC skipped"] if not good.all() else []
-    )
-    return RawLog(Clock.UTC, fixes, notes)
+    return RawLog(Clock.UTC, fixes, skipped(int((~good).sum()), "message", "without a fix or UTC"))
 
 
 def _end(data: bytes) -> int:
@@ -64,7 +61,6 @@ def _end(data: bytes) -> int:
 
 
 def _fix(topic: dict[str, Any], row: int, t_s: float) -> Fix:
-    eph, epv = _value(topic, "eph", row), _value(topic, "epv", row)
     return Fix(
         t_s,
         _scaled(topic, row, ("latitude_deg", 1.0), ("lat", 1e-7)),
@@ -72,7 +68,7 @@ def _fix(topic: dict[str, Any], row: int, t_s: float) -> Fix:
         _scaled(topic, row, ("altitude_ellipsoid_m", 1.0), ("alt_ellipsoid", 1e-3)),
         fix_class(int(topic["fix_type"][row])),
         row + 1,
-        (eph / np.sqrt(2.0), eph / np.sqrt(2.0), epv),
+        axis_sigmas(_value(topic, "eph", row), _value(topic, "epv", row)),
         hdop=_value(topic, "hdop", row),
         satellites=_value(topic, "satellites_used", row),
     )

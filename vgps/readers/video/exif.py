@@ -15,7 +15,16 @@ from PIL import Image
 
 from vgps.errors import VideoError
 from vgps.model import FixClass, FloatArray
-from vgps.readers.gps_formats.fixes import EPOCH, Clock, Fix, RawLog, counted, from_sea_level, unix_s
+from vgps.readers.gps_formats.fixes import (
+    EPOCH,
+    Clock,
+    Fix,
+    RawLog,
+    axis_sigmas,
+    counted,
+    from_sea_level,
+    unix_s,
+)
 from vgps.readers.video.frame_times import FRAME_TIMES, FrameTimes
 
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
@@ -154,8 +163,8 @@ def _fix(gps: dict[int, Any], dji: dict[str, float]) -> Fix | None:
         return None
     if latitude == longitude == 0.0 or not np.isfinite([latitude, longitude, height]).all():
         return None
-    error = _number(gps.get(0x1F)) / np.sqrt(2.0)
-    sigma = (dji.get("RtkStdLon", error), dji.get("RtkStdLat", error), dji.get("RtkStdHgt", np.nan))
+    east, north, up = axis_sigmas(_number(gps.get(0x1F)))
+    sigma = (dji.get("RtkStdLon", east), dji.get("RtkStdLat", north), dji.get("RtkStdHgt", up))
     kind = FixClass.DGPS if _number(gps.get(0x1E)) == 1 else FixClass.SINGLE
     kind = _RTK.get(int(dji.get("RtkFlag", -1)), kind)
     return Fix(0.0, latitude, longitude, height, kind, 0, sigma, hdop=_number(gps.get(0x0B)))

@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, with_a_height, without_repeats
+from vgps.readers.gps_formats.fixes import (
+    Clock,
+    Fix,
+    RawLog,
+    axis_sigmas,
+    skipped,
+    with_a_height,
+    without_repeats,
+)
 from vgps.readers.video.metadata_tracks import Packet, packets_of
 
 _TYPE = struct.Struct("<2xH")
@@ -42,9 +50,8 @@ def read_camm(video: Path) -> RawLog | None:
             found[kind].append(fix)
     fixes, notes = without_repeats(found[_FULL] or found[_PLAIN], "packet")
     fixes, about_heights = with_a_height(fixes)
-    if damaged:
-        notes.append(f"{counted(damaged, 'damaged packet')} of CAMM metadata skipped")
-    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes]) if fixes else None
+    lost = skipped(damaged, "damaged packet", "of CAMM metadata")
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes, *lost]) if fixes else None
 
 
 def _fix(packet: Packet, kind: int, number: int) -> Fix | None:
@@ -65,6 +72,5 @@ def _fix(packet: Packet, kind: int, number: int) -> Fix | None:
         return None
     if latitude == longitude == 0.0:
         return None
-    axis_m = around_m / np.sqrt(2.0) if around_m > 0.0 else np.nan
-    sigma_m = (axis_m, axis_m, up_m if up_m > 0.0 else np.nan)
+    sigma_m = axis_sigmas(around_m, up_m)
     return Fix(packet.start_s, latitude, longitude, height, FixClass.SINGLE, number, sigma_m)

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, with_a_height, without_repeats
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, skipped, with_a_height, without_repeats
 from vgps.readers.video.metadata_tracks import length_s
 from vgps.readers.video.mp4_boxes import read_box
 
@@ -63,9 +63,8 @@ def read_dashcam(video: Path) -> RawLog | None:
     ]
     fixes, notes = without_repeats(placed, "block")
     fixes, about_heights = with_a_height(fixes)
-    if lost := len(blocks) - len(found):
-        notes.append(f"{counted(lost, 'block')} without a fix skipped")
-    return RawLog(Clock.VIDEO, fixes, [*about_heights, _NOTE, *notes])
+    lost = skipped(len(blocks) - len(found), "block", "without a fix")
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, _NOTE, *notes, *lost])
 
 
 def _blocks(video: Path) -> Iterator[bytes]:

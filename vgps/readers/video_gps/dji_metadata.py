@@ -10,7 +10,7 @@ import struct
 from pathlib import Path
 
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, from_sea_level, without_repeats
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, from_sea_level, skipped, without_repeats
 from vgps.readers.video.metadata_tracks import packets_of
 
 Message = dict[int, int | float | bytes]
@@ -50,9 +50,8 @@ def read_dji_metadata(video: Path) -> RawLog | None:
     if not fixes:
         return None
     fixes, about_heights = from_sea_level(fixes)
-    if damaged:
-        notes.append(f"{counted(damaged, 'damaged packet')} of DJI metadata skipped")
-    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes])
+    lost = skipped(damaged, "damaged packet", "of DJI metadata")
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes, *lost])
 
 
 def dji_names(video: Path) -> list[str]:

@@ -20,6 +20,7 @@ from vgps.readers.gps_formats.fixes import (
     RawLog,
     counted,
     from_sea_level,
+    skipped,
     with_a_height,
     without_repeats,
 )
@@ -136,8 +137,7 @@ def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
     fixes, about_none = with_a_height(fixes)
     if above_sea:
         fixes, notes = from_sea_level(fixes)
-    if len(rows) < len(found):
-        notes.append(f"{counted(len(found) - len(rows), 'subtitle')} without a position skipped")
+    notes += skipped(len(found) - len(rows), "subtitle", "without a position")
     return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats])
 
 
