@@ -1,7 +1,5 @@
 """Localization of a recording against a landmark database: the pose of every frame, as a Solution."""
 
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from vgps.localization.diagnostics import loss_warnings, speed_warnings
 from vgps.localization.localizer import Localizer
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
-from vgps.model import Camera, Float32Array, FloatArray, Frame, Recording
+from vgps.model import Camera, Float32Array, FloatArray, Recording
 from vgps.readers.rig_cameras import refuse_several
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -101,8 +99,7 @@ def _track(
     frames: list[TrackedFrame] = []
     gray: list[FloatArray] = []
     poses: dict[float, FloatArray] = {}
-    decoded = _decode_ahead(recording.video.frames())
-    for frame in progress.track(decoded, len(recording.video.times_s)):
+    for frame in progress.track(recording.video.frames(), len(recording.video.times_s)):
         image = localizer.undistort(frame.gray)
         tracked = localizer.add(frame.t_s, image)
         frames.append(tracked)
@@ -110,15 +107,6 @@ def _track(
         poses[frame.t_s] = tracked.world_T_camera
         poses |= localizer.revised() if revise else {}
     return frames, gray, poses
-
-
-def _decode_ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Yield the same frames; the next one is decoded on another core while one is tracked."""
-    with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(next, frames, None)
-        while (frame := coming.result()) is not None:
-            coming = pool.submit(next, frames, None)
-            yield frame
 
 
 def _gray(image: Float32Array, uv_px: FloatArray) -> FloatArray:

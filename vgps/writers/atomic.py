@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vgps.errors import RunFolderError
-from vgps.writers.claim import claimed, not_writable
+from vgps.writers.claim import EARLIER, SCRATCH, claimed, not_writable
 
 MARK = "solution.json"  # the file that marks a folder as a run
 
@@ -54,26 +54,12 @@ def new_folder(out: Path, own_files: tuple[str, ...], mark: str = MARK) -> Itera
         RunFolderError: As :func:`check_writable`, or writing fails.
     """
     check_writable(out, mark)
-    with claimed(out):
-        yield from _new_folder(out.resolve(), own_files)
-
-
-def _new_folder(out: Path, own_files: tuple[str, ...]) -> Iterator[Path]:
-    try:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
-    except OSError as error:
-        raise not_writable(out, error) from error
-    earlier = scratch / "earlier"
-    try:
+    out = out.resolve()
+    with claimed(out), _scratch_beside(out) as scratch:
         folder = scratch / "run"  # mkdtemp's folder is private to the user; this one follows the umask
         folder.mkdir()
         yield folder
-        _swap(folder, out, earlier, own_files)
-    except OSError as error:
-        raise not_writable(out, error) from error
-    finally:
-        if not earlier.exists():  # else the swap failed, and the earlier run is in there
-            shutil.rmtree(scratch, ignore_errors=True)
+        _swap(folder, out, scratch / EARLIER, own_files)
 
 
 @contextmanager
@@ -84,22 +70,24 @@ def new_file(out: Path) -> Iterator[Path]:
         RunFolderError: ``out`` is a folder, or cannot be written.
     """
     check_file(out)
-    with claimed(out):
-        yield from _new_file(out.resolve())
-
-
-def _new_file(out: Path) -> Iterator[Path]:
-    try:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
-    except OSError as error:
-        raise not_writable(out, error) from error
-    try:
+    out = out.resolve()
+    with claimed(out), _scratch_beside(out) as scratch:
         yield scratch / out.name
         (scratch / out.name).replace(out)
+
+
+@contextmanager
+def _scratch_beside(out: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside ``out``, which goes with the block unless it holds an earlier run."""
+    try:
+        scratch = Path(tempfile.mkdtemp(prefix=SCRATCH.format(out.name), dir=out.parent))
+        try:
+            yield scratch
+        finally:
+            if not (scratch / EARLIER).exists():  # else the swap failed
+                shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:
         raise not_writable(out, error) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _check_folder(out: Path, mark: str) -> None:

@@ -12,6 +12,8 @@ from vgps.errors import RunFolderError
 if sys.platform != "win32":
     import fcntl
 
+SCRATCH = ".{}.new-"  # beginning of the name of an output's scratch folder
+EARLIER = "earlier"  # the run that is being replaced, in the scratch folder
 _HELD: set[Path] = set()  # by this process, whose parts may claim the same output again
 
 
@@ -78,8 +80,8 @@ def _locked(file: Path, out: Path) -> int:
 
 def _remove_leftovers(out: Path) -> None:
     """Remove scratch folders of processes that were killed; one that holds an earlier run is put back."""
-    for scratch in out.parent.glob(f".{out.name}.new-*"):
-        earlier = scratch / "earlier"
+    for scratch in out.parent.glob(f"{SCRATCH.format(out.name)}*"):
+        earlier = scratch / EARLIER
         if earlier.is_dir() and not out.exists():
             earlier.rename(out)
         if not earlier.exists():
