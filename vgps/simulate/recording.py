@@ -1,11 +1,8 @@
 """Simulated recordings on disk: the files that a user has, and the exact truth."""
 
-import shutil
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import numpy as np
 import yaml
 
 from vgps.camera import camera_fields
-from vgps.errors import ConfigError, RunFolderError
+from vgps.errors import ConfigError
 from vgps.model import Camera, FloatArray
 from vgps.simulate.accelerometer import simulate_imu
 from vgps.simulate.fisheye import MAX_DEG
@@ -25,6 +22,7 @@ from vgps.simulate.scene import SceneConfig, scene_config
 from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
 from vgps.simulate.street import build_world
 from vgps.solution import Trajectory
+from vgps.writers.atomic import new_folder
 from vgps.writers.tum import write_tum
 
 FILES = (
@@ -33,7 +31,7 @@ FILES = (
 )
 IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
 _BIASES_HZ = 10.0
-_CAMERA_FILES = {f"{name}.mp4" for name in ring(MAX_CAMERAS)}
+_CAMERA_FILES = tuple(f"{name}.mp4" for name in ring(MAX_CAMERAS))
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
 _THREADS = 2
 _AHEAD = 6
@@ -49,14 +47,14 @@ def simulate(
     """Write a recording with exact truth: a rendered video, camera, rig, fixes, gyro, IMU and poses.
 
     Args:
-        out: The recording folder; an earlier simulation of that name is replaced.
+        out: The recording folder; an earlier simulation of that name is replaced, other files in it stay.
         scene: A name in ``SCENES``, or a scene.
         seed: Determines every random choice; the same seed gives the same bytes.
         on_frame: Called after each frame with the number of frames done and in total.
 
     Raises:
         ConfigError: No scene of that name, a readout longer than a frame, or too wide a fisheye.
-        RunFolderError: ``out`` has something other than an earlier simulation, or cannot be written.
+        RunFolderError: ``out`` has other files and no earlier simulation, or cannot be written.
     """
     config = scene_config(scene) if isinstance(scene, str) else scene
     if not 0.0 <= config.readout_s * config.fps <= 1.0:
@@ -72,7 +70,7 @@ def simulate(
     own = seed if config.pass_seed is None else config.pass_seed
     motion_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([own, k]) for k in (0, 2, 3, 4))
     world_rng = np.random.default_rng([seed, 1])
-    with _new_folder(out) as folder:
+    with new_folder(out, (*FILES, *IMU_FILES, *_CAMERA_FILES), _MARK) as folder:
         motion = build_motion(config, motion_rng)
         if config.gps.seed is not None:
             gps_rng = np.random.default_rng([config.gps.seed, 2])
@@ -195,52 +193,3 @@ def _write_fix_errors(path: Path, fixes: SimulatedFixes) -> None:
     ):
         lines.append(f"{t:.2f},{fix_class},{error[0]:.4f},{error[1]:.4f},{error[2]:.4f},{int(outlier)}")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _new_folder(out: Path) -> Iterator[Path]:
-    """Yield a temporary sibling of ``out``, which is renamed to it when the block succeeds."""
-    out = out.resolve()
-    try:
-        _check(out)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.new-", dir=out.parent))
-        try:
-            folder = scratch / "recording"
-            folder.mkdir()
-            yield folder
-            _swap(folder, out, scratch / "earlier")
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-    except OSError as error:
-        raise RunFolderError(
-            f"cannot be written ({error.strerror})",
-            file=out,
-            remedy="check permissions and space, or name another --out",
-        ) from error
-
-
-def _swap(new: Path, out: Path, earlier: Path) -> None:
-    if out.exists():
-        out.rename(earlier)
-    try:
-        new.rename(out)
-    except OSError:
-        if earlier.exists():
-            earlier.rename(out)
-        raise
-
-
-def _check(out: Path) -> None:
-    if not out.exists():
-        return
-    if not out.is_dir():
-        raise RunFolderError("is a file", file=out, expected="a folder", remedy="name another --out")
-    found = {entry.name for entry in out.iterdir()}
-    if found and (_MARK not in found or found - {*FILES, *IMU_FILES, *_CAMERA_FILES}):
-        raise RunFolderError(
-            "has files that are not of a simulation",
-            file=out,
-            expected="an empty folder or an earlier simulation",
-            remedy="name another --out; nothing was overwritten",
-        )
