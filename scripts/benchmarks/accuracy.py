@@ -83,7 +83,7 @@ def main() -> None:
                     names = {"video": video, "log": Path(gps).stem, "late_s": late_s}
                     found = {**names, **one_run(late_by(opened, late_s), seed)}
                     results.add(**found)
-                    table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
+                    table.add(*found.values())
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def main() -> None:
     rows = ((1, False, alone_s, expected), (2, False, two_s, by_two), (2, True, lost_s, by_survivor))
     for workers, killed, seconds, found in rows:
         same, speed = found == expected, alone_s / seconds
-        columns.add(str(workers), "one" if killed else "", f"{seconds:.1f}", f"{speed:.2f}", str(same))
+        columns.add(workers, "one" if killed else "", f"{seconds:.1f}", f"{speed:.2f}", same)
         results.add(workers=workers, killed=killed, seconds=seconds, speed=speed, same_bytes=same)
     sys.exit(0 if all(found == expected for *_, found in rows) else 1)
 

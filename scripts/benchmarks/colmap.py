@@ -53,7 +53,9 @@ def compare(engines: dict[str, Engine], within: float, repeats: int, results: Re
     target = (1.0 + within) * min(costs.values())
     print(f"target: cost {target:.6g}\n")
     names = ("engine", "lowest cost", "cost timed", "iterations", "wall [s]", "CPU [s]")
-    table = LiveTable(*names, "wall per step [s]", "CPU per step [s]", "wall ratio", "CPU ratio")
+    table = LiveTable(
+        *names, "wall per step [s]", "CPU per step [s]", "wall ratio", "CPU ratio", numbers=".3g"
+    )
     reference: tuple[float, float] | None = None
     for name, engine in engines.items():
         steps, reached = max(ends[name].iterations, 1), costs[name] <= target
@@ -72,8 +74,7 @@ def compare(engines: dict[str, Engine], within: float, repeats: int, results: Re
         )
         figures = [wall_s, cpu_s, wall_s / steps, cpu_s / steps, wall_s / reference[0], cpu_s / reference[1]]
         note = "" if reached else " (target not reached)"
-        begin = (f"{name}{note}", f"{costs[name]:.6g}", f"{cost_of(runs[0]):.6g}", str(steps))
-        table.add(*begin, *(f"{x:.3g}" for x in figures))
+        table.add(f"{name}{note}", f"{costs[name]:.6g}", f"{cost_of(runs[0]):.6g}", steps, *figures)
 
 
 def end_to_end(run: Solution, folder: Path, given: argparse.Namespace, results: Results) -> None:

@@ -84,8 +84,7 @@ def main() -> None:
                     recording = opened if used else replace(opened, imu=None)
                     found = one_run(recording, seed)
                     results.add(log=Path(gps).stem, imu=used, seed=seed, **found)
-                    words = [f"{value:.3f}" for value in found.values()]
-                    table.add(Path(gps).stem, "yes" if used else "no", str(seed), *words)
+                    table.add(Path(gps).stem, "yes" if used else "no", seed, *found.values())
 
 
 if __name__ == "__main__":

@@ -199,13 +199,13 @@ def main() -> None:
     add_seeds(parser, 1)
     given = parser.parse_args()
     with parser.refusals():
-        results, table = parser.results(given), LiveTable(*COLUMNS.values())
+        results, table = parser.results(given), LiveTable(*COLUMNS.values(), numbers=".3g")
         for folder in given.recordings:
             for gps in given.logs or sorted(file.name for file in folder.glob("gps*.nmea")):
                 for seed in range(given.seeds):
                     found = one_run(folder, gps, given, seed)
                     results.add(**found)
-                    table.add(*(f"{x:.3g}" if isinstance(x, float) else str(x) for x in found.values()))
+                    table.add(*found.values())
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ def main() -> None:
     add_seeds(parser, 1)
     given = parser.parse_args()
     with parser.refusals():
-        results, table = parser.results(given), LiveTable(*COLUMNS.values())
+        results, table = parser.results(given), LiveTable(*COLUMNS.values(), numbers=".3g")
         for path in given.recordings:
             recording, true = case(path, given)
             for seed in range(given.seeds):
@@ -115,7 +115,7 @@ def main() -> None:
                     head = {"recording": path.name, "seed": seed, "places": "yes" if close else "no"}
                     row = {**head, "seen_s": seen_s if close else np.nan, **found, "pose_p99_ms": p99_ms}
                     results.add(**row)
-                    table.add(*(f"{x:.3g}" if isinstance(x, float) else str(x) for x in row.values()))
+                    table.add(*row.values())
 
 
 if __name__ == "__main__":

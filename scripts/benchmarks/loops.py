@@ -96,7 +96,7 @@ def main() -> None:
             for close in (False, True):
                 found = one_run(name, truth, front_end, close)
                 results.add(**found)
-                table.add(*(f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values()))
+                table.add(*found.values())
 
 
 if __name__ == "__main__":

@@ -42,15 +42,16 @@ def measure(engines: dict[str, Engine], given: argparse.Namespace, results: Resu
     for _ in range(given.repeats):
         for name, engine in engines.items():
             runs[name].append(engine(given.iterations, 0.0))
-    table = LiveTable("engine", "iterations", "cost", "wall [s]", "CPU [s]", "wall ratio", "CPU ratio")
+    table = LiveTable(
+        "engine", "iterations", "cost", "wall [s]", "CPU [s]", "wall ratio", "CPU ratio", numbers=".3g"
+    )
     first = runs[next(iter(runs))]
     for name, found in runs.items():
         wall_s, cpu_s = (min(times) for times in _times(found))
         end = {"iterations": found[0].iterations, "cost": cost_of(found[0])}
         results.add(engine=name, **end, wall_s=wall_s, cpu_s=cpu_s)
         ratios = (time / min(best) for time, best in zip((wall_s, cpu_s), _times(first), strict=True))
-        figures = (f"{x:.3g}" for x in (wall_s, cpu_s, *ratios))
-        table.add(name, str(end["iterations"]), f"{end['cost']:.8g}", *figures)
+        table.add(name, end["iterations"], f"{end['cost']:.8g}", wall_s, cpu_s, *ratios)
 
 
 def _times(runs: list[AdjustmentResult]) -> tuple[list[float], list[float]]:

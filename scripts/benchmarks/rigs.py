@@ -85,7 +85,7 @@ def main() -> None:
                 found = figures(front_end, truth, config)
                 results.add(**row, **found)
                 errors = (f"{found[key]:.4f}" for key in ("mean_m", "max_m"))
-                table.add(*map(str, row.values()), *errors, str(found["bridged"]))
+                table.add(*map(str, row.values()), *errors, found["bridged"])
 
 
 if __name__ == "__main__":

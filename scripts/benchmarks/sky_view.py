@@ -170,7 +170,7 @@ def main() -> None:
                     f"{found['mean_with_m']:.3f}",
                     f"{found['rejected_without']}, {found['rejected_with']}",
                 )
-                table.add(case.name, str(seed), multipath_m, *cells)
+                table.add(case.name, seed, multipath_m, *cells)
 
 
 if __name__ == "__main__":

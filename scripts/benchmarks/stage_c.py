@@ -94,8 +94,7 @@ def main() -> None:
                 found = one_run(recording, true, configuration(solver, corrects_drift))
                 what = {"log": log, "solver": solver, "corrects_drift": corrects_drift}
                 results.add(**what, **found)
-                figures = (f"{x:.3f}" if isinstance(x, float) else str(x) for x in found.values())
-                table.add(*map(str, what.values()), *figures)
+                table.add(*what.values(), *found.values())
 
 
 if __name__ == "__main__":

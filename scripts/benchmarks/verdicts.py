@@ -137,8 +137,8 @@ def main() -> None:
             for seed in range(given.seeds):
                 row = one_drive(one_way, frames, seed)
                 results.add(**row)
-                shown = shown or LiveTable(*row)
-                shown.add(*(f"{x:.3g}" if isinstance(x, float) else f"{x}" for x in row.values()))
+                shown = shown or LiveTable(*row, numbers=".3g")
+                shown.add(*row.values())
 
 
 if __name__ == "__main__":

@@ -32,14 +32,20 @@ def growth_table(runs: Sequence[Mapping[str, float]]) -> str:
 
 
 class LiveTable:
-    """A table on standard output, row by row as it comes; its header appears with the first row."""
+    """A table on standard output, row by row as it comes; its header appears with the first row.
 
-    def __init__(self, *columns: str) -> None:
-        self._begin = f"{header(columns)}\n"
+    Args:
+        columns: Their names.
+        numbers: How cells that are floats are written.
+    """
 
-    def add(self, *cells: str) -> None:
+    def __init__(self, *columns: str, numbers: str = ".3f") -> None:
+        self._begin, self._numbers = f"{header(columns)}\n", numbers
+
+    def add(self, *cells: str | float) -> None:
         """Print a row."""
-        print(self._begin + row(cells), flush=True)
+        words = (format(x, self._numbers) if isinstance(x, float) else str(x) for x in cells)
+        print(self._begin + row(words), flush=True)
         self._begin = ""
 
 

@@ -87,18 +87,21 @@ def main() -> None:
     parser.add_argument("--walks", type=Path, help="folder that keeps the simulated walks, for a second run")
     given = parser.parse_args()
     with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
-        results, walks = parser.results(given), LiveTable("seed", *(f"NEES {name}" for name in QUANTITIES))
+        results, walks = (
+            parser.results(given),
+            LiveTable("seed", *(f"NEES {name}" for name in QUANTITIES), numbers=".2f"),
+        )
         runs = []
         for seed, run in enumerate(pool.map(one, range(given.seeds), [given] * given.seeds)):
             runs.append(run)
             nees = {name: figures(run[name])["nees"] for name in QUANTITIES}
             results.add(seed=seed, **{f"nees_{name}": value for name, value in nees.items()})
-            walks.add(str(seed), *(f"{value:.2f}" for value in nees.values()))
-        table = LiveTable("all walks", "NEES", "% within 3 sigma", "largest ratio")
+            walks.add(seed, *nees.values())
+        table = LiveTable("all walks", "NEES", "% within 3 sigma", "largest ratio", numbers=".2f")
         for name in QUANTITIES:
             found = figures(np.concatenate([run[name] for run in runs]))
             results.add(seed="all", quantity=name, **found)
-            table.add(name, *(f"{value:.2f}" for value in found.values()))
+            table.add(name, *found.values())
 
 
 if __name__ == "__main__":

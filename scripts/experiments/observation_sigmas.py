@@ -107,7 +107,7 @@ def main() -> None:
     given = arguments(parser)
     with parser.refusals(), TemporaryDirectory() as scratch:
         results = parser.results(given)
-        table = LiveTable("recording", "seed", "residuals", "whitened, by the median", "RMS")
+        table = LiveTable("recording", "seed", "residuals", "whitened, by the median", "RMS", numbers=".2f")
         for name in given.recordings:
             drive = open_drive(name, given.data, given.scenes or Path(scratch))
             for seed in range(given.seeds):
@@ -119,7 +119,7 @@ def main() -> None:
                     "rms": np.sqrt(squared.mean() / 2),
                 }
                 results.add(recording=name, seed=seed, residuals=len(squared), **found)
-                table.add(name, str(seed), str(len(squared)), *(f"{value:.2f}" for value in found.values()))
+                table.add(name, seed, len(squared), *found.values())
 
 
 if __name__ == "__main__":
