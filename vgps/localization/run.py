@@ -53,35 +53,31 @@ def localize(
     localizer = Localizer(recording, database, settings)
     with one_blas_thread(), seconds.measure("track"):
         frames, gray, poses = _track(recording, localizer, settings.revise, progress or NoProgress())
-    t_s, found = np.array(list(poses)), np.array([frame.tracked for frame in frames])
-    if not found.any():
+    t_s, tracked = np.array(list(poses)), np.array([frame.tracked for frame in frames])
+    if not tracked.any():
         raise GeometryError(
             "no frame shows enough landmarks of the database",
             file=recording.video.path,
             expected=f"{settings.min_inliers} that agree on a pose",
             remedy=f"check camera.yaml, and that the video was taken where {database.path} was built",
         )
-    world_T_camera = bridge_gaps(
+    bridged = bridge_gaps(
         t_s,
         np.array(list(poses.values())),
-        found,
+        tracked,
         localizer.rotations,
         localizer.gyro_bias_rad_s,
         settings.coast_s,
     )
-    video_warnings = tuple(getattr(recording.video, "warnings", ()))
+    warnings = (
+        *recording.notes,
+        *getattr(recording.video, "warnings", ()),
+        *localizer.warnings,
+        *loss_warnings(tracked, t_s),
+        *speed_warnings(frames, recording.camera.fx, settings),
+    )
     track = Track(
-        frames=frames,
-        gray=gray,
-        world_T_camera=world_T_camera,
-        seconds=seconds.by_stage,
-        warnings=(
-            *recording.notes,
-            *video_warnings,
-            *localizer.warnings,
-            *loss_warnings(found, t_s),
-            *speed_warnings(frames, recording.camera.fx, settings),
-        ),
+        frames=frames, gray=gray, world_T_camera=bridged, seconds=seconds.by_stage, warnings=warnings
     )
     return to_solution(recording, database.world_origin, config, track)
 

@@ -15,7 +15,7 @@ from vgps.errors import ConfigError
 from vgps.model import Camera, FloatArray
 from vgps.simulate.accelerometer import simulate_imu
 from vgps.simulate.fisheye import MAX_DEG
-from vgps.simulate.motion import MountedMotion, build_motion
+from vgps.simulate.motion import Motion, MountedMotion, build_motion
 from vgps.simulate.render import Picture, Renderer
 from vgps.simulate.ring import MAX_CAMERAS, ring
 from vgps.simulate.scene import SceneConfig, scene_config
@@ -33,6 +33,7 @@ IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
 _BIASES_HZ = 10.0
 _CAMERA_FILES = tuple(f"{name}.mp4" for name in ring(MAX_CAMERAS))
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
+_MOTION, _WORLD, _GPS, _GYRO, _IMU = range(5)  # behind the seed: each has random numbers of its own
 _THREADS = 2
 _AHEAD = 6
 _NEXT_CAMERA = 7919  # between the seeds of the cameras' noise
@@ -57,38 +58,15 @@ def simulate(
         RunFolderError: ``out`` has other files and no earlier simulation, or cannot be written.
     """
     config = scene_config(scene) if isinstance(scene, str) else scene
-    if not 0.0 <= config.readout_s * config.fps <= 1.0:
-        raise ConfigError(
-            f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
-        )
-    if not 0.0 <= config.fisheye_deg <= MAX_DEG:
-        raise ConfigError(
-            f"a fisheye of {config.fisheye_deg:g} degrees",
-            expected=f"0 (a pinhole) to {MAX_DEG:g}",
-            place="fisheye_deg",
-        )
+    _check(config)
     own = seed if config.pass_seed is None else config.pass_seed
-    motion_rng, gps_rng, gyro_rng, imu_rng = (np.random.default_rng([own, k]) for k in (0, 2, 3, 4))
-    world_rng = np.random.default_rng([seed, 1])
     with new_folder(out, (*FILES, *IMU_FILES, *_CAMERA_FILES), _MARK) as folder:
-        motion = build_motion(config, motion_rng)
-        if config.gps.seed is not None:
-            gps_rng = np.random.default_rng([config.gps.seed, 2])
-        world = build_world(config, world_rng)
+        motion = build_motion(config, np.random.default_rng([own, _MOTION]))
+        world = build_world(config, np.random.default_rng([seed, _WORLD]))
         renderer = Renderer(world, motion, config, own)
         _write_camera(folder / "camera.yaml", config, renderer)
         _write_rig(folder / "rig.yaml", config)
-        fixes = simulate_fixes(motion, config, gps_rng)
-        (folder / "gps.nmea").write_bytes(nmea(fixes, config))
-        _write_fix_errors(folder / "fix_errors.csv", fixes)
-        gyro = simulate_gyro(motion, config, gyro_rng)
-        if config.accelerometer is not None:
-            gyro, force, bias = simulate_imu(motion, config, config.accelerometer, gyro, imu_rng)
-            _write_samples(folder / "imu.csv", gyro.t_s, np.hstack([gyro.rate_rad_s, force]))
-            every = max(1, round(config.gyro.rate_hz / _BIASES_HZ))
-            biases = np.hstack([gyro.bias_rad_s, bias])
-            _write_samples(folder / "imu_biases.csv", gyro.t_s[::every], biases[::every])
-        _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
+        _write_sensors(folder, motion, config, own)
         t = np.arange(config.frames) / config.fps
         write_tum(Trajectory(t, motion.poses(t)), folder / "truth.tum")
         made_of = {
@@ -102,6 +80,36 @@ def simulate(
         for k, (name, mount) in enumerate(ring(config.cameras).items(), start=1):
             renderer = Renderer(world, MountedMotion(motion, mount), config, own + k * _NEXT_CAMERA)
             write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config, on_frame)
+
+
+def _check(config: SceneConfig) -> None:
+    if not 0.0 <= config.readout_s * config.fps <= 1.0:
+        raise ConfigError(
+            f"a readout of {config.readout_s:g} s", expected=f"0 s to 1/{config.fps} s", place="readout_s"
+        )
+    if not 0.0 <= config.fisheye_deg <= MAX_DEG:
+        raise ConfigError(
+            f"a fisheye of {config.fisheye_deg:g} degrees",
+            expected=f"0 (a pinhole) to {MAX_DEG:g}",
+            place="fisheye_deg",
+        )
+
+
+def _write_sensors(folder: Path, motion: Motion, config: SceneConfig, seed: int) -> None:
+    """Write fixes, gyro and IMU, with their true errors."""
+    gps_seed = seed if config.gps.seed is None else config.gps.seed
+    fixes = simulate_fixes(motion, config, np.random.default_rng([gps_seed, _GPS]))
+    (folder / "gps.nmea").write_bytes(nmea(fixes, config))
+    _write_fix_errors(folder / "fix_errors.csv", fixes)
+    gyro = simulate_gyro(motion, config, np.random.default_rng([seed, _GYRO]))
+    if config.accelerometer is not None:
+        rng = np.random.default_rng([seed, _IMU])
+        gyro, force, bias = simulate_imu(motion, config, config.accelerometer, gyro, rng)
+        _write_samples(folder / "imu.csv", gyro.t_s, np.hstack([gyro.rate_rad_s, force]))
+        every = max(1, round(config.gyro.rate_hz / _BIASES_HZ))
+        biases = np.hstack([gyro.bias_rad_s, bias])
+        _write_samples(folder / "imu_biases.csv", gyro.t_s[::every], biases[::every])
+    _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
 
 
 def write_video(
