@@ -1,7 +1,6 @@
 """Recordings: folders of files under known names, or videos with the other files beside them."""
 
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -89,24 +88,14 @@ def open_recording(
     telemetry = telemetry_of(video)
     lens = _camera(_given(folder, camera, *_CAMERAS), video)
     rig_file = _given(folder, rig, "rig.yaml")
-    mount = read_rig(rig_file) if rig_file else Rig(antenna_known=False)
+    mount = _with_start(read_rig(rig_file) if rig_file else Rig(antenna_known=False), video)
     others = open_cameras(rig_file, video, lens) if rig_file and cameras else ()
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
-    if isinstance(video, VideoFile | ChapteredVideo):
-        check_flat(video.path)
-        log_other_tracks(video.path)
-        if lens is None:
-            check_square_pixels(video.path)
+    _check_picture(video, calibrated=lens is not None)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
-    lens = lens or guesses[0].camera
-    lens = with_readout(lens, telemetry, getattr(video, "quarter_turns", 0))
-    if mount.video_start_s == 0.0 and video.start_s != 0.0:
-        # frame_times.csv is on the clock of gyro.csv
-        mount = replace(mount, video_start_s=video.start_s)
-    if mount.video_start_utc is None:
-        mount = replace(mount, video_start_utc=_start_utc(video))
-    gyro = _gyro(folder, mount, telemetry, video if isinstance(video, BagVideo) else None)
+    lens = with_readout(lens or guesses[0].camera, telemetry, getattr(video, "quarter_turns", 0))
+    gyro = _gyro(folder, mount, telemetry, video)
     mount = _with_gopro(mount, telemetry, gyro)
     inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
     if inertial is not None and mount.imu is not None and (gyro is None or imu is not None):
@@ -129,11 +118,24 @@ def open_recording(
     return with_picture_motion(found, telemetry)
 
 
-def _start_utc(video: Source) -> datetime | None:
-    """Return the UTC of the first frame, where the images or the bag say it."""
+def _with_start(rig: Rig, video: Source) -> Rig:
+    """Return the rig with when the video begins, where the rig does not say it and the video does."""
+    if rig.video_start_s == 0.0:
+        rig = replace(rig, video_start_s=video.start_s)  # frame_times.csv is on the clock of gyro.csv
+    if rig.video_start_utc is not None:
+        return rig
     if isinstance(video, ImageFolder):
-        return video.taken(0).utc
-    return video.start_utc if isinstance(video, BagVideo) else None
+        return replace(rig, video_start_utc=video.taken(0).utc)
+    return replace(rig, video_start_utc=video.start_utc) if isinstance(video, BagVideo) else rig
+
+
+def _check_picture(video: Source, *, calibrated: bool) -> None:
+    """Refuse pictures that no lens model describes; raises as `check_flat` and `check_square_pixels`."""
+    if isinstance(video, VideoFile | ChapteredVideo):
+        check_flat(video.path)
+        log_other_tracks(video.path)
+        if not calibrated:
+            check_square_pixels(video.path)
 
 
 def find_gps_logs(folder: PathLike) -> list[Path]:
@@ -191,11 +193,10 @@ def _gps(folder: Path, name: PathLike | None, video: Source, rig: Rig, telemetry
     return fixes
 
 
-def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: BagVideo | None) -> GyroLog | None:
-    file = folder / "gyro.csv"
-    given = file.is_file()
-    gyro = read_gopro_gyro(telemetry) if video is None else video.gyro()
-    if given:
+def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: Source) -> GyroLog | None:
+    """Return the angular rates on the video's clock, without the rig's bias: by file, bag or GoPro."""
+    gyro = video.gyro() if isinstance(video, BagVideo) else read_gopro_gyro(telemetry)
+    if (file := folder / "gyro.csv").is_file():
         gyro = read_gyro(file, video_start_s=rig.video_start_s)
     if gyro is None:
         return None
