@@ -1,7 +1,7 @@
 """The HTML page of a run."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,7 +79,7 @@ def write_report(
         "mark_groups": _mark_groups(marks),
         "changed": changed_settings(solution.config),
         "versions": versions or {},
-        "tiles": _tiles(solution),
+        "tiles": list(_tiles(solution)),
         "path": embedded(path_plot(solution)),
         "outside": fixes_outside(solution),
         "over_time": embedded(time_plot(solution)),
@@ -102,52 +102,45 @@ def write_report(
     write_page("vgps.report", values, path)
 
 
-def _tiles(solution: Solution) -> list[Tile]:
-    frames, bridged = len(solution.t_s), solution.state.count(FrameState.BRIDGED)
+def _tiles(solution: Solution) -> Iterator[Tile]:
+    """Yield the figures at the top of the page."""
     duration_s = float(solution.t_s[-1] - solution.t_s[0])
     unit = "m" if solution.georeferenced else "units"
-    tiles = [
-        Tile(
-            "frames with a pose", f"{frames:,}", f"{bridged:,} of them bridged" if bridged else "all tracked"
-        ),
-        Tile(
-            "path length",
-            f"{_number(float(distance_m(solution)[-1]))} {unit}",
-            f"in {duration_s:.1f} s of video",
-        ),
-    ]
+    bridged = solution.state.count(FrameState.BRIDGED)
+    note = f"{bridged:,} of them bridged" if bridged else "all tracked"
+    yield Tile("frames with a pose", f"{len(solution.t_s):,}", note)
+    length = _number(float(distance_m(solution)[-1]))
+    yield Tile("path length", f"{length} {unit}", f"in {duration_s:.1f} s of video")
     if solution.gps is not None and solution.fixes is not None:
         rejected, lowered = map(solution.fixes.verdict.count, (Verdict.REJECTED, Verdict.DOWN_CLASSED))
-        used = int(solution.fixes.used.sum())
-        note = f"{rejected:,} rejected, {lowered:,} down-classed"
-        tiles.append(Tile("fixes used", f"{used:,} of {len(solution.gps):,}", note))
+        used = f"{int(solution.fixes.used.sum()):,} of {len(solution.gps):,}"
+        yield Tile("fixes used", used, f"{rejected:,} rejected, {lowered:,} down-classed")
     sigma = solution.sigma_position_m[np.isfinite(solution.sigma_position_m).all(axis=1)]
     if len(sigma):
         horizontal, vertical = np.median(np.hypot(sigma[:, 0], sigma[:, 1])), np.median(sigma[:, 2])
         value = f"{_number(float(horizontal), 2)} / {_number(float(vertical), 2)} {unit}"
-        tiles.append(Tile("standard deviation", value, "horizontal / vertical, median"))
+        yield Tile("standard deviation", value, "horizontal / vertical, median")
+    yield from _scene_tiles(solution)
+    if total_s := sequential_seconds(solution.seconds):
+        yield Tile("computing time", f"{total_s:.1f} s", f"{duration_s / total_s:.2f} times real time")
+
+
+def _scene_tiles(solution: Solution) -> Iterator[Tile]:
+    """Yield what the pictures show: landmarks, places seen again, and what was left out."""
     landmarks, observations = solution.all_landmarks
-    tiles.append(
-        Tile("landmarks", f"{len(landmarks.sigma_px):,}", f"{len(observations.frame):,} observations")
-    )
+    yield Tile("landmarks", f"{len(landmarks.sigma_px):,}", f"{len(observations.frame):,} observations")
     if solution.cameras:
         names = ", ".join(camera.name for camera in solution.cameras)
-        tiles.append(Tile("cameras", f"{1 + len(solution.cameras)}", f"poses of the first; with {names}"))
+        yield Tile("cameras", f"{1 + len(solution.cameras)}", f"poses of the first; with {names}")
     if len(solution.loops):
         note = "frames that find landmarks of an earlier visit"
-        tiles.append(Tile("places seen again", f"{len(solution.loops):,}", note))
+        yield Tile("places seen again", f"{len(solution.loops):,}", note)
     if len(share := solution.static_share[solution.static_share > 0]):
         note = f"of the picture never moves and was left out, in {len(share):,} frames"
-        tiles.append(Tile("bonnet, text, reflection", f"up to {100 * share.max():.1f} %", note))
+        yield Tile("bonnet, text, reflection", f"up to {100 * share.max():.1f} %", note)
     if len(share := solution.moving_share[solution.moving_share > 0]):
         note = f"of the picture in boxes around what moves on its own, left out in {len(share):,} frames"
-        tiles.append(Tile("moving objects", f"up to {100 * share.max():.1f} %", note))
-    total_s = sequential_seconds(solution.seconds)
-    if total_s:
-        tiles.append(
-            Tile("computing time", f"{total_s:.1f} s", f"{duration_s / total_s:.2f} times real time")
-        )
-    return tiles
+        yield Tile("moving objects", f"up to {100 * share.max():.1f} %", note)
 
 
 def _system(solution: Solution, crs: str | None, geoid: str | None) -> CoordinateSystem | None:
