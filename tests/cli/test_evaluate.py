@@ -3,7 +3,7 @@
 import json
 
 
-def test_evaluate(smoothed, recording, vgps_verb):
+def test_errors_are_printed_as_json_and_as_a_table(smoothed, recording, vgps_verb):
     truth = recording / "truth.tum"
     code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth, "--json")
     assert code == 0

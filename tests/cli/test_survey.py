@@ -26,12 +26,15 @@ def test_a_plot_that_cannot_be_written_is_refused_before_the_work(
     assert not (tmp_path / "s.yaml").exists()
 
 
-def test_survey(data_dir, tmp_path, vgps_verb):
+def test_a_survey_writes_its_file_and_plot_and_prints_tables_and_warnings(data_dir, tmp_path, vgps_verb):
     log, out = data_dir / "survey/stationary.nmea", tmp_path / "receiver.yaml"
     code, text, _ = vgps_verb("survey", log, "--out", out)
     assert code == 0 and "rtk_float" in text and "survey longer" in text
     assert out.is_file() and out.with_suffix(".png").is_file()
-    code, _, err = vgps_verb("survey", log, "--out", out, "--truth", "1,2")
+
+
+def test_half_a_truth_is_refused(tmp_path, vgps_verb):
+    code, _, err = vgps_verb("survey", "no.log", "--out", tmp_path / "s.yaml", "--truth", "1,2")
     assert code == 2 and "LATITUDE,LONGITUDE,HEIGHT" in err and err.count("\n") == 1
 
 

@@ -1,4 +1,5 @@
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,33 +18,23 @@ def complaint(path: Path) -> str:
     return str(caught.value)
 
 
-def test_absent_file(tmp_path: Path) -> None:
+def test_what_is_no_database_is_refused_with_what_it_is(tmp_path: Path) -> None:
+    empty, text, other = (tmp_path / name for name in ("empty", "text", "other.db"))
+    empty.write_bytes(b"")
+    text.write_text("t_s,wx_rad_s\n0,1\n" * 100)
+    with closing(sqlite3.connect(other)) as connection:
+        connection.execute("CREATE TABLE meta (x)")
     assert "none.vgps: no such file; expected a landmark database" in complaint(tmp_path / "none.vgps")
-
-
-def test_folder(tmp_path: Path) -> None:
     assert "cannot be read" in complaint(tmp_path)
-
-
-def test_empty_file(tmp_path: Path) -> None:
-    (tmp_path / "empty").write_bytes(b"")
-    assert "is empty; expected a landmark database" in complaint(tmp_path / "empty")
-
-
-def test_text_file(tmp_path: Path) -> None:
-    (tmp_path / "text").write_text("t_s,wx_rad_s\n0,1\n" * 100)
-    assert "is not an SQLite database" in complaint(tmp_path / "text")
-
-
-def test_database_of_another_program(tmp_path: Path) -> None:
-    other = sqlite3.connect(tmp_path / "other.db")
-    other.execute("CREATE TABLE meta (x)")
-    other.close()
-    assert "is an SQLite database of another program" in complaint(tmp_path / "other.db")
+    assert "is empty; expected a landmark database" in complaint(empty)
+    assert "is not an SQLite database" in complaint(text)
+    assert "is an SQLite database of another program" in complaint(other)
 
 
 @pytest.mark.parametrize(("version", "remedy"), [(99, "update vgps"), (0, "rebuild it")])
-def test_other_schema_version(database_path: Path, version: int, remedy: str) -> None:
+def test_another_schema_version_is_refused_with_what_to_do(
+    database_path: Path, version: int, remedy: str
+) -> None:
     file = sqlite3.connect(database_path)
     file.execute(f"PRAGMA user_version = {version}")
     file.close()
@@ -55,7 +46,7 @@ def test_the_file_states_its_schema_version(database_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.999])
-def test_truncated_file(database_path: Path, share: float) -> None:
+def test_a_truncated_file_is_refused_with_its_size(database_path: Path, share: float) -> None:
     complete = database_path.read_bytes()
     size = int(share * len(complete))
     database_path.write_bytes(complete[:size])
@@ -73,7 +64,7 @@ def test_truncated_file(database_path: Path, share: float) -> None:
         ("template", "check_sum"),
     ],
 )
-def test_changed_value(database_path: Path, table: str, column: str) -> None:
+def test_a_changed_value_in_any_table_is_damage(database_path: Path, table: str, column: str) -> None:
     file = sqlite3.connect(database_path)
     assert file.execute(f"UPDATE {table} SET {column} = {column} + 1").rowcount > 0
     file.commit()
@@ -82,7 +73,7 @@ def test_changed_value(database_path: Path, table: str, column: str) -> None:
     assert "is damaged" in message and "rebuild it" in message
 
 
-def test_meta_without_a_row(database_path: Path) -> None:
+def test_a_table_meta_without_a_row_is_damage(database_path: Path) -> None:
     file = sqlite3.connect(database_path)
     file.execute("DELETE FROM meta")
     file.commit()

@@ -84,7 +84,7 @@ def test_reconnection_to_a_server_that_hangs_up_backs_off_with_one_note(log):
     assert len(notes) == 1 and "dropped" in notes[0]
 
 
-def test_a_serial_port(log):
+def test_fixes_come_from_a_serial_port(log):
     terminal = Terminal()
     source = GpsSource(f"{terminal.path}@38400")
     for epoch in epochs_of(log):

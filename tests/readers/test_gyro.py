@@ -15,24 +15,14 @@ def test_samples_are_sorted_unique_and_on_the_videos_clock(tmp_path):
     np.testing.assert_allclose(gyro.rate_rad_s, [[4, 5, 6], [1, 2, 3], [0.1, 0.2, 0.3]])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "the file is empty"),
-        (HEADER, "0 usable samples; expected at least 2"),
-        (HEADER + "0,1,2,3\n", "1 usable samples"),
-        ("t_s,wx,wy,wz\n0,1,2,3\n", "no column wx_rad_s"),
-        (HEADER + "0,1,2,3\n1,fast,2,3\n", "line 3: 'fast' in column wx_rad_s; expected a number"),
-    ],
-)
-def test_unreadable_files_are_refused(tmp_path, text, message):
+def test_a_missing_column_is_refused(tmp_path):
     path = tmp_path / "gyro.csv"
-    path.write_text(text)
-    with pytest.raises(GyroLogError, match=message):
+    path.write_text("t_s,wx,wy,wz\n0,1,2,3\n")
+    with pytest.raises(GyroLogError, match="no column wx_rad_s"):
         read_gyro(path)
 
 
-def test_the_real_logs(data_dir):
+def test_the_log_of_kitti03_shake_begins_before_the_video(data_dir):
     gyro = read_gyro(data_dir / "kitti03_shake/gyro.csv", video_start_s=10.0)
     assert gyro.rate_rad_s.shape == (6061, 3)
     np.testing.assert_allclose(gyro.t_s[:2], [-0.2, -0.195], atol=1e-9)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vgps.errors import GyroLogError
-from vgps.readers.table import first_unordered, read_table
+from vgps.readers.table import first_unordered, read_samples, read_table
 
 
 @pytest.fixture
@@ -53,6 +53,21 @@ def test_a_missing_column_is_named_with_a_likely_misspelling(read):
 def test_files_without_a_table(read, text, message):
     with pytest.raises(GyroLogError, match=message):
         read(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t_s,x,y\n", "0 usable samples; expected at least 2"),
+        ("t_s,x,y\n0,1,2\n0,3,4\n1,nan,0\n", "1 usable samples"),
+        ("t_s,x\n0,1\n1,2\n", "no column y"),
+        ("t_s,x,y\n0,1,2\n1,fast,2\n", "line 3: 'fast' in column x; expected a number"),
+    ],
+)
+def test_a_table_without_samples_is_refused(tmp_path, text, message):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(GyroLogError, match=message):
+        read_samples(tmp_path / "t.csv", ("x", "y"), GyroLogError)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_a_line_that_is_not_a_pose_is_refused(tmp_path, text, message):
         read_trajectory(path)
 
 
-def test_the_real_truth(data_dir):
+def test_the_truth_of_kitti03_is_a_level_drive_of_561_m(data_dir):
     truth = read_trajectory(data_dir / "kitti03/truth.tum")
     assert truth.world_T_camera.shape == (801, 4, 4)
     assert np.linalg.norm(np.diff(truth.world_T_camera[:, :3, 3], axis=0), axis=1).sum() == pytest.approx(

@@ -74,7 +74,7 @@ def test_impossible_options_are_refused(options):
         SurveyConfig(**options)
 
 
-def test_the_real_receiver(data_dir):
+def test_regions_of_the_real_receiver(data_dir):
     found = {one.fix_class: one for one in survey_logs([data_dir / "survey/stationary.nmea"]).classes}
     fix, float_ = found[FixClass.RTK_FIX], found[FixClass.RTK_FLOAT]
     assert (fix.epochs, float_.epochs, found[FixClass.SINGLE].epochs) == (316, 289, 9)

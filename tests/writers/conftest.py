@@ -7,11 +7,19 @@ from distinct_solution import distinct_values
 from solutions import exact_run
 
 from vgps.solution import Solution
+from vgps.writers.run_folder import write_run
 
 
 @pytest.fixture
 def solution() -> Solution:
     return distinct_values()
+
+
+@pytest.fixture
+def run(solution: Solution, tmp_path: Path) -> Path:
+    """The run folder of the solution."""
+    write_run(solution, tmp_path / "run")
+    return tmp_path / "run"
 
 
 @pytest.fixture(scope="session")

@@ -6,16 +6,8 @@ from pathlib import Path
 import pytest
 
 from vgps.errors import RunFolderError
-from vgps.solution import Solution
 from vgps.writers.export import FORMATS, export
 from vgps.writers.export_job import ExportJob
-from vgps.writers.run_folder import write_run
-
-
-@pytest.fixture
-def run(solution: Solution, tmp_path: Path) -> Path:
-    write_run(solution, tmp_path / "run")
-    return tmp_path / "run"
 
 
 def test_tum_is_the_file_of_the_run_folder(run: Path, tmp_path: Path) -> None:

@@ -5,17 +5,10 @@ import pytest
 
 from vgps.solution import Solution
 from vgps.writers.export import export
-from vgps.writers.run_folder import write_run
 
 PLY_ROW = np.dtype(
     [("xyz", "<f8", 3), ("rgb", "u1", 3), ("sigma_px", "<f8"), ("observations", "<i4")]
 )  # 24 + 3 + 8 + 4 bytes
-
-
-@pytest.fixture
-def run(solution: Solution, tmp_path: Path) -> Path:
-    write_run(solution, tmp_path / "run")
-    return tmp_path / "run"
 
 
 def test_ply_has_its_header_and_rows_byte_by_byte(run: Path, tmp_path: Path, solution: Solution) -> None:

@@ -118,5 +118,5 @@ def test_a_file_that_is_not_yaml_is_refused(tmp_path, text, message):
         read_camera(tmp_path / "none.yaml")
 
 
-def test_a_real_file(data_dir):
+def test_a_real_camera_has_its_distortion(data_dir):
     assert read_camera(data_dir / "gopro_walk/camera.yaml").distortion == (-0.1435, 0, 0, 0)

@@ -15,7 +15,7 @@ def rig(folder: Path, text: str):
     return read_rig(path)
 
 
-def test_a_whole_rig(tmp_path):
+def test_every_key_of_a_rig_is_read(tmp_path):
     read = rig(
         tmp_path,
         """
@@ -90,7 +90,7 @@ def test_an_impossible_rig_names_its_key(tmp_path, text, message):
         rig(tmp_path, text + "\n")
 
 
-def test_the_real_files(data_dir):
+def test_real_rigs_say_when_the_video_began(data_dir):
     assert read_rig(data_dir / "kitti03/rig.yaml").video_start_utc == datetime(2011, 9, 26, 12, tzinfo=UTC)
     assert read_rig(data_dir / "kitti03_shake/rig.yaml").video_start_s == 10.0
 

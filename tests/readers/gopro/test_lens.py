@@ -75,7 +75,7 @@ def test_other_videos_and_damaged_headers_are_no_gopros(guess, monkeypatch, tmp_
         assert gopro_guess(Telemetry(tmp_path / "a.mp4"), SIZE) is None
 
 
-def test_real_headers(data_dir):
+def test_real_headers_tell_the_angle_of_the_lens(data_dir):
     gopro_walk, gopro_hero7 = (data_dir / name / "video.mp4" for name in ("gopro_walk", "gopro_hero7"))
     settings = gopro_settings(gopro_walk)
     assert settings["ZFOV"].kind == "f" and settings["VFOV"].data == b"W"

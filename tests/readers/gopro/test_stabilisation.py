@@ -104,7 +104,7 @@ def test_sensors_of_the_user_stay(tmp_path):
     ("name", "samples", "words"),
     [("gopro_walk", 315, "stand in for the camera's gyro"), ("gopro_hero7", None, "are left out")],
 )
-def test_real_walks_say_so(data_dir, name, samples, words):
+def test_real_stabilised_walks_note_what_stands_in_for_the_gyro(data_dir, name, samples, words):
     opened = open_recording(data_dir / name / "video.mp4", camera=None)
     assert (None if opened.gyro is None else len(opened.gyro.t_s)) == samples
     assert (opened.imu is None) == (samples is None) and words in opened.notes[0]

@@ -43,7 +43,7 @@ def log(tmp_path, data):
     return file
 
 
-def test_a_message_by_hand(tmp_path):
+def test_times_classes_places_and_accuracies_of_messages(tmp_path):
     file = log(tmp_path, pvt() + pvt(second=60, nano=-1000, carrSoln=1) + pvt(min=58, carrSoln=0))
     found = read_gps_log(file)
     assert gps_format(file) == "ubx"
@@ -62,7 +62,7 @@ def test_a_message_by_hand(tmp_path):
         ({"carrSoln": 0, "fixType": 1}, FixClass.UNKNOWN),
     ],
 )
-def test_classes(tmp_path, changes, expected):
+def test_without_a_carrier_solution_corrections_tell_the_class(tmp_path, changes, expected):
     found = read_gps_log(log(tmp_path, pvt() + pvt(second=30, **changes)))
     assert expected in found.fix_class
 

@@ -128,7 +128,7 @@ def test_sound_alone_is_no_video(tmp_path):
     ("folder", "count", "step"),
     [("kitti03", 801, 0.1), ("gopro_walk", 315, 1001 / 30000), ("phone_gyro", 103, None)],
 )
-def test_real_videos(data_dir: Path, folder, count, step):
+def test_real_videos_have_their_frames_at_their_times(data_dir: Path, folder, count, step):
     table = data_dir / folder / "frame_times.csv"
     video = VideoFile(data_dir / folder / "video.mp4", table if step is None else None)
     assert len(video.times_s) == count
