@@ -1,4 +1,4 @@
-"""Errors of real receivers, as their logs tell them.
+"""Errors of real receivers, from their logs.
 
 ``rtk_walk`` has none: its three logs are of one receiver, and nothing says where it was.
 """

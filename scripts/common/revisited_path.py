@@ -80,9 +80,9 @@ def choose_keyframes(poses: FloatArray, count: int) -> FloatArray:
     """Return so many of the poses, evenly by distance and turn."""
     steps = np.linalg.inv(poses[:-1]) @ poses[1:]
     turn = np.arccos(np.clip((np.trace(steps[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
-    way = np.append(0.0, np.cumsum(np.linalg.norm(steps[:, :3, 3], axis=1) + _TURN_AS_M * turn))
+    path_m = np.append(0.0, np.cumsum(np.linalg.norm(steps[:, :3, 3], axis=1) + _TURN_AS_M * turn))
     number = np.arange(count)
-    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], count))
+    chosen = np.searchsorted(path_m, np.linspace(0.0, path_m[-1], count))
     chosen = np.maximum.accumulate(chosen - number) + number  # none twice
     return poses[np.minimum(chosen, len(poses) - count + number)]
 

@@ -117,7 +117,7 @@ def _frames(
 
 @dataclass
 class Ledger:
-    """What came of the fixes and frames, and the events that tell of it.
+    """What came of the fixes and frames, and the events that report it.
 
     Attributes:
         smoother: Under test.

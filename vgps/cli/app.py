@@ -7,7 +7,7 @@ from rich.text import Text
 app = App(
     name="vgps",
     help="Estimate the pose of every frame of a video in world coordinates, with GPS.",
-    suppress_keyboard_interrupt=False,  # vgps.__main__ tells Ctrl-C from SIGTERM
+    suppress_keyboard_interrupt=False,  # vgps.__main__ treats Ctrl-C and SIGTERM apart
 )
 
 

@@ -6,7 +6,7 @@ from pydantic import PositiveInt
 
 from vgps.config.base import SettingsModel
 
-_LONG_FRAMES = 20000  # recordings beyond it have submaps unless told otherwise
+_LONG_FRAMES = 20000  # recordings beyond it have submaps by default
 _FRAMES = 5000  # of one of these
 
 

@@ -81,7 +81,7 @@ def _path_biases(
     """Return both biases by the smoothed path, empty if it does not show them, and notes."""
     missing = "the accelerometer's bias is not known"
     if recording.gps is None and recording.control_points is None:
-        return {}, (f"{missing}: it takes fixes (--gps) to tell it from gravity and accelerations",)
+        return {}, (f"{missing}: it takes fixes (--gps) to separate it from gravity and accelerations",)
     rig = _mounted(recording.rig, found)
     mounted = replace(recording, rig=rig, imu=on_video_clock(log, rig), gyro=None)
     solution = smooth(mounted, config, progress)

@@ -4,6 +4,7 @@ from typing import SupportsFloat, SupportsIndex, SupportsInt
 
 import gtsam
 import numpy as np
+from gtsam.symbol_shorthand import B, X
 
 from factors import (
     bias_walk_factor,
@@ -70,7 +71,7 @@ class GraphEstimator:
 
     def revised(self) -> dict[float, FloatArray]:
         """Return the poses (4, 4) of the frames in the lag by time, revised by later observations."""
-        return {t_s: self._values.atPose3(_x(k)).matrix() for k, t_s in self._frames}
+        return {t_s: self._values.atPose3(X(k)).matrix() for k, t_s in self._frames}
 
     def _reset(self) -> None:
         params = gtsam.ISAM2Params()
@@ -86,19 +87,19 @@ class GraphEstimator:
     def _update(self, t_s: float, pose: PoseEstimate, matches: LandmarkMatches) -> PoseEstimate:
         k = self._frame = self._frame + 1
         graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        start.insert(_x(k), gtsam.Pose3(pose.world_T_camera))
-        start.insert(_b(k), self._bias())
+        start.insert(X(k), gtsam.Pose3(pose.world_T_camera))
+        start.insert(B(k), self._bias())
         graph.add(self._landmark_factor(k, matches))
         self._add_motion_factors(graph, k, t_s)
-        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {_x(k): t_s, _b(k): t_s}
+        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {X(k): t_s, B(k): t_s}
         self._smoother.update(graph, start, stamps)
         self._values = self._smoother.calculateEstimate()
-        self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(_x(i))]
+        self._frames = [(i, t) for i, t in [*self._frames, (k, t_s)] if self._values.exists(X(i))]
         return self._read(t_s, k, pose, matches)
 
     def _landmark_factor(self, k: int, matches: LandmarkMatches) -> gtsam.CustomFactor:
         return known_points_factor(
-            _x(k), matches.world_p_landmark, matches.uv_px, matches.sigma_px, self._K, self._config.huber_px
+            X(k), matches.world_p_landmark, matches.uv_px, matches.sigma_px, self._K, self._config.huber_px
         )
 
     def _add_motion_factors(self, graph: gtsam.NonlinearFactorGraph, k: int, t_s: float) -> None:
@@ -106,24 +107,24 @@ class GraphEstimator:
         config = self._config
         if not self._frames:
             noise = gtsam.noiseModel.Isotropic.Sigma(3, config.bias_sigma_rad_s)
-            graph.add(gtsam.PriorFactorVector(_b(k), self._bias(), noise))
+            graph.add(gtsam.PriorFactorVector(B(k), self._bias(), noise))
             return
         j, t_j = self._frames[-1]
-        graph.add(bias_walk_factor((_b(j), _b(k)), t_s - t_j, config.bias_walk_rad_s1p5))
+        graph.add(bias_walk_factor((B(j), B(k)), t_s - t_j, config.bias_walk_rad_s1p5))
         rotation = self._gyro_factor(j, k, t_j, t_s)
         if rotation is not None:
             graph.add(rotation)
         if len(self._frames) > 1:
             i, t_i = self._frames[-2]
             density = config.acceleration_density_m_s1p5
-            graph.add(constant_centre_velocity_factor((_x(i), _x(j), _x(k)), (t_j - t_i, t_s - t_j), density))
+            graph.add(constant_centre_velocity_factor((X(i), X(j), X(k)), (t_j - t_i, t_s - t_j), density))
 
     def _gyro_factor(self, j: int, k: int, t_j: float, t_s: float) -> gtsam.CustomFactor | None:
         if self._gyro is None or not self._gyro.covers(np.array([t_j]), np.array([t_s]))[0]:
             return None
         rates, dts = self._gyro.steps(t_j, t_s)
         rotation = preintegrate_rates(rates, dts, self._bias(), self._config.gyro_density_rad_s0p5)
-        return gyro_factor((_x(j), _x(k)), _b(j), rotation, self._mount)
+        return gyro_factor((X(j), X(k)), B(j), rotation, self._mount)
 
     def _bias(self) -> FloatArray:
         return np.zeros(3) if self._motion is None else self._motion.gyro_bias_rad_s
@@ -133,19 +134,11 @@ class GraphEstimator:
 
         The covariance is that of the frame alone, an upper bound that costs nothing.
         """
-        pose = np.asarray(self._values.atPose3(_x(k)).matrix(), np.float64)
-        bias = np.asarray(self._values.atVector(_b(k)), np.float64)
+        pose = np.asarray(self._values.atPose3(X(k)).matrix(), np.float64)
+        bias = np.asarray(self._values.atVector(B(k)), np.float64)
         last = self._motion  # after a reset, the frame before it
         if len(self._frames) > 1:
             j, t_j = self._frames[-2]
-            last = MotionState(t_s=t_j, world_T_camera=self._values.atPose3(_x(j)).matrix())
+            last = MotionState(t_s=t_j, world_T_camera=self._values.atPose3(X(j)).matrix())
         self._motion = motion_between(last, t_s, pose, bias, self._config.max_velocity_gap_s)
         return PoseEstimate(pose, alone.covariance, matches.inliers(self._K, pose, self._config.ransac_px))
-
-
-def _x(k: int) -> int:
-    return gtsam.symbol("x", k)
-
-
-def _b(k: int) -> int:
-    return gtsam.symbol("b", k)

@@ -19,7 +19,7 @@ class ImuMount:
         imu_R_camera: (3, 3) rotation from camera to IMU axes.
         imu_p_camera: (3,) camera in the IMU's frame, metres.
         gyro_bias_rad_s, accelerometer_bias_m_s2: (3,) expected biases in the IMU's axes, zero if unknown.
-        gyro_density: White noise of the rates, rad/s/sqrt(Hz); None if the log is to tell it.
+        gyro_density: White noise of the rates, rad/s/sqrt(Hz); None to estimate it from the log.
         accelerometer_density: White noise of the specific force, m/s^2/sqrt(Hz); None likewise.
     """
 

@@ -1,4 +1,4 @@
-"""Where a path comes back to a place, as far as its standard deviations tell."""
+"""Where a path comes back to a place, within its standard deviations."""
 
 from dataclasses import dataclass
 from functools import cached_property

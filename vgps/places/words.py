@@ -57,7 +57,7 @@ class WordIndex:
         return np.append(np.arange(near), near + alike[: count - near])
 
     def similarity(self, words: IntArray, frames: Sequence[int]) -> FloatArray:
-        """Return how much of a view's words (n,) the views of some frames (k,) share, by what it tells."""
+        """Return how much words (n,) have in common with the views of frames (k,); rare words count more."""
         total = max(len(self._words), 1)
         weight = np.zeros(len(self._views))
         weight[words] = np.log1p(total / np.maximum(self._views[words], 1))

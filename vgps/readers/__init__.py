@@ -1,1 +1,1 @@
-"""Readers: from files to the parts of a recording; the content tells the format, not the suffix."""
+"""Readers: from files to the parts of a recording; formats are recognised by content, not by suffix."""

@@ -3,7 +3,7 @@
 ``control_points.csv`` has a row per observation: ``frame, u_px, v_px`` and a position in one of three ways:
 ``east_m, north_m, up_m`` (ENU at the world origin), ``latitude_deg, longitude_deg, height_m`` (above the
 ellipsoid, or above the geoid given), or ``x, y, height_m`` in a coordinate system given. Optional: ``name``
-of the mark (else a mark is told by its position), ``role`` (``control`` or ``check``), ``sigma_east_m``,
+of the mark (without it, its position identifies it), ``role`` (``control`` or ``check``), ``sigma_east_m``,
 ``sigma_north_m``, ``sigma_up_m``.
 """
 
@@ -41,7 +41,7 @@ class PointSystem:
 def read_control_points(
     path: str | Path, system: PointSystem | None = None, images: list[str] | None = None
 ) -> ControlPoints:
-    """Read control and check points; a name that ends in ``.txt`` tells ODM's format.
+    """Read control and check points; a file whose name ends in ``.txt`` is in ODM's format.
 
     Args:
         path: The file.

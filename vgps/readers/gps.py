@@ -1,4 +1,4 @@
-"""GPS logs of any format on the video's clock, cleaned and in order of time; the content tells the format."""
+"""GPS logs of any format, recognised by content, on the video's clock, cleaned and in order of time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def gps_format(path: str | Path) -> str | None:
 
 
 def read_gps_log(path: str | Path, rig: Rig | None = None, telemetry: Telemetry | None = None) -> GpsLog:
-    """Read a GPS log of any format that the README of this room lists; the content tells the format.
+    """Read a GPS log of any format that the README of this room lists, recognised by content.
 
     Args:
         path: The file.

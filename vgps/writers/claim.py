@@ -47,7 +47,7 @@ def claimed(out: Path) -> Iterator[None]:
 
 
 def not_writable(out: Path, error: OSError) -> RunFolderError:
-    """Return what to tell the user of an output that the system refuses."""
+    """Return the error to raise for an output that the system refuses."""
     reason = error.strerror or os.strerror(error.errno or 0)
     return RunFolderError(
         f"cannot be written ({reason})",

@@ -79,7 +79,7 @@ class _TsaiFields(Fields):
 def read_camera(path: str | Path) -> Camera:
     """Read ``camera.yaml``, OpenCV's FileStorage, Kalibr's ``camchain.yaml`` or COLMAP's ``cameras.txt``.
 
-    The content tells which. COLMAP's principal point is shifted by half a pixel to the pixels used here.
+    Formats are recognised by content. COLMAP's principal point is shifted by half a pixel.
 
     Raises:
         CalibrationError: The file is missing or of no known format, a field is missing, unknown or

@@ -1,4 +1,4 @@
-"""Other programs' calibrations, converted to the fields of ``camera.yaml``; the content tells the format.
+"""Other programs' calibrations, converted to the fields of ``camera.yaml``, recognised by content.
 
 OpenCV's FileStorage (YAML, XML or JSON), Kalibr's ``camchain.yaml`` and COLMAP's ``cameras.txt``. Each file
 must have one camera. An OpenCV file is a fisheye's if it has ``fisheye_model: 1`` or a ``distortion_model``

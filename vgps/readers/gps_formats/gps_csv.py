@@ -118,7 +118,7 @@ def _times(table: Table) -> tuple[Clock, FloatArray]:
 
 
 def _instant(cell: str) -> float:
-    """Return Unix seconds of an ISO 8601 instant or a Unix time, whose size tells s, ms, us or ns."""
+    """Return Unix seconds of an ISO 8601 instant or a Unix time, in s, ms, us or ns by its size."""
     try:
         value = float(cell)
     except ValueError:

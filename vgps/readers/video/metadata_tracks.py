@@ -29,7 +29,7 @@ def packets_of(video: Path, *kinds: str, most: int | None = None) -> Iterator[Pa
 
     Args:
         video: The file.
-        kinds: The four letters of a sample description, which tell what FFmpeg does not.
+        kinds: The four letters of a sample description, which FFmpeg does not report.
         most: Largest number of packets to read.
 
     Raises:

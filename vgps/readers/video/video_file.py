@@ -24,7 +24,7 @@ class _Slots:
 
     Attributes:
         t_s: (F,) times since the first frame.
-        index: Frame of each presentation stamp; None if only the decoder's order tells the frame.
+        index: Frame of each presentation stamp; None if frames follow from the decoder's order.
         packets: Number of packets that hold these frames; what follows is damaged.
         cut: Whether the file declares more frames than it has.
     """
@@ -200,7 +200,7 @@ def _slots(container: av.container.InputContainer, path: Path, times: FrameTimes
     shown = [packet for packet in packets if not packet.is_discard]
     if not shown:
         raise VideoError("no frames", file=path, expected="a video with frames")
-    # AVI stamps packets in decoding order, so that only the order of the decoder's output tells the frame
+    # AVI stamps packets in decoding order: frames follow from the order of the decoder's output
     in_order = container.format.name == "avi" or any(packet.pts is None for packet in shown)
     stamps = sorted(
         {stamp for packet in shown if (stamp := packet.dts if in_order else packet.pts) is not None}
