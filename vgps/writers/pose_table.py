@@ -1,6 +1,5 @@
 """Poses as a table with chosen columns, in a coordinate system: CSV."""
 
-import csv
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from vgps.errors import RunFolderError
 from vgps.model import FloatArray
+from vgps.writers.columns import QUATERNION, enu, named, numbers, write_columns
 from vgps.writers.export_job import ExportJob
 from vgps.writers.tum import quaternion
 
@@ -30,10 +30,7 @@ def write_csv(job: ExportJob, out: Path) -> None:
         raise RunFolderError(f"no column {unknown[0]}", expected="of " + ", ".join(columns))
     if job.options.columns is None and job.utc is None:
         chosen.remove("utc")
-    with out.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(chosen)
-        writer.writerows(zip(*(columns[name] for name in chosen), strict=True))
+    write_columns({name: columns[name] for name in chosen}, out)
 
 
 def attitude_deg(local_R_camera: FloatArray) -> FloatArray:
@@ -64,39 +61,19 @@ def _columns(job: ExportJob) -> dict[str, Iterable[object]]:
     """Return all columns that there are, by name."""
     system, solution, utc = job.georeferenced, job.solution, job.utc
     degrees = 10 if system.is_geographic else 4
-    attitude = attitude_deg(job.local_R_camera)
     return {
         "image": job.image_names,
         "frame": job.frame.tolist(),
-        "t_s": _numbers(solution.t_s, 9),
+        "t_s": numbers(solution.t_s, 9),
         "utc": [""] * len(job.frame) if utc is None else [one.isoformat() for one in utc],
-        system.axes[0]: _numbers(job.coordinates[:, 0], degrees),
-        system.axes[1]: _numbers(job.coordinates[:, 1], degrees),
-        system.height_column: _numbers(job.coordinates[:, 2], 4),
+        system.axes[0]: numbers(job.coordinates[:, 0], degrees),
+        system.axes[1]: numbers(job.coordinates[:, 1], degrees),
+        system.height_column: numbers(job.coordinates[:, 2], 4),
         "crs": [system.name] * len(job.frame),
-        **dict(
-            zip(("east_m", "north_m", "up_m"), _columns_of(solution.world_T_camera[:, :3, 3]), strict=True)
-        ),
-        **dict(zip(("heading_deg", "pitch_deg", "roll_deg"), _columns_of(attitude), strict=True)),
-        **{
-            name: _numbers(q, 12)
-            for name, q in zip(("qx", "qy", "qz", "qw"), quaternion(solution.world_T_camera).T, strict=True)
-        },
-        **{
-            f"sigma_{axis}_m": _numbers(solution.sigma_position_m[:, k], 4)
-            for k, axis in enumerate(("east", "north", "up"))
-        },
-        **{
-            f"sigma_rot_{axis}_deg": _numbers(np.degrees(solution.sigma_rotation_rad[:, k]), 4)
-            for k, axis in enumerate(("east", "north", "up"))
-        },
+        **enu("{}_m", solution.world_T_camera[:, :3, 3], 6),
+        **named(("heading_deg", "pitch_deg", "roll_deg"), attitude_deg(job.local_R_camera), 6),
+        **named(QUATERNION, quaternion(solution.world_T_camera), 12),
+        **enu("sigma_{}_m", solution.sigma_position_m, 4),
+        **enu("sigma_rot_{}_deg", np.degrees(solution.sigma_rotation_rad), 4),
         "state": [str(state) for state in solution.state],
     }
-
-
-def _columns_of(values: FloatArray) -> list[list[str]]:
-    return [_numbers(column, 6) for column in values.T]
-
-
-def _numbers(values: FloatArray, digits: int) -> list[str]:
-    return [f"{value:.{digits}f}" if np.isfinite(value) else "" for value in values + 0.0]

@@ -1,18 +1,14 @@
 """``poses.csv`` and ``gps.csv``: a run as tables. Unknown values are empty."""
 
-import csv
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import FloatArray, GpsLog
 from vgps.solution import FixTable, Solution, Verdict
+from vgps.writers.columns import QUATERNION, enu, named, numbers, write_columns
 from vgps.writers.tum import quaternion
-
-Columns = Mapping[str, Iterable[object]]
 
 
 def write_poses(solution: Solution, out: Path) -> None:
@@ -22,26 +18,21 @@ def write_poses(solution: Solution, out: Path) -> None:
     a world origin; the heading is empty if the run is not georeferenced or the camera looks straight up or
     down.
     """
-    east, north, up = solution.world_T_camera[:, :3, 3].T
-    qx, qy, qz, qw = quaternion(solution.world_T_camera).T
     geodetic = _geodetic(solution)
-    sigma_rotation_deg = np.degrees(solution.sigma_rotation_rad)
     columns = {
-        "t_s": _numbers(solution.t_s, 9),
+        "t_s": numbers(solution.t_s, 9),
         "frame": range(len(solution.t_s)),
         "state": map(str, solution.state),
-        "east_m": _numbers(east, 6),
-        "north_m": _numbers(north, 6),
-        "up_m": _numbers(up, 6),
-        **{name: _numbers(q, 12) for name, q in zip(("qx", "qy", "qz", "qw"), (qx, qy, qz, qw), strict=True)},
-        "latitude_deg": _numbers(geodetic[:, 0], 10),
-        "longitude_deg": _numbers(geodetic[:, 1], 10),
-        "height_m": _numbers(geodetic[:, 2], 6),
-        "heading_deg": _numbers(_heading(solution), 6),
-        **_enu("sigma_{}_m", solution.sigma_position_m),
-        **_enu("sigma_rot_{}_deg", sigma_rotation_deg),
+        **enu("{}_m", solution.world_T_camera[:, :3, 3], 6),
+        **named(QUATERNION, quaternion(solution.world_T_camera), 12),
+        "latitude_deg": numbers(geodetic[:, 0], 10),
+        "longitude_deg": numbers(geodetic[:, 1], 10),
+        "height_m": numbers(geodetic[:, 2], 6),
+        "heading_deg": numbers(_heading(solution), 6),
+        **enu("sigma_{}_m", solution.sigma_position_m, 6),
+        **enu("sigma_rot_{}_deg", np.degrees(solution.sigma_rotation_rad), 6),
     }
-    _write(columns, out)
+    write_columns(columns, out)
 
 
 def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
@@ -55,23 +46,23 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
     ratio_r, ratio_h = region_ratios(table)
     columns = {
         "line": [] if gps is None else gps.line.tolist(),
-        "t_s": [] if gps is None else _numbers(gps.t_s, 6),
+        "t_s": [] if gps is None else numbers(gps.t_s, 6),
         "class": [] if gps is None else map(str, gps.fix_class),
-        "latitude_deg": [] if gps is None else _numbers(gps.latitude_deg, 10),
-        "longitude_deg": [] if gps is None else _numbers(gps.longitude_deg, 10),
-        "height_m": [] if gps is None else _numbers(gps.height_m, 6),
-        **_enu("{}_m", table.world_p_fix),
-        **_enu("residual_{}_m", table.residual_m),
-        "ratio_r": _numbers(ratio_r, 6),
-        "ratio_h": _numbers(ratio_h, 6),
-        "r_m": _numbers(table.r_m, 6),
-        "h_m": _numbers(table.h_m, 6),
+        "latitude_deg": [] if gps is None else numbers(gps.latitude_deg, 10),
+        "longitude_deg": [] if gps is None else numbers(gps.longitude_deg, 10),
+        "height_m": [] if gps is None else numbers(gps.height_m, 6),
+        **enu("{}_m", table.world_p_fix, 6),
+        **enu("residual_{}_m", table.residual_m, 6),
+        "ratio_r": numbers(ratio_r, 6),
+        "ratio_h": numbers(ratio_h, 6),
+        "r_m": numbers(table.r_m, 6),
+        "h_m": numbers(table.h_m, 6),
         "used": ["yes" if used else "no" for used in table.used],
         "verdict": map(str, table.verdict),
-        "probability": _numbers(table.probability, 6),
+        "probability": numbers(table.probability, 6),
         "reason": table.reason,
     }
-    _write(columns, out)
+    write_columns(columns, out)
 
 
 def region_ratios(table: FixTable) -> tuple[FloatArray, FloatArray]:
@@ -105,21 +96,3 @@ def _no_verdicts(count: int) -> FixTable:
         verdict=(Verdict.NOT_USED,) * count,
         reason=("",) * count,
     )
-
-
-def _enu(name: str, values: FloatArray) -> dict[str, list[str]]:
-    return {
-        name.format(axis): _numbers(values[:, column], 6)
-        for column, axis in enumerate(("east", "north", "up"))
-    }
-
-
-def _numbers(values: npt.NDArray[np.floating], digits: int) -> list[str]:
-    return [f"{value:.{digits}f}" if np.isfinite(value) else "" for value in values + 0.0]
-
-
-def _write(columns: Columns, out: Path) -> None:
-    with out.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
