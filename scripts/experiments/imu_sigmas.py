@@ -87,11 +87,8 @@ def main() -> None:
     parser.add_argument("--walks", type=Path, help="folder that keeps the simulated walks, for a second run")
     given = parser.parse_args()
     with parser.refusals(), ProcessPoolExecutor(given.jobs) as pool:
-        results, walks = (
-            parser.results(given),
-            LiveTable("seed", *(f"NEES {name}" for name in QUANTITIES), numbers=".2f"),
-        )
-        runs = []
+        results, runs = parser.results(given), []
+        walks = LiveTable("seed", *(f"NEES {name}" for name in QUANTITIES), numbers=".2f")
         for seed, run in enumerate(pool.map(one, range(given.seeds), [given] * given.seeds)):
             runs.append(run)
             nees = {name: figures(run[name])["nees"] for name in QUANTITIES}

@@ -101,7 +101,7 @@ def errors_against(reference: GpsLog, log: GpsLog, max_spread_m: float = _MAX_SP
             remedy="give the reference solution of the same drive",
         )
     theirs = fixed[theirs]
-    origin = GeodeticPoint(*(float(x) for x in _place(reference)[theirs[0]]))
+    origin = GeodeticPoint(*_place(reference)[theirs[0]].tolist())
     found = _series(log, rows, _enu(origin, log)[rows] - _enu(origin, reference)[theirs])
     _check_antenna(found, reference.source, max_spread_m)
     return found
@@ -121,7 +121,7 @@ def mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float = _MAX_SPREAD_M) -
             remedy="give its position with --truth LATITUDE,LONGITUDE,HEIGHT",
         )
     # the mean is in metres, since degrees have none at the date line
-    origin = GeodeticPoint(*(float(x) for x in place[0]))
+    origin = GeodeticPoint(*place[0].tolist())
     local = to_enu(origin, *place.T)
     mean = local.mean(axis=0)
     spread = float(np.median(np.linalg.norm(local - mean, axis=1)))
@@ -132,7 +132,7 @@ def mean_of_fixes(logs: Sequence[GpsLog], max_spread_m: float = _MAX_SPREAD_M) -
             expected=f"at most {max_spread_m:g} m, as of a standing receiver",
             remedy="cut the log to the time when it stood still, or give --truth or --reference",
         )
-    return GeodeticPoint(*(float(x) for x in to_geodetic(origin, mean)))
+    return GeodeticPoint(*to_geodetic(origin, mean).tolist())
 
 
 def _check_antenna(errors: ErrorSeries, reference: Path, max_spread_m: float) -> None:

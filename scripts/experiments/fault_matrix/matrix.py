@@ -9,6 +9,7 @@ from zlib import crc32
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.common.markdown import table
 from scripts.experiments.fault_matrix.faults import Fault, Faulty
 from vgps.compare.methods import METHODS, Method, check_origin, front_ends
 from vgps.config import Config
@@ -101,11 +102,11 @@ def run_fault(
     return row
 
 
-def _counts(table: FixTable | None, faulty: Faulty, method: Method) -> dict[str, Any]:
+def _counts(fixes: FixTable | None, faulty: Faulty, method: Method) -> dict[str, Any]:
     """Return wrong fixes, those caught, good fixes, those rejected."""
-    if table is None or method.model == _WITHOUT_DETECTION:
+    if fixes is None or method.model == _WITHOUT_DETECTION:
         return dict.fromkeys(("wrong", "caught", "good", "rejected"), 0)
-    verdict = np.array(table.verdict, dtype=object)
+    verdict = np.array(fixes.verdict, dtype=object)
     used = verdict != Verdict.NOT_USED
     wrong, good = used & faulty.wrong, used & ~faulty.wrong
     doubted = (verdict == Verdict.REJECTED) | (verdict == Verdict.DOWN_CLASSED)
@@ -117,16 +118,16 @@ def _counts(table: FixTable | None, faulty: Faulty, method: Method) -> dict[str,
 def as_markdown(rows: Mapping[str, Row], faults: Sequence[Fault]) -> str:
     """Return errors in metres, wrong fixes caught and good ones rejected; below it what has no result."""
     words = {fault.name: fault.description for fault in faults}
+    names = [method.name for method in MODELS]
+    cells = (
+        [f"**{fault}**: {words[fault]}", *(_cell(row[name]) for name in names)] for fault, row in rows.items()
+    )
     lines = [
         "Mean / maximum unaligned error of the camera centre [m]; wrong fixes caught, of how many; good "
         "fixes rejected. Cauchy has no outlier detection.",
         "",
-        "| fault | " + " | ".join(method.name for method in MODELS) + " |",
-        "|---" * (1 + len(MODELS)) + "|",
+        table(["fault", *names], cells),
     ]
-    for name, row in rows.items():
-        cells = " | ".join(_cell(row[method.name]) for method in MODELS)
-        lines.append(f"| **{name}**: {words[name]} | {cells} |")
     failures = [f"- {name}: {'; '.join(_failures(row))}" for name, row in rows.items() if _failures(row)]
     return "\n".join([*lines, *(["", "Without a result:", "", *failures] if failures else [])]) + "\n"
 

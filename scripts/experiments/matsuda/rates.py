@@ -22,7 +22,7 @@ from scripts.common.command import ScriptParser, add_jobs
 from scripts.common.markdown import table
 from scripts.common.recordings import read_truth
 from scripts.experiments.matsuda.tracking_errors import (
-    PAPER,
+    ABLATIONS,
     TrackingErrors,
     correlations,
     errors_of,
@@ -43,13 +43,7 @@ SWING_DEG = 40.0
 RIGHT_M = 0.5
 LOST = 0.9  # a variant is lost at the lowest rate at which it holds less of the frames than this
 LEVELS = 5  # long blurs mix in what is far around a landmark
-METHODS: dict[str, dict[str, object]] = {
-    "Matsuda 2007 (A)-(E)": PAPER,
-    "(1) selected by the last pose": PAPER | {"select": "last_pose"},
-    "(2) templates not blurred": PAPER | {"blur": "none"},
-    "(3) one window for all": PAPER | {"window": "fixed"},
-    "graph (default)": {},
-}
+METHODS: dict[str, dict[str, object]] = {**ABLATIONS, "graph (default)": {}}
 COLOURS = ("tab:orange", "tab:red", "tab:green", "tab:purple", "tab:blue")
 
 

@@ -19,8 +19,9 @@ from scripts.common.command import ScriptParser
 from scripts.common.markdown import header, row
 from scripts.common.recordings import read_truth
 from scripts.experiments.matsuda.tracking_errors import (
+    ABLATIONS,
     ALIKE,
-    PAPER,
+    NOT_BLURRED,
     TrackingErrors,
     correlations,
     errors_of,
@@ -47,12 +48,8 @@ COLUMNS = (
 )
 AS_TRACK = "graph (default), 120 landmarks, with the second after it"  # as vgps track
 DEFAULT = "graph (default), as it comes"
-NOT_BLURRED = "(2) templates not blurred"
 METHODS: dict[str, dict[str, object]] = {
-    "Matsuda 2007 (A)-(E)": PAPER,
-    "(1) selected by the last pose": PAPER | {"select": "last_pose"},
-    NOT_BLURRED: PAPER | {"blur": "none"},
-    "(3) one window for all": PAPER | {"window": "fixed"},
+    **ABLATIONS,
     "blur by the gyro over the exposure": {"estimator": "frame"},
     DEFAULT: {},
     "graph, without gyro": {"use_gyro": False},

@@ -17,7 +17,15 @@ from vgps.localization.tracker import TrackedFrame
 from vgps.model import BoolArray, FloatArray, Recording
 
 ALIKE: dict[str, object] = {"max_landmarks": 160}  # for all methods
-PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
+_PAPER: dict[str, object] = {"estimator": "frame", "blur": "interval"}
+NOT_BLURRED = "(2) templates not blurred"
+ABLATIONS: dict[str, dict[str, object]] = {
+    "Matsuda 2007 (A)-(E)": _PAPER,
+    "(1) selected by the last pose": _PAPER | {"select": "last_pose"},
+    NOT_BLURRED: _PAPER | {"blur": "none"},
+    "(3) one window for all": _PAPER | {"window": "fixed"},
+}
+"""Settings of the paper's tracker, and of it without one of its parts."""
 
 
 @dataclass(frozen=True)
