@@ -11,7 +11,7 @@ from vgps.errors import ConfigError, RunFolderError
 from vgps.model import FixClass
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import SCENES, AccelerometerConfig, SceneConfig, simulate
+from vgps.simulate import SCENES, AccelerometerConfig, Renderer, SceneConfig, simulate
 from vgps.simulate.recording import FILES
 
 TINY = replace(
@@ -162,24 +162,28 @@ class StopError(Exception):
     pass
 
 
-def stop_at_second(done: int, of: int) -> None:
-    assert of == 30
-    if done == 2:
+def stop_at_second(_: Renderer, index: int) -> np.ndarray:
+    if index == 1:
         raise StopError
+    return np.zeros((TINY.height, TINY.width, 3), np.uint8)
 
 
-def test_a_simulation_cut_short_leaves_nothing(tmp_path: Path) -> None:
+def test_a_simulation_cut_short_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Renderer, "frame", stop_at_second)
     with pytest.raises(StopError):
-        simulate(tmp_path / "out", TINY, on_frame=stop_at_second)
+        simulate(tmp_path / "out", TINY)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_earlier_simulation_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
+def test_an_earlier_simulation_stays_until_the_new_one_is_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tiny = replace(TINY, speed=((0.0, 1.2), (0.2, 1.2)))
     simulate(tmp_path / "out", tiny)
     before = (tmp_path / "out/truth.tum").read_bytes()
-    with pytest.raises(StopError):
-        simulate(tmp_path / "out", TINY, seed=1, on_frame=stop_at_second)
+    with monkeypatch.context() as patch, pytest.raises(StopError):
+        patch.setattr(Renderer, "frame", stop_at_second)
+        simulate(tmp_path / "out", TINY, seed=1)
     assert (tmp_path / "out/truth.tum").read_bytes() == before
     (tmp_path / "out/mine.txt").write_text("kept")
     simulate(tmp_path / "out", tiny, seed=1)

@@ -1,7 +1,7 @@
 """Simulated recordings on disk: the files that a user has, and the exact truth."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
@@ -39,19 +39,13 @@ _AHEAD = 6
 _NEXT_CAMERA = 7919  # between the seeds of the cameras' noise
 
 
-def simulate(
-    out: Path,
-    scene: str | SceneConfig = "walk",
-    seed: int = 0,
-    on_frame: Callable[[int, int], None] | None = None,
-) -> None:
+def simulate(out: Path, scene: str | SceneConfig = "walk", seed: int = 0) -> None:
     """Write a recording with exact truth: a rendered video, camera, rig, fixes, gyro, IMU and poses.
 
     Args:
         out: The recording folder; an earlier simulation of that name is replaced, other files in it stay.
         scene: A name in ``SCENES``, or a scene.
         seed: Determines every random choice; the same seed gives the same bytes.
-        on_frame: Called after each frame with the number of frames done and in total.
 
     Raises:
         ConfigError: No scene of that name, a readout longer than a frame, or too wide a fisheye.
@@ -76,10 +70,10 @@ def simulate(
             **({"gps_errors": config.gps.replay.source.name} if config.gps.replay else {}),
         }
         (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
-        write_video(folder / "video.mp4", _rendered(renderer, config.frames), config, on_frame)
+        _write_video(folder / "video.mp4", _rendered(renderer, config.frames), config)
         for k, (name, mount) in enumerate(ring(config.cameras).items(), start=1):
             renderer = Renderer(world, MountedMotion(motion, mount), config, own + k * _NEXT_CAMERA)
-            write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config, on_frame)
+            _write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config)
 
 
 def _check(config: SceneConfig) -> None:
@@ -112,12 +106,7 @@ def _write_sensors(folder: Path, motion: Motion, config: SceneConfig, seed: int)
     _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
 
 
-def write_video(
-    path: Path,
-    pictures: Iterator[Picture],
-    config: SceneConfig,
-    on_frame: Callable[[int, int], None] | None = None,
-) -> None:
+def _write_video(path: Path, pictures: Iterator[Picture], config: SceneConfig) -> None:
     """Encode as H.264, frame i at exactly ``i / fps`` seconds, in one thread to reproduce the bytes."""
     # x264's macroblock tree does not reproduce the bytes
     options = {"crf": str(config.crf), "preset": "veryfast", "x264-params": "mbtree=0"}
@@ -130,8 +119,6 @@ def write_video(
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = index, Fraction(1, config.fps)
             container.mux(stream.encode(frame))
-            if on_frame:
-                on_frame(index + 1, config.frames)
         container.mux(stream.encode(None))
 
 

@@ -13,10 +13,10 @@ _EXIF, _XMP = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
 _LONGEST = 65533
 
 
-def encoded(picture: Image.Image, quality: int = 95) -> bytes:
+def encoded(picture: Image.Image) -> bytes:
     """Return a picture as JPEG."""
     stream = io.BytesIO()
-    picture.save(stream, "JPEG", quality=quality, subsampling=0)
+    picture.save(stream, "JPEG", quality=95, subsampling=0)
     return stream.getvalue()
 
 

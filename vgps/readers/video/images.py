@@ -24,24 +24,20 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
 class ImageFolder:
     """Images in order of their names (numbers by value) with their times.
 
-    Times are those of ``frame_times.csv``: a column ``file`` names the images, a column ``frame`` numbers the
-    sorted ones from 0. Without the table, they are the pictures' EXIF, and the order is that of time. An
-    image that cannot be decoded becomes a black frame, with an entry in ``warnings`` and in the log.
+    Times are those of ``frame_times.csv`` in the folder or beside it: a column ``file`` names the images, a
+    column ``frame`` numbers the sorted ones from 0. Without the table, they are the pictures' EXIF, and the
+    order is that of time. An image that cannot be decoded becomes a black frame, with an entry in
+    ``warnings`` and in the log.
     """
 
-    def __init__(self, path: str | Path, frame_times: str | Path | None = None) -> None:
+    def __init__(self, path: str | Path) -> None:
         """List the images and decode the first.
-
-        Args:
-            path: The folder.
-            frame_times: The table; by default ``frame_times.csv`` in the folder or beside it, else the times
-                of the pictures' EXIF.
 
         Raises:
             VideoError: There are no images or no times, or their numbers differ.
         """
         self.path = Path(path)
-        table = _table(self.path, frame_times)
+        table = _table(self.path)
         self._taken = {} if table else {file: read_taken(file) for file in list_images(self.path)}
         times = read_frame_times(table) if table else picture_times(self.path, list(self._taken.values()))
         self.files = _files(self.path, times)
@@ -140,10 +136,8 @@ def _parts(file: Path) -> list[str]:
     return re.findall(r"\d+|\D+", file.stem)
 
 
-def _table(folder: Path, given: str | Path | None) -> Path | None:
-    """Return the table of times that is given, or lies in the folder or beside it."""
-    if given is not None:
-        return Path(given)
+def _table(folder: Path) -> Path | None:
+    """Return the table of times in the folder or beside it."""
     if not folder.is_dir():
         raise VideoError("no such folder of images", file=folder)
     tables = (folder / FRAME_TIMES, folder.parent / FRAME_TIMES)

@@ -99,9 +99,9 @@ def _converted(picture: av.VideoFrame) -> GrayImage:
     return _y_plane(picture.reformat(format="gray"))
 
 
-def ahead(produce: Callable[[], Generator[T]], depth: int = _AHEAD) -> Iterator[T]:
+def ahead(produce: Callable[[], Generator[T]]) -> Iterator[T]:
     """Run a generator a few items ahead in a separate thread, which ends when the iterator is closed."""
-    items: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue(depth)
+    items: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue(_AHEAD)
     stop = threading.Event()
 
     def put(item: T | None, error: BaseException | None) -> bool:
