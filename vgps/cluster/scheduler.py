@@ -1,12 +1,12 @@
 """Jobs on the workers of a dask.distributed scheduler (the extra ``cluster``)."""
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from vgps.cluster.job import JobReport, SmoothJob, reported
 from vgps.errors import ClusterError
+from vgps.runtime.threads import process_cores
 from vgps.runtime.versions import versions
 
 if TYPE_CHECKING:
@@ -91,8 +91,7 @@ def _connected(scheduler: str, jobs: int, announce: Callable[[str], None]) -> "I
         ) from None
     options: dict[str, Any] = {"address": scheduler, "timeout": _CONNECT_S}
     if scheduler == LOCAL:
-        workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, jobs)
-        options = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": None}
+        options = {"n_workers": min(process_cores(), jobs), "threads_per_worker": 1, "memory_limit": None}
     try:
         client = Client(**options)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:

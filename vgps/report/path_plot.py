@@ -6,7 +6,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 
 from vgps.model import BoolArray, FloatArray
-from vgps.report.summary import antenna_positions, distance_m, gps_results
+from vgps.report.summary import antenna_positions, distance_m
 from vgps.solution import FixTable, Solution, Verdict
 from vgps.writers.page import tidy
 
@@ -57,11 +57,10 @@ def with_verdict(table: FixTable, verdict: Verdict) -> BoolArray:
 
 def fixes_outside(solution: Solution) -> int:
     """Count the fixes outside the limits of the plot from above."""
-    results = gps_results(solution)
-    if results is None:
+    if solution.fixes is None:
         return 0
     low, high = _box(solution)
-    fixes = results[1].world_p_fix[:, :2]
+    fixes = solution.fixes.world_p_fix[:, :2]
     known = np.isfinite(fixes).all(axis=1)
     return int((known & ~((fixes >= low) & (fixes <= high)).all(axis=1)).sum())
 
@@ -73,8 +72,8 @@ def _plot_above(axes: Axes, solution: Solution) -> None:
     if solution.world_p_before is not None:
         before = solution.world_p_before
         axes.plot(before[:, 0], before[:, 1], color=_BEFORE, lw=0.9, ls="--", label="before stage D")
-    if (results := gps_results(solution)) is not None:
-        _plot_fixes_above(axes, results[1])
+    if solution.fixes is not None:
+        _plot_fixes_above(axes, solution.fixes)
     if len(points):
         axes.scatter(points[:, 0], points[:, 1], s=0.4, c="#c3c8ce", lw=0, rasterized=True, zorder=0)
         axes.plot([], [], ".", color="#b9bec5", ms=4, label="landmarks")
@@ -113,12 +112,13 @@ def _plot_fixes_above(axes: Axes, table: FixTable) -> None:
 def _plot_side(axes: Axes, solution: Solution) -> None:
     distance = distance_m(solution)
     axes.plot(distance, solution.world_T_camera[:, 2, 3], color=_PATH, lw=1.6, label="camera", zorder=3)
-    if (results := gps_results(solution)) is None:
+    table = solution.fixes
+    if table is None:
         return
     if solution.camera_p_antenna.any():
         antenna = antenna_positions(solution)
         axes.plot(distance, antenna[:, 2], color=_ANTENNA, lw=1.2, label="antenna")
-    table, fix_distance = results[1], np.interp(solution.fix_times_s, solution.t_s, distance)
+    fix_distance = np.interp(solution.fix_times_s, solution.t_s, distance)
     for verdict, (colour, marker) in VERDICT_STYLES.items():
         rows = with_verdict(table, verdict) & np.isfinite(table.residual_m).all(axis=1)
         if not rows.any():
@@ -133,8 +133,8 @@ def _box(solution: Solution) -> tuple[FloatArray, FloatArray]:
     around = solution.world_T_camera[:, :2, 3]
     low, high = around.min(axis=0), around.max(axis=0)
     reach = max(0.25 * float((high - low).max()), 5.0 if solution.georeferenced else 0.0)
-    if (results := gps_results(solution)) is not None:
-        fixes = results[1].world_p_fix[:, :2]
+    if solution.fixes is not None:
+        fixes = solution.fixes.world_p_fix[:, :2]
         near = ((fixes > low - reach) & (fixes < high + reach)).all(axis=1)
         around = np.vstack([around, fixes[near]])
     low, high = around.min(axis=0), around.max(axis=0)
@@ -148,8 +148,7 @@ def _box(solution: Solution) -> tuple[FloatArray, FloatArray]:
 def _heights(solution: Solution) -> tuple[float, float]:
     """Return limits that show the path and the regions of the used fixes."""
     shown = solution.world_T_camera[:, 2, 3]
-    if (results := gps_results(solution)) is not None:
-        table = results[1]
+    if (table := solution.fixes) is not None:
         used = table.used & np.isfinite(table.world_p_fix[:, 2]) & np.isfinite(table.h_m)
         up, h_m = table.world_p_fix[used, 2], table.h_m[used]
         shown = np.concatenate([shown, antenna_positions(solution)[:, 2], up - h_m, up + h_m])

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vgps.geometry import travelled
-from vgps.model import FloatArray, GpsLog, IntArray
-from vgps.solution import FixTable, Solution, Verdict
+from vgps.model import FloatArray, IntArray
+from vgps.solution import Solution, Verdict
 from vgps.writers.tables import region_ratios
 
 _OUTAGE_INTERVALS = 3.0  # a gap is an outage if it exceeds this many usual intervals between fixes
@@ -38,18 +38,11 @@ class Outage:
     sigma_m: FloatArray
 
 
-def gps_results(solution: Solution) -> tuple[GpsLog, FixTable] | None:
-    """Return the log and the verdicts, if the run has both and at least one fix."""
-    log, table = solution.gps, solution.fixes
-    return (log, table) if log is not None and table is not None and len(log) else None
-
-
 def verdict_counts(solution: Solution) -> dict[str, dict[Verdict, int]]:
     """Count the verdicts on the fixes of each class, best class first."""
-    results = gps_results(solution)
-    if results is None:
+    if solution.judged_fixes is None:
         return {}
-    log, table = results
+    log, table = solution.judged_fixes
     pairs = Counter(zip(log.fix_class, table.verdict, strict=True))
     order = list(type(log.fix_class[0]))
     classes = sorted(set(log.fix_class), key=order.index)
@@ -58,10 +51,9 @@ def verdict_counts(solution: Solution) -> dict[str, dict[Verdict, int]]:
 
 def doubted_fixes(solution: Solution) -> list[DoubtedFix]:
     """Return all rejected and down-classed fixes in order of time."""
-    results = gps_results(solution)
-    if results is None:
+    if solution.judged_fixes is None:
         return []
-    log, table = results
+    log, table = solution.judged_fixes
     ratio_r, ratio_h = region_ratios(table)
     return [
         DoubtedFix(
@@ -81,10 +73,10 @@ def doubted_fixes(solution: Solution) -> list[DoubtedFix]:
 
 def unused_reasons(solution: Solution) -> list[tuple[str, int]]:
     """Count the reasons why fixes were not used, most frequent first."""
-    results = gps_results(solution)
-    if results is None:
+    table = solution.fixes
+    if table is None:
         return []
-    reasons = zip(results[1].reason, results[1].verdict, strict=True)
+    reasons = zip(table.reason, table.verdict, strict=True)
     unused = (
         reason.removeprefix(f"{verdict}: ") for reason, verdict in reasons if verdict is Verdict.NOT_USED
     )
@@ -93,10 +85,9 @@ def unused_reasons(solution: Solution) -> list[tuple[str, int]]:
 
 def outages(solution: Solution) -> list[Outage]:
     """Return the gaps between used fixes that are much longer than the usual interval."""
-    results = gps_results(solution)
-    if results is None or len(solution.t_s) < 2:
+    if solution.judged_fixes is None or len(solution.t_s) < 2:
         return []
-    log, table = results
+    log, table = solution.judged_fixes
     t_s, distance = solution.t_s, distance_m(solution)
     times = solution.fix_times_s[table.used]
     interval_s = float(np.median(np.diff(log.t_s))) if len(log) > 1 else 0.0

@@ -10,7 +10,6 @@ from vgps.config import Config
 from vgps.crs import CoordinateSystem, decimal_year, egm96
 from vgps.geodesy import to_geodetic
 from vgps.model import FloatArray, IntArray
-from vgps.report.summary import gps_results
 from vgps.solution import Solution
 
 
@@ -70,10 +69,10 @@ def _coordinates_text(system: CoordinateSystem, geodetic: FloatArray) -> str:
 
 def class_spells(solution: Solution) -> list[tuple[str, float, float, int]]:
     """Return class, begin and end [s], and number of fixes of each spell of fixes of one class, in order."""
-    results = gps_results(solution)
-    if results is None:
+    if solution.judged_fixes is None:
         return []
-    classes, times = np.array([str(one) for one in results[0].fix_class]), solution.fix_times_s
+    log, _ = solution.judged_fixes
+    classes, times = np.array(log.fix_class, dtype=str), solution.fix_times_s
     starts: IntArray = np.flatnonzero(np.concatenate([[True], classes[1:] != classes[:-1]]))
     ends = np.append(starts[1:], len(classes))
     return [

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from vgps.report.path_plot import VERDICT_STYLES, bound_size, with_verdict
-from vgps.report.summary import Outage, features_per_frame, gps_results, outages
+from vgps.report.summary import Outage, features_per_frame, outages
 from vgps.solution import FrameState, Solution
 from vgps.writers.page import tidy
 from vgps.writers.tables import region_ratios
@@ -18,7 +18,7 @@ _MIN_RATIO = 1e-2  # logarithmic axes have no zero
 def time_plot(solution: Solution) -> Figure:
     """Plot one row of axes per quantity of the run over a common time axis."""
     rows = [_position_sigmas, _rotation_sigmas, _features]
-    if gps_results(solution) is not None:
+    if solution.judged_fixes is not None:
         rows = [_horizontal_ratios, _vertical_ratios, *rows]
     figure = Figure(figsize=(10.0, 1.75 * len(rows) + 0.4), layout="constrained")
     gaps = outages(solution)
@@ -51,10 +51,9 @@ def _vertical_ratios(axes: Axes, solution: Solution) -> None:
 
 
 def _ratios(axes: Axes, solution: Solution, which: int) -> None:
-    results = gps_results(solution)
-    if results is None:
+    table, t_s = solution.fixes, solution.fix_times_s
+    if table is None:
         return
-    table, t_s = results[1], solution.fix_times_s
     ratio = np.maximum(region_ratios(table)[which], _MIN_RATIO)
     for verdict, (colour, marker) in VERDICT_STYLES.items():
         rows = with_verdict(table, verdict) & np.isfinite(ratio)

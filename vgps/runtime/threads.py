@@ -44,9 +44,14 @@ def begin(
     return result
 
 
+def process_cores() -> int:
+    """Return the number of cores that the system lets this process use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def usable_cores() -> int:
-    """Return the number of cores that this process may use; ``OMP_NUM_THREADS`` lowers it."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Return the number of cores to compute on: those of the process; ``OMP_NUM_THREADS`` lowers it."""
+    cores = process_cores()
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return min(cores, int(wanted)) if wanted.isdecimal() and int(wanted) else cores
 

@@ -137,6 +137,11 @@ class Solution:
         return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s
 
     @property
+    def judged_fixes(self) -> tuple[GpsLog, FixTable] | None:
+        """The log and the verdicts on its fixes; None without fixes or verdicts."""
+        return (self.gps, self.fixes) if self.gps and self.fixes is not None else None
+
+    @property
     def all_landmarks(self) -> tuple[Landmarks, Observations]:
         """The landmarks of all cameras with their observations, those of the reference first."""
         maps = [(self.landmarks, self.observations), *((c.landmarks, c.observations) for c in self.cameras)]

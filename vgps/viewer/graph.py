@@ -144,7 +144,7 @@ def _landmarks(run: RunIndex, frames: IntArray) -> IntArray:
 
 def _fixes(solution: Solution, first: int, end: int) -> list[int]:
     """Return fixes from the frame ``first`` to before ``end``, thinned out to what can be shown."""
-    if solution.fixes is None or solution.gps is None:
+    if solution.fixes is None:
         return []
     frame = fix_placement(solution).frame
     known = np.isfinite(solution.fixes.residual_m).all(axis=1)

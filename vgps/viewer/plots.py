@@ -3,12 +3,11 @@
 import numpy as np
 import rerun as rr
 
-from vgps.model import BoolArray, FloatArray
-from vgps.solution import Solution, Verdict
+from vgps.model import BoolArray, FloatArray, GpsLog
+from vgps.solution import FixTable, Solution, Verdict
 from vgps.viewer import colours
 from vgps.viewer.residuals import (
     ReprojectedObservations,
-    gps_results,
     gps_terms,
     reprojection_errors,
     video_terms,
@@ -39,13 +38,13 @@ def log_plots(stream: RunStream, solution: Solution, observations: ReprojectedOb
         _log_line(stream, f"{SIGMA}/{name}", solution.sigma_position_m[:, k], colour, name)
         sigma = np.degrees(solution.sigma_rotation_rad[:, k])
         _log_line(stream, f"{SIGMA_ROTATION}/{name}", sigma, colour, f"about {name}")
-    if solution.fixes is not None and solution.gps is not None:
-        _log_fix_plots(stream, solution)
-        _log_verdicts(stream, solution)
+    if solution.judged_fixes is not None:
+        log, table = solution.judged_fixes
+        _log_fix_plots(stream, solution, table)
+        _log_verdicts(stream, solution.fix_times_s, log, table)
 
 
-def _log_fix_plots(stream: RunStream, solution: Solution) -> None:
-    _, table = gps_results(solution)
+def _log_fix_plots(stream: RunStream, solution: Solution, table: FixTable) -> None:
     t_s = solution.fix_times_s
     rejected: BoolArray = np.array([verdict is Verdict.REJECTED for verdict in table.verdict], bool)
     ratio_r, ratio_h = region_ratios(table)
@@ -64,12 +63,11 @@ def _log_fix_plots(stream: RunStream, solution: Solution) -> None:
     stream.send_series(f"{ENERGY}/gps", gps_terms(solution), t_s)
 
 
-def _log_verdicts(stream: RunStream, solution: Solution) -> None:
-    log, table = gps_results(solution)
+def _log_verdicts(stream: RunStream, t_s: FloatArray, log: GpsLog, table: FixTable) -> None:
     levels = {Verdict.REJECTED: "ERROR", Verdict.DOWN_CLASSED: "WARN", Verdict.NOT_USED: "DEBUG"}
     stream.send_times(
         VERDICTS,
-        solution.fix_times_s,
+        t_s,
         rr.TextLog.columns(
             text=[f"fix {row}, {log.fix_class[row]}: {reason}" for row, reason in enumerate(table.reason)],
             level=[levels.get(verdict, "INFO") for verdict in table.verdict],

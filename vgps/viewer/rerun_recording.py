@@ -104,11 +104,10 @@ def log_run(
 
 def screenshot_time_s(solution: Solution) -> float:
     """Return the time of the first rejected fix within the video, or the middle of the run without one."""
-    table = solution.fixes
-    if table is not None and solution.gps is not None:
+    if solution.fixes is not None:
         rejected = [
             float(t)
-            for t, verdict in zip(solution.fix_times_s, table.verdict, strict=True)
+            for t, verdict in zip(solution.fix_times_s, solution.fixes.verdict, strict=True)
             if verdict is Verdict.REJECTED and solution.t_s[0] <= t <= solution.t_s[-1]
         ]
         if rejected:

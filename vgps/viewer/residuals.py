@@ -92,9 +92,9 @@ def video_terms(solution: Solution, observations: ReprojectedObservations) -> Fl
 
 def gps_results(solution: Solution) -> tuple[GpsLog, FixTable]:
     """Return the GPS log and the verdicts of a run that has both."""
-    if solution.gps is None or solution.fixes is None:
+    if solution.judged_fixes is None:
         raise ValueError("a run without GPS has no fixes to show")
-    return solution.gps, solution.fixes
+    return solution.judged_fixes
 
 
 def fix_placement(solution: Solution) -> Placement:
@@ -107,9 +107,9 @@ def gps_terms(solution: Solution) -> FloatArray:
 
     All are NaN if the run's configuration is that of an incompatible version.
     """
-    table, log = solution.fixes, solution.gps
-    if table is None or log is None:
+    if solution.judged_fixes is None:
         return np.zeros(0)
+    log, table = solution.judged_fixes
     terms = np.full(len(log), np.nan)
     try:
         config = GpsConfig.model_validate(solution.config.get("gps", {}))

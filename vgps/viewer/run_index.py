@@ -60,7 +60,7 @@ class RunIndex:
     def fixes_of_frame(self) -> dict[int, list[int]]:
         """The fixes whose factors act on a frame: a factor acts on the frames before and after its fix."""
         fixes: dict[int, list[int]] = {}
-        if self.solution.fixes is None or self.solution.gps is None:
+        if self.solution.fixes is None:
             return fixes
         before = fix_placement(self.solution).frame
         for row in np.flatnonzero(self.solution.fixes.used):

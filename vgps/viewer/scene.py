@@ -7,7 +7,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
-from vgps.solution import FrameState, Landmarks, Solution, Verdict
+from vgps.solution import FixTable, FrameState, Landmarks, Solution, Verdict
 from vgps.viewer import colours
 from vgps.viewer.residuals import gps_results
 from vgps.viewer.run_stream import RunStream
@@ -32,10 +32,10 @@ def log_scene(stream: RunStream, solution: Solution) -> None:
     _log_landmarks(stream, LANDMARKS, solution.landmarks)
     for camera in solution.cameras:
         _log_landmarks(stream, f"{LANDMARKS}_{camera.name}", camera.landmarks)
-    if solution.fixes is not None and solution.gps is not None:
-        for fix_class, verdict, rows in fix_groups(solution):
-            _log_fixes(stream, solution, fix_class, verdict, rows)
-        _log_fix_now(stream, solution)
+    for fix_class, verdict, rows in fix_groups(solution):
+        _log_fixes(stream, solution, fix_class, verdict, rows)
+    if solution.fixes is not None:
+        _log_fix_now(stream, solution.fix_times_s, solution.fixes)
 
 
 def _log_landmarks(stream: RunStream, path: str, landmarks: Landmarks) -> None:
@@ -52,9 +52,9 @@ def _log_landmarks(stream: RunStream, path: str, landmarks: Landmarks) -> None:
 
 def fix_groups(solution: Solution) -> list[tuple[FixClass, Verdict, IntArray]]:
     """Return the rows of the fixes with a position by class and verdict, classes from best to worst."""
-    table, log = solution.fixes, solution.gps
-    if table is None or log is None:
+    if solution.judged_fixes is None:
         return []
+    log, table = solution.judged_fixes
     positioned = np.isfinite(table.world_p_fix).all(axis=1)
     groups = []
     for fix_class in FixClass:
@@ -160,14 +160,13 @@ def _log_fixes(
         )
 
 
-def _log_fix_now(stream: RunStream, solution: Solution) -> None:
+def _log_fix_now(stream: RunStream, t_s: FloatArray, table: FixTable) -> None:
     """Log the region of the last fix before the current time as a white wireframe."""
-    _, table = gps_results(solution)
     rows = np.flatnonzero(np.isfinite(table.world_p_fix).all(axis=1) & np.isfinite(table.r_m + table.h_m))
     if len(rows):
         stream.send_times(
             NOW,
-            solution.fix_times_s[rows],
+            t_s[rows],
             rr.Cylinders3D.columns(
                 centers=table.world_p_fix[rows], radii=table.r_m[rows], lengths=2.0 * table.h_m[rows]
             ),

@@ -125,8 +125,10 @@ def _time_tags(utc: datetime) -> dict[int, object]:
 
 def _hdop(job: ExportJob, row: int) -> float:
     """Return the dilution of the nearest used fix; NaN if there is none."""
-    log, table = job.solution.gps, job.solution.fixes
-    if log is None or table is None or not table.used.any():
+    if job.solution.judged_fixes is None:
+        return math.nan
+    log, table = job.solution.judged_fixes
+    if not table.used.any():
         return math.nan
     times, hdop = job.solution.fix_times_s[table.used], log.hdop[table.used]
     return float(hdop[np.argmin(np.abs(times - job.solution.t_s[row]))])

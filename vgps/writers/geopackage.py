@@ -107,9 +107,9 @@ def _add_frames(layers: _Layers, job: ExportJob) -> None:
 
 
 def _add_fixes(layers: _Layers, job: ExportJob) -> None:
-    log, table = job.solution.gps, job.solution.fixes
-    if log is None or table is None:
+    if job.solution.judged_fixes is None:
         return
+    log, table = job.solution.judged_fixes
     columns = {
         "line": "INTEGER",
         "t_s": "REAL",

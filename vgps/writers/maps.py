@@ -57,9 +57,9 @@ def write_kml(job: ExportJob, out: Path) -> None:
 
 
 def _fix_rows(solution: Solution) -> list[tuple[list[float], dict[str, Any]]]:
-    log, table = solution.gps, solution.fixes
-    if log is None or table is None:
+    if solution.judged_fixes is None:
         return []
+    log, table = solution.judged_fixes
     places = np.round(np.stack([log.longitude_deg, log.latitude_deg, log.height_m], axis=1), 9)
     return [
         (
