@@ -1,11 +1,12 @@
 import os
 import threading
 import time
+from collections.abc import Generator
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from vgps.runtime.threads import begin, map_in_order, one_blas_thread, usable_cores
+from vgps.runtime.threads import begin, map_in_order, one_blas_thread, run_ahead, usable_cores
 
 
 def blas_threads() -> list[int]:
@@ -57,6 +58,52 @@ def test_an_error_in_a_thread_arrives():
 @pytest.mark.usefixtures("two_cores")
 def test_few_items_stay_in_the_thread_of_the_caller():
     assert set(map_in_order(lambda _: threading.get_ident(), range(3))) == {threading.get_ident()}
+
+
+def test_what_runs_ahead_goes_on_without_its_reader_but_only_by_so_many_items():
+    made: list[int] = []
+
+    def numbers() -> Generator[int]:
+        for number in range(100):
+            made.append(number)
+            yield number
+
+    items = run_ahead(numbers)
+    assert next(items) == 0
+    deadline = time.monotonic() + 10.0
+    while len(made) < 10:  # the first, eight that wait, and one for which there is no room
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    time.sleep(0.15)  # longer than one try to put
+    assert len(made) == 10
+    assert list(items) == list(range(1, 100))
+
+
+def test_what_runs_ahead_passes_its_error_on_after_its_items():
+    def failing() -> Generator[int]:
+        yield 1
+        raise ZeroDivisionError
+
+    items = run_ahead(failing)
+    assert next(items) == 1
+    with pytest.raises(ZeroDivisionError):
+        next(items)
+
+
+def test_closing_what_runs_ahead_closes_the_generator():
+    closed = threading.Event()
+
+    def endless() -> Generator[int]:
+        try:
+            while True:
+                yield 1
+        finally:
+            closed.set()
+
+    items = run_ahead(endless)
+    next(items)
+    items.close()
+    assert closed.is_set()
 
 
 @pytest.mark.parametrize(("given", "expected"), [("1", 1), ("0", None), ("1,4", 1), ("1000000", None)])

@@ -12,7 +12,7 @@ import av
 from vgps.errors import VideoError
 from vgps.online.estimate import counts_as_news
 from vgps.online.run import TimedImage
-from vgps.readers.video.luma import luma
+from vgps.readers.video.picture import luma
 
 _QUEUED = 2  # frames; if more arrive than can be processed, older ones are dropped
 _TIMEOUT_S = 10.0  # silence after which a stream is reopened

@@ -14,7 +14,7 @@ from vgps.errors import GpsLogError, VideoError
 from vgps.model import Camera, FixClass, FloatArray, Frame, GyroLog, RgbImage
 from vgps.readers.bag_messages import IMAGES, bag_messages, grey_of, rgb_of, stamp_s
 from vgps.readers.gps_formats.fixes import EPOCH, Clock, Fix, RawLog, skipped, uncertainty
-from vgps.readers.video.luma import ahead
+from vgps.runtime.threads import run_ahead
 
 _MAGIC = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
 _UTC_S = 1e9  # ROS times from here on are Unix times; smaller ones are a simulation's
@@ -89,7 +89,7 @@ class BagVideo:
 
     def frames(self) -> Iterator[Frame]:
         """Yield all images in order of time, decoded ahead in a separate thread."""
-        return ahead(self._frames)
+        return run_ahead(self._frames)
 
     def pictures(self, wanted: Collection[int]) -> Iterator[tuple[int, RgbImage]]:
         """Yield index and colours of some images in order."""

@@ -1,12 +1,15 @@
-"""Threads: one for linear algebra on small blocks, one beside the frames, several for parts of an array.
+"""Threads: one for linear algebra on small blocks, one ahead or beside, several for parts of an array.
 
 BLAS's own threads have too little to share in small blocks: on busy cores, threads waiting for each other
 cost fourfold, and their number changes the last digits.
 """
 
+import contextlib
 import os
+import queue
+import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
@@ -19,6 +22,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
 
+_AHEAD = 8  # items made ahead: a frame at 4K is 8 MB
 _FEWEST = 4  # items, of some milliseconds each, for which threads are worth starting
 
 
@@ -73,3 +77,46 @@ def map_in_order(function: Callable[[Item], Result], items: Sequence[Item]) -> I
             result = waiting.popleft().result()
             waiting.extend(pool.submit(function, item) for item in islice(rest, 1))
             yield result
+
+
+def run_ahead(produce: Callable[[], Generator[Item]]) -> Generator[Item]:
+    """Yield what a generator yields, which runs a few items ahead in a thread of its own.
+
+    The thread ends when the iterator is closed. An error of the generator is raised here.
+    """
+    items: queue.Queue[tuple[Item | None, BaseException | None]] = queue.Queue(_AHEAD)
+    stop = threading.Event()
+
+    def put(item: Item | None, error: BaseException | None) -> bool:
+        while not stop.is_set():
+            with contextlib.suppress(queue.Full):
+                items.put((item, error), timeout=0.1)
+                return True
+        return False
+
+    def work() -> None:
+        try:
+            with contextlib.closing(produce()) as source:
+                for item in source:
+                    if not put(item, None):
+                        return
+            put(None, StopIteration())
+        except BaseException as error:
+            put(None, error)
+
+    thread = threading.Thread(target=work, name="ahead", daemon=True)
+    thread.start()
+    try:
+        while True:
+            item, error = items.get()
+            if isinstance(error, StopIteration):
+                return
+            if error is not None:
+                raise error
+            yield item  # type: ignore[misc]
+    finally:
+        stop.set()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                items.get_nowait()
+        thread.join()

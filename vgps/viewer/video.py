@@ -11,7 +11,7 @@ import rerun as rr
 
 from vgps.model import FloatArray, Frame, IntArray, Video
 from vgps.readers.video.container import open_container
-from vgps.readers.video.luma import quarter_turns
+from vgps.readers.video.picture import quarter_turns
 from vgps.readers.video.video_file import VideoFile
 from vgps.viewer.run_stream import RunStream
 

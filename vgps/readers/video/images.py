@@ -14,7 +14,8 @@ from vgps.model import FloatArray, Frame, GrayImage, RgbImage
 from vgps.readers.video.container import check_size, open_container
 from vgps.readers.video.exif import Taken, picture_times, read_taken
 from vgps.readers.video.frame_times import FRAME_TIMES, FrameTimes, read_frame_times
-from vgps.readers.video.luma import ahead, colours, luma, quarter_turns, upright_size
+from vgps.readers.video.picture import colours, luma, quarter_turns, upright_size
+from vgps.runtime.threads import run_ahead
 
 _ORIENTATION, _MIRRORED = 0x0112, {2, 4, 5, 7}
 log = logging.getLogger(__name__)
@@ -74,7 +75,7 @@ class ImageFolder:
         Raises:
             VideoError: An image has another size than the first.
         """
-        return ahead(self._frames)
+        return run_ahead(self._frames)
 
     def pictures(self, wanted: Collection[int]) -> Iterator[tuple[int, RgbImage]]:
         """Yield index and colours of some images in order; those that cannot be decoded are left out."""

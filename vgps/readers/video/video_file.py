@@ -13,7 +13,8 @@ from vgps.errors import VideoError
 from vgps.model import FloatArray, Frame, RgbImage
 from vgps.readers.video.container import check_size, open_container
 from vgps.readers.video.frame_times import FrameTimes, read_frame_times
-from vgps.readers.video.luma import ahead, check_upright, colours, luma, quarter_turns, upright_size
+from vgps.readers.video.picture import check_upright, colours, luma, quarter_turns, upright_size
+from vgps.runtime.threads import run_ahead
 
 log = logging.getLogger(__name__)
 
@@ -83,7 +84,7 @@ class VideoFile:
         Raises:
             VideoError: The image size changes within the video.
         """
-        return ahead(self._frames)
+        return run_ahead(self._frames)
 
     def pictures(self, wanted: Collection[int]) -> Iterator[tuple[int, RgbImage]]:
         """Yield index and colours of some frames in order; those that cannot be decoded are left out."""

@@ -1,8 +1,7 @@
-"""Luminance of decoded images, upright and eight bits deep, and decoding ahead."""
+"""Decoded pictures: upright, of eight bits, from a thread that ends with its reader."""
 
 import struct
 import threading
-import time
 
 import av
 import cv2
@@ -11,7 +10,7 @@ import pytest
 from clips import checked_frames, limited, picture, shade, write_clip
 
 from vgps.errors import VideoError
-from vgps.readers.video.luma import luma
+from vgps.readers.video.picture import luma
 from vgps.readers.video.video_file import VideoFile
 
 
@@ -84,16 +83,6 @@ def test_an_error_in_the_decoder_thread_reaches_the_reader(tmp_path):
     path.unlink()
     with pytest.raises(VideoError):
         list(video.frames())
-
-
-def test_decoding_runs_ahead(tmp_path):
-    frames = VideoFile(write_clip(tmp_path / "v.mp4", frames=6)).frames()
-    next(frames)
-    deadline = time.monotonic() + 10
-    while any(thread.name == "decoder" for thread in threading.enumerate()):
-        assert time.monotonic() < deadline, "the decoder waits for its reader"
-        time.sleep(0.01)
-    assert len(list(frames)) == 5
 
 
 def with_display_matrix(path, out, rows):

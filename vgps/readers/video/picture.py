@@ -1,11 +1,7 @@
-"""Luminance of decoded images, and decoding ahead in a thread."""
+"""A decoded picture: its luminance, its colours, and which way is up."""
 
-import contextlib
-import queue
-import threading
-from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import av
 import numpy as np
@@ -15,9 +11,7 @@ from av.sidedata.sidedata import Type as SideDataType
 from vgps.errors import VideoError
 from vgps.model import GrayImage, RgbImage
 
-T = TypeVar("T")
 _QUARTER_TURN = 0.01  # by which a rotation may miss a quarter turn
-_AHEAD = 8  # frames decoded ahead: 8 MB each at 4K
 
 
 def luma(picture: av.VideoFrame) -> GrayImage:
@@ -97,43 +91,3 @@ def _y_plane(picture: av.VideoFrame) -> GrayImage:
 
 def _converted(picture: av.VideoFrame) -> GrayImage:
     return _y_plane(picture.reformat(format="gray"))
-
-
-def ahead(produce: Callable[[], Generator[T]]) -> Iterator[T]:
-    """Run a generator a few items ahead in a separate thread, which ends when the iterator is closed."""
-    items: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue(_AHEAD)
-    stop = threading.Event()
-
-    def put(item: T | None, error: BaseException | None) -> bool:
-        while not stop.is_set():
-            with contextlib.suppress(queue.Full):
-                items.put((item, error), timeout=0.1)
-                return True
-        return False
-
-    def work() -> None:
-        try:
-            with contextlib.closing(produce()) as source:
-                for item in source:
-                    if not put(item, None):
-                        return
-            put(None, StopIteration())
-        except BaseException as error:
-            put(None, error)
-
-    thread = threading.Thread(target=work, name="decoder", daemon=True)
-    thread.start()
-    try:
-        while True:
-            item, error = items.get()
-            if isinstance(error, StopIteration):
-                return
-            if error is not None:
-                raise error
-            yield item  # type: ignore[misc]
-    finally:
-        stop.set()
-        with contextlib.suppress(queue.Empty):
-            while True:
-                items.get_nowait()
-        thread.join()
