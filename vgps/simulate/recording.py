@@ -1,8 +1,5 @@
 """Simulated recordings on disk: the files that a user has, and the exact truth."""
 
-from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,10 +10,11 @@ import yaml
 from vgps.camera import camera_fields
 from vgps.errors import ConfigError
 from vgps.model import Camera, FloatArray
+from vgps.runtime.threads import map_in_order
 from vgps.simulate.accelerometer import simulate_imu
 from vgps.simulate.fisheye import MAX_DEG
 from vgps.simulate.motion import Motion, MountedMotion, build_motion
-from vgps.simulate.render import Picture, Renderer
+from vgps.simulate.render import Renderer
 from vgps.simulate.ring import MAX_CAMERAS, ring
 from vgps.simulate.scene import SceneConfig, scene_config
 from vgps.simulate.sensors import SimulatedFixes, gyro_R_camera, nmea, simulate_fixes, simulate_gyro
@@ -34,8 +32,6 @@ _BIASES_HZ = 10.0
 _CAMERA_FILES = tuple(f"{name}.mp4" for name in ring(MAX_CAMERAS))
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
 _MOTION, _WORLD, _GPS, _GYRO, _IMU = range(5)  # behind the seed: each has random numbers of its own
-_THREADS = 2
-_AHEAD = 6
 _NEXT_CAMERA = 7919  # between the seeds of the cameras' noise
 
 
@@ -70,10 +66,10 @@ def simulate(out: Path, scene: str | SceneConfig = "walk", seed: int = 0) -> Non
             **({"gps_errors": config.gps.replay.source.name} if config.gps.replay else {}),
         }
         (folder / _MARK).write_text(yaml.safe_dump(made_of), encoding="utf-8")
-        _write_video(folder / "video.mp4", _rendered(renderer, config.frames), config)
+        _write_video(folder / "video.mp4", renderer, config)
         for k, (name, mount) in enumerate(ring(config.cameras).items(), start=1):
             renderer = Renderer(world, MountedMotion(motion, mount), config, own + k * _NEXT_CAMERA)
-            _write_video(folder / f"{name}.mp4", _rendered(renderer, config.frames), config)
+            _write_video(folder / f"{name}.mp4", renderer, config)
 
 
 def _check(config: SceneConfig) -> None:
@@ -106,32 +102,20 @@ def _write_sensors(folder: Path, motion: Motion, config: SceneConfig, seed: int)
     _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
 
 
-def _write_video(path: Path, pictures: Iterator[Picture], config: SceneConfig) -> None:
-    """Encode as H.264, frame i at exactly ``i / fps`` seconds, in one thread to reproduce the bytes."""
-    # x264's macroblock tree does not reproduce the bytes
+def _write_video(path: Path, renderer: Renderer, config: SceneConfig) -> None:
+    """Render the frames and encode them as H.264, frame i at exactly ``i / fps`` seconds."""
+    # neither x264's macroblock tree nor several threads reproduce the bytes
     options = {"crf": str(config.crf), "preset": "veryfast", "x264-params": "mbtree=0"}
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=config.fps, options=options)
         stream.width, stream.height, stream.pix_fmt = config.width, config.height, "yuv420p"
         stream.codec_context.thread_count = 1
         stream.codec_context.time_base = Fraction(1, config.fps)
-        for index, picture in enumerate(pictures):
+        for index, picture in enumerate(map_in_order(renderer.frame, range(config.frames))):
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = index, Fraction(1, config.fps)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
-
-
-def _rendered(renderer: Renderer, frames: int) -> Iterator[Picture]:
-    """Yield the frames in order, rendered a few ahead."""
-    with ThreadPoolExecutor(_THREADS) as pool:
-        pending: deque[Future[Picture]] = deque()
-        for index in range(frames):
-            pending.append(pool.submit(renderer.frame, index))
-            if len(pending) >= _AHEAD:
-                yield pending.popleft().result()
-        while pending:
-            yield pending.popleft().result()
 
 
 def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
