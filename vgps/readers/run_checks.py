@@ -94,7 +94,7 @@ _POINTERS = {
 class _Origin(BaseModel):
     latitude_deg: Annotated[FiniteFloat, Field(ge=-90, le=90)]
     longitude_deg: Annotated[FiniteFloat, Field(ge=-360, le=360)]
-    height_m: FiniteFloat
+    height_m: Annotated[FiniteFloat, Field(ge=-HIGHEST_M, le=HIGHEST_M)]
 
 
 class _Camera(BaseModel):
