@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,6 +66,12 @@ def test_verdicts_that_hang_by_a_hair_are_named_with_their_alternatives():
         "down-classed at 2.0 s (p = 0.55; else rejected), rejected at 3.0 s (p = 0.86; else down-classed); "
     )
     assert close_calls(FixAssessment(nominal[:1], lower[:1]), np.zeros(1)) == ()
+
+
+def test_what_a_conflict_tells_is_not_told_again():
+    conflict = SimpleNamespace(right=np.array([0]), wrong=np.array([2, 3]))
+    (warning,) = close_calls(FixAssessment(np.full(5, 0.5), np.zeros(5)), np.arange(5.0), [conflict])
+    assert warning.count("else rejected") == 2 and "at 1.0 s" in warning and "at 4.0 s" in warning
 
 
 def test_of_many_close_calls_three_are_named():

@@ -1,10 +1,11 @@
 """One verdict per fix: the antenna's offset from it, whether the fix was used, and the reason."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from vgps.config import Config
+from vgps.gps.fix_conflict import FixConflict
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
@@ -79,16 +80,22 @@ def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
     ]
 
 
-def close_calls(assessment: FixAssessment, t_s: FloatArray) -> tuple[str, ...]:
+def close_calls(
+    assessment: FixAssessment, t_s: FloatArray, conflicts: Iterable[FixConflict] = ()
+) -> tuple[str, ...]:
     """Return a warning if verdicts hang by a hair: which, with their probabilities and the alternatives.
 
     Args:
         assessment: Assessment of the fixes (M,).
         t_s: (M,) their times.
+        conflicts: Of fixes whose verdicts have warnings of their own.
     """
+    told = np.zeros(len(t_s), dtype=bool)
+    for conflict in conflicts:
+        told[conflict.right] = told[conflict.wrong] = True
     nominal, lower = np.nan_to_num(assessment.nominal, nan=1.0), np.nan_to_num(assessment.lower)
     states = np.stack([nominal, lower, 1.0 - nominal - lower])  # in the order of _WORDS
-    rows = np.flatnonzero(states.max(axis=0) < _SURE)
+    rows = np.flatnonzero((states.max(axis=0) < _SURE) & ~told)
     if not len(rows):
         return ()
     ranked = np.argsort(-states[:, rows], axis=0)

@@ -212,7 +212,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             *front_end.warnings,
             *merged.warnings,
             *batch.warnings,
-            *close_calls(batch.assessment, front_end.fixes.t_s),
+            *close_calls(batch.assessment, front_end.fixes.t_s, batch.conflicts),
             *clock_notes(front_end, batch),
             *antenna_notes(front_end, merged, batch, config),
         ),

@@ -7,6 +7,7 @@ import numpy as np
 
 from vgps.config import BatchConfig, Config, StartConfig
 from vgps.errors import GeometryError
+from vgps.gps.fix_conflict import settled
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
@@ -19,6 +20,7 @@ from vgps.smoothing.clock_check import with_shown_clock
 from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
+from vgps.smoothing.fix_conflicts import find_conflicts, with_conflicts
 from vgps.smoothing.frame_rates import frame_rates
 from vgps.smoothing.ground import find_ground
 from vgps.smoothing.imu_states import start_imu
@@ -79,10 +81,14 @@ def optimise_batch(
         del solved  # its observations, before the next stage selects its own
     solved = _solve_stage(state, fixes, fixed, last)
     state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
+    if conflicts := find_conflicts(solved, fixes, state.assessment):
+        state = replace(state, assessment=settled(state.assessment, conflicts, fixes))
+        solved = _solve_stage(state, fixes, fixed, last)
+        state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     report, warnings = report_with_warnings(scene, solved.result, iterations)
     result = batch_result(solved, state.assessment, state.sensors, report, context)
     notes = (*warnings, *result.warnings, *mount_notes(context.cameras, given))
-    return replace(result, warnings=notes)
+    return with_conflicts(replace(result, warnings=notes), conflicts)
 
 
 @dataclass(frozen=True)

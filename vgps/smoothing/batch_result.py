@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.errors import GeometryError
+from vgps.gps.fix_conflict import FixConflict
 from vgps.gps.fixes import antenna_offsets
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
@@ -53,6 +54,7 @@ class BatchResult:
         imu_bias: The IMU's bias in the middle of the recording; None without an IMU.
         graph: Its input as arrays, for the run's factor graph (:mod:`vgps.smoothing.graph_arrays`).
         cameras: The other cameras of a rig with their poses on it, refined.
+        conflicts: Fixes that contradict each other.
     """
 
     trajectory: Trajectory
@@ -72,6 +74,7 @@ class BatchResult:
     imu_bias: ImuBias | None
     graph: Mapping[str, npt.NDArray[Any]]
     cameras: tuple[RigMount, ...] = ()
+    conflicts: tuple[FixConflict, ...] = ()
 
     @property
     def readout_s(self) -> float | None:

@@ -105,13 +105,13 @@ def lever_arm(offset_m: FloatArray, recording: Recording, log: GpsLog, rng: np.r
     return none(replace(recording, rig=rig), log, rng)
 
 
-def vertical_bias(up_m: float, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
-    """Raise the middle half of the fixes; those labelled RTK-fix are then wrong."""
-    middle = _middle(recording, log, int(_inside(recording, log).sum()) // 2)
-    offset = np.zeros((len(log), 3))
-    offset[middle, 2] = up_m
+def bias(
+    share: float, offset_m: FloatArray, recording: Recording, log: GpsLog, rng: np.random.Generator
+) -> Faulty:
+    """Move a share of the fixes, the middle ones, by (3,) metres; those labelled RTK-fix are then wrong."""
+    middle = _middle(recording, log, int(share * _inside(recording, log).sum()))
     fixed = np.array([name is FixClass.RTK_FIX for name in log.fix_class], dtype=bool)
-    return Faulty(_moved(recording, log, offset), middle & fixed)
+    return Faulty(_moved(recording, log, middle[:, None] * offset_m), middle & fixed)
 
 
 def float_drift(errors: FixErrors, recording: Recording, log: GpsLog, rng: np.random.Generator) -> Faulty:
@@ -138,7 +138,16 @@ FAULTS = (
     Fault(
         "lever-arm", "antenna 0.7 m from where rig.yaml has it", partial(lever_arm, np.array([0.5, 0, 0.5]))
     ),
-    Fault("vertical-bias", "the middle half of the fixes 4 m too high", partial(vertical_bias, 4.0)),
+    Fault(
+        "vertical-bias",
+        "the middle half of the fixes 4 m too high",
+        partial(bias, 0.5, np.array([0, 0, 4.0])),
+    ),
+    Fault(
+        "wrong-integers",
+        "the middle two fifths of the fixes off by 0.36 m in the plane and 0.4 m in height",
+        partial(bias, 0.4, np.array([0.3, -0.2, 0.4])),
+    ),
     Fault(
         "float-drift",
         "four fifths of the fixes RTK-float, wandering (sigma 0.87 m in the plane, 2.5 m in height)",

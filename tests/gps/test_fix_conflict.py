@@ -1,0 +1,101 @@
+"""Which of fixes that contradict each other are right, and their verdicts."""
+
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_at
+
+from vgps.config import Config
+from vgps.gps.fix_conflict import FixConflict, settled, sides
+from vgps.gps.outlier_detection import FixAssessment
+
+CONFIG = Config().outliers
+SHARE = CONFIG.lower_share
+
+
+def alike(*levels):
+    """Which of fixes with these errors have the same one."""
+    level = np.array(levels)
+    return level[:, None] == level
+
+
+def test_fixes_without_a_difference_have_no_sides():
+    assert sides(alike(0, 0, 0, 0), 1.0, CONFIG) is None
+
+
+def test_one_run_is_wrong_rather_than_two_around_it():
+    found = sides(alike(0, 0, 1, 1, 1, 1, 1, 0, 0), 1.0, CONFIG)
+    np.testing.assert_array_equal(found.right, [1, 1, 0, 0, 0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(found.other, ~found.right)
+    assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(-1.0 / 30.0) / SHARE / CONFIG.persistence))
+
+
+def test_of_two_sides_the_longer_one_is_right():
+    found = sides(alike(*[0] * 30, *[1] * 90), 1.0, CONFIG)
+    np.testing.assert_array_equal(found.right, [False] * 30 + [True] * 90)
+    assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(2.0)))  # 60 s longer: two of 30 s
+
+
+def test_a_single_fix_is_wrong_rather_than_several_others():
+    found = sides(alike(0, 1, 1, 1), 1.0, CONFIG)
+    np.testing.assert_array_equal(found.right, [False, True, True, True])
+    assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(2.0 / 30.0) / CONFIG.persistence))
+
+
+def test_two_equal_sides_are_as_likely():
+    assert sides(alike(0, 0, 0, 1, 1, 1), 1.0, CONFIG).probability == pytest.approx(0.5)
+
+
+def conflict(error_m, probability=0.1):
+    error_m = np.asarray(error_m, dtype=float)
+    return FixConflict(
+        right=np.array([0, 1, 4]),
+        wrong=np.array([2, 3]),
+        wrong_s=(2.0, 3.0),
+        error_m=error_m,
+        otherwise_m=error_m[0],
+        probability=probability,
+        frames=(0, 50),
+    )
+
+
+FIXES = fixes_at(np.arange(5.0), 0.07, 0.05, lower=(2.4, 6.5))
+TAKEN = FixAssessment(np.array([0.1, 1.0, 1.0, 1.0, 1.0]), np.array([0.9, 0.0, 0.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("probability", [0.1, 0.5])
+def test_wrong_fixes_have_the_class_below_and_right_ones_their_own(probability):
+    after = settled(TAKEN, [conflict([[0.3, 0.0, 0.1]] * 2, probability)], FIXES)
+    np.testing.assert_array_equal(after.down_classed, [False, False, True, True, False])
+    assert not after.rejected.any()
+    np.testing.assert_allclose(after.nominal[[0, 1, 4]], 1.0 - probability)
+
+
+def test_what_was_rejected_and_is_wrong_stays_rejected():
+    taken = FixAssessment(np.where(np.arange(5) == 3, 0.0, TAKEN.nominal), TAKEN.lower)
+    after = settled(taken, [conflict([[0.3, 0.0, 0.1]] * 2)], FIXES)
+    np.testing.assert_array_equal(after.rejected, [False, False, False, True, False])
+    np.testing.assert_array_equal(after.down_classed, [False, False, True, False, False])
+
+
+@pytest.mark.parametrize("error", [[3.0, 0.0, 0.0], [0.0, 0.0, 9.0], [np.nan] * 3])
+def test_what_is_too_far_off_for_that_class_or_unclear_is_rejected(error):
+    after = settled(TAKEN, [conflict([[0.3, 0.0, 0.1], error])], FIXES)
+    np.testing.assert_array_equal(after.down_classed, [False, False, True, False, False])
+    np.testing.assert_array_equal(after.rejected, [False, False, False, True, False])
+
+
+def test_without_conflicts_nothing_changes():
+    after = settled(TAKEN, [], FIXES)
+    np.testing.assert_array_equal(after.nominal, TAKEN.nominal)
+    np.testing.assert_array_equal(after.lower, TAKEN.lower)
+
+
+def test_the_note_says_what_lies_where_and_how_sure_that_is():
+    note = conflict([[0.3, 0.4, -0.25], [np.nan] * 3], 0.016).note
+    assert "2 from 2.0 to 3.0 s lie 0.50 m in the plane and 0.25 m in height off the others" in note
+    assert "with p = 0.016 it is the other way round" in note
+
+
+def test_a_much_longer_side_is_certain():
+    found = sides(alike(0, *[1] * 300), 100.0, CONFIG)
+    assert found.probability < 1e-100 and found.right[1:].all()

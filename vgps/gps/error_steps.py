@@ -1,0 +1,130 @@
+"""Steps of the error from fix to fix: what no path that fits the video explains.
+
+An RTK receiver that settles on wrong integers is off by decimetres, says so nowhere, and stays so for seconds
+to minutes. Between neighbouring fixes the video knows better. Each hypothesis is a shift that the fixes of a
+run have in common (detection, identification and adaptation of biases; Teunissen, Quality control in
+integrated navigation systems, 1990): with it the least-squares cost falls, by more than regions explain.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vgps.model import FloatArray, IntArray
+
+_WEAK = 1e-6  # relative: what nearly no observation determines
+
+
+@dataclass(frozen=True)
+class Pull:
+    """What a least-squares fit says of an error (3,) of each of n fixes, all others taken as they are.
+
+    Attributes:
+        information: (n, 3, n, 3) of the errors, metres^-2.
+        gradient: (n, 3) of half the squared residuals by the errors, at zero, metres^-1.
+    """
+
+    information: FloatArray
+    gradient: FloatArray
+
+    def without(self, directions: FloatArray, information: FloatArray | float = 0.0) -> "Pull":
+        """Return it with combinations of errors taken as unknown.
+
+        Args:
+            directions: (n, 3, k) errors of the fixes by k unknowns.
+            information: (k,) what is known of these.
+        """
+        n, size = len(self.gradient), directions.shape[-1]
+        U, M = directions.reshape(3 * n, size), self.information.reshape(3 * n, 3 * n)
+        by_unknowns = M @ U
+        normal = U.T @ by_unknowns + np.diag(np.broadcast_to(information, size))
+        normal[np.diag_indices(size)] *= 1.0 + _WEAK
+        gain = np.linalg.solve(normal, by_unknowns.T)
+        gradient = self.gradient.ravel() - gain.T @ (U.T @ self.gradient.ravel())
+        return Pull((M - by_unknowns @ gain).reshape(n, 3, n, 3), gradient.reshape(n, 3))
+
+
+class _Run(NamedTuple):
+    """Fixes ``begin`` to ``end`` (exclusive) share an error, which lowers the cost by ``gain`` more than
+    their regions explain."""
+
+    begin: int
+    end: int
+    gain: float
+
+
+def error_steps(pull: Pull, tolerance_m: FloatArray, least_gain: float) -> FloatArray:
+    """Return the steps (n, 3) [m] of the error to each fix from the one before; zero where none is certain.
+
+    Runs of fixes that share an error are found one after the other, the most certain one first; then all
+    steps at their ends are estimated together.
+
+    Args:
+        pull: Of n fixes in order of time.
+        tolerance_m: (n - 1, 2) in the plane and in height: differences between neighbours that are no error.
+        least_gain: Least gain of a run.
+    """
+    n = len(pull.gradient)
+    edges: set[int] = set()
+    left = pull
+    while len(edges) < n // 2:
+        run = _likeliest_run(left, tolerance_m)
+        if run is None or run.gain < least_gain:
+            break
+        edges |= {run.begin, run.end} - {0, n}
+        left = left.without(_shared_by(n, run.begin, run.end))
+    steps = np.zeros((n, 3))
+    if edges:
+        at = sorted(edges)
+        U = np.concatenate([_shared_by(n, edge, n) for edge in at], axis=2).reshape(3 * n, -1)
+        normal = U.T @ pull.information.reshape(3 * n, 3 * n) @ U
+        normal[np.diag_indices(len(normal))] *= 1.0 + _WEAK
+        steps[at] = np.linalg.solve(normal, -U.T @ pull.gradient.ravel()).reshape(-1, 3)
+    return steps
+
+
+def _shared_by(n: int, begin: int, end: int) -> FloatArray:
+    """Return the derivatives (n, 3, 3) of the errors of n fixes by one that a run shares."""
+    run = np.zeros((n, 3, 3))
+    run[begin:end] = np.eye(3)
+    return run
+
+
+def _likeliest_run(pull: Pull, tolerance_m: FloatArray) -> _Run | None:
+    """Return the run of at most half the fixes whose shared error lowers the cost most."""
+    begin, end = _runs(len(pull.gradient))
+    if not len(begin):
+        return None
+    information, gradient = _sums(pull, begin, end)
+    information = information + _WEAK * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    shift = -np.linalg.solve(information, gradient[:, :, None])[:, :, 0]
+    gain = -0.5 * np.sum(shift * gradient, axis=1)
+    edges = np.concatenate([np.zeros((1, 2)), tolerance_m, np.zeros((1, 2))])
+    allowed = np.maximum(edges[begin], edges[end])
+    size = np.stack([np.hypot(shift[:, 0], shift[:, 1]), np.abs(shift[:, 2])], axis=1)
+    within = np.min(allowed / np.maximum(size, 1e-9), axis=1).clip(max=1.0)
+    gain = gain * (1.0 - within) ** 2
+    k = int(np.argmax(gain))
+    return _Run(int(begin[k]), int(end[k]), float(gain[k]))
+
+
+def _runs(n: int) -> tuple[IntArray, IntArray]:
+    """Return the begins and ends of all runs of 1 to n // 2 of n fixes."""
+    begin, end = np.triu_indices(n + 1, 1)
+    rows = end - begin <= n // 2
+    return begin[rows], end[rows]
+
+
+def _sums(pull: Pull, begin: IntArray, end: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return information (R, 3, 3) and gradient (R, 3) of a common shift of each run."""
+    n = len(pull.gradient)
+    total = np.zeros((n + 1, 3, n + 1, 3))
+    total[1:, :, 1:] = pull.information.cumsum(axis=0).cumsum(axis=2)
+    gradient = np.concatenate([np.zeros((1, 3)), pull.gradient.cumsum(axis=0)])
+
+    def corner(a: IntArray, b: IntArray) -> FloatArray:
+        return np.asarray(total[a, :, b])
+
+    both = corner(end, end) - corner(end, begin) - corner(begin, end) + corner(begin, begin)
+    return both, gradient[end] - gradient[begin]
