@@ -16,23 +16,23 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from pynmeagps import calc_checksum
 
 from scripts.common.command import ScriptParser
+from scripts.common.fix_server import sentences
 from scripts.common.memory import resident_mb
 from scripts.common.scenes import half_size, small_walk
 from vgps.config import Config
 from vgps.errors import VideoError
 from vgps.geodesy import to_geodetic
-from vgps.model import GeodeticPoint, GrayImage
+from vgps.model import FixClass, GeodeticPoint, GrayImage
 from vgps.online import OnlineSmoother
 from vgps.online.gps_messages import Epochs, StreamedFix, messages
-from vgps.readers.gps_formats.fixes import unix_s
+from vgps.readers.gps_formats.fixes import Fix, unix_s
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import simulate
@@ -59,37 +59,20 @@ class Receiver:
         """Return what the receiver sends in a second."""
         if fault == "stall":
             return b""
-        hours = self.rng.choice((-48, -3, 3, 72)) if fault == "jump" else 0
-        sentences = self._fix(t_s + 3600.0 * hours, antenna)
+        at_s = t_s + 3600.0 * (self.rng.choice((-48, -3, 3, 72)) if fault == "jump" else 0)
+        latitude, longitude, height = to_geodetic(self.origin, antenna).tolist()
+        epoch = sentences(Fix(at_s, latitude, longitude, height, FixClass.RTK_FIX, 0), _BEGIN)
         copies = 5 if fault == "repeat" else 1
         self.sent[fault] += copies
-        self._last.append((t_s + 3600.0 * hours, fault))
+        self._last.append((at_s, fault))
         if fault == "babble":
-            return self.rng.randbytes(300).replace(b"$", b"") + b"\n" + sentences + self.rng.randbytes(50)
+            return self.rng.randbytes(300).replace(b"$", b"") + b"\n" + epoch + self.rng.randbytes(50)
         noise = b"".join(b"$GPGGA,," + self.rng.randbytes(20) + b"\n" for _ in range(100))
-        return (noise if fault == "garbage" else b"") + sentences * copies
+        return (noise if fault == "garbage" else b"") + epoch * copies
 
     def fault_of(self, t_s: float) -> str:
         """Return the fault with which a fix of this time was sent lately."""
         return next((fault for sent_s, fault in self._last if abs(sent_s - t_s) < 0.5), "unknown")
-
-    def _fix(self, t_s: float, antenna: np.ndarray) -> bytes:
-        at, place = _BEGIN + timedelta(seconds=t_s), to_geodetic(self.origin, antenna)
-        latitude, longitude, height = (float(number) for number in place)
-        fields = (
-            f"{_degrees(latitude, 2)},N,{_degrees(longitude, 3)},E,4,12,0.8,{height:.3f},M,0.0,M,1.0,0000"
-        )
-        return _sentence(f"GPGGA,{at:%H%M%S}.00,{fields}") + _sentence(
-            f"GPZDA,{at:%H%M%S}.00,{at:%d,%m,%Y},00,00"
-        )
-
-
-def _degrees(value: float, width: int) -> str:
-    return f"{int(value):0{width}d}{60 * (value % 1):010.7f}"
-
-
-def _sentence(body: str) -> bytes:
-    return f"${body}*{calc_checksum(body)}\r\n".encode()
 
 
 def _fault(t_s: float) -> tuple[str, str]:
