@@ -8,7 +8,6 @@ import numpy as np
 from vgps.geometry import travelled
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Solution, Verdict
-from vgps.writers.tables import region_ratios
 
 _OUTAGE_INTERVALS = 3.0  # a gap is an outage if it exceeds this many usual intervals between fixes
 _OUTAGE_S = 5.0  # and this many seconds
@@ -54,7 +53,7 @@ def doubted_fixes(solution: Solution) -> list[DoubtedFix]:
     if solution.judged_fixes is None:
         return []
     log, table = solution.judged_fixes
-    ratio_r, ratio_h = region_ratios(table)
+    ratio_r, ratio_h = table.region_ratios
     return [
         DoubtedFix(
             t_s=float(solution.fix_times_s[row]),

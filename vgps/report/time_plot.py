@@ -9,7 +9,6 @@ from vgps.report.path_plot import VERDICT_STYLES, bound_size, with_verdict
 from vgps.report.summary import Outage, features_per_frame, outages
 from vgps.solution import FrameState, Solution
 from vgps.writers.page import tidy
-from vgps.writers.tables import region_ratios
 
 _AXES = (("east", "#1f4e9c"), ("north", "#d98512"), ("up", "#2a8a5f"))
 _MIN_RATIO = 1e-2  # logarithmic axes have no zero
@@ -54,7 +53,7 @@ def _ratios(axes: Axes, solution: Solution, which: int) -> None:
     table, t_s = solution.fixes, solution.fix_times_s
     if table is None:
         return
-    ratio = np.maximum(region_ratios(table)[which], _MIN_RATIO)
+    ratio = np.maximum(table.region_ratios[which], _MIN_RATIO)
     for verdict, (colour, marker) in VERDICT_STYLES.items():
         rows = with_verdict(table, verdict) & np.isfinite(ratio)
         if rows.any():

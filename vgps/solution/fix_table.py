@@ -42,3 +42,10 @@ class FixTable:
     def used(self) -> BoolArray:
         """(M,) whether a fix contributed to the final estimate."""
         return np.array([verdict in {Verdict.USED, Verdict.DOWN_CLASSED} for verdict in self.verdict], bool)
+
+    @property
+    def region_ratios(self) -> tuple[FloatArray, FloatArray]:
+        """(M,) horizontal residual over r and (M,) vertical one over h, Eq. (16), Kume 2010."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            horizontal = np.hypot(self.residual_m[:, 0], self.residual_m[:, 1]) / self.r_m
+            return horizontal, np.abs(self.residual_m[:, 2]) / self.h_m

@@ -13,7 +13,6 @@ from vgps.viewer.residuals import (
     video_terms,
 )
 from vgps.viewer.run_stream import RunStream
-from vgps.writers.tables import region_ratios
 
 PLOTS, VERDICTS = "plots", "verdicts"
 ERROR, COUNT, ENERGY, RATIO, SIGMA, SIGMA_ROTATION = (
@@ -47,7 +46,7 @@ def log_plots(stream: RunStream, solution: Solution, observations: ReprojectedOb
 def _log_fix_plots(stream: RunStream, solution: Solution, table: FixTable) -> None:
     t_s = solution.fix_times_s
     rejected: BoolArray = np.array([verdict is Verdict.REJECTED for verdict in table.verdict], bool)
-    ratio_r, ratio_h = region_ratios(table)
+    ratio_r, ratio_h = table.region_ratios
     used = table.used
     _log_dots(stream, f"{RATIO}/r", (60, 220, 90, 255), "horizontal / r")
     stream.send_series(f"{RATIO}/r", ratio_r[used], t_s[used])

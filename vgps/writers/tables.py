@@ -43,7 +43,7 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
     """
     count = 0 if gps is None else len(gps)
     table = fixes if fixes is not None else _no_verdicts(count)
-    ratio_r, ratio_h = region_ratios(table)
+    ratio_r, ratio_h = table.region_ratios
     columns = {
         "line": [] if gps is None else gps.line.tolist(),
         "t_s": [] if gps is None else numbers(gps.t_s, 6),
@@ -63,13 +63,6 @@ def write_gps(gps: GpsLog | None, fixes: FixTable | None, out: Path) -> None:
         "reason": table.reason,
     }
     write_columns(columns, out)
-
-
-def region_ratios(table: FixTable) -> tuple[FloatArray, FloatArray]:
-    """Return (M,) horizontal residual over r and (M,) vertical one over h, Eq. (16), Kume 2010."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        horizontal = np.hypot(table.residual_m[:, 0], table.residual_m[:, 1]) / table.r_m
-        return horizontal, np.abs(table.residual_m[:, 2]) / table.h_m
 
 
 def _geodetic(solution: Solution) -> FloatArray:
