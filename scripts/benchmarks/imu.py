@@ -8,17 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import vgps
 from scripts.common.command import ScriptParser, add_recording_and_logs, add_seeds
 from scripts.common.markdown import LiveTable
+from scripts.common.path_angles import tilt
 from scripts.common.recordings import read_truth, without_fixes
 from scripts.common.stopwatch import stopwatch
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
 from vgps.model import Recording
-from vgps.solution import Trajectory
 
 COLUMNS = [
     "log",
@@ -32,17 +31,6 @@ COLUMNS = [
     "NEES",
     "CPU [s]",
 ]
-
-
-def tilt(solution: vgps.Solution, true: Trajectory) -> tuple[float, float]:
-    """Return the mean tilt and the size of the constant rotation, degrees."""
-    rows = np.abs(true.t_s[:, None] - solution.t_s).argmin(axis=0)
-    exact = Rotation.from_matrix(true.world_T_camera[rows, :3, :3])
-    found = Rotation.from_matrix(solution.world_T_camera[:, :3, :3])
-    constant = (exact.inv() * found).mean()
-    up = (found * constant.inv() * exact.inv()).apply([0.0, 0.0, 1.0])
-    angles = np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))
-    return float(angles.mean()), float(np.degrees(constant.magnitude()))
 
 
 def one_run(recording: Recording, seed: int) -> dict[str, float]:

@@ -43,6 +43,10 @@ def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data
     known = np.isfinite(moved.points[:, 0]) & np.isfinite(kept.points[:, 0])
     assert np.median(np.linalg.norm(moved.points[known] - kept.points[known], axis=1)) < 1.0
     assert found.inertial and "the video lost its scale: " in found.warnings[-1]
+    # the IMU's clock, which rotations of its own will not show
+    assert "was shifted by -0.009" in found.warnings[-2]
+    shift_s = found.recording.imu.t_s - front_end.recording.imu.t_s
+    assert shift_s == pytest.approx(-0.009, abs=0.002)
     assert found.context(Config()).config.imu.knot_s == pytest.approx(0.1)
     assert front_end.context(Config()).config == Config()
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from solutions import make_solution
 
-from scripts.benchmarks.imu import tilt
+from scripts.common.path_angles import motion_deg, tilt
 from scripts.experiments.imu_sigmas import bias_ratios, figures
 from vgps.solution import Trajectory
 
@@ -25,6 +25,22 @@ def test_tilt_leaves_out_a_constant_rotation_and_heading():
     off[:, :3, :3] = Rotation.from_euler("x", 1.0, degrees=True).as_matrix() @ true[:, :3, :3]
     angle, _ = tilt(make_solution(t, off), truth)
     assert angle > 0.5
+
+
+def test_directions_of_motion_are_compared_in_the_cameras_axes():
+    true = np.tile(np.eye(4), (31, 1, 1))
+    true[:, 2, 3] = np.arange(31) / 10  # a metre a second straight ahead, then two
+    true[20:, 2, 3] += np.arange(11) / 10
+    turned = Rotation.from_euler("y", 30.0, degrees=True).as_matrix()
+    found = true.copy()
+    found[:, :3] = turned @ true[:, :3]
+    paths = (Trajectory(np.arange(31) / 10, poses) for poses in (found, true))
+    assert motion_deg(*paths) == pytest.approx(0.0, abs=1e-6)
+    found[16:, :3, :3] = found[16:, :3, :3] @ turned  # the camera alone, by as much
+    paths = (Trajectory(np.arange(31) / 10, poses) for poses in (found, true))
+    # seconds that begin at frames 0 to 20, by the axes in their middles: 11 before the turn, 10 after it
+    length = np.concatenate([np.ones(11), 1.0 + np.arange(1, 11) / 10])
+    assert motion_deg(*paths) == pytest.approx(30.0 * length[11:].sum() / length.sum())
 
 
 def test_biases_are_compared_in_the_middle_of_the_walk(tmp_path):

@@ -10,6 +10,7 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
 from vgps.imu.camera_imu import imu_at_camera
+from vgps.imu.factors import imu_graph
 from vgps.smoothing.inertial_path import inertial_path, strays
 from vgps.solution import Trajectory
 
@@ -77,8 +78,16 @@ def test_frames_that_the_imu_does_not_cover_continue_the_path():
     np.testing.assert_allclose(*turns, atol=2e-3)
 
 
-def test_fixes_with_another_clock_than_the_imu_give_no_path():
+def test_fixes_with_another_clock_than_the_imu_give_no_path_as_few_knots_show(monkeypatch):
+    knots = []
+
+    def counted(imu, states, *rest):
+        knots.append(len(states))
+        return imu_graph(imu, states, *rest)
+
+    monkeypatch.setattr("vgps.smoothing.inertial_path.imu_graph", counted)
     assert inertial_path(lost(), imu(11.0), fixes(3.0), ANTENNA, Config()) is None
+    assert len(knots) == 1 and knots[0] <= 3 * len(fixes())
 
 
 @pytest.mark.parametrize("first", [2, 8])

@@ -7,11 +7,10 @@ import numpy as np
 from vgps.config import Config
 from vgps.gps.clock_search import ClockCheck
 from vgps.gps.sensors import TimeOffset
-from vgps.imu.agreement import agreement
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.mapping.trajectory import map_trajectory
-from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.front_end import FrontEnd, camera_imu
+from vgps.pipeline.imu_agreement import imu_agreement, with_imu_clock
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene
@@ -30,9 +29,8 @@ def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
 
     That is where its path strays from the fixes as that of the IMU does not.
     """
-    context = front_end.context(config)
-    imu, fixes = context.imu, front_end.fixes
-    if imu is None or front_end.others or config.gps.model == "none" or not fixes.used.any():
+    context, fixes = front_end.context(config), front_end.fixes
+    if context.imu is None or front_end.others or config.gps.model == "none" or not fixes.used.any():
         return front_end
     sensors = front_end.sensors.with_time_offset(TimeOffset(config.sensors.time_offset_s, 0.0))
     corrected = fixes.without_time_offset(sensors.time_offset_s)
@@ -40,18 +38,25 @@ def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
     lost = strays(path, corrected, sensors.camera_p_antenna)
     if not lost.any():
         return front_end
-    seen = agreement([map_trajectory(one) for one in front_end.maps], imu)
+    seen = imu_agreement(front_end, config)
     if seen.contradiction or seen.misled:  # the path may have strayed by what the IMU predicted
         return front_end
+    recording = with_imu_clock(front_end.recording, seen)  # rotations by the IMU will not show its clock
+    imu = camera_imu(recording, front_end.origin, config)
+    assert imu is not None
     better = inertial_path(path, imu, corrected, sensors.camera_p_antenna, config)
     if better is None or 2 * strays(better, corrected, sensors.camera_p_antenna).sum() > lost.sum():
         return front_end
     maps = tuple(_on_path(local_map, better, context) for local_map in front_end.maps)
-    note = _NOTE.format(f"{int(lost.sum())} of {len(lost)}")
-    warnings = (*front_end.warnings, note)
-    # what the lost path showed of the clocks is wrong, too
+    notes = recording.notes[len(front_end.recording.notes) :]
     return replace(
-        front_end, maps=maps, sensors=sensors, clock=ClockCheck(None), inertial=True, warnings=warnings
+        front_end,
+        recording=recording,
+        maps=maps,
+        sensors=sensors,
+        clock=ClockCheck(None),  # what the lost path showed of the fixes' clock is wrong, too
+        inertial=True,
+        warnings=(*front_end.warnings, *notes, _NOTE.format(f"{int(lost.sum())} of {len(lost)}")),
     )
 
 

@@ -94,12 +94,18 @@ def _covered_path(
     poses[:, :3, :3] = _world_R_first(path, first_R_camera, by_fixes, imu) @ first_R_camera
     poses[:, :3, 3] = by_fixes - poses[:, :3, :3] @ antenna
     start = Trajectory(t_s, poses)
-    states = first_states(start, np.ones(len(t_s), dtype=bool), imu, config.imu)
-    if states is None:
-        return None
     gps = gps_graph(inside, t_s, Sensors.fixed(antenna), config.with_gps("cauchy").gps)
-    found, cost = _optimised(start, imu, states, gps, config)
-    return found if cost < _MOST_COST * len(inside) else None
+    beside = place(t_s, inside.t_s).frame
+    few, every = np.zeros(len(t_s), dtype=bool), np.ones(len(t_s), dtype=bool)
+    few[[0, *beside, *(beside + 1)]] = True
+    for knots in (few, every):  # few show sooner whether IMU and fixes contradict each other
+        states = first_states(start, knots, imu, config.imu)
+        if states is None:
+            return None
+        found, cost = _optimised(start, imu, states, gps, config)
+        if cost >= _MOST_COST * len(inside):
+            return None
+    return found
 
 
 def _chained(turns: FloatArray) -> FloatArray:
@@ -145,14 +151,15 @@ def _optimised(
     gps: gtsam.NonlinearFactorGraph,
     config: Config,
 ) -> tuple[FloatArray, float]:
-    """Return the poses (F, 4, 4) that minimise the errors of IMU and fixes, and their cost."""
+    """Return the poses (K, 4, 4) of the knots that minimise the errors of IMU and fixes, and their cost."""
     graph, values = imu_graph(imu, states, start.t_s, config.imu), gtsam.Values()
     graph.push_back(gps)
-    for k, pose in enumerate(start.world_T_camera):
-        values.insert(X(k), gtsam.Pose3(pose))
+    frames = states.frame.tolist()
+    for k, frame in enumerate(frames):
+        values.insert(X(frame), gtsam.Pose3(start.world_T_camera[frame]))
         values.insert(velocity_key(k), states.velocity[k])
         values.insert(bias_key(k), as_bias(states.bias[k]))
     first = gtsam.noiseModel.Diagonal.Sigmas(_START_SIGMAS)
     graph.addPriorPose3(X(0), gtsam.Pose3(start.world_T_camera[0]), first)
     result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-    return np.array([result.atPose3(X(k)).matrix() for k in range(len(start))]), float(graph.error(result))
+    return np.array([result.atPose3(X(frame)).matrix() for frame in frames]), float(graph.error(result))
