@@ -7,7 +7,7 @@ from inertial import MOUNT, exact_log, path_of, swinging_motion
 from scipy.spatial.transform import Rotation
 
 from vgps.config import ImuConfig
-from vgps.imu.agreement import Agreement, agreement
+from vgps.imu.agreement import Agreement, agreement, path_rotations
 from vgps.imu.camera_imu import imu_at_camera
 from vgps.solution import Trajectory
 
@@ -30,7 +30,7 @@ def found(turn_deg=(0.0, 0.0, 0.0), late_s=0.0, unit=1.0, motion=MOTION, noise_d
     log = replace(log, t_s=log.t_s + late_s, rate_rad_s=unit * log.rate_rad_s)
     turn = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
     mount = replace(MOUNT, imu_R_camera=MOUNT.imu_R_camera @ turn)
-    return agreement(pieces(noise_deg), imu_at_camera(log, mount, None, ImuConfig()))
+    return agreement(path_rotations(pieces(noise_deg)), imu_at_camera(log, mount, None, ImuConfig()))
 
 
 @pytest.mark.parametrize("given", [{}, {"turn_deg": (0.5, -0.5, 0.5)}, {"late_s": 0.008}])
@@ -78,4 +78,4 @@ def test_a_camera_that_does_not_turn_shows_nothing():
     poses = path.world_T_camera.copy()
     poses[:, :3, :3] = poses[0, :3, :3]
     imu = imu_at_camera(exact_log(MOTION), MOUNT, None, ImuConfig())
-    assert agreement([Trajectory(path.t_s, poses)], imu) == Agreement(None)
+    assert agreement(path_rotations([Trajectory(path.t_s, poses)]), imu) == Agreement(None)

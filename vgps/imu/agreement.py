@@ -42,15 +42,16 @@ class Agreement(NamedTuple):
         return abs(self.time_offset_s) > _MAX_OFFSET_S
 
 
-def agreement(paths: Sequence[Trajectory], imu: CameraImu) -> Agreement:
+def agreement(rotations: RelativeRotations, imu: CameraImu) -> Agreement:
     """Compare an IMU's rotations with the video's: unit, mounting and clock.
 
     Args:
-        paths: Pieces of the path as tracked, each in a frame of its own; NaN where a pose is unknown.
+        rotations: Of the camera.
         imu: Samples in the camera's axes, as the rig mounts it.
     """
     integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
-    rotations = _rotations(paths, imu)
+    # also if its clock is a little off
+    rotations = rotations.where(imu.covers(rotations.start_s - _INTERVAL_S, rotations.end_s + _INTERVAL_S))
     if len(rotations) < _MIN_INTERVALS:
         return Agreement(None)
     by_path = Rotation.from_matrix(rotations.start_R_end).as_rotvec()
@@ -71,8 +72,12 @@ def agreement(paths: Sequence[Trajectory], imu: CameraImu) -> Agreement:
     return Agreement(_difference(fit), offset_s, sigma_s)
 
 
-def _rotations(paths: Sequence[Trajectory], imu: CameraImu) -> RelativeRotations:
-    """Return rotations over intervals that the IMU covers, also if its clock is a little off."""
+def path_rotations(paths: Sequence[Trajectory]) -> RelativeRotations:
+    """Return rotations over intervals of pieces of a path.
+
+    Args:
+        paths: Each in a frame of its own; NaN where a pose is unknown.
+    """
     start_s, end_s, relative = [np.zeros(0)], [np.zeros(0)], [np.zeros((0, 3, 3))]
     for path in paths:
         known = np.isfinite(path.world_T_camera[:, 0, 0])
@@ -83,13 +88,9 @@ def _rotations(paths: Sequence[Trajectory], imu: CameraImu) -> RelativeRotations
         end_s.append(t_s[at][1:][near])
         relative.append((rotation[at[:-1]].transpose(0, 2, 1) @ rotation[at[1:]])[near])
     start, end = np.concatenate(start_s), np.concatenate(end_s)
-    kept = imu.covers(start - _INTERVAL_S, end + _INTERVAL_S)
+    covariance = np.tile(_PATH_SIGMA_RAD**2 * np.eye(3), (len(start), 1, 1))
     return RelativeRotations(
-        start_s=start[kept],
-        end_s=end[kept],
-        start_R_end=np.concatenate(relative)[kept],
-        covariance=np.tile(_PATH_SIGMA_RAD**2 * np.eye(3), (int(kept.sum()), 1, 1)),
-        missed=int((~kept).sum()),
+        start_s=start, end_s=end, start_R_end=np.concatenate(relative), covariance=covariance, missed=0
     )
 
 

@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from vgps.config import Config
-from vgps.imu.agreement import Agreement, agreement
+from vgps.imu.agreement import Agreement, agreement, path_rotations
 from vgps.mapping.trajectory import map_trajectory
 from vgps.model import Recording
 from vgps.pipeline.front_end import FrontEnd, camera_imu
+from vgps.tracking.relative_rotation import frame_rotations
 
 _CALIBRATE = "vgps calibrate-imu"
 
@@ -14,7 +17,26 @@ _CALIBRATE = "vgps calibrate-imu"
 def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
     """Compare the rotations of a front end's IMU, if it has one, with those of its maps."""
     imu = camera_imu(front_end.recording, front_end.origin, config)
-    return Agreement(None) if imu is None else agreement([map_trajectory(one) for one in front_end.maps], imu)
+    if imu is None:
+        return Agreement(None)
+    return agreement(path_rotations([map_trajectory(one) for one in front_end.maps]), imu)
+
+
+def pictures_agreement(front_end: FrontEnd, config: Config) -> Agreement:
+    """Compare the rotations of a front end's IMU with those of pairs of pictures, which never met it."""
+    recording, settings = front_end.recording, config.gyro_calibration
+    imu = camera_imu(recording, front_end.origin, config)
+    if imu is None:
+        return Agreement(None)
+    rotations = frame_rotations(
+        recording.video.frames(),
+        recording.camera,
+        config.tracking,
+        np.random.default_rng(config.seed),
+        settings.rotation,
+        min_interval_s=settings.min_interval_s,
+    )
+    return agreement(rotations, imu)
 
 
 def contradiction_note(front_end: FrontEnd, found: Agreement) -> str | None:
