@@ -41,6 +41,14 @@ def test_a_single_fix_is_wrong_rather_than_several_others():
     assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(2.0 / 30.0) / CONFIG.persistence))
 
 
+def test_wrong_fixes_of_different_errors_are_errors_of_their_own():
+    found = sides(alike(0, 0, 1, 0, 0, 2, 0, 0, 3, 0), 1.0, CONFIG)
+    np.testing.assert_array_equal(found.right, [1, 1, 0, 1, 1, 0, 1, 1, 0, 1])
+    # if one of them were right: six wrong runs instead of three, three of which last
+    odds = np.exp(6.0 / 30.0) * SHARE**-3 * CONFIG.persistence**-3
+    assert found.probability == pytest.approx(1.0 / (1.0 + odds))
+
+
 def test_two_equal_sides_are_as_likely():
     assert sides(alike(0, 0, 0, 1, 1, 1), 1.0, CONFIG).probability == pytest.approx(0.5)
 

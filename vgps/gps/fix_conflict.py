@@ -62,19 +62,21 @@ class Sides:
 def sides(alike: BoolArray, lasts_s: float, config: OutlierConfig) -> Sides | None:
     """Return which fixes are right where their errors differ; None if they do not.
 
-    What holds longer is more likely to be right, and what leaves fewer runs of wrong fixes, or single ones.
+    What holds longer is more likely to be right, and what leaves fewer runs of wrong fixes of one error, or
+    single ones.
 
     Args:
         alike: (n, n) which fixes, in order of time, have the same error.
         lasts_s: Time for which each fix stands.
         config: How often an error begins, and whether it lasts to the next fix.
     """
-    wrong = np.pad(~alike, ((0, 0), (1, 1)))
-    begins = wrong[:, 1:-1] & ~wrong[:, :-2]
+    same = np.diagonal(alike, 1)  # (n - 1,) as the one before
+    wrong = ~alike
+    begins = wrong & np.append(True, ~same)
     score = (
         alike.sum(axis=1) * lasts_s / _WRONG_LASTS_S
         + begins.sum(axis=1) * np.log(config.lower_share)
-        + (begins & wrong[:, 2:]).sum(axis=1) * np.log(config.persistence)
+        + (begins & np.append(same, False)).sum(axis=1) * np.log(config.persistence)
     )
     best = int(np.argmax(score))
     if alike[best].all():
