@@ -57,8 +57,8 @@ class _Run(NamedTuple):
 def error_steps(pull: Pull, tolerance_m: FloatArray, least_gain: float) -> FloatArray:
     """Return the steps (n, 3) [m] of the error to each fix from the one before; zero where none is certain.
 
-    Runs of fixes that share an error are found one after the other, the most certain one first; then all
-    steps at their ends are estimated together.
+    Runs of fixes that share an error are found one after the other, the most certain one first; then the
+    errors of all are estimated together.
 
     Args:
         pull: Of n fixes in order of time.
@@ -66,22 +66,21 @@ def error_steps(pull: Pull, tolerance_m: FloatArray, least_gain: float) -> Float
         least_gain: Least gain of a run.
     """
     n = len(pull.gradient)
-    edges: set[int] = set()
+    runs: list[FloatArray] = []
     left = pull
-    while len(edges) < n // 2:
+    while len(runs) < n // 2:
         run = _likeliest_run(left, tolerance_m)
         if run is None or run.gain < least_gain:
             break
-        edges |= {run.begin, run.end} - {0, n}
-        left = left.without(_shared_by(n, run.begin, run.end))
-    steps = np.zeros((n, 3))
-    if edges:
-        at = sorted(edges)
-        U = np.concatenate([_shared_by(n, edge, n) for edge in at], axis=2).reshape(3 * n, -1)
+        runs.append(_shared_by(n, run.begin, run.end))
+        left = left.without(runs[-1])
+    error = np.zeros((n, 3))
+    if runs:
+        U = np.concatenate(runs, axis=2).reshape(3 * n, -1)
         normal = U.T @ pull.information.reshape(3 * n, 3 * n) @ U
         normal[np.diag_indices(len(normal))] *= 1.0 + _WEAK
-        steps[at] = np.linalg.solve(normal, -U.T @ pull.gradient.ravel()).reshape(-1, 3)
-    return steps
+        error = (U @ np.linalg.solve(normal, -U.T @ pull.gradient.ravel())).reshape(n, 3)
+    return np.diff(error, axis=0, prepend=error[:1])
 
 
 def _shared_by(n: int, begin: int, end: int) -> FloatArray:
