@@ -49,7 +49,8 @@ def neighbour_pairs(
 class NeighbourPairs:
     """Pairs of successive fixes; ``rows`` (n,) are the first of each.
 
-    Horizontal displacements are complex numbers, so that a complex factor rotates and scales them.
+    Horizontal displacements are complex numbers, so that a complex factor rotates and scales them. For time
+    offsets (...,) at once, arrays over pairs or knots have these axes before their own.
     """
 
     def __init__(
@@ -64,14 +65,15 @@ class NeighbourPairs:
         poses = path.world_T_camera
         antenna = poses[:, :3, :3] @ camera_p_antenna + poses[:, :3, 3]
         # interpolation between frames halves the variance of jitter, which would look like a time offset
-        self._antenna = smoothed(antenna)
+        smooth = smoothed(antenna)
+        self._antenna: ComplexArray = smooth[:, 0] + 1j * smooth[:, 1]
         self._path, self._fixes, self._rows = path, fixes, rows
         _, self._group, self._group_size = np.unique(
             fixes.fix_class[rows], return_inverse=True, return_counts=True
         )
         self._rows_of_group = [np.flatnonzero(self._group == k) for k in range(len(self._group_size))]
         t_s = path.t_s
-        self._displacement = _displacements(fixes.world_p_fix)[self._rows]
+        self._displacement = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
         self._knots = Knots(place(knots, fixes.t_s[self._rows]), len(knots))
 
@@ -95,8 +97,8 @@ class NeighbourPairs:
         """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
         return np.abs(self._camera_displacement(0.0))
 
-    def difference(self, time_offset_s: float) -> FloatArray:
-        """Return the lengths (n,) of the differences, metres."""
+    def difference(self, time_offset_s: FloatArray | float) -> FloatArray:
+        """Return the lengths (..., n) of the differences at time offsets (...,), metres."""
         return np.abs(self._fitted(time_offset_s).difference)
 
     def step(self, time_offset_s: float, prior: TimeOffset) -> tuple[float, float]:
@@ -132,15 +134,15 @@ class NeighbourPairs:
         ]
         return float(cost[1] - cost[0])
 
-    def _camera_displacement(self, time_offset_s: float) -> ComplexArray:
-        at = place(self._path.t_s, self._fixes.t_s - time_offset_s, beyond=True)
+    def _camera_displacement(self, time_offset_s: FloatArray | float) -> ComplexArray:
+        at = place(self._path.t_s, self._fixes.t_s - np.asarray(time_offset_s)[..., None], beyond=True)
         before, after = self._antenna[at.frame], self._antenna[at.frame + 1]
-        return _displacements(before + at.alpha[:, None] * (after - before))[self._rows]
+        return np.diff(before + at.alpha * (after - before))[..., self._rows]
 
-    def _fitted(self, time_offset_s: float) -> "_Fitted":
-        """Return the best factors for a time offset by reweighted least squares."""
+    def _fitted(self, time_offset_s: FloatArray | float) -> "_Fitted":
+        """Return the best factors for time offsets (...,) by reweighted least squares."""
         displacement = self._camera_displacement(time_offset_s)
-        factor: ComplexArray = np.ones(self._knots.count, dtype=np.complex128)
+        factor: ComplexArray = np.ones((*displacement.shape[:-1], self._knots.count), dtype=np.complex128)
         for _ in range(_REWEIGHTINGS):
             weight = self._weight(displacement * self._knots.interpolated(factor) - self._displacement)
             right = self._knots.sums(weight * displacement.conj() * self._displacement)
@@ -150,26 +152,30 @@ class NeighbourPairs:
         )
 
     def _weight(self, difference: ComplexArray) -> FloatArray:
-        """Return Cauchy's weight (n,) divided by the variance."""
+        """Return Cauchy's weight (..., n) divided by the variance."""
         spread = self._spread(difference)
         bend = self.config.robust_spreads * spread
         return np.asarray(1.0 / (1.0 + np.abs(difference / bend) ** 2) / spread**2)
 
     def _spread(self, difference: ComplexArray) -> FloatArray:
-        """Return the spread (n,) per axis for the class of each pair's fixes, drawn towards that of all."""
-        length = np.abs(difference)
-        whole = float(np.median(length)) if len(length) else 0.0
-        groups = self._rows_of_group
-        of_group = [float(np.median(length[rows])) for rows in groups] if len(groups) > 1 else [whole]
-        spread = np.maximum([whole, *of_group], MIN_SPREAD_M * MEDIAN) / MEDIAN
+        """Return the spread (..., n) per axis of each pair's class of fixes, drawn towards that of all."""
+        length, groups = np.abs(difference), self._rows_of_group
+        if not self.count:
+            return length
+        whole = np.median(length, axis=-1)
+        of_group = [np.median(length[..., rows], axis=-1) for rows in groups] if len(groups) > 1 else [whole]
+        spread = np.maximum(np.stack([whole, *of_group], axis=-1), MIN_SPREAD_M * MEDIAN) / MEDIAN
         share = self._group_size / (self._group_size + _PAIRS_OF_ALL)
-        return np.asarray(spread[0] * (spread[1:] / spread[0]) ** share)[self._group]
+        drawn = spread[..., :1] * (spread[..., 1:] / spread[..., :1]) ** share
+        return np.asarray(drawn[..., self._group])
 
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
-        """Return the solution (K,) of the factors' normal equations, which are tridiagonal and real."""
+        """Return the solutions (..., K) of the factors' normal equations, which are tridiagonal and real."""
         band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
         band[1] += self.config.factor_sigma**-2
-        return np.asarray(solveh_banded(band, right), np.complex128)
+        return np.asarray(
+            solveh_banded(band.reshape(2, -1), right.ravel()).reshape(right.shape), np.complex128
+        )
 
 
 @dataclass(frozen=True)
@@ -184,41 +190,39 @@ class Knots:
     count: int
 
     def interpolated(self, values: ComplexArray) -> ComplexArray:
-        """Return the values (n,) at the times from those (K,) at the knots."""
-        return np.asarray(
-            (1.0 - self.at.alpha) * values[self.at.frame] + self.at.alpha * values[self.at.frame + 1]
-        )
+        """Return the values (..., n) at the times from those (..., K) at the knots."""
+        before, after = values[..., self.at.frame], values[..., self.at.frame + 1]
+        return np.asarray((1.0 - self.at.alpha) * before + self.at.alpha * after)
 
     def sums(self, values: ComplexArray) -> ComplexArray:
-        """Return the sums (K,) of values (n,) with the weights of the knots."""
+        """Return the sums (..., K) of values (..., n) with the weights of the knots."""
         return np.asarray(self._sums(values.real) + 1j * self._sums(values.imag))
 
     def normal_band(self, weight: FloatArray) -> FloatArray:
-        """Return the upper band (2, K) of the normal matrix of values (n,) of these weights."""
-        band, alpha = np.zeros((2, self.count)), self.at.alpha
-        band[0, 1:] = self._at_frame(weight * alpha * (1.0 - alpha))[:-1]
+        """Return the upper bands (2, ..., K) of the normal matrices of values of weights (..., n)."""
+        band, alpha = np.zeros((2, *weight.shape[:-1], self.count)), self.at.alpha
+        band[0, ..., 1:] = self._at_frame(weight * alpha * (1.0 - alpha))[..., :-1]
         band[1] = self._at_frame(weight * (1.0 - alpha) ** 2)
-        band[1, 1:] += self._at_frame(weight * alpha**2)[:-1]
+        band[1, ..., 1:] += self._at_frame(weight * alpha**2)[..., :-1]
         return band
 
     def _sums(self, values: FloatArray) -> FloatArray:
         sums = self._at_frame(values * (1.0 - self.at.alpha))
-        sums[1:] += self._at_frame(values * self.at.alpha)[:-1]
+        sums[..., 1:] += self._at_frame(values * self.at.alpha)[..., :-1]
         return sums
 
     def _at_frame(self, values: FloatArray) -> FloatArray:
-        """Return the sums (K,) of values (n,) by the knot before them."""
-        return np.asarray(np.bincount(self.at.frame, values, self.count), np.float64)
+        """Return the sums (..., K) of values (..., n) by the knot before them."""
+        lead = values.shape[:-1]
+        rows = int(np.prod(lead))
+        at = self.at.frame + self.count * np.arange(rows)[:, None]
+        sums = np.bincount(at.ravel(), values.ravel(), rows * self.count)
+        return np.asarray(sums.reshape(*lead, self.count), np.float64)
 
 
 class _Fitted(NamedTuple):
-    """Displacements (n,) of the camera, factors (K,) at the knots, and differences (n,) from the fixes."""
+    """Displacements (..., n) of the camera, factors (..., K) at the knots, and differences from the fixes."""
 
     displacement: ComplexArray
     factor: ComplexArray
     difference: ComplexArray
-
-
-def _displacements(points: FloatArray) -> ComplexArray:
-    """Return displacements (n - 1,) from one point to the next, east + i north."""
-    return np.diff(points[:, 0] + 1j * points[:, 1])

@@ -192,9 +192,7 @@ def best_time_offset(pairs: NeighbourPairs, prior: TimeOffset) -> TimeOffset:
         return prior
     reach, step_s = pairs.config.search_sigmas * prior.sigma_s, pairs.config.search_step_s
     grid = prior.time_offset_s + np.arange(-reach, reach + step_s, step_s)
-    time_offset_s = float(
-        grid[int(np.argmin([np.median(pairs.difference(value)) for value in grid.tolist()]))]
-    )
+    time_offset_s = float(grid[int(np.argmin(np.median(pairs.difference(grid), axis=-1)))])
     for _ in range(_ITERATIONS):
         step, sigma_s = pairs.step(time_offset_s, prior)
         time_offset_s += step
