@@ -14,6 +14,7 @@ from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage
+from vgps.tracking.float_images import FloatImages
 from vgps.tracking.matching import Match, Matcher, make_matcher
 from vgps.tracking.moving_regions import MovingRegions
 from vgps.tracking.picture_pixels import to_picture
@@ -44,6 +45,7 @@ class FrameTracker:
         self._matcher: Matcher = make_matcher(tracking)
         self.static = StaticRegions(camera, tracking, mapping)
         self.moving = MovingRegions(camera, tracking, mapping)
+        self._floats = FloatImages()
         self._patches: WeakKeyDictionary[LocalMap, ReferencePatches] = WeakKeyDictionary()
         self._returning = ReturningFeatures(camera, tracking)
 
@@ -219,8 +221,9 @@ class FrameTracker:
             projected = projected + shift
         start = np.where((again & inside)[:, None], projected, result.raw_uv_px)
         patches = self._patches.setdefault(local_map, ReferencePatches(self._camera))
-        patches.take(local_map, images[0])
-        aligned = patches.align(local_map, tentative, images[1].gray, start, self._config.rematch_px)
+        patches.take(local_map, self._floats.of(images[0]))
+        image = self._floats.of(images[1].gray)
+        aligned = patches.align(local_map, tentative, image, start, self._config.rematch_px)
         found = np.where(aligned.tried, aligned.found & (inside | ~again), result.found & ~again)
         result = self._undistorted(Match(aligned.uv_px, found)).shown_by(images[1].mask)
         return result.shifted(shift, -1.0)

@@ -101,7 +101,7 @@ class ReferencePatches:
         self._camera, self._K = camera, camera.K
         self.patches = patches
 
-    def take(self, local_map: LocalMap, view: GrayImage) -> None:
+    def take(self, local_map: LocalMap, view: GrayImage | Float32Array) -> None:
         """Take patches of features that have none, or one of another scale, and drop those of lost features.
 
         Args:
@@ -121,7 +121,7 @@ class ReferencePatches:
         self,
         local_map: LocalMap,
         world_T_camera: FloatArray,
-        gray: GrayImage,
+        gray: GrayImage | Float32Array,
         start_uv_px: FloatArray,
         max_shift_px: float,
     ) -> AlignedPatches:
@@ -138,7 +138,7 @@ class ReferencePatches:
         scale = np.sqrt(np.abs(np.linalg.det(warp)))
         self.patches.scale[tried] = scale[tried]
         rows = np.flatnonzero(tried)
-        image = gray.astype(np.float32)
+        image = gray.astype(np.float32, copy=False)
         moved, correlation = _aligned(self.patches.rows(rows), image, start_uv_px[rows], warp[rows])
         inside = np.all((moved > _HALF) & (moved < np.array(gray.shape[::-1]) - _HALF), axis=1)
         near = np.linalg.norm(moved - start_uv_px[rows], axis=1) < max_shift_px
@@ -146,7 +146,7 @@ class ReferencePatches:
         uv[rows], found[rows] = moved, near & inside & (correlation > _MIN_CORRELATION)
         return AlignedPatches(uv, tried, found)
 
-    def _taken(self, ids: IntArray, frame: int, view: GrayImage, uv_px: FloatArray) -> Patches:
+    def _taken(self, ids: IntArray, frame: int, view: GrayImage | Float32Array, uv_px: FloatArray) -> Patches:
         """Return the patches of features (n,) at pixels (n, 2) of an image."""
         texture, gradient = _texture(view, uv_px)
         square = gradient @ gradient.transpose(0, 2, 1) + _MIN_POWER * np.eye(2, dtype=np.float32)
@@ -184,11 +184,11 @@ class ReferencePatches:
         return np.where(valid[:, None, None], warp, np.eye(2)), valid
 
 
-def _texture(view: GrayImage, uv_px: FloatArray) -> tuple[Float32Array, Float32Array]:
+def _texture(view: GrayImage | Float32Array, uv_px: FloatArray) -> tuple[Float32Array, Float32Array]:
     """Return the patches (n, P) around pixels (n, 2) without their mean, and their gradients (n, 2, P)
     orthogonal to the patches and to a constant."""
     n, side = len(uv_px), 2 * _HALF + 3
-    window = _sampled(view.astype(np.float32), uv_px, *_offsets(_HALF + 1)).reshape(n, side, side)
+    window = _sampled(view.astype(np.float32, copy=False), uv_px, *_offsets(_HALF + 1)).reshape(n, side, side)
     texture = window[:, 1:-1, 1:-1].reshape(n, len(_X))
     texture = texture - texture.mean(axis=1, keepdims=True)
     by_u = window[:, 1:-1, 2:] - window[:, 1:-1, :-2]
