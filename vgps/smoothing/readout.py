@@ -24,6 +24,7 @@ from vgps.smoothing.camera_equations import pinhole_jacobian
 from vgps.smoothing.context import SmoothingContext
 from vgps.solver.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_values import all_pose_values
+from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.marginals import factorise_pose_system
 from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
@@ -87,13 +88,13 @@ def estimate_readout(
     Raises:
         GeometryError: The poses are not determined, or nothing moves in the pictures.
     """
-    problem = _with_rows(problem, t_s, camera)
     structure = analyse_sparsity(problem)
     with one_blas_thread():
         linear = linearise(problem, all_pose_values(problem), structure)
         factor, gradient = factorise_pose_system(linear, structure)
-        parts = linear.rolling_chunks
-        actual, predicted = [p.by_readout for p in parts], _smooth_displacements(parts, problem)
+        parts = linear.chunks
+        rolling = [_with_rows(part, problem, t_s, camera) for part in parts]
+        actual, predicted = [p.by_readout for p in rolling], _smooth_displacements(rolling, problem)
         right = [*(_pose_gradient(parts, each, structure) for each in (actual, predicted)), gradient]
         follow = structure.to_frames(-factor.solve(np.column_stack(right)))
     instrument = [_rest(p, z, follow[..., 1]) for p, z in zip(parts, predicted, strict=True)]
@@ -102,21 +103,24 @@ def estimate_readout(
         raise GeometryError("the camera does not move, or has no observations: nothing shows a readout")
     step = -_total(instrument, [p.r for p in parts]) / slope
     poses = follow[..., 2] + step * follow[..., 0]
-    left = [_rest(p, p.r + step * p.by_readout, poses) for p in parts]
+    left = [_rest(p, p.r + step * each, poses) for p, each in zip(parts, actual, strict=True)]
     by_camera = [
         _total(instrument, J) for J in zip(*(pinhole_jacobian(problem, p) for p in parts), strict=True)
     ]
-    variance = _variance(parts, instrument, left) + float(np.sum((camera_sigma * by_camera) ** 2))
+    variance = _variance(rolling, instrument, left) + float(np.sum((camera_sigma * by_camera) ** 2))
     before_s = 0.0 if problem.row_times is None else problem.row_times.readout_s
     return Readout(before_s + step, float(np.sqrt(variance)) / abs(slope), float(np.median(np.diff(t_s))))
 
 
-def _with_rows(problem: BundleProblem, t_s: FloatArray, camera: Camera) -> BundleProblem:
-    """Return the problem with the times of its rows, without a readout if it has none."""
-    if problem.row_times is not None:
-        return problem
-    times = RowTimes.of_frames(t_s, problem.frame, row_shares(camera, problem.uv_px), 0.0)
-    return replace(problem, row_times=times)
+def _with_rows(
+    part: LinearisedChunk, problem: BundleProblem, t_s: FloatArray, camera: Camera
+) -> RollingChunk:
+    """Return a chunk with the times of its rows, without a readout if the problem has none."""
+    if isinstance(part, RollingChunk):
+        return part
+    seen = part.chunk.problem
+    times = RowTimes.of_frames(t_s, seen.frame, row_shares(camera, seen.uv_px), 0.0)
+    return RollingChunk(**vars(part), row_times=times, vectors=times.vectors(problem.world_T_camera))
 
 
 def _total(one: Iterable[FloatArray], other: Iterable[FloatArray]) -> float:
@@ -140,7 +144,7 @@ def _smooth_displacements(parts: Sequence[RollingChunk], problem: BundleProblem)
     smooth = smoothed(vectors)
     displacements = []
     for part in parts:
-        first = part.chunk.first_frame
+        first = part.row_times.first
         sign = np.sign(vectors[first, :4] @ part.vectors[0, :4])  # of the quaternions
         own = smooth[first : first + len(part.vectors)] * np.where(np.arange(smooth.shape[1]) < 4, sign, 1.0)
         displacements.append(part.moved_by_vectors((part.row_times.by_readout @ own).T))
@@ -148,7 +152,7 @@ def _smooth_displacements(parts: Sequence[RollingChunk], problem: BundleProblem)
 
 
 def _pose_gradient(
-    parts: Sequence[RollingChunk], residuals: Sequence[FloatArray], structure: SparsityStructure
+    parts: Sequence[LinearisedChunk], residuals: Sequence[FloatArray], structure: SparsityStructure
 ) -> FloatArray:
     """Return the gradient (6 n_free,) of residuals (2, n) of each chunk, the landmarks eliminated."""
     total = np.zeros((6, len(structure.free)))
@@ -158,7 +162,7 @@ def _pose_gradient(
     return structure.to_columns(total.T)
 
 
-def _rest(part: RollingChunk, r: FloatArray, poses: FloatArray) -> FloatArray:
+def _rest(part: LinearisedChunk, r: FloatArray, poses: FloatArray) -> FloatArray:
     """Return what is left of residuals r (2, n) when the poses step (F, 6) and the landmarks follow."""
     moved = r + part.moved_by_poses(poses)
     return moved - absorbed_residuals(part, moved)

@@ -45,11 +45,6 @@ class Linearisation:
     border: Border
 
     @property
-    def rolling_chunks(self) -> tuple[RollingChunk, ...]:
-        """The chunks of a rolling shutter's observations."""
-        return tuple(part for part in self.chunks if isinstance(part, RollingChunk))
-
-    @property
     def diagonal(self) -> FloatArray:
         """(6 n_free,) diagonal by which damping is scaled."""
         diagonal: FloatArray = np.maximum(self.hessian.diagonal(), MIN_DIAGONAL)
