@@ -10,18 +10,12 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd
-from vgps.pipeline.rough_solution import (
-    MIN_VIEWS,
-    for_few_frames,
-    frame_step,
-    held_frames,
-    is_tied,
-    viewing_frames,
-)
+from vgps.pipeline.rough_solution import is_tied
 from vgps.runtime.progress import Progress
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.few_frames import MIN_VIEWS, for_few_frames, frame_step, held_frames, viewing_frames
 from vgps.smoothing.intrinsics import CameraPrior, RefinedCamera, prior_about, refine_camera
 from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Solution

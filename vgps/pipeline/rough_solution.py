@@ -6,17 +6,15 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.model import BoolArray, Camera
+from vgps.model import Camera
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.factor_graph import Scene
+from vgps.smoothing.few_frames import for_few_frames, frame_step, held_frames
 from vgps.smoothing.global_shutter import as_global_shutter
 from vgps.smoothing.intrinsics import thinned
 from vgps.smoothing.merge_maps import MergedMaps
 from vgps.solution import Trajectory
-
-MIN_VIEWS = 20  # that are left of few frames
 
 
 def optimise_roughly(front_end: FrontEnd, merged: MergedMaps, camera: Camera, config: Config) -> BatchResult:
@@ -58,35 +56,3 @@ def is_tied(front_end: FrontEnd, merged: MergedMaps, config: Config) -> bool:
     """Return whether fixes or control points determine place and scale."""
     tied_by_fixes = merged.georeferenced and config.gps.model != "none"
     return tied_by_fixes or len(front_end.controls.frame) > 0
-
-
-def viewing_frames(scene: Scene) -> int:
-    """Return the number of frames with observations."""
-    return len(np.unique(scene.observations.frame))
-
-
-def frame_step(scene: Scene, config: Config) -> int:
-    """Return the step between the frames of a rough solution: enough of them are left."""
-    return min(config.intrinsics.every_frames, max(viewing_frames(scene) // MIN_VIEWS, 1))
-
-
-def for_few_frames(config: Config, every: int, iterations: int) -> Config:
-    """Return settings for a rough solution in one round; each frame counts for several."""
-    batch = config.batch
-    changes = {
-        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
-        "rounds": 1,
-        "iterations": iterations,
-        "relative_tolerance": batch.early_tolerance,
-    }
-    gps = config.gps.model_copy(update={"n": 1})
-    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
-
-
-def held_frames(scene: Scene, config: Config) -> BoolArray:
-    """Return the frames (F,) to hold, which fix place and, if nothing else gives it, scale."""
-    poses = scene.poses
-    distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
-    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
-    held = [0] if scene.heights is not None else [0, min(second, len(poses) - 1)]
-    return np.isin(np.arange(len(poses)), held)
