@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from synthetic_map import no_positions
+from synthetic_map import map_of, no_positions, scene
 
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import (
@@ -187,3 +187,16 @@ def test_a_similarity_moves_poses_points_and_constraints_alike():
     (scaled,) = made.zero_motions
     assert scaled.reference_T_frame[0, 3] == 2.0 and scaled.sigma.tolist() == [1, 1, 1, 2, 2, 2]
     assert made.aligned and not before.aligned
+
+
+def test_observations_of_another_calibration_leave_a_snapshot_as_it_was():
+    problem, _, _, _ = scene(frames=6)
+    local_map = map_of(problem, 0, 5)
+    kept, raw = local_map.snapshot(), local_map.raw_uv_px.copy()
+    views, logged = local_map.views.copy(), local_map.observations().uv_px
+    local_map.apply(MapUpdate(undistorted=lambda uv_px: uv_px + np.array([1.0, 2.0])))
+    np.testing.assert_array_equal(local_map.views, views + np.array([1.0, 2.0]))
+    np.testing.assert_array_equal(local_map.observations().uv_px, logged + np.array([1.0, 2.0]))
+    np.testing.assert_array_equal(local_map.raw_uv_px, raw)
+    np.testing.assert_array_equal(kept.views, views)
+    np.testing.assert_array_equal(kept.observations().uv_px, logged)

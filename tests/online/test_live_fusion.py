@@ -23,7 +23,7 @@ class Pipeline:
         self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
         fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
-        self.t_s, self.warnings = np.zeros(0), []
+        self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
         self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
         self.fusion = LiveFusion(self, Config())
         self.begin()
@@ -80,6 +80,20 @@ def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():
     pipeline.scale(1.1)
     assert not pipeline.frame()
     assert pipeline.error_m() < before_m + 0.1  # at the old scale 0.6 m
+
+
+def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():
+    pipeline = Pipeline()
+    while not (pipeline.frame() and len(pipeline.t_s) > 100):
+        pass
+    pipeline.fusion.refine()
+    assert pipeline.fusion._job is not None  # a fit to the path as the old camera sees it
+    scale = pipeline.fusion.to_world(pipeline.current).scale
+    pipeline.scale(1.3)
+    pipeline.camera = "refined"
+    pipeline.fusion.refine()
+    assert pipeline.fusion._job is None
+    assert pipeline.fusion.to_world(pipeline.current).scale == pytest.approx(scale / 1.3, rel=0.02)
 
 
 def test_a_wrong_fix_has_its_verdict_after_two_frames():

@@ -108,7 +108,9 @@ class Looking:
         self.map, _ = followed_map(np.repeat(path(1), 2, axis=0))
         self.looks = []
         static = SimpleNamespace(masked=lambda frame: frame)
-        self.pipeline = SimpleNamespace(current=self.map, tracker=SimpleNamespace(static=static))
+        self.pipeline = SimpleNamespace(
+            current=self.map, camera=CAMERA, tracker=SimpleNamespace(static=static)
+        )
         self.fusion = SimpleNamespace(placed=lambda: (None, SimpleNamespace(t_s=self.map.t_s)))
         self.places = LivePlaces(self.pipeline, self.fusion, CAMERA, Config())
         self.places._recogniser = SimpleNamespace(look=self.look)

@@ -21,10 +21,10 @@ from vgps.smoothing.global_shutter import as_global_shutter
 from vgps.smoothing.intrinsics import (
     _after_step,
     _misfit_px,
-    _seen_by,
     _undistorted_by,
     prior_about,
     refine_camera,
+    seen_by,
 )
 from vgps.smoothing.parameter_step import ParameterStep
 
@@ -96,10 +96,10 @@ def true_scene():
 def test_a_centre_that_moves_far_leaves_all_observations():
     """An offset of 19 pixels is beyond the tolerance of stage D's first round, unless the poses turn."""
     before, made = changed(TRUE, np.array([0.0, 8.0, -17.0])), true_scene()
-    found = _seen_by(before, TRUE, made)  # about what stages A to C find with a wrong centre
+    found = seen_by(before, TRUE, made)  # about what stages A to C find with a wrong centre
     assert _misfit_px(found, before) < 2.0
     assert _misfit_px(_undistorted_by(TRUE, before, found), TRUE) > 15.0
-    back = _seen_by(TRUE, before, found)
+    back = seen_by(TRUE, before, found)
     np.testing.assert_allclose(back.poses, made.poses, atol=1e-9)
     selected, _ = select_observations(back, SmoothingContext(TRUE, CONFIG), CONFIG.batch.first_tolerance)
     assert len(selected.observations.frame) == len(made.observations.frame)

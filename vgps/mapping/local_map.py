@@ -144,6 +144,9 @@ class LocalMap:
 
     def apply(self, update: MapUpdate) -> None:
         """Change the map; stages A to C write nowhere else."""
+        if (seen := update.undistorted) is not None:
+            self._log.move(seen)
+            self.views = seen(self.views.reshape(-1, 2)).reshape(self.views.shape)
         if update.similarity is not None:
             self._transform(update.similarity)
         self.aligned = self.aligned or update.aligned

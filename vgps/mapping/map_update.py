@@ -1,5 +1,6 @@
 """Changes of a local map, as stages A to C return them and :meth:`LocalMap.apply` takes them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +89,7 @@ class MapUpdate:
     """A change of a local map, applied field by field from top to bottom.
 
     Attributes:
+        undistorted: Gives where another calibration sees undistorted pixels (n, 2), for all observations.
         similarity: Similarity to apply to the whole map.
         aligned: Whether the map's world is the world of the GPS fixes from now on.
         frames: New frames, in order.
@@ -101,6 +103,7 @@ class MapUpdate:
         zero_motions: Constraints of standing frames; they replace earlier ones of the same frames.
     """
 
+    undistorted: Callable[[FloatArray], FloatArray] | None = None
     similarity: Similarity | None = None
     aligned: bool = False
     frames: tuple[NewFrame, ...] = ()

@@ -1,5 +1,7 @@
 """Observations of all features, frame by frame, in the order in which they were made."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
@@ -33,6 +35,10 @@ class ObservationLog:
         frames = np.concatenate([np.full(len(ids), frame) for frame, ids, _ in batches])
         ids = np.concatenate([ids for _, ids, _ in batches])
         return Observations(frames, ids, np.concatenate([uv for _, _, uv in batches]))
+
+    def move(self, moved: Callable[[FloatArray], FloatArray]) -> None:
+        """Move all observations (n, 2)."""
+        self._batches = [(frame, ids, moved(uv)) for frame, ids, uv in self._batches]
 
     def tracks(self, ids: IntArray, frames: IntArray) -> FloatArray:
         """Return where some frames (H,), in order, show features (n,): (n, H, 2), NaN where they do not.

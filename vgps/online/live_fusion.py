@@ -42,6 +42,7 @@ class LiveFusion:
         self._gravity = None if imu is None else Gravity(imu, config.imu)
         self._bridge = None if imu is None else InertialBridge(imu, config)
         self._map: LocalMap | None = None
+        self._camera = frame_pipeline.camera  # of the newest fit
         self._job: FitJob | None = None
         self._latest: FitResult | None = None
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
@@ -67,9 +68,12 @@ class LiveFusion:
             self._known_s = self._time_offset_s
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
+        if self._camera is not self._frame_pipeline.camera:
+            self._finish()
         if current is None or not current.aligned or self._job is not None:
             return
-        if self._fused is None:
+        if self._fused is None or self._camera is not self._frame_pipeline.camera:
+            self._camera = self._frame_pipeline.camera  # a refined one bends the whole path
             self._begin(current)
             self._finish()
         elif self._is_due(current):

@@ -99,6 +99,7 @@ class LivePlaces:
             depth_m=float(np.median(newest.depth)),
             settled=settled,
         )
+        self._recogniser.camera = self._frame_pipeline.camera
         along = partial(_in_world, fused, path, current.next_frame - len(path.t_s))
         due_frame = len(self._frame_pipeline.t_s) + _ANSWER_FRAMES
         self._job = _Job(due_frame, begin(self._recogniser.look, look, along))

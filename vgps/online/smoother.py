@@ -76,7 +76,8 @@ class OnlineSmoother:
         retention = None if keep_all else RetentionPolicy.of(config)
         # stage C follows the video alone: a path bent to fixes no longer contradicts them
         at_camera = used_imu(imu, rig.imu, rig.world_origin, config.imu)
-        context = SmoothingContext(camera, video_alone(config), imu=at_camera)
+        calibrates = config.intrinsics.refine != "no"
+        context = SmoothingContext(camera, video_alone(config), imu=at_camera, calibrates=calibrates)
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._intake = FixIntake(self._frame_pipeline, config.gps, source, rig.world_origin)
         self._frames = FrameArchive()
@@ -221,7 +222,7 @@ class OnlineSmoother:
         samples = np.array(self._gyro).reshape(-1, 4)
         return SessionRecord(
             source=self._source,
-            camera=self._camera,
+            camera=self._frame_pipeline.camera,
             rig=replace(self._rig, video_start_utc=self.video_start_utc),
             config=self._config,
             origin=self._intake.origin,

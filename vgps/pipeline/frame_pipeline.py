@@ -1,6 +1,7 @@
 """Stages A, B and C frame by frame, offline and live."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,19 +15,15 @@ from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate
 from vgps.mapping.retention import RetentionPolicy, RetiredPoses, retire_before, retire_map
-from vgps.model import FloatArray, Frame
+from vgps.model import Camera, FloatArray, Frame
 from vgps.pipeline.map_builder import MapBuilder
-from vgps.pipeline.map_starter import MapStarter
+from vgps.pipeline.map_starter import make_stages
 from vgps.pipeline.window_worker import WindowOutcome, WindowWorker
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.intrinsics import undistorted_again
 from vgps.smoothing.map_alignment import align_to_control, align_to_fixes
 from vgps.tracking.control_points import control_poses
-from vgps.tracking.frame_tracker import FrameTracker
-from vgps.tracking.mapper import Mapper
-from vgps.tracking.pose import Prediction
-from vgps.tracking.relocaliser import Relocaliser
-from vgps.tracking.tracking_result import TrackingResult
 
 _MAX_REASON = 200  # characters of an error in a warning
 
@@ -58,10 +55,8 @@ class FramePipeline:
     ) -> None:
         camera, config = context.camera, context.config
         self._context, self.config, self._retention = context, config, retention
-        self._rng = rng = np.random.default_rng(config.seed)
-        self.tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
-        self._mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        self._starter = MapStarter((self.tracker, self._mapper), camera, config, rng, retention)
+        self._rng = np.random.default_rng(config.seed)
+        self.tracker, self._mapper, self._starter = make_stages(camera, config, self._rng, retention)
         self._gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._current: MapBuilder | None = None
         self._next: MapBuilder | None = None
@@ -77,6 +72,11 @@ class FramePipeline:
     def t_s(self) -> FloatArray:
         """(F,) times of the frames so far."""
         return self._times.values
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, which stage C may have refined."""
+        return self._context.camera
 
     @property
     def sensors(self) -> Sensors:
@@ -197,7 +197,9 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self.tracker.track(local_map, builder.view_image, frame, predicted)
             if result.world_T_camera is None:
-                result = self._relocalise(builder, frame, predicted.world_T_camera) or result
+                searched = self.camera, self.config.tracking, self._rng
+                if (found := builder.located(frame, predicted.world_T_camera, *searched)) is not None:
+                    result = self.tracker.track(local_map, builder.view_image, frame, found)
         result = builder.carried(frame, result, predicted, self.config.tracking)
         if result.world_T_camera is None:
             self._grow_next_map(frame)
@@ -255,23 +257,24 @@ class FramePipeline:
         if outcome is None:
             return
         local_map, reconciliation = outcome.local_map, outcome.reconciliation
+        if self._worker.camera is not self.camera:
+            self._use_camera(local_map)
         local_map.apply(reconciliation.update)
         with self.timer.measure("map"):
             rows = np.flatnonzero(np.isin(local_map.ids, reconciliation.unrefined))
             local_map.apply(MapUpdate(positions=self._mapper.triangulate(local_map, rows)))
         self.warnings.extend(outcome.warnings)
 
-    def _relocalise(self, builder: MapBuilder, frame: Frame, predicted: FloatArray) -> TrackingResult | None:
-        """Search for the features of the newest view in the whole frame, then track it again."""
-        local_map = builder.local_map
-        if builder.relocaliser is None:
-            builder.relocaliser = Relocaliser(
-                self._context.camera, self.config.tracking, self._rng, builder.view_image, local_map
-            )
-        pose = builder.relocaliser.locate(frame.gray, predicted)
-        if pose is None:
-            return None
-        return self.tracker.track(local_map, builder.view_image, frame, Prediction(pose))
+    def _use_camera(self, seen: LocalMap) -> None:
+        """Go on with the refined camera, which one of the maps was optimised with."""
+        camera, state, config = self._worker.camera, self.tracker.state(self.maps), self.config
+        undistorted = undistorted_again(camera, self.camera)
+        self._context = replace(self._context, camera=camera)
+        self.tracker, self._mapper, self._starter = make_stages(camera, config, self._rng, self._retention)
+        self.tracker.restore(state)
+        for local_map in [*self.maps, *([] if self._next is None else [self._next.local_map])]:
+            if local_map is not seen:
+                local_map.apply(MapUpdate(undistorted=undistorted))
 
     def _grow_next_map(self, frame: Frame) -> None:
         """Add a frame to a new map while tracking is lost; once it starts, it replaces the current map."""

@@ -13,7 +13,7 @@ from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
 from vgps.mapping.trajectory import map_trajectory
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import FloatArray, Frame, GrayImage
+from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.solution import Trajectory
 from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
@@ -147,6 +147,20 @@ class MapBuilder:
         if intervals >= _LONGEST_PREDICTION:
             return np.asarray(last)
         return np.asarray(last @ np.linalg.inv(previous) @ last)
+
+    def located(
+        self,
+        frame: Frame,
+        predicted: FloatArray,
+        camera: Camera,
+        config: TrackingConfig,
+        rng: np.random.Generator,
+    ) -> Prediction | None:
+        """Search for the features of the newest view in the whole frame, whose pose may be ``predicted``."""
+        if self.relocaliser is None:
+            self.relocaliser = Relocaliser(camera, config, rng, self.view_image, self.local_map)
+        pose = self.relocaliser.locate(frame.gray, predicted)
+        return None if pose is None else Prediction(pose)
 
     def bridge(self, t_s: FloatArray, frame: int, world_T_camera: FloatArray) -> tuple[str, ...]:
         """Pose the frames between the newest one and ``frame`` by interpolation.

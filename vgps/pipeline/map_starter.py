@@ -81,3 +81,14 @@ class MapStarter:
         if len(local_map.ids) < self._config.start.min_inliers:
             return None
         return MapBuilder(local_map=local_map, view_image=frame.gray)
+
+
+def make_stages(
+    camera: Camera, config: Config, rng: np.random.Generator, retention: RetentionPolicy | None
+) -> tuple[FrameTracker, Mapper, MapStarter]:
+    """Return stages A and B for a camera, and what starts maps with them."""
+    stages = (
+        FrameTracker(camera, config.tracking, config.mapping, rng),
+        Mapper(camera, config.tracking, config.mapping, rng),
+    )
+    return *stages, MapStarter(stages, camera, config, rng, retention)

@@ -1,10 +1,15 @@
 """Stage C, Kume 2010: time offset, outliers and drift from the fixes so far, then the newest window."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from vgps.errors import GeometryError
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
+from vgps.model import Camera
+from vgps.pipeline.live_calibration import LiveCalibration
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.drift_correction import correct_drift, restore_odometry
@@ -26,12 +31,27 @@ class StageC:
     def __init__(self, context: SmoothingContext, timer: StageTimer) -> None:
         self._context, self._timer = context, timer
         self._isam2 = IncrementalWindow(context) if context.config.window.solver == "isam2" else None
+        self._calibration = LiveCalibration(context) if context.calibrates else None
         self.used_until_s = -np.inf
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the maps that it optimised last."""
+        return self._context.camera
 
     @property
     def failures(self) -> int:
         """Number of windows that iSAM2 could not solve."""
         return 0 if self._isam2 is None else self._isam2.failures
+
+    def calibrate(self, local_map: LocalMap, fix_buffer: FixBuffer, camera: Camera) -> None:
+        """Take over a refined camera that is due, from the next window on, and begin to refine it again.
+
+        ``camera`` is that of the map: not the refined one if the window before failed.
+        """
+        if self._calibration is not None:
+            self._context = replace(self._context, camera=camera)
+            self._calibration.update(local_map, fix_buffer.sensors)
 
     def run(self, local_map: LocalMap, fix_buffer: FixBuffer, suffix: str = "") -> tuple[str, ...]:
         """Correct drift if fixes contradict the frames that the window will hold, then optimise the window.
@@ -50,6 +70,7 @@ class StageC:
             GeometryError, RuntimeError, LinAlgError: The map cannot be optimised from its present state.
         """
         until_s = float(local_map.t_s[-1])
+        notes = self._use_calibration(local_map, fix_buffer) if self._calibration is not None else ()
         with self._timer.measure("drift" + suffix):
             corrected = local_map.aligned and self._correct(local_map, fix_buffer, until_s)
         with self._timer.measure("window" + suffix):
@@ -62,8 +83,25 @@ class StageC:
             local_map.apply(result.update)
         self.used_until_s = until_s
         if result.converged:
+            return notes
+        stuck = f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged"
+        return (*notes, stuck)
+
+    def _use_calibration(self, local_map: LocalMap, fix_buffer: FixBuffer) -> tuple[str, ...]:
+        """Let a map follow the refined camera, if there is a new one, and return what it is."""
+        calibration = self._calibration
+        assert calibration is not None
+        if calibration.camera is self.camera:
             return ()
-        return (f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged",)
+        try:
+            local_map.apply(calibration.resolved(local_map, self.camera, fix_buffer.sensors))
+        except (GeometryError, RuntimeError, np.linalg.LinAlgError):
+            calibration.camera = self.camera
+            return ()
+        self._context = replace(self._context, camera=calibration.camera)
+        if self._isam2 is not None:
+            self._isam2 = IncrementalWindow(self._context)
+        return calibration.warnings
 
     def _correct(self, local_map: LocalMap, fix_buffer: FixBuffer, until_s: float) -> bool:
         """Update time offset and outliers, correct the map's drift if fixes contradict it, and return whether

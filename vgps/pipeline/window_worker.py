@@ -8,11 +8,14 @@ import numpy as np
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.imu.rotation import rotation_sigma_rad
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate
+from vgps.model import Camera
 from vgps.pipeline.reconciliation import PosingLimits, Reconciliation, reconcile
 from vgps.pipeline.stage_c import StageC
 from vgps.runtime.threads import begin
 from vgps.runtime.timing import CONCURRENT, StageTimer
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.intrinsics import undistorted_again
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,11 @@ class WindowWorker:
         return self._job is not None
 
     @property
+    def camera(self) -> Camera:
+        """The camera of the outcomes so far."""
+        return self._context.camera
+
+    @property
     def failures(self) -> int:
         """Number of windows that iSAM2 could not solve."""
         return self._stage_c.failures
@@ -79,6 +87,7 @@ class WindowWorker:
 
     def start(self, local_map: LocalMap) -> None:
         """Start stage C on the map as it is; the map may grow until :meth:`finish` is called."""
+        self._stage_c.calibrate(local_map, self._fix_buffer, self.camera)
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
         warnings = begin(self._stage_c.run, refined, fix_buffer, CONCURRENT)
         self._job = _Job(local_map, refined, fix_buffer, warnings)
@@ -100,6 +109,9 @@ class WindowWorker:
         self, local_map: LocalMap, refined: LocalMap, fix_buffer: FixBuffer, warnings: tuple[str, ...]
     ) -> WindowOutcome:
         self._fix_buffer.update_from(fix_buffer)
+        if self._stage_c.camera is not self.camera:
+            local_map.apply(MapUpdate(undistorted=undistorted_again(self._stage_c.camera, self.camera)))
+            self._context = replace(self._context, camera=self._stage_c.camera)
         reconciliation = reconcile(refined, local_map, self._context.camera, self._limits(local_map))
         return WindowOutcome(local_map, reconciliation, warnings)
 

@@ -82,7 +82,7 @@ class PlaceRecogniser:
     """
 
     def __init__(self, camera: Camera, config: LoopsConfig, capacity: int) -> None:
-        self._camera, self._config = camera, config
+        self.camera, self._config = camera, config
         self._memory = PlaceMemory(capacity)
         self._sights: dict[int, Sight] = {}
         self._recent: deque[Recognised] = deque(maxlen=_RECENT)
@@ -98,7 +98,7 @@ class PlaceRecogniser:
         for landmarks in given.settled:
             self._remember(landmarks)
         self._memory.update(path)
-        uv, descriptors = described(given.image, self._camera, config.features)
+        uv, descriptors = described(given.image, self.camera, config.features)
         sight = Sight(
             frame=given.image.index,
             travelled_m=given.travelled_m,
@@ -116,7 +116,7 @@ class PlaceRecogniser:
         if not found:
             return Answer(next_m)
         row, pose, matches = max(found, key=lambda one: len(one[2]))
-        best = self._recognised(row, sight, refined(self._camera.K, pose, matches), path)
+        best = self._recognised(row, sight, refined(self.camera.K, pose, matches), path)
         sigma_m = float(self._memory.sigma_m(path)[row])
         if not allowed(best.world_T_camera, path.poses[-1], sigma_m, sight.depth_m, config):
             return Answer(next_m)
@@ -130,7 +130,7 @@ class PlaceRecogniser:
         if sight is None:
             return
         rows, points = beside_landmarks(
-            sight.uv_px, landmarks.uv_px, landmarks.depth, self._camera.K, self._config.reach_px
+            sight.uv_px, landmarks.uv_px, landmarks.depth, self.camera.K, self._config.reach_px
         )
         if len(rows) >= self._config.min_inliers:
             self._memory.add(sight, rows, points)
@@ -139,7 +139,7 @@ class PlaceRecogniser:
         """Return a place, a frame's pose by it, and the features that agree on it; None if too few do."""
         descriptors, points = self._memory.features(row)
         matches = correspondences(descriptors, points, sight.descriptors, sight.uv_px, self._config.ratio)
-        agreed = agreed_pose(self._camera.K, matches, self._config)
+        agreed = agreed_pose(self.camera.K, matches, self._config)
         return None if agreed is None else (row, *agreed)
 
     def _recognised(

@@ -23,6 +23,8 @@ class SmoothingContext:
     controls: ControlObservations = NO_CONTROL_OBSERVATIONS
     imu: CameraImu | None = None
     cameras: tuple[RigMount, ...] = ()
+    calibrates: bool = False
+    """Whether stage C refines the camera now and then, since stage D will not."""
     estimates_readout: bool = False
     """Whether stage D improves the readout of a rolling shutter between its rounds."""
     rough: bool = False

@@ -6,7 +6,7 @@ until the steps are small relative to their standard deviations. A rough solutio
 track suffices for this; stage D follows once on all frames.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -53,11 +53,11 @@ class RefinedCamera:
     steps: int
     converged: bool
 
-    def differs_from(self, given: Camera) -> bool:
-        """Return whether any parameter moved by more than three of its standard deviations."""
+    def differs_from(self, given: Camera, sigmas: float = _SIGNIFICANT_SIGMAS) -> bool:
+        """Return whether any parameter moved by more than so many of its standard deviations."""
         before = replace(given, distortion=given.distortion or _NO_DISTORTION)
         moved, sigma = _difference(self.camera, before), np.array(list(self.sigma.values()))
-        return bool(np.any(np.abs(moved) > _SIGNIFICANT_SIGMAS * sigma))
+        return bool(np.any(np.abs(moved) > sigmas * sigma))
 
     def note(self, given: Camera) -> str:
         """Return a warning with the old and new parameters."""
@@ -151,7 +151,7 @@ def refine_camera(
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
     camera = replace(camera, readout_s=given.readout_s)
-    result = optimise(_seen_by(camera, given, scene), camera, sigma=sigma)
+    result = optimise(seen_by(camera, given, scene), camera, sigma=sigma)
     return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
 
 
@@ -172,15 +172,24 @@ def _difference(camera: Camera, given: Camera) -> FloatArray:
     return np.array(moved[: parameter_count(camera)])
 
 
-def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """Return the scene with its observations undistorted by another camera, unchanged outside its lens
-    model."""
-    old, controls = scene.observations, scene.controls
+def undistorted_again(camera: Camera, before: Camera) -> Callable[[FloatArray], FloatArray]:
+    """Return what gives the pinhole pixels (N, 2) of another calibration for those of the one before.
+
+    Where its lens model has no inverse they do not change.
+    """
 
     def undistorted(uv_px: FloatArray) -> FloatArray:
         new = undistort(camera, distort(before, uv_px))
         return np.where(np.isfinite(new), new, uv_px)
 
+    return undistorted
+
+
+def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
+    """Return the scene with its observations undistorted by another camera, unchanged outside its lens
+    model."""
+    old, controls = scene.observations, scene.controls
+    undistorted = undistorted_again(camera, before)
     observations = Observations(old.frame, old.landmark, undistorted(old.uv_px))
     return replace(
         scene, observations=observations, controls=replace(controls, uv_px=undistorted(controls.uv_px))
@@ -194,7 +203,7 @@ def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterS
     follow a step too far for that.
     """
     predicted = _undistorted_by(camera, before, replace(optimum, poses=step.poses, points=step.points))
-    return min(predicted, _seen_by(camera, before, optimum), key=lambda one: _misfit_px(one, camera))
+    return min(predicted, seen_by(camera, before, optimum), key=lambda one: _misfit_px(one, camera))
 
 
 def _misfit_px(scene: Scene, camera: Camera) -> float:
@@ -205,7 +214,7 @@ def _misfit_px(scene: Scene, camera: Camera) -> float:
     return float(np.median(np.where(depth[:, 0] > 0.0, error, np.inf))) if len(error) else 0.0
 
 
-def _seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
+def seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
     """Return the scene with its observations undistorted by another camera, and its poses turned to suit.
 
     A centre that moved turns all rays alike: without a turn of the poses hardly an observation would fit.

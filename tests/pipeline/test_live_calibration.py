@@ -1,0 +1,135 @@
+"""The calibration is refined while frames come: the map and all that follows see the new camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from room_pipeline import CAMERA as ROOM_CAMERA
+from room_pipeline import CONFIG as ROOM_CONFIG
+from room_pipeline import exact_fixes, room
+from synthetic_bundle import ANTENNA
+from synthetic_map import CAMERA, map_of, scene
+
+from vgps.camera import undistort
+from vgps.config import BatchConfig, Config, IntrinsicsConfig, WindowConfig
+from vgps.errors import GeometryError
+from vgps.geometry import project
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.gps.fixes import Fixes
+from vgps.gps.sensors import Sensors
+from vgps.mapping.map_update import MapUpdate
+from vgps.model import Camera
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.pipeline.live_calibration import LiveCalibration
+from vgps.pipeline.stage_c import StageC
+from vgps.pipeline.window_worker import WindowWorker
+from vgps.runtime.timing import StageTimer
+from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.intrinsics import undistorted_again
+
+CONFIG = Config(
+    window=WindowConfig(length_frames=40),
+    batch=BatchConfig(video_sigma_scale=1.0),  # so that few frames show it
+    intrinsics=IntrinsicsConfig(distortion_sigma=0.1),
+)
+WRONG = replace(CAMERA, model="opencv", cx=CAMERA.cx + 4.0, distortion=(0.1, 0.0, 0.0, 0.0))
+SENSORS = Sensors.fixed(ANTENNA)
+
+
+def map_seen_by(camera: Camera):
+    made = map_of(scene(disturbed=0.0)[0], 0, 59)
+    made.apply(MapUpdate(undistorted=undistorted_again(camera, CAMERA)))
+    return made
+
+
+def misfit_px(local_map, camera):
+    seen = local_map.observations()
+    uv_px, _ = project(camera.K, local_map.poses[seen.frame], local_map.points[seen.landmark, None])
+    return float(np.median(np.linalg.norm(uv_px[:, 0] - seen.uv_px, axis=1)))
+
+
+def calibrated(camera, local_map, config=CONFIG):
+    made = LiveCalibration(SmoothingContext(camera, config, calibrates=True))
+    made.update(local_map, SENSORS)
+    made._job = replace(made._job, due_frame=local_map.next_frame)
+    made.update(local_map, SENSORS)
+    return made
+
+
+def test_a_map_follows_the_camera_that_its_frames_show():
+    local_map = map_seen_by(WRONG)
+    made = calibrated(WRONG, local_map)
+    assert made.camera.cx == pytest.approx(CAMERA.cx, abs=3.0)
+    assert abs(made.camera.distortion[0]) < 0.05
+    assert "the calibration was refined" in made.warnings[0]
+    before, poses = misfit_px(local_map, WRONG), local_map.poses.copy()
+    local_map.apply(made.resolved(local_map, WRONG, SENSORS))
+    assert misfit_px(local_map, made.camera) < 0.5 * before
+    np.testing.assert_allclose(local_map.poses[0, :3, 3], poses[0, :3, 3], atol=1e-9)  # it stays in place
+    step = [np.linalg.norm(one[1, :3, 3] - one[0, :3, 3]) for one in (local_map.poses, poses)]
+    assert step[0] == pytest.approx(step[1], rel=0.2)  # and keeps its scale there
+
+
+def test_a_camera_that_fits_stays():
+    local_map = map_seen_by(CAMERA)
+    made = calibrated(CAMERA, local_map, Config(window=CONFIG.window))
+    assert len(made._known) == 2 and made.camera is CAMERA and not made.warnings
+
+
+def test_frames_of_before_are_the_prior_of_those_after():
+    local_map = map_seen_by(WRONG)
+    made = calibrated(WRONG, local_map)
+    assert [frame for frame, _ in made._known] == [0, 60]
+    first, second = (known.sigma for _, known in made._known)
+    assert second[3] < first[3] and made._due_frame == 90
+
+
+def test_a_calibration_that_fails_changes_nothing(monkeypatch):
+    def fail(*_):
+        raise GeometryError("not determined")
+
+    monkeypatch.setattr(LiveCalibration, "_found", fail)
+    made = calibrated(WRONG, map_seen_by(WRONG))
+    assert made.camera is WRONG and len(made._known) == 1
+
+
+@pytest.mark.parametrize("calibrates", [True, False])
+def test_tracking_goes_on_with_the_refined_camera(calibrates):
+    wrong = replace(ROOM_CAMERA, model="opencv", distortion=(0.1, 0.0, 0.0, 0.0))
+    window = ROOM_CONFIG.window.model_copy(update={"delay_frames": 3, "every_frames": 4})
+    known = IntrinsicsConfig(distortion_sigma=0.1)
+    config = ROOM_CONFIG.model_copy(
+        update={"window": window, "intrinsics": known, "batch": BatchConfig(video_sigma_scale=1.0)}
+    )
+    context = SmoothingContext(wrong, config, calibrates=calibrates)
+    made = FramePipeline(context, np.zeros(3), exact_fixes())
+    for frame in room():
+        made.add_frame(frame)
+    made.finish_window()
+    assert (made.camera is wrong) is not calibrates and len(made.maps) == 1
+    seen = undistort(made.camera, made.current.raw_uv_px)
+    np.testing.assert_allclose(made.current.last_uv_px, seen, atol=1e-6)
+    assert any("the calibration was refined" in one for one in made.warnings) is calibrates
+    if calibrates:
+        assert abs(made.camera.distortion[0]) < 0.05
+
+
+def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch):
+    local_map = map_seen_by(WRONG)
+    worker = WindowWorker(
+        SmoothingContext(WRONG, CONFIG, calibrates=True),
+        FixBuffer(Fixes.empty(), ANTENNA, CONFIG),
+        StageTimer(),
+    )
+    stage_c = worker._stage_c
+    stage_c._calibration = calibrated(WRONG, local_map)
+    monkeypatch.setattr(StageC, "_correct", lambda *_: 1 / 0)
+    worker.start(local_map)
+    with pytest.raises(ZeroDivisionError):
+        worker.finish()
+    assert worker.camera is WRONG and stage_c.camera is not WRONG
+    monkeypatch.undo()
+    worker.start(local_map)
+    assert worker.finish() is not None
+    assert worker.camera is stage_c._calibration.camera is not WRONG
+    assert misfit_px(local_map, WRONG) > misfit_px(local_map, worker.camera)
