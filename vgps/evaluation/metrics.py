@@ -11,7 +11,7 @@ from vgps.evaluation.association import half_interval_s, match_times
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
-CHI2_3_95 = 7.814727903251179  # 95 % quantile of chi-squared with three degrees of freedom
+_CHI2_3_95 = 7.814727903251179  # 95 % quantile of chi-squared with three degrees of freedom
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,4 +177,4 @@ def _nees(error_m: FloatArray, sigma_m: FloatArray) -> Nees | None:
     if not stated.any():
         return None
     squared = ((error_m[stated] / sigma_m[stated]) ** 2).sum(axis=1)
-    return Nees(float(squared.mean()), float((squared <= CHI2_3_95).mean()), int(stated.sum()))
+    return Nees(float(squared.mean()), float((squared <= _CHI2_3_95).mean()), int(stated.sum()))

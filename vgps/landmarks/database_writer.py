@@ -26,7 +26,7 @@ from vgps.writers.atomic import new_file
 
 Templates = npt.NDArray[np.uint8]
 
-CELL_SIZE = 64  # landmarks: small cells read less that is not needed, large ones take fewer queries
+_CELL_SIZE = 64  # landmarks: small cells read less that is not needed, large ones take fewer queries
 
 
 def write_database(contents: DatabaseContents, out: Path) -> None:
@@ -95,7 +95,7 @@ def _cells(views: LandmarkViews) -> Iterator[tuple[Cell, Templates, tuple[float,
     landmark, first, count = np.unique(views.landmark[order], return_index=True, return_counts=True)
     pixel_m = pixel_sizes_m(views)[order]
     octave = np.round(np.log2(np.maximum.reduceat(pixel_m, first))).astype(np.int64)
-    for rows in partition(views.world_p_landmark[order[first]], octave, CELL_SIZE):
+    for rows in partition(views.world_p_landmark[order[first]], octave, _CELL_SIZE):
         of_cell = concatenated_ranges(first[rows], count[rows])
         cell = _cell(views, landmark[rows], order[first[rows]], count[rows], order[of_cell])
         point, pixels = cell.numbers[:, :3], pixel_m[of_cell]

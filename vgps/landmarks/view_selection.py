@@ -12,7 +12,7 @@ import numpy as np
 from vgps.config import SelectionConfig
 from vgps.model import Camera, Float32Array, FloatArray, IntArray
 
-MIN_DEPTH_M = 0.1  # nearer landmarks project anywhere
+_MIN_DEPTH_M = 0.1  # nearer landmarks project anywhere
 _FAR_M = 1e30  # stands for no limit; within float32
 _CORNERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
@@ -84,7 +84,7 @@ def _frustum(camera: Camera, max_depth_m: float | None) -> FloatArray:
     """
     right, low = camera.width - 0.5, camera.height - 0.5
     of_pixels = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1], [-1, 0, right], [0, -1, low], [0, 0, -1]])
-    limits = np.array([0, 0, -MIN_DEPTH_M, 0, 0, _FAR_M if max_depth_m is None else max_depth_m])
+    limits = np.array([0, 0, -_MIN_DEPTH_M, 0, 0, _FAR_M if max_depth_m is None else max_depth_m])
     return np.column_stack([of_pixels @ camera.K, limits])
 
 
@@ -99,7 +99,7 @@ def visible_landmarks(
     measures = np.hstack([of_world, shift]).astype(np.float32) @ points
     row = np.flatnonzero(measures.min(axis=0) >= 0)
     seen = measures[:3].take(row, axis=1)
-    depth = seen[2] + np.float32(MIN_DEPTH_M)
+    depth = seen[2] + np.float32(_MIN_DEPTH_M)
     return VisibleLandmarks(row, seen[:2] / depth - np.float32(0.5), depth / np.float32(focal_px(camera)))
 
 

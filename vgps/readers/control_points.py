@@ -20,8 +20,8 @@ from vgps.model import BoolArray, ControlPoints, FloatArray, IntArray
 from vgps.readers.table import Table, read_bytes, read_table
 
 ENU = ("east_m", "north_m", "up_m")
-GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
-PROJECTED = ("x", "y", "height_m")
+_GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
+_PROJECTED = ("x", "y", "height_m")
 _NAMES = {"x": ("x", "easting_m", "easting"), "y": ("y", "northing_m", "northing")}
 _SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
 _ROLES = {"": False, "control": False, "gcp": False, "check": True, "checkpoint": True, "cp": True}
@@ -70,8 +70,8 @@ def read_control_points(
 
 def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...], PointSystem | None]:
     """Return the columns of the position and what they are in, None for ENU."""
-    if table.find(*GEODETIC[:2]) is not None:
-        return GEODETIC, replace(system, crs=None)
+    if table.find(*_GEODETIC[:2]) is not None:
+        return _GEODETIC, replace(system, crs=None)
     first, second = (table.find(*_NAMES[axis]) for axis in ("x", "y"))
     if first is None or second is None:
         return ENU, None
@@ -87,7 +87,7 @@ def _position_columns(table: Table, system: PointSystem) -> tuple[tuple[str, ...
 def _check(values: FloatArray, line: IntArray, path: Path, columns: tuple[str, ...]) -> None:
     frame = values[:, 0]
     bad = ~np.isfinite(values).all(axis=1) | (frame < 0) | (frame > _LAST_FRAME) | (np.floor(frame) != frame)
-    if columns == GEODETIC:
+    if columns == _GEODETIC:
         bad |= (np.abs(values[:, 3]) > 90) | (np.abs(values[:, 4]) > 180)
     if bad.any():
         raise RecordingError(
@@ -176,7 +176,7 @@ def _read_gcp_list(path: Path, system: PointSystem, images: list[str] | None) ->
     names = [row[6] if len(row) > _GCP_FIELDS else " ".join(row[:3]) for _, row in rows]
     values, line = np.array(parsed), np.array([n for n, _ in rows])
     crs = _odm_crs(" ".join(lines[0][1]), path)
-    _check(values, line, path, PROJECTED)
+    _check(values, line, path, _PROJECTED)
     check, sigma_m = np.zeros(len(rows), bool), np.zeros((len(rows), 3))
     return _points(path, values, names, check, sigma_m, replace(system, crs=system.crs or crs))
 

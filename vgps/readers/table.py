@@ -14,7 +14,7 @@ from vgps.errors import VgpsError
 from vgps.model import FloatArray, IntArray
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
-LARGEST_BYTES = 1_000_000_000
+_LARGEST_BYTES = 1_000_000_000
 """Size of a file from which on it is not read at once: a log of a day is far smaller."""
 
 
@@ -22,11 +22,11 @@ def read_bytes(path: Path, error: type[VgpsError]) -> bytes:
     """Return the file's content; raise ``error`` if it is missing, unreadable, empty or huge."""
     try:
         size = path.stat().st_size
-        if size > LARGEST_BYTES:
+        if size > _LARGEST_BYTES:
             raise error(
                 f"{size / 1e9:.1f} GB",
                 file=path,
-                expected=f"at most {LARGEST_BYTES / 1e9:g} GB",
+                expected=f"at most {_LARGEST_BYTES / 1e9:g} GB",
                 remedy="cut it to the time of the video",
             )
         data = path.read_bytes()

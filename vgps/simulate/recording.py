@@ -27,7 +27,7 @@ FILES = (
     *("video.mp4", "camera.yaml", "rig.yaml", "gps.nmea", "gyro.csv", "truth.tum"),
     *("fix_errors.csv", "simulation.yaml"),
 )
-IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
+_IMU_FILES = ("imu.csv", "imu_biases.csv")  # of scenes with an accelerometer
 _BIASES_HZ = 10.0
 _CAMERA_FILES = tuple(f"{name}.mp4" for name in ring(MAX_CAMERAS))
 _MARK = "simulation.yaml"  # the file that marks a simulated recording
@@ -50,7 +50,7 @@ def simulate(out: Path, scene: str | SceneConfig = "walk", seed: int = 0) -> Non
     config = scene_config(scene) if isinstance(scene, str) else scene
     _check(config)
     own = seed if config.pass_seed is None else config.pass_seed
-    with new_folder(out, (*FILES, *IMU_FILES, *_CAMERA_FILES), _MARK) as folder:
+    with new_folder(out, (*FILES, *_IMU_FILES, *_CAMERA_FILES), _MARK) as folder:
         motion = build_motion(config, np.random.default_rng([own, _MOTION]))
         world = build_world(config, np.random.default_rng([seed, _WORLD]))
         renderer = Renderer(world, motion, config, own)

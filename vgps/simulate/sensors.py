@@ -16,7 +16,7 @@ from vgps.simulate.receiver_errors import replay
 from vgps.simulate.scene import SceneConfig
 from vgps.simulate.sensor_config import FixErrors, GpsConfig, GyroConfig
 
-GEOID_SEPARATION_M = 37.0
+_GEOID_SEPARATION_M = 37.0
 _QUALITY = {FixClass.SINGLE: 1, FixClass.DGPS: 2, FixClass.RTK_FIX: 4, FixClass.RTK_FLOAT: 5}
 
 
@@ -151,9 +151,9 @@ def _gga(utc: datetime, place: GeodeticPoint, fix_class: FixClass, errors: FixEr
         quality=_QUALITY[fix_class],
         numSV=errors.satellites,
         HDOP=errors.hdop,
-        alt=round(place.height_m - GEOID_SEPARATION_M, 4),
+        alt=round(place.height_m - _GEOID_SEPARATION_M, 4),
         altUnit="M",
-        sep=GEOID_SEPARATION_M,
+        sep=_GEOID_SEPARATION_M,
         sepUnit="M",
         diffAge=1.0,
         diffStation="0000",

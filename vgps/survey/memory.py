@@ -14,8 +14,8 @@ from scipy.special import gammaln, kve
 
 from vgps.model import FixClass, FloatArray, IntArray
 
-LAGS_S = (0.2, 1.0, 2.0, 5.0, 10.0)  # noise shows in the shortest, the walk in how changes grow
-TAILS = (0.5, 30.0)  # heavier than any receiver's; lighter is Gaussian
+_LAGS_S = (0.2, 1.0, 2.0, 5.0, 10.0)  # noise shows in the shortest, the walk in how changes grow
+_TAILS = (0.5, 30.0)  # heavier than any receiver's; lighter is Gaussian
 _RESOLUTION_M = 1e-4  # of positions in logs; shorter changes say that nothing changed
 
 # radii and their Fourier dual, in units of the model's own scale: a hundred thousandth to a hundred thousand
@@ -108,7 +108,7 @@ def find_changes(t_s: FloatArray, error_m: FloatArray, stretch: IntArray) -> lis
         return []
     step_s = float(np.median(within))
     found = []
-    for count in sorted({max(round(lag_s / step_s), 1) for lag_s in LAGS_S}):
+    for count in sorted({max(round(lag_s / step_s), 1) for lag_s in _LAGS_S}):
         lag_s = count * step_s
         paired = stretch[count:] == stretch[:-count]
         paired &= np.abs(t_s[count:] - t_s[:-count] - lag_s) < 0.5 * step_s
@@ -137,7 +137,7 @@ def fit_memory(changes: Sequence[Changes]) -> Memory:
         return 0.5 * float(np.sum(((logs - centre) / _PRIOR_LOG_SIGMAS) ** 2)) - fit
 
     sizes = (0.01 * typical, 30.0 * typical)
-    bounds = Bounds(*np.log([sizes, sizes, TAILS, (0.1, 20.0)]).T)
+    bounds = Bounds(*np.log([sizes, sizes, _TAILS, (0.1, 20.0)]).T)
     starts = [np.log([a * typical, b * typical, 2.0, _PRIOR_VERTICAL]) for a, b in _STARTS]
     fits = [minimize(cost, start, method="L-BFGS-B", bounds=bounds) for start in starts]
     return _memory(min(fits, key=lambda fit: float(fit.fun)).x)

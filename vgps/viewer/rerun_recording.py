@@ -66,7 +66,7 @@ def write(
     """
     stream = rr.RecordingStream(_APPLICATION)
     stream.save(file)
-    notes = log_run(stream, solution, recording, picture_s)
+    notes = _log_run(stream, solution, recording, picture_s)
     try:
         stream.flush()
     except RuntimeError as error:  # rerun writes in a thread of its own, and does not say what it met
@@ -75,7 +75,7 @@ def write(
     return notes
 
 
-def log_run(
+def _log_run(
     stream: rr.RecordingStream,
     solution: Solution,
     recording: Recording | None,
@@ -117,7 +117,7 @@ def screenshot_time_s(solution: Solution) -> float:
 
 def _open_window(solution: Solution, recording: Recording | None) -> tuple[str, ...]:
     stream = opened_window(_REMEDY)
-    notes = log_run(stream, solution, recording)
+    notes = _log_run(stream, solution, recording)
     stream.flush()
     return notes
 

@@ -39,16 +39,16 @@ from vgps.readers.gps_formats.fixes import (
 )
 from vgps.readers.table import Table, read_table
 
-VIDEO_TIME = ("t_s", "time_s", "video_time_s")
-UTC_TIME = ("utc", "timestamp", "datetime", "time", "time_utc", "utc_time", "unix_s", "%time")
+_VIDEO_TIME = ("t_s", "time_s", "video_time_s")
+_UTC_TIME = ("utc", "timestamp", "datetime", "time", "time_utc", "utc_time", "unix_s", "%time")
 LATITUDE = ("latitude_deg", "latitude", "lat", "lat_deg", "gps_latitude")
 LONGITUDE = ("longitude_deg", "longitude", "lon", "lng", "lon_deg", "long", "gps_longitude")
 HEIGHT = ("height_m", "height", "ellipsoidal_height_m", "ellipsoidal_height", "hae_m", "hae")
-ALTITUDE = ("altitude_m", "altitude", "alt", "alt_m", "elevation_m", "elevation", "ele", "altitude_msl_m")
-SEPARATION = ("geoid_separation_m", "separation_m", "undulation_m", "geoid_m")
-FIX_CLASS = ("fix_class", "class", "fix", "quality", "fix_quality", "gps_quality")
+_ALTITUDE = ("altitude_m", "altitude", "alt", "alt_m", "elevation_m", "elevation", "ele", "altitude_msl_m")
+_SEPARATION = ("geoid_separation_m", "separation_m", "undulation_m", "geoid_m")
+_FIX_CLASS = ("fix_class", "class", "fix", "quality", "fix_quality", "gps_quality")
 SATELLITES = ("satellites", "num_sats", "num_sv", "numsv", "sats", "nsat")
-CORRECTION_AGE = ("correction_age_s", "age_s", "diff_age_s", "age")
+_CORRECTION_AGE = ("correction_age_s", "age_s", "diff_age_s", "age")
 _NAMES = {
     **{kind.value: kind for kind in FixClass},
     "fix": FixClass.RTK_FIX,
@@ -83,11 +83,11 @@ def read_gps_csv(path: Path) -> RawLog:
     latitude = table.numbers(table.require(*LATITUDE), lenient=True)
     longitude = table.numbers(table.require(*LONGITUDE), lenient=True)
     height, above_sea = _heights(table)
-    classes = [_fix_class(cell) for cell in table.text(table.require(*FIX_CLASS, values=_VALUES))]
+    classes = [_fix_class(cell) for cell in table.text(table.require(*_FIX_CLASS, values=_VALUES))]
     sigma = np.column_stack(
         [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
     )
-    others = [_optional(table, *names) for names in (("hdop",), SATELLITES, CORRECTION_AGE)]
+    others = [_optional(table, *names) for names in (("hdop",), SATELLITES, _CORRECTION_AGE)]
     bad = ~np.isfinite(t_s)
     numbers = np.column_stack([t_s, latitude, longitude, height, sigma, *others]).tolist()
     fixes = [
@@ -104,12 +104,12 @@ def read_gps_csv(path: Path) -> RawLog:
 
 
 def _times(table: Table) -> tuple[Clock, FloatArray]:
-    name = table.find(*VIDEO_TIME)
+    name = table.find(*_VIDEO_TIME)
     if name is not None:
         return Clock.VIDEO, table.numbers(name, lenient=True)
-    name = table.find(*UTC_TIME)
+    name = table.find(*_UTC_TIME)
     if name is None:
-        table.require(*VIDEO_TIME, *UTC_TIME)
+        table.require(*_VIDEO_TIME, *_UTC_TIME)
         raise AssertionError
     t_s = np.array([_instant(cell) for cell in table.text(name)])
     # small numbers in a column "time" cannot be Unix times
@@ -137,11 +137,11 @@ def _heights(table: Table) -> tuple[FloatArray, bool]:
     name = table.find(*HEIGHT)
     if name is not None:
         return table.numbers(name, lenient=True), False
-    altitude = table.find(*ALTITUDE)
+    altitude = table.find(*_ALTITUDE)
     if altitude is None:
-        table.require(*HEIGHT, *ALTITUDE)
+        table.require(*HEIGHT, *_ALTITUDE)
         raise AssertionError
-    separation = table.find(*SEPARATION)
+    separation = table.find(*_SEPARATION)
     if separation is not None:
         return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), False
     return table.numbers(altitude, lenient=True), True

@@ -19,7 +19,7 @@ from vgps.runtime.threads import run_ahead
 
 _ORIENTATION, _MIRRORED = 0x0112, {2, 4, 5, 7}
 log = logging.getLogger(__name__)
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
+_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
 
 
 class ImageFolder:
@@ -127,7 +127,7 @@ def _check_orientation(file: Path) -> None:
 
 def list_images(folder: Path) -> list[Path]:
     """Return the images of a folder in order of their names, numbers in them by value."""
-    images = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file()]
+    images = [file for file in folder.iterdir() if file.suffix.lower() in _SUFFIXES and file.is_file()]
     return sorted(
         images, key=lambda file: [(int(part) if part.isdecimal() else -1, part) for part in _parts(file)]
     )
