@@ -1,8 +1,7 @@
 """The camera's calibration, refined by the video while it runs.
 
 A calibration that is off by a pixel or two towards the corners lets the scale of the path drift in every
-turn, by a fifth in one of 90 degrees on kitti03. What the last hundred frames show of it takes some tenths of
-a second.
+turn. What the last hundred frames show of it takes some tenths of a second.
 """
 
 from concurrent.futures import Future
