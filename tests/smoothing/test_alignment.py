@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -73,6 +75,30 @@ def test_a_drone_that_climbs_and_leaves_looking_down_is_not_upside_down():
     world[:, 1, 3] += 60 * np.linspace(-1.0, 1.0, 24).clip(min=0.0)
     found = align(seen_by(in_map(world, 3.7, np.eye(3), np.zeros(3)), antennas(world), 3.0), CONFIG)
     assert np.degrees(Rotation.from_matrix(found.world_R_map).magnitude()) < 1.0
+
+
+def sideways_flight():
+    """A straight flight to the east that looks north and down by 60 degrees."""
+    world = drive(0.0)
+    world[:, :3, :3] = LOOKS_NORTH @ Rotation.from_euler("x", -60.0, degrees=True).as_matrix()
+    world[:, :3, 3] = [100.0, -50.0, 47.0] + np.linspace(0.0, 40.0, len(world))[:, None] * [1, 0, 0]
+    return world
+
+
+def test_the_land_shows_the_pitch_of_a_straight_sideways_flight():
+    world, flies = sideways_flight(), StartConfig(airborne="yes")
+    rotation = Rotation.from_rotvec([0.4, -1.0, 2.0]).as_matrix()
+    fixes = world[:, :3, 3] + np.random.default_rng(0).normal(scale=0.1, size=(len(world), 3))
+    blind = replace(
+        seen_by(in_map(world, 3.7, rotation, np.zeros(3)), fixes, 3.0), camera_p_antenna=np.zeros(3)
+    )
+    seen = replace(blind, map_up=rotation.T @ [0.0, 0.0, 1.0])
+    found = align(seen, flies)
+    assert np.degrees(Rotation.from_matrix(found.world_R_map @ rotation.T).magnitude()) < 5.0
+    errors = np.tile(0.01 * np.eye(len(world)), (3, 1, 1))
+    assert np.degrees(alignment_sigmas(seen, found, errors, flies).tilt_rad) == pytest.approx(10.0, rel=0.2)
+    guessed = alignment_sigmas(blind, align(blind, flies), errors, flies)
+    assert np.degrees(guessed.tilt_rad) > 45.0
 
 
 def test_the_derivatives_are_those_of_the_residuals():

@@ -12,12 +12,12 @@ from vgps.geometry import project
 from vgps.gps.sensors import Sensors
 from vgps.smoothing.batch import optimise_batch
 from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.ground import find_ground
+from vgps.smoothing.ground import find_ground, terrain
 from vgps.solution import Observations, Trajectory
 
 EAST = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # world_R_camera of one looking east
 HEIGHT_M = 1.6
-CROSSFALL_RAD = np.radians(1.5)
+ROAD = terrain(StartConfig())
 RNG = np.random.default_rng(0)
 
 
@@ -65,23 +65,23 @@ def test_level_ground_tells_how_far_an_estimate_is_turned(angle_deg, roll_deg):
     poses = path.world_T_camera.copy()
     poses[:, :3, :3] = EAST @ Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
     path, moved = turned(replace(path, world_T_camera=poses), points, angle_deg)
-    ground = find_ground(path, moved, seen_ahead(path, points), CROSSFALL_RAD)
+    ground = find_ground(path, moved, seen_ahead(path, points), ROAD)
     np.testing.assert_allclose(elevations_deg(ground, path), -angle_deg, atol=0.2)
     assert len(ground.frame) == 6
     of_mean = np.sqrt((ground.sigma_rad**2).sum()) / len(ground.frame)
-    assert CROSSFALL_RAD <= of_mean < 1.05 * CROSSFALL_RAD
+    assert ROAD.slope_sigma_rad <= of_mean < 1.05 * ROAD.slope_sigma_rad
 
 
 def test_a_road_that_falls_to_the_side_is_taken_for_level():
     path, points = straight_path(), ground_points(lambda x: 0.02 + 0.0 * x)
-    ground = find_ground(path, points, seen_ahead(path, points), CROSSFALL_RAD)
+    ground = find_ground(path, points, seen_ahead(path, points), ROAD)
     np.testing.assert_allclose(elevations_deg(ground, path), np.degrees(np.arctan(-0.02)), atol=0.1)
 
 
 def test_a_bank_beside_one_stretch_is_left_out():
     path = straight_path(100)
     points = ground_points(lambda x: np.where((x > 40) & (x < 50), 0.3, 0.0), 2500)
-    ground = find_ground(path, points, seen_ahead(path, points, 10.0), CROSSFALL_RAD)
+    ground = find_ground(path, points, seen_ahead(path, points, 10.0), ROAD)
     assert np.abs(elevations_deg(ground, path)).max() < 3.0
     assert len(ground.frame) < 8
 
@@ -91,16 +91,16 @@ def test_walls_a_cloud_a_drone_few_landmarks_and_a_standing_camera_have_no_groun
     cloud = RNG.uniform([0, -20, -20], [80, 20, 20], (1500, 3))
     far_below = ground_points() - [0.0, 0.0, 8.0]  # under a drone
     for points in (walls(), cloud, far_below, ground_points(count=25)):
-        assert find_ground(path, points, seen_ahead(path, points), CROSSFALL_RAD) is None
+        assert find_ground(path, points, seen_ahead(path, points), ROAD) is None
     standing, points = straight_path(step_m=1e-3), ground_points()
-    assert find_ground(standing, points, seen_ahead(standing, points), CROSSFALL_RAD) is None
+    assert find_ground(standing, points, seen_ahead(standing, points), ROAD) is None
 
 
 def test_no_stretch_spans_two_runs():
     path, points = straight_path(), ground_points()
     t_s = path.t_s + np.where(np.arange(60) < 25, 0.0, 1e4)
-    apart = find_ground(replace(path, t_s=t_s), points, seen_ahead(path, points), CROSSFALL_RAD)
-    together = find_ground(path, points, seen_ahead(path, points), CROSSFALL_RAD)
+    apart = find_ground(replace(path, t_s=t_s), points, seen_ahead(path, points), ROAD)
+    together = find_ground(path, points, seen_ahead(path, points), ROAD)
     assert together.frame.tolist() == [5, 15, 25, 35, 45, 55]
     assert not {24, 25, 26} & set(apart.frame.tolist())
 
@@ -132,3 +132,37 @@ def roll_error_deg(crossfall_sigma_deg):
 def test_a_camera_held_askew_is_turned_by_the_road_and_not_by_the_prior_of_a_level_one():
     assert roll_error_deg(1.5) < 1.0
     assert roll_error_deg(1000.0) > 3.0
+
+
+def test_land_under_a_drone_is_ground_where_the_camera_flies():
+    path, points = straight_path(), ground_points() - [0.0, 0.0, 20.0]
+    land = terrain(StartConfig(airborne="yes"))
+    moved_path, moved = turned(path, points, 12.0)
+    ground = find_ground(moved_path, moved, seen_ahead(path, points), land)
+    np.testing.assert_allclose(elevations_deg(ground, moved_path), -12.0, atol=0.2)
+
+
+def pitch_error_deg(airborne):
+    """Return the error of stage D on a straight flight sideways, looking down by 60 degrees."""
+    path, height_m = straight_path(frames=40), 30.0
+    true = path.world_T_camera.copy()
+    true[:, :3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]] @ Rotation.from_euler(
+        "x", -60.0, degrees=True
+    ).as_matrix()
+    true[:, 2, 3] = height_m
+    points = RNG.uniform([-20, 0, -0.3], [60, 50, 0.3], (1500, 3))
+    uv, depth = project(MATRIX, true, points)
+    inside = (depth > 2.0) & (uv > 0).all(axis=2) & (uv < [640, 480]).all(axis=2)
+    seen = Observations(*np.nonzero(inside), uv[inside] + RNG.normal(scale=0.2, size=(inside.sum(), 2)))
+    row, size = np.arange(0, 39, 4), np.full(10, 2.0)
+    fixes = fixes_of_size(path.t_s[row], true[row, :3, 3], size, size, correlation_s=np.full(10, 10.0))
+    settings = Config(start=StartConfig(airborne=airborne))
+    scene = Scene(path.t_s, true, points, seen)
+    found = optimise_batch(scene, fixes, Sensors.fixed(np.zeros(3)), context(settings)).trajectory
+    turn = Rotation.from_matrix(found.world_T_camera[:, :3, :3] @ true[:, :3, :3].swapaxes(1, 2))
+    return float(np.degrees(turn.magnitude()).mean())
+
+
+def test_a_drone_that_flies_sideways_is_held_by_the_land_and_not_by_the_prior_of_a_level_camera():
+    assert pitch_error_deg("yes") < 0.4
+    assert pitch_error_deg("no") > 10.0

@@ -8,6 +8,8 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Fraction, Share
 
+_ANY_PITCH_DEG = 60.0  # standard deviation of the pitch of a camera that looks ahead or straight down
+
 
 class TrackingConfig(SettingsModel):
     """Stage A, Kume 2010: follow features from frame to frame and pose the camera by them."""
@@ -125,9 +127,25 @@ class StartConfig(SettingsModel):
     travels over a plane."""
     pitch_sigma_deg: PositiveFloat = 30.0
     """Standard deviation of the camera's mean pitch about level."""
+    airborne: Literal["auto", "yes", "no"] = "auto"
+    """Whether the camera flies: where the path does not show its tilt, the plane that it sees is the ground,
+    and without one its pitch is unknown. Auto: if the fixes are those of a DJI drone."""
+    land_sigma_deg: PositiveFloat = 10.0
+    """Standard deviation of the slope of the land under a camera that flies."""
     robust_regions: PositiveFloat = 1.0
     """Cauchy's constant of the alignment with fixes, in regions: fixes further off count less and less."""
     min_control_travel_m: PositiveFloat = 0.5
     """Frames posed by control points must lie this far apart before they give the scale."""
     control_sigma_px: PositiveFloat = 1.0
     """Standard deviation of an observation of a control point."""
+
+    @property
+    def tilt_sigmas_deg(self) -> tuple[float, float]:
+        """Standard deviations of roll and pitch about level."""
+        pitch_deg = max(self.pitch_sigma_deg, _ANY_PITCH_DEG) if self.flies else self.pitch_sigma_deg
+        return self.level_sigma_deg, pitch_deg
+
+    @property
+    def flies(self) -> bool:
+        """Whether the camera is taken to fly; auto is decided when a recording is smoothed."""
+        return self.airborne == "yes"

@@ -46,6 +46,7 @@ class GpsLog:
         skipped: Notes on what the reader skipped or assumed (damaged lines, missing geoid separations).
         correlation: (N, 3) correlations of the errors east and north, east and up, north and up, as reported;
             0 where there is no report. None in runs of version 0.1.
+        airborne: Whether the log is that of a camera which flies.
     """
 
     t_s: FloatArray
@@ -61,6 +62,7 @@ class GpsLog:
     source: Path
     skipped: tuple[str, ...] = ()
     correlation: FloatArray | None = None
+    airborne: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -10,6 +10,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.gps.verdicts import close_calls, contradictions, fix_table
 from vgps.model import Recording
+from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
@@ -49,7 +50,7 @@ def smooth(
     Raises:
         VgpsError: The recording does not determine the poses.
     """
-    config, progress = config or Config(), progress or NoProgress()
+    config, progress = with_airborne(recording, config or Config()), progress or NoProgress()
     timer = StageTimer()
     with timer.measure("all"):
         recording = with_found_camera(recording, config, progress)

@@ -1,7 +1,7 @@
 """GPS logs of any format, recognised by content, on the video's clock, cleaned and in order of time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +104,8 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
         )
     if raw.clock is Clock.TIME_OF_DAY and rig is not None:
         notes.append("the log has no date: its day is the one nearest to the video's start")
-    return _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+    log = _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+    return replace(log, airborne=raw.airborne)
 
 
 def _read(path: Path) -> RawLog:

@@ -28,12 +28,14 @@ class Correspondences:
         world_p_fix: (M, 3) the fixes.
         region_m: (M, 3) size of each fix's region east, north, up.
         camera_p_antenna: (3,) metres.
+        map_up: (3,) the normal of the land under a camera that flies; None if it is not known.
     """
 
     map_T_camera: FloatArray
     world_p_fix: FloatArray
     region_m: FloatArray
     camera_p_antenna: FloatArray
+    map_up: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.world_p_fix)
@@ -127,8 +129,8 @@ def linearise(seen: Correspondences, at: Similarity, config: StartConfig) -> Nor
     by_fix = np.zeros((len(seen), 3, _UNKNOWNS))
     by_fix[:, :, 0], by_fix[:, :, 1:4], by_fix[:, :, 4:] = path, -cross_matrices(path + arm), np.eye(3)
 
-    axes = at.world_R_map @ seen.map_T_camera[:, :3, [0, 2]].mean(axis=0)
-    sigma = np.sin(np.radians([config.level_sigma_deg, config.pitch_sigma_deg]))
+    axes, sigma_deg = _level_axes(seen, config)
+    axes, sigma = at.world_R_map @ axes, np.sin(np.radians(sigma_deg))
     by_level = np.zeros((2, _UNKNOWNS))
     by_level[:, 1:4] = -cross_matrices(axes.T)[:, 2] / sigma[:, None]
     level = axes[2] / sigma
@@ -174,6 +176,18 @@ def _moved(seen: Correspondences, at: Similarity, step: FloatArray) -> Similarit
     return Similarity(scale * at.scale, rotation @ at.world_R_map, shift)
 
 
+def _level_axes(seen: Correspondences, config: StartConfig) -> tuple[FloatArray, tuple[float, float]]:
+    """Return the two axes (3, 2) in the map that are level, and the standard deviations of their elevations.
+
+    They point to the camera's right and forward: as it looks, or along the land that it sees.
+    """
+    axes, sigmas_deg = seen.map_T_camera[:, :3, [0, 2]].mean(axis=0), config.tilt_sigmas_deg
+    if seen.map_up is None:
+        return axes, sigmas_deg
+    forward = np.cross(seen.map_up, axes[:, 0])
+    return np.stack([axes[:, 0], forward], axis=1), (sigmas_deg[0], config.land_sigma_deg)
+
+
 def _level_starts(seen: Correspondences) -> list[Similarity]:
     """Return initial similarities: main directions of the paths aligned, the camera level or looking down."""
     centres, fixes = seen.map_T_camera[:, :3, 3], seen.world_p_fix
@@ -190,8 +204,10 @@ def _level_starts(seen: Correspondences) -> list[Similarity]:
     world_up = _across(np.array([0.0, 0.0, 1.0]), world_forward)
     if np.linalg.norm(world_up) < _LEAST_ACROSS:  # straight up or down
         world_up = _across(np.array([0.0, 1.0, 0.0]), world_forward)
-    # the camera's own up, and its back
-    ups = [_across(-seen.map_T_camera[:, :3, axis].mean(axis=0), forward) for axis in (1, 2)]
+    # the camera's own up, its back, and up from the land
+    mean = seen.map_T_camera[:, :3, :3].mean(axis=0)
+    known = [] if seen.map_up is None else [seen.map_up]
+    ups = [_across(up, forward) for up in (*known, -mean[:, 1], -mean[:, 2])]
     least = min(_LEAST_ACROSS, max(float(np.linalg.norm(up)) for up in ups))
     rotations = [
         _axes(world_forward, world_up) @ _axes(forward, up).T for up in ups if np.linalg.norm(up) >= least

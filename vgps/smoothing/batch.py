@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vgps.config import BatchConfig, Config, StartConfig
+from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.gps.fix_conflict import settled
 from vgps.gps.fixes import Fixes, antenna_offsets, place
@@ -22,7 +22,7 @@ from vgps.smoothing.control_factors import control_sigma_px
 from vgps.smoothing.factor_graph import Scene, select_observations
 from vgps.smoothing.fix_conflicts import find_conflicts, with_conflicts
 from vgps.smoothing.frame_rates import frame_rates
-from vgps.smoothing.ground import find_ground
+from vgps.smoothing.ground import find_ground, terrain
 from vgps.smoothing.imu_states import start_imu
 from vgps.smoothing.long_steps import solve_once
 from vgps.smoothing.mount_refinement import mount_notes, refine_mounts
@@ -30,7 +30,7 @@ from vgps.smoothing.readout import with_better_readout
 from vgps.smoothing.rounds import Stage, stages
 from vgps.smoothing.triangulation import triangulated
 from vgps.smoothing.variance_components import balanced_sigma_scale
-from vgps.solution import Trajectory
+from vgps.solution import Observations, Trajectory
 from vgps.solver.bundle_adjustment import BundleResult, SolverSettings
 
 _EARLY_DECREASE = 0.1  # of the cost that ends an early round: a move of 0.45 standard deviations
@@ -67,6 +67,8 @@ def optimise_batch(
     iterations, given = 0, context.cameras
     errors = largest_errors(config.gps) if config.batch.rounds > 1 else {}
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
+    if config.start.flies:
+        state = _with_ground(state, scene.observations, fixed)
     *earlier, last = stages(config)
     for stage in earlier:
         state, solved = _solve_with_clock(state, fixes, fixed, stage)
@@ -74,7 +76,7 @@ def optimise_batch(
         if stage.ends_round:
             context, state = _with_rows(context, state, solved)
             context, state = _with_mounts(context, state, solved, given)
-            state = _with_ground(state, solved, config.start)
+            state = _with_ground(state, solved.given.scene.observations, fixed)
             state = _reassess(state, fixes, solved.given.sigma_px, context)
             if stage.first:
                 state = _with_fix_errors(state, fixes)
@@ -139,13 +141,12 @@ def _with_rows(
     return context, replace(state, scene=replace(state.scene, rates=rates))
 
 
-def _with_ground(state: _State, solved: BatchSolution, config: StartConfig) -> _State:
-    """Return the state with the ground under the path of a round, unless held frames level it."""
-    scene, fixed = state.scene, solved.given.fixed
+def _with_ground(state: _State, seen: Observations, fixed: BoolArray | None) -> _State:
+    """Return the state with the ground under its path, unless held frames level it."""
+    scene, kind = state.scene, terrain(state.context.config.start)
     if fixed is not None and fixed.any():
         return state
-    sigma_rad = float(np.radians(config.crossfall_sigma_deg))
-    ground = find_ground(scene.trajectory, scene.points, solved.given.scene.observations, sigma_rad)
+    ground = find_ground(scene.trajectory, scene.points, seen, kind)
     return replace(state, scene=replace(scene, ground=ground))
 
 

@@ -17,15 +17,19 @@ def level_priors(
 ) -> gtsam.NonlinearFactorGraph:
     """Return the prior of a level camera: of its pitch alone where the ground shows the roll.
 
+    Of a camera that flies the ground stands in for the prior of the pitch.
+
     Args:
         frames: Numbers of the frames.
         config: Standard deviations of roll and pitch.
         ground: The ground under the path.
     """
     graph = gtsam.NonlinearFactorGraph()
-    axes, sigmas = CAMERA_RIGHT_AND_FORWARD, np.radians([config.level_sigma_deg, config.pitch_sigma_deg])
+    axes, sigmas = CAMERA_RIGHT_AND_FORWARD, np.radians(config.tilt_sigmas_deg)
     if ground is not None:
-        axes, sigmas = axes[1:], sigmas[1:]
+        # roads show the roll of what travels on them; a drone's camera keeps its roll, but not its pitch
+        kept = slice(0, 1) if config.flies else slice(1, 2)
+        axes, sigmas = axes[kept], sigmas[kept]
         for frame, axis, sigma in zip(*vars(ground).values(), strict=True):
             graph.push_back(level_factor(X(int(frame)), axis[None], [sigma]))
     rows = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).astype(int))

@@ -1,12 +1,12 @@
 """Alignment of a local map with the world by the fixes so far, or by control points."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.config import Config
+from vgps.config import Config, StartConfig
 from vgps.geometry import interpolate_poses
 from vgps.gps.error_covariance import error_covariances
 from vgps.gps.fixes import Fixes
@@ -16,6 +16,7 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
 from vgps.smoothing.alignment import Correspondences, align
 from vgps.smoothing.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+from vgps.smoothing.land import land_normal
 from vgps.solution import Trajectory
 
 _JACKKNIFE = 4.0
@@ -31,6 +32,7 @@ class Alignment:
         sigmas: Standard deviations by the errors of the fixes.
         determined: Whether these are within the settings' limits, and no part of the path alone decides.
         straight: Whether the path is too straight for the fixes to determine the camera's roll.
+        over_land: Whether the land under a camera that flies shows what is level.
         fixes: Number of fixes.
         span_m: Extent of the camera's path between them.
     """
@@ -39,6 +41,7 @@ class Alignment:
     sigmas: AlignmentSigmas
     determined: bool
     straight: bool
+    over_land: bool
     fixes: int
     span_m: float
 
@@ -68,13 +71,7 @@ def align_to_fixes(
     update = MapUpdate(similarity=alignment.to_world, aligned=True)
     if not alignment.straight:
         return AlignmentResult(update)
-    return AlignmentResult(
-        update,
-        (
-            f"the path up to {local_map.t_s[-1]:.1f} s is too straight to determine the camera's roll: the "
-            f"camera is assumed level with a standard deviation of {config.start.level_sigma_deg:g} degrees",
-        ),
-    )
+    return AlignmentResult(update, (_straight_note(alignment, float(local_map.t_s[-1]), config.start),))
 
 
 def align_to_control(
@@ -120,6 +117,8 @@ def find_alignment(
     if len(chosen) < 2:
         return None
     seen = correspondences(path, chosen, camera_p_antenna)
+    if config.start.flies:
+        seen = replace(seen, map_up=land_normal(local_map.points, seen.map_T_camera[:, :3, 3]))
     to_world = align(seen, config.start)
     if to_world is None:
         return None
@@ -132,8 +131,22 @@ def find_alignment(
         and jackknife_sigmas(seen, to_world, config.start).within(config.start, _JACKKNIFE),
         # fixes say less than the prior of a level camera if they leave more than 1 / sqrt(2) of its sigma
         straight=bool(sigmas.tilt_rad > np.radians(config.start.level_sigma_deg) / np.sqrt(2.0)),
+        over_land=seen.map_up is not None,
         fixes=len(seen),
         span_m=to_world.scale * float(np.linalg.norm(np.ptp(seen.map_T_camera[:, :3, 3], axis=0))),
+    )
+
+
+def _straight_note(alignment: Alignment, until_s: float, start: StartConfig) -> str:
+    """Return what is assumed of the rotation about a straight path."""
+    shown, assumed, sigma_deg = "roll", "the camera", start.level_sigma_deg
+    if start.flies:
+        shown = "roll or pitch"
+        assumed = "the land that it sees" if alignment.over_land else "the camera's pitch"
+        sigma_deg = start.land_sigma_deg if alignment.over_land else start.tilt_sigmas_deg[1]
+    return (
+        f"the path up to {until_s:.1f} s is too straight to determine the camera's {shown}: {assumed} is "
+        f"assumed level with a standard deviation of {sigma_deg:g} degrees"
     )
 
 

@@ -118,5 +118,12 @@ def test_a_newer_protocol_states_degrees_without_a_word(tmp_path):
     assert raw is not None and raw.fixes[0].latitude_deg == 0.8
 
 
+@pytest.mark.parametrize("protocol, flies", [("dvtm_ac203.proto", False), ("dvtm_AVATA2.proto", True)])
+def test_drones_fly_and_action_cameras_do_not(tmp_path, protocol, flies):
+    first = nested((1, 1, 1), protocol.encode()) + message(0.8, 0.1, 500_000)
+    raw = read_dji_metadata(write_metadata_video(tmp_path / "DJI_0001.MP4", [(0.0, first)], "djmd"))
+    assert raw is not None and raw.airborne == flies
+
+
 def test_other_videos_have_no_such_track(recording):
     assert read_dji_metadata(recording / "video.mp4") is None

@@ -49,7 +49,7 @@ def test_the_new_form_by_hand(read, tmp_path):
     geoid_m = egm96().height_m([48.1, 48.10001], 11.5)
     np.testing.assert_allclose(found.height_m - geoid_m, [530.2, 530.4])
     assert found.fix_class == (FixClass.SINGLE, FixClass.SINGLE)
-    assert found.line.tolist() == [1, 3]
+    assert found.line.tolist() == [1, 3] and found.airborne
     assert found.skipped == (
         "heights are above the sea: EGM96's 45.5 m were added, they may be wrong by some metres",
         "1 subtitle with a repeated position skipped",

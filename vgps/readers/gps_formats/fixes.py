@@ -64,11 +64,12 @@ class Fix(NamedTuple):
 
 @dataclass(frozen=True)
 class RawLog:
-    """Fixes in the order of the file, their clock, and notes on what was skipped or assumed."""
+    """Fixes in the order of the file, their clock, notes on what was skipped or assumed; whether they fly."""
 
     clock: Clock
     fixes: list[Fix]
     notes: list[str] = field(default_factory=list)
+    airborne: bool = False
 
 
 def unix_s(instant: datetime) -> float:

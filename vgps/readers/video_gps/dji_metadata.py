@@ -23,6 +23,7 @@ _GPS, _HEIGHT_MM = 1, 2  # in a position
 _UNITS, _LATITUDE, _LONGITUDE = 1, 2, 3  # in GPS
 _DEGREES = 1
 _ALWAYS_DEGREES = ("dvtm_Mavic4", "dvtm_Mini5Pro")  # whatever the units say
+_HAND_HELD = ("dvtm_ac", "dvtm_oq")  # action cameras
 _NOWHERE_DEG = 1e-6  # latitude and longitude without a fix
 _WRAPS = 1 << 64  # varints of negative numbers are their two's complement in 64 bits
 
@@ -51,7 +52,8 @@ def read_dji_metadata(video: Path) -> RawLog | None:
         return None
     fixes, about_heights = from_sea_level(fixes)
     lost = skipped(damaged, "damaged packet", "of DJI metadata")
-    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes, *lost])
+    airborne = not protocol.startswith(_HAND_HELD)
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes, *lost], airborne=airborne)
 
 
 def dji_names(video: Path) -> list[str]:

@@ -138,7 +138,7 @@ def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
     if above_sea:
         fixes, notes = from_sea_level(fixes)
     notes += skipped(len(found) - len(rows), "subtitle", "without a position")
-    return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats])
+    return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats], airborne=True)
 
 
 def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
