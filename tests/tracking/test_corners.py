@@ -101,3 +101,10 @@ def test_a_mask_shows_pixels_by_their_nearest_neighbour_and_all_outside_the_imag
     uv = np.array([[0.4, 0.0], [0.6, 0.0], [1.0, 0.6], [-1.0, 0.0], [0.0, 2.0], [np.nan, 0.0]])
     assert is_shown(mask, uv).tolist() == [True, False, True, True, True, True]
     assert is_shown(None, uv).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_places_that_no_integer_holds_are_outside_a_mask():
+    mask = np.array([[True, False, True], [True, True, True]])
+    uv = np.array([[1.2, 0.1], [np.nan, np.nan], [np.inf, -np.inf], [1e30, 0.0], [-0.9, 0.0], [2.4, 1.4]])
+    assert is_shown(mask, uv).tolist() == [False, True, True, True, True, True]

@@ -80,7 +80,8 @@ def is_shown(mask: BoolArray | None, uv_px: FloatArray) -> BoolArray:
     shown = np.ones(len(uv_px), dtype=bool)
     if mask is None:
         return shown
-    column, row = np.rint(np.nan_to_num(uv_px, nan=-1.0)).astype(int).T
+    near = np.clip(np.nan_to_num(uv_px, nan=-1.0), -1.0, max(mask.shape))  # far outside is no integer
+    column, row = np.rint(near).astype(int).T
     inside = (column >= 0) & (row >= 0) & (column < mask.shape[1]) & (row < mask.shape[0])
     shown[inside] = mask[row[inside], column[inside]]
     return shown
