@@ -153,11 +153,11 @@ class BatchConfig(SettingsModel):
     iterations: PositiveInt = 25
     """Steps of a round at most; the last round may take twice as many."""
     relative_tolerance: Share = 1e-5
-    """The last round ends once a step lowers the cost by a smaller share."""
+    """The last round, and each window of stage C, ends once a step lowers the cost by a smaller share."""
     first_tolerance: float = Field(default=5.0, ge=1.0)
     """Factor on mapping.max_reprojection_px in the first round, while the poses are rough."""
     early_tolerance: Share = 3e-4
-    """Earlier rounds, and each window of stage C, end once a step lowers the cost by a smaller share."""
+    """The rounds before the last end once a step lowers the cost by a smaller share."""
     robust_px: PositiveFloat = 1.0
     """Huber's constant: reprojection errors beyond it count linearly, before the weights of (12)."""
     weight: Literal["per_frame", "per_observation"] = "per_observation"

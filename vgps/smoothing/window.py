@@ -80,7 +80,7 @@ def optimise_window(
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
     settings = SolverSettings(
         max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
-        relative_tolerance=config.batch.early_tolerance,
+        relative_tolerance=config.batch.relative_tolerance,
     )
     solved = solve(problem, settings)
     result, reliable = solved.problem, np.isfinite(sigma)
