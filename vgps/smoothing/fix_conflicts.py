@@ -28,7 +28,7 @@ _INTERVAL_S = 1.0  # between the fixes compared: closer ones err alike
 _WINDOW = 40  # fixes compared at once; half of them again with the next ones
 _NEAR = 8  # of them to each side, with which those between two are compared
 _PATH_SIGMAS = 3.0  # of the error of the video's path between neighbours
-_MOST = 0.5  # of the right fixes: if fewer count as good, verdicts took the other side
+_MOST = 0.5  # of the right fixes: if fewer count as good and wrong ones do, verdicts took the other side
 _UNCERTAIN = 0.1  # probability of the other side, from which on it is told
 _SURE = 9.0  # odds of an error, from which on it is one
 
@@ -72,9 +72,16 @@ def _stretches(given: BatchInput, fixes: Fixes) -> Iterator[IntArray]:
 
 
 def _conflict(video: "_Video", good: BoolArray, stretch: IntArray) -> FixConflict | None:
-    """Return the conflict within a stretch of RTK-fixes, unless ``good`` (M,) knows of it for certain."""
+    """Return the conflict within a stretch of RTK-fixes, unless ``good`` (M,) knows of it for certain.
+
+    What verdicts refuse by other fixes than these is refused.
+    """
     given, fixes = video.given, video.fixes
-    compared = stretch[_thinned(fixes.t_s[stretch])]
+    others = good & np.isfinite(fixes.r_m) & place(given.scene.t_s, fixes.t_s).inside
+    others[stretch] = False
+    if others.any():
+        stretch = stretch[good[stretch]]
+    compared = stretch[_thinned(fixes.t_s[stretch])] if len(stretch) else stretch
     if len(compared) < _LEAST_FIXES or not (steps := video.steps(compared)).any():
         return None
     level: FloatArray = np.cumsum(steps, axis=0)
@@ -85,9 +92,10 @@ def _conflict(video: "_Video", good: BoolArray, stretch: IntArray) -> FixConflic
     side = _like_compared(video, stretch, compared, found.right)
     wrong = (side < 0) | ~found.right[side]
     right = compared[found.right]
-    right = right[good[right]] if np.mean(good[right]) >= _MOST else right
-    known = good[right].all() and not good[stretch[wrong]].any()
-    if known and found.probability < _UNCERTAIN:
+    other_side = good[stretch[wrong]].any() and np.mean(good[right]) < _MOST
+    right = right if other_side else right[good[right]]
+    certain = found.probability < _UNCERTAIN and not good[stretch[wrong]].any()
+    if certain or not len(right):
         return None
     wrong_s, frame = fixes.t_s[stretch[wrong]], place(given.scene.t_s, fixes.t_s[stretch]).frame
     return FixConflict(
