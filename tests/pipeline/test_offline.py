@@ -256,18 +256,15 @@ def test_kitti03_with_outliers_finds_them_all_and_no_other(data_dir):
     assert errors(solution, folder).camera_position_m.mean < 0.9
 
 
-# half as much again as on the machines measured so far, whose linear algebra rounds differently
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("log", "limit_m", "offset_s"), [("gps_float_b.nmea", 1.15, 0.0), ("gps_late.nmea", 0.65, 0.37)]
-)
-def test_kitti03_with_float_fixes_is_no_worse_than_it_was(data_dir, log, limit_m, offset_s):
+def test_kitti03_with_float_fixes_is_no_worse_than_it_was(data_dir):
     folder = data_dir / "kitti03"
-    solution = vgps.smooth(vgps.open_recording(folder, gps=log))
-    assert errors(solution, folder).camera_position_m.mean < limit_m
+    solution = vgps.smooth(vgps.open_recording(folder, gps="gps_float_b.nmea"))
+    # twice what it is on the machines measured so far, whose linear algebra rounds differently
+    assert errors(solution, folder).camera_position_m.mean < 0.5
     assert Verdict.REJECTED not in solution.fixes.verdict
     sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated
-    assert abs(solution.sensors.time_offset_s - offset_s) <= 3.0 * sigma_s < 0.09
+    assert abs(solution.sensors.time_offset_s) <= 3.0 * sigma_s < 0.09
 
 
 @pytest.mark.slow
