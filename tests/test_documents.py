@@ -38,6 +38,7 @@ def test_readme_fits_its_length() -> None:
     assert len(README.splitlines()) <= 150
 
 
+@pytest.mark.slow
 def test_readme_example_runs(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

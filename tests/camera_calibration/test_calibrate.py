@@ -55,6 +55,7 @@ def test_a_wrong_statement_gives_way_to_the_video(pairs, name, factor):
     np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LENSES)
 def test_a_right_statement_stays(pairs, name):
     camera = LENSES[name]
@@ -70,6 +71,7 @@ def test_a_picture_linearised_by_the_camera_is_no_fisheye(pairs):
     np.testing.assert_allclose(ray_angles(found.camera), ray_angles(camera), rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_statement_that_the_video_does_not_show_stays(pairs):
     camera = LENSES["plain"]
     seen = pairs(camera, turn_deg=0.0)  # a camera that never turns
@@ -77,6 +79,7 @@ def test_a_statement_that_the_video_does_not_show_stays(pairs):
     assert found.guess.source == "stated"
 
 
+@pytest.mark.slow
 def test_a_statement_that_is_off_by_two_sigmas_stays(pairs):
     camera = LENSES["plain"]
     found = fit_guesses(pairs(camera), guesses("opencv", np.exp(2.4 * 0.08) * camera.fx), SETTINGS)
@@ -102,12 +105,14 @@ def test_a_statement_gives_way_to_more_than_pairs_that_follow_errors(
     assert calibrate._contradicts(None, (stated, fits[0]), (other, fits[1]), 0.1) == gives_way
 
 
+@pytest.mark.slow
 def test_a_narrow_lens_is_found_from_a_usual_one(pairs):
     _, plain, _ = guesses("opencv", NARROW.fx)
     found = fit_guesses(pairs(NARROW, noise_px=0.1), (plain,), SETTINGS)
     np.testing.assert_allclose(ray_angles(found.camera), ray_angles(NARROW), rtol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_narrow_lens_keeps_the_first_of_two_models(pairs, order):
     """They describe it equally well."""

@@ -21,6 +21,7 @@ def fitted(pairs, camera, off=0.3, model=None):
     return fit_lens(pairs, prior, rough.parameters, 0.5, 40)  # pairs that began badly begin again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("camera", "off"), [(NARROW, 0.3), (WIDE, -0.3)], ids=["narrow", "wide"])
 def test_a_lens_is_recovered_from_far_away(pairs, camera, off):
     seen = pairs(camera)

@@ -24,6 +24,7 @@ def test_the_camera_of_a_video_is_written(recording, uncalibrated, tmp_path, vgp
     assert found.fx == pytest.approx(true.fx, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [("track", "--landmarks", "none.vgps"), ("compare", "--truth", "truth.tum"), ("online",)]
 )

@@ -62,6 +62,7 @@ def test_control_points_hold_the_run_as_well_as_they_are_known(recording, tmp_pa
     assert horizontal < 0.1
 
 
+@pytest.mark.slow
 def test_control_points_in_an_unknown_system_are_refused(recording, tmp_path, vgps_verb):
     marks = tmp_path / "marks.csv"
     marks.write_text("frame,u_px,v_px,easting_m,northing_m,height_m\n0,1,2,500000,5400000,5\n")

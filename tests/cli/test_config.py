@@ -31,6 +31,7 @@ def test_a_setting_of_any_part_is_refused_by_every_verb_in_one_line(vgps_verb, t
     assert error == (f"vgps: {file}, key localization.min_inlier_share: found 30; expected less than 1\n")
 
 
+@pytest.mark.slow
 def test_an_old_name_is_one_line_on_standard_error_that_gives_the_present_one(tmp_path):
     # in a process of its own: pytest keeps log messages to itself
     file = tmp_path / "c.yaml"

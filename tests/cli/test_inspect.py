@@ -24,6 +24,7 @@ def no_display(monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
 
 
+@pytest.mark.slow
 def test_a_run_with_its_video(vgps_verb, solution, recording, tmp_path):
     write_run(replace(solution, recording=recording), tmp_path / "run")
     code, out, _ = vgps_verb("inspect", tmp_path / "run", "--save", tmp_path / "run.rrd")

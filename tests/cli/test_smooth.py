@@ -60,6 +60,7 @@ BAD = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_one_line(recording, tmp_path, vgps_verb, case):
     damage, words = BAD[case]

@@ -26,6 +26,7 @@ def test_a_plot_that_cannot_be_written_is_refused_before_the_work(
     assert not (tmp_path / "s.yaml").exists()
 
 
+@pytest.mark.slow
 def test_a_survey_writes_its_file_and_plot_and_prints_tables_and_warnings(data_dir, tmp_path, vgps_verb):
     log, out = data_dir / "survey/stationary.nmea", tmp_path / "receiver.yaml"
     code, text, _ = vgps_verb("survey", log, "--out", out)
@@ -38,6 +39,7 @@ def test_half_a_truth_is_refused(tmp_path, vgps_verb):
     assert code == 2 and "LATITUDE,LONGITUDE,HEIGHT" in err and err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_survey_of_a_drive_with_a_reference(tmp_path, vgps_verb):
     rng = np.random.default_rng(0)
     drive = np.arange(80)[:, None] * [10.0, 0.0, 0.0]

@@ -44,6 +44,7 @@ def recording(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_track_writes_a_run(recording, database, tmp_path, vgps_verb):
     out = tmp_path / "run"
     code, said, error = vgps_verb("track", recording, "--landmarks", database, "--out", out)
@@ -72,6 +73,7 @@ def give_imu(recording, name):
     np.savetxt(recording / name, table, "%.6f", ",", header=head, comments="")
 
 
+@pytest.mark.slow
 def test_a_named_imu_serves_as_the_gyro(recording, database, tmp_path, vgps_verb):
     give_imu(recording, "other.csv")
     rig = {"imu_R_camera": GYRO_R_CAMERA.tolist(), "exposure_s": VIDEO.exposure_s}
@@ -81,6 +83,7 @@ def test_a_named_imu_serves_as_the_gyro(recording, database, tmp_path, vgps_verb
     assert code == 0 and "8 of 8 frames tracked" in said and "no gyro" not in said
 
 
+@pytest.mark.slow
 def test_an_imu_without_its_mounting_is_left_out_with_a_warning(recording, database, tmp_path, vgps_verb):
     give_imu(recording, "imu.csv")
     code, said, _ = vgps_verb("track", recording, "--landmarks", database, "--out", tmp_path / "run")

@@ -43,6 +43,7 @@ def test_ratios_are_those_of_the_mean_antenna_errors(comparison):
     }
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone_and_has_the_errors(comparison, tmp_path):
     page, data = write_comparison(comparison, tmp_path / "deeper")
     html = page.read_text()

@@ -53,6 +53,7 @@ def test_basic_and_renamed_settings_exist(model):
             inner = inner.sections().get(part, inner)
 
 
+@pytest.mark.slow
 def test_the_code_reads_every_setting():
     read = attributes_read()
     unused = [name for name in setting_names(Config) if name.rpartition(".")[2] not in read]

@@ -50,6 +50,7 @@ def test_a_geoid_replaces_the_missing_grid():
     assert system.axes == ("easting_m", "northing_m", "height_m")
 
 
+@pytest.mark.slow
 def test_the_frame_of_the_fixes_moves_against_europe():
     """ETRS89 is fixed to Europe, which has moved by some 2.5 cm a year since 1989."""
     plain = coordinate_system(PLACE, "EPSG:25832").from_geodetic(POINT)
@@ -71,6 +72,7 @@ def test_frames_taken_as_one_are_said():
     assert "less accurate without the grid" in notes[0] and "accurate to 3 m" in notes[1]
 
 
+@pytest.mark.slow
 def test_a_frame_that_was_named_is_not_asked_for():
     (note,) = coordinate_system(PLACE, "EPSG:32632", source="EPSG:9989").notes
     assert note.startswith("ITRF2020 and the datum of WGS 84 / UTM zone 32N are taken as one")

@@ -83,6 +83,7 @@ def test_vectors_are_quaternions_and_positions(twist: np.ndarray) -> None:
     np.testing.assert_allclose(path_poses(2.5 * vector[None])[0, :3, :3], pose.rotation().matrix(), atol=1e-9)
 
 
+@pytest.mark.slow
 @given(twists, st.floats(0.3, 3.0))
 def test_jacobians_are_the_derivatives(twist: np.ndarray, length: float) -> None:
     step = 1e-6

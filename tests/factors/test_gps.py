@@ -56,6 +56,7 @@ def test_jacobian_at_a_frame(check_jacobians, penalty, twist, offset):
     check_jacobians(gps_factor(A, fix, ANTENNA, penalty), values)
 
 
+@pytest.mark.slow
 @given(st.sampled_from(PENALTIES), twists, twists, alphas, arrays(np.float64, 3, elements=st.floats(-5, 5)))
 def test_jacobians_between_frames(check_jacobians, penalty, twist, motion, alpha, offset):
     values = values_of(pose(twist), pose(twist).compose(pose(motion)))
@@ -152,6 +153,7 @@ def with_sensors(values, time_offset_s, antenna=ANTENNA):
     return values
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(PENALTIES),
     twists,
@@ -186,6 +188,7 @@ def test_frames_out_of_order_are_refused():
         gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(PENALTIES), twists, twists, alphas, arrays(np.float64, (2, 3), elements=st.floats(-5, 5))
 )

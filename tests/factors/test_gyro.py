@@ -35,6 +35,7 @@ def turn(vector):
     return Rotation.from_rotvec(vector).as_matrix()
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(vectors, vectors, vectors, vectors)
 def test_jacobians(check_jacobians, start, angle, off, bias):
@@ -84,6 +85,7 @@ def oracle(rates, dts, bias):
     return ahrs
 
 
+@pytest.mark.slow
 @given(vectors, vectors, vectors, vectors)
 def test_agrees_with_the_ahrs_factor_of_gtsam(start, angle, off, bias):
     n, taken = 20, np.array([0.02, -0.01, 0.03])
@@ -107,6 +109,7 @@ def test_agrees_with_the_ahrs_factor_of_gtsam(start, angle, off, bias):
     )
 
 
+@pytest.mark.slow
 @given(vectors, vectors)
 def test_bias_correction_equals_integrating_again(angle, change):
     n, dts = 40, np.full(40, 0.005)
@@ -119,6 +122,7 @@ def test_bias_correction_equals_integrating_again(angle, change):
     assert left < 2 * (np.linalg.norm(change) * 0.2) ** 2 + 1e-12
 
 
+@pytest.mark.slow
 def test_noise_by_simulation():
     rng, n, dt = np.random.default_rng(2), 20, 0.01
     rates = np.array([6.0, -3.0, 4.0]) + rng.normal(0, 2.0, (n, 3))

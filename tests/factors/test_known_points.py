@@ -25,6 +25,7 @@ def exact_pixels():
     return homogeneous[:, :2] / homogeneous[:, 2:]
 
 
+@pytest.mark.slow
 @given(small, st.floats(0.5, 50))
 def test_jacobian(check_jacobians, twist, huber_px):
     factor = known_points_factor(

@@ -20,6 +20,7 @@ def values_of(a, b, c):
     return values
 
 
+@pytest.mark.slow
 @given(twists, twists, twists, times, times)
 def test_jacobians(check_jacobians, start, ab, bc, dt_ab_s, dt_bc_s):
     a = gtsam.Pose3.Expmap(start)
@@ -51,6 +52,7 @@ def test_residual_by_hand():
     np.testing.assert_allclose(factor.whitenedError(values_of(a, b, c)), expected, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps_ab", "steps_bc"), [(50, 50), (200, 200), (40, 160)])
 def test_white_acceleration_gives_unit_residuals_at_any_spacing(steps_ab, steps_bc):
     # along one axis, positions integrated in steps of 1 ms from white acceleration of density 2 m/s^1.5
@@ -79,6 +81,7 @@ def test_intervals_and_densities_are_positive(numbers):
         constant_velocity_factor((A, B, C), numbers[:2], *numbers[2:])
 
 
+@pytest.mark.slow
 @given(twists, twists, twists, st.floats(0.02, 2), st.floats(0.02, 2))
 def test_jacobians_of_constant_centre_velocity(check_jacobians, a, b, c, dt_ab_s, dt_bc_s):
     values = values_of(*(gtsam.Pose3.Expmap(twist) for twist in (a, b, c)))

@@ -47,6 +47,7 @@ def test_turning_axes_against_a_differential_equation():
         assert Rotation.from_matrix(expected.T @ turn).magnitude() < 5e-5
 
 
+@pytest.mark.slow
 @given(st.floats(0, 0.9), st.floats(0.01, 0.5), st.floats(0.01, 0.5))
 def test_one_interval_after_the_other(start, first, second):
     integral = GyroIntegral(log_of(np.linspace(0, 2, 401)))

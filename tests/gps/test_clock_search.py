@@ -47,6 +47,7 @@ def stamped(place_of, late_s, noise_m=0.02, seed=0, t_s=np.arange(0.3, 59.0)):  
     return replace(fixes, t_s=t_s + late_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-21.0, -5.3, 0.0, 3.4, 18.0])
 def test_a_clock_is_found_whatever_the_scale_and_heading_of_the_video(late_s):
     path = seen(street(VIDEO_S), scale=0.3, turned_deg=140.0)
@@ -54,12 +55,14 @@ def test_a_clock_is_found_whatever_the_scale_and_heading_of_the_video(late_s):
     assert found == pytest.approx(late_s, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_search_is_about_the_configured_offset():
     config = SensorsConfig(time_offset_s=-3600.0)
     found = search_time_offset(seen(street(VIDEO_S)), stamped(street, -3605.0), ANTENNA, config)
     assert found == pytest.approx(-3605.0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
     fixes, rng = stamped(street, 6.0, noise_m=0.1, seed=seed), np.random.default_rng(100 + seed)
@@ -68,6 +71,7 @@ def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
     assert found is None or abs(found - 6.0) < 0.3
 
 
+@pytest.mark.slow
 def test_fixes_that_are_not_used_do_not_count():
     fixes = stamped(street, 6.0)
     fixes.world_p_fix[::2] = 0.0
@@ -76,6 +80,7 @@ def test_fixes_that_are_not_used_do_not_count():
     assert found == pytest.approx(6.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_fixes_of_a_stop_agree_with_no_motion_at_all():
     """At offsets where only they are within the video, nothing is left of the fixes' displacements."""
 
@@ -86,6 +91,7 @@ def test_fixes_of_a_stop_agree_with_no_motion_at_all():
     assert found == pytest.approx(4.0, abs=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place_of", [straight, circle])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_motion_that_looks_the_same_at_all_times_shows_none(place_of, seed):
@@ -93,6 +99,7 @@ def test_a_motion_that_looks_the_same_at_all_times_shows_none(place_of, seed):
     assert search_time_offset(path, stamped(place_of, 5.0, seed=seed), np.zeros(3), CONFIG) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_fixes_of_another_motion_show_none(seed):
     def another(t_s):
@@ -109,6 +116,7 @@ def test_a_few_fixes_show_none(count):
     assert search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitch_deg", [0.0, 40.0, 90.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):

@@ -53,6 +53,7 @@ def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigm
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected[4:]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attached", [False, True])
 def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     rng = np.random.default_rng(1)

@@ -72,6 +72,7 @@ def by_enumeration(offset, fixes, config):
     return total / total.sum(axis=1, keepdims=True), np.log(total[0].sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error_model", ["memory", "independent"])
 @pytest.mark.parametrize("seed", range(3))
 def test_forward_and_backward_are_the_sum_over_all_sequences(seed, error_model):

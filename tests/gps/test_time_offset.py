@@ -58,6 +58,7 @@ def test_a_time_offset_is_estimated_under_a_drifting_bias(time_offset_s):
     assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
 
+@pytest.mark.slow
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]
     found = [by_differences(trajectory(path(T_S)), log, NONE, BELIEVED) for log in logs]
@@ -180,6 +181,7 @@ def test_few_pairs_or_many_values_require_a_larger_gain():
     assert min_gain(3.0, 0, 1.0) == np.inf
 
 
+@pytest.mark.slow
 def test_a_few_fixes_give_no_spurious_time_offset():
     """Ten seconds of a walk round a corner with a float's wandering error."""
     t_s, fixes_s = np.arange(0.0, 10.0, 0.1), np.linspace(0.5, 9.5, 8)
@@ -228,12 +230,14 @@ def test_fixes_that_say_nothing_leave_the_time_offset_alone():
     assert likelier(late(0.4, wander(0)).where(np.arange(4))) == (SENSORS, ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [8, 19])
 def test_no_time_offset_is_invented(count):
     logs = [late(0.0, wander(seed)).where(np.arange(count)) for seed in range(60)]
     assert sum(bool(likelier(log)[1]) for log in logs) <= 3
 
 
+@pytest.mark.slow
 def test_a_probable_time_offset_is_used_with_an_honest_sigma():
     results = [likelier(late(0.25, wander(seed))) for seed in range(60)]
     shifted = [sensors for sensors, warnings in results if warnings]

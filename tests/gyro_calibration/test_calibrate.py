@@ -12,6 +12,7 @@ from vgps.model import GyroLog
 CONFIG = GyroCalibrationConfig()
 
 
+@pytest.mark.slow
 def test_rotation_offset_and_bias_are_estimated_within_their_sigmas():
     found = calibrate_from_rotations(*noisy(rich), CONFIG)
     assert apart_deg(found.mount.gyro_R_camera, MOUNT.gyro_R_camera) < 0.15
@@ -23,6 +24,7 @@ def test_rotation_offset_and_bias_are_estimated_within_their_sigmas():
     np.testing.assert_allclose(found.residual_rad, NOISE, rtol=0.3)
 
 
+@pytest.mark.slow
 def test_what_goes_into_the_rig():
     fields = calibrate_from_rotations(*noisy(rich), CONFIG).rig_fields()
     assert set(fields) == {
@@ -36,6 +38,7 @@ def test_what_goes_into_the_rig():
     assert apart_deg(np.array(fields["gyro_R_camera"]), MOUNT.gyro_R_camera) < 0.15
 
 
+@pytest.mark.slow
 def test_uncertain_estimates_are_noted_and_not_written():
     strict = replace_config(max_offset_sigma_s=1e-7, max_bias_sigma_deg_s=1e-5)
     found = calibrate_from_rotations(*noisy(rich), strict)
@@ -58,6 +61,7 @@ def test_a_motion_that_repeats_itself_leaves_the_offset_open():
     assert any("repeats itself" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_wrong_focal_length_is_noted():
     turns, gyro = noisy(rich)
     found = calibrate_from_rotations(turns, replace(gyro, rate_rad_s=1.08 * gyro.rate_rad_s), CONFIG)

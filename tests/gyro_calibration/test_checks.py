@@ -11,6 +11,7 @@ from vgps.gyro_calibration import calibrate_from_rotations
 CONFIG = GyroCalibrationConfig()
 
 
+@pytest.mark.slow
 def test_turning_about_one_axis_alone_is_refused_with_the_remedy():
     with pytest.raises(GeometryError, match=r"about one axis only .* pan, tilt and roll"):
         calibrate_from_rotations(*noisy(one_axis), CONFIG)

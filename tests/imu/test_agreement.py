@@ -33,6 +33,7 @@ def found(turn_deg=(0.0, 0.0, 0.0), late_s=0.0, unit=1.0, motion=MOTION, noise_d
     return agreement(path_rotations(pieces(noise_deg)), imu_at_camera(log, mount, None, ImuConfig()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, {"turn_deg": (0.5, -0.5, 0.5)}, {"late_s": 0.008}])
 def test_an_imu_that_turns_as_the_video_does_is_used(given):
     assert found(**given).contradiction is None

@@ -61,6 +61,7 @@ def test_wrong_rotations_hardly_count() -> None:
     assert np.median(np.delete(fit.weight, bad)) > 0.5
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_many_runs() -> None:
     """Errors in units of their standard deviations: 10 runs of 7 parameters, a mean square of one."""
     squares = []

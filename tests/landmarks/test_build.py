@@ -35,6 +35,7 @@ def frame_of(places: np.ndarray) -> np.ndarray:
     return np.linalg.norm(places[:, None] - poses()[None, :, :3, 3], axis=2).argmin(axis=1)
 
 
+@pytest.mark.slow
 def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: DatabaseContents) -> None:
     views, wall = contents.views, texture()
     frames = frame_of(views.world_p_camera)
@@ -92,6 +93,7 @@ def test_frames_without_a_pose_of_their_own_give_nothing(wall: WallRun) -> None:
     assert frame_of(built(bridged).views.world_p_camera).min() == 12
 
 
+@pytest.mark.slow
 def test_landmarks_poorly_known_are_left_out(wall: WallRun, contents: DatabaseContents) -> None:
     everything = set(contents.views.landmark.tolist())
     sigma = wall.solution.landmarks.sigma_px

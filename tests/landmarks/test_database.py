@@ -62,6 +62,7 @@ def brute_force(
     return {landmark: camera_p for landmark, (_, camera_p) in best.items()}
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), spread_m=st.sampled_from([1.0, 30.0, 3e5]))
 def test_a_query_finds_the_views_that_brute_force_finds(tmp_path: Path, seed: int, spread_m: float) -> None:
@@ -79,6 +80,7 @@ def test_a_query_finds_the_views_that_brute_force_finds(tmp_path: Path, seed: in
                 np.testing.assert_array_equal(camera_p, expected[landmark])
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_candidates_of_one_place_serve_places_around_it(tmp_path: Path, seed: int) -> None:

@@ -1,5 +1,6 @@
 import cv2
 import numpy as np
+import pytest
 
 from vgps.landmarks.descriptors import describe
 
@@ -9,6 +10,7 @@ def texture(rng: np.random.Generator) -> np.ndarray:
     return cv2.GaussianBlur(cv2.resize(blocks, (320, 240), interpolation=cv2.INTER_NEAREST), (0, 0), 1.0)
 
 
+@pytest.mark.slow
 def test_a_shifted_and_turned_image_has_the_same_features_elsewhere() -> None:
     image = texture(np.random.default_rng(0))
     move = cv2.getRotationMatrix2D((160, 120), 20, 1.0)

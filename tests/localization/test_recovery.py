@@ -30,6 +30,7 @@ def test_the_first_candidate_is_the_cameras_pose(keyframes, t_s):
     assert np.linalg.norm(found[0][:3, 3] - pose_at(t_s)[:3, 3]) < 0.3
 
 
+@pytest.mark.slow
 def test_a_pose_is_recovered_from_pixels_of_the_middle_row(keyframes):
     rows = RowMotion(
         replace(CAMERA, readout_s=0.03), RotationPredictor(GyroIntegral(gyro(2.0)), GYRO_R_CAMERA), 0.5

@@ -30,6 +30,7 @@ def errors(poses, t_s):
     return np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1), np.degrees(angle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_a_shaking_camera_is_tracked_from_an_unknown_pose(database, estimator):
     solution = localize(recording_of(WallVideo(15)), database, with_tracker(estimator=estimator))
@@ -48,6 +49,7 @@ def test_a_shaking_camera_is_tracked_from_an_unknown_pose(database, estimator):
     assert np.linalg.norm(uv - seen.uv_px, axis=1).max() < 4.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("use_gyro", [True, False])
 def test_a_rolling_shutter_is_tracked_like_a_global_one(database, use_gyro):
     video = WallVideo(15, exposure_s=0.0, readout_s=0.03)
@@ -70,6 +72,7 @@ def test_a_rolling_shutter_is_tracked_like_a_global_one(database, use_gyro):
     assert np.median(np.linalg.norm(away, axis=1)) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_black_frames_are_bridged_and_reported(database, estimator):
     black = tuple(range(5, 13))
@@ -84,6 +87,7 @@ def test_black_frames_are_bridged_and_reported(database, estimator):
     assert "5 to 12 (0.50 to 1.20 s)" in solution.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_calibration_that_the_run_of_the_map_refined_is_replaced_by_the_refined_one(database):
     given = replace(CAMERA, fx=315.0, fy=315.0)
     refined_by_run = replace(database, cameras=Cameras(given, CAMERA))
@@ -101,6 +105,7 @@ def test_a_video_of_another_place_is_refused(database):
         localize(recording_of(video), database, with_tracker())
 
 
+@pytest.mark.slow
 def test_a_run_folder_is_written(database, tmp_path):
     solution = localize(recording_of(WallVideo(4, black=(2,))), database, with_tracker())
     write_run(solution, tmp_path / "run")
@@ -120,6 +125,7 @@ def test_a_fault_of_the_video_is_passed_on(database):
         localize(recording_of(Broken(5)), database, with_tracker())
 
 
+@pytest.mark.slow
 def test_a_camera_lost_for_its_speed_is_reported_with_the_setting_to_change(database):
     class Fast(WallVideo):
         def frames(self):

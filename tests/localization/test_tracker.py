@@ -76,6 +76,7 @@ def test_recovery_pauses_after_a_failure(database):
     assert recovery.calls == 2
 
 
+@pytest.mark.slow
 def test_after_coasting_for_too_long_a_prediction_is_not_searched(database):
     for coast_s, recovered in ((0.35, True), (0.45, False)):
         tracked = tracker(database, KnownPoses(pose_at(0.0)), coast_s=coast_s, recovery_pause_s=0.0)

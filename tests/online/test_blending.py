@@ -33,6 +33,7 @@ def test_a_correction_fades_by_hand():
     assert blender.advance(pose(20.0), 0.1)[0, 3] == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(metres, metres, st.floats(-3.0, 3.0))
 def test_the_smooth_pose_never_jumps_and_arrives(x, y, turn):

@@ -43,6 +43,7 @@ def test_everyone_who_is_connected_gets_the_same(tcp):
         assert received(second, tcp, b"$B\r\n")
 
 
+@pytest.mark.slow
 def test_a_client_that_does_not_read_is_cut_off_and_the_others_are_served(tcp):
     with client(tcp) as asleep, client(tcp) as awake:
         assert received(asleep, tcp, b"$A\r\n") and received(awake, tcp, b"$A\r\n")
@@ -86,6 +87,7 @@ def test_a_websocket_gets_messages():
         assert until(message) == '{"type": "pose"}'
 
 
+@pytest.mark.slow
 def test_a_serial_port_gets_bytes_and_never_blocks():
     terminal = Terminal()
     with closing(SerialPort(f"{terminal.path}@115200")) as port:

@@ -29,6 +29,7 @@ def live(drive, path, fixes, config=CONFIG, horizon=2000):
     return fits, np.array(errors)
 
 
+@pytest.mark.slow
 def test_the_pose_follows_the_video_when_float_follows_fix():
     drive, offset = DrivingCamera(400), np.array([1.5, -2.0, 4.0])
     fixes = drive.fixes(*fixed_then_float(20, 20, offset))
@@ -40,6 +41,7 @@ def test_the_pose_follows_the_video_when_float_follows_fix():
     assert np.linalg.norm(errors[-1]) < 3.0 * np.linalg.norm(sigma)
 
 
+@pytest.mark.slow
 def test_returned_fixes_correct_the_pose_at_once():
     drive = DrivingCamera(400)
     fixes = drive.fixes(*fixed_then_float(10, 25, [2.0, 1.0, -5.0], fixed_again=5))
@@ -48,6 +50,7 @@ def test_returned_fixes_correct_the_pose_at_once():
     assert size[-4:].max() < 0.15 < size[10:30].mean()
 
 
+@pytest.mark.slow
 def test_the_time_offset_of_late_fixes_is_found_and_widens_the_sigmas_before():
     drive, late_s = DrivingCamera(600), 0.4
     fixes = drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3)))
@@ -62,6 +65,7 @@ def test_the_time_offset_of_late_fixes_is_found_and_widens_the_sigmas_before():
     assert fits[0].time_offset.sigma_s > 0.3 and fits[-1].time_offset.sigma_s < 0.1
 
 
+@pytest.mark.slow
 def test_clocks_that_agree_are_left_alone():
     drive = DrivingCamera(600)
     fits, _ = live(
@@ -118,6 +122,7 @@ def test_floats_do_not_tilt_the_path_whatever_the_roll_of_the_mounting(mount_rol
     assert abs(abs(found_deg) - abs(mount_roll_deg)) < limit_deg
 
 
+@pytest.mark.slow
 def test_what_has_left_the_path_stays_as_a_prior():
     drive = DrivingCamera(400)
     fixes = drive.fixes(*fixed_then_float(15, 25, [1.0, 1.0, 2.0]))

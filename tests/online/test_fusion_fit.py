@@ -19,6 +19,7 @@ def drive(request):
     return drive, drive.seen(np.random.default_rng(4), share=0.5), drive.fixes(kinds, wrong)
 
 
+@pytest.mark.slow
 def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
     _, path, fixes = drive
     last = None

@@ -34,6 +34,7 @@ def same_as_log(found, log):
     np.testing.assert_array_equal([fix.streamed.fix[:4] for fix in found], [fix[:4] for fix in expected])
 
 
+@pytest.mark.slow
 def test_tcp_gives_each_fix_soon_after_its_last_sentence(log):
     sent = []
 
@@ -54,6 +55,7 @@ def test_tcp_gives_each_fix_soon_after_its_last_sentence(log):
     server.close()
 
 
+@pytest.mark.slow
 def test_a_server_that_is_killed_and_started_again_is_read_again(log):
     epochs = epochs_of(log)
     halves = [epochs[:3], epochs[3:]]

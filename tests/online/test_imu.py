@@ -35,6 +35,7 @@ def first_positions(opened, imu):
     return smoother.finish().world_T_camera[:, :3, 3]
 
 
+@pytest.mark.slow
 def test_the_gyro_predicts_rotations_and_the_path_stays_right(data_dir):
     opened = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea", imu="imu.csv", rig="rig_imu.yaml")
     alone, with_imu = first_positions(opened, None), first_positions(opened, opened.imu)

@@ -94,6 +94,7 @@ def test_fixes_without_any_error_are_fused_again_and_again():
     )
 
 
+@pytest.mark.slow
 def test_rtk_keeps_the_constants_of_its_classes():
     kinds = [FixClass.RTK_FIX] * 20 + [FixClass.RTK_FLOAT] * 10 + [FixClass.DGPS] * 10
     fused, _ = live(offsets(0.01, 0.01, 0), kinds)
@@ -113,6 +114,7 @@ def sizes_of(kinds, wrong):
     return live(wrong, kinds)[0].sizes
 
 
+@pytest.mark.slow
 def test_the_size_of_offsets_shows_where_fixes_on_both_sides_determine_them():
     found = {size_m: [sizes_of(*stretches(size_m, seed)) for seed in range(2)] for size_m in (0.05, 4.0)}
     for name in (FixClass.DGPS, FixClass.RTK_FLOAT):
@@ -132,6 +134,7 @@ def test_a_size_settles_instead_of_overshooting_with_every_fit():
     assert max(found[-6:]) < 1.6 * min(found[-6:])
 
 
+@pytest.mark.slow
 def test_offsets_right_after_rtk_fixes_leave_the_size_as_it_is():
     kinds, wrong = stretches(0.05, 0)
     after_fix = [FixClass.RTK_FIX] * 8 + [FixClass.RTK_FLOAT] * 8 + [FixClass.RTK_FIX] * 24

@@ -60,6 +60,7 @@ class Pipeline:
         return np.linalg.norm(placed - self.true[len(self.t_s) - 1, :3, 3])
 
 
+@pytest.mark.slow
 def test_a_fix_counts_with_the_frame_that_it_comes_with():
     pipeline, at_fixes, between = Pipeline(), [], []
     sigma_m = np.inf
@@ -96,6 +97,7 @@ def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():
     assert pipeline.fusion.to_world(pipeline.current).scale == pytest.approx(scale / 1.3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_wrong_fix_has_its_verdict_after_two_frames():
     wrong_m = np.where(np.arange(50)[:, None] == 10, 8.0, 0.0)
     pipeline = Pipeline(wrong_m=wrong_m)
@@ -104,6 +106,7 @@ def test_a_wrong_fix_has_its_verdict_after_two_frames():
     assert pipeline.t_s[-1] == pytest.approx(pipeline.to_come.t_s[10] + 0.2)
 
 
+@pytest.mark.slow
 def test_the_next_map_begins_with_the_time_offset_that_was_found():
     pipeline = Pipeline(LATE_S)
     for _ in range(400):

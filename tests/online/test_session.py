@@ -51,6 +51,7 @@ def test_a_time_of_day_is_of_the_nearest_day():
     assert fix.t_s == 15.0
 
 
+@pytest.mark.slow
 def test_a_file_gives_every_frame_at_its_time(recording):
     source, times = VideoSource(str(recording / "video.mp4")), []
     assert not source.live
@@ -191,6 +192,7 @@ def test_the_verb_reads_a_receiver_from_standard_input(recording):
     assert len(told) >= 5 and {line["verdict"] for line in told} == {"used"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [

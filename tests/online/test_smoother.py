@@ -35,6 +35,7 @@ def online(opened):
     return fed(opened)
 
 
+@pytest.mark.slow
 def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online, opened, recording):
     smoother, _ = online
     solution = smoother.finish()
@@ -92,6 +93,7 @@ def aligned_rows(opened, fixes, images, late):
     return smoother, estimates
 
 
+@pytest.mark.slow
 def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording):
     fixes = list(fixes_of(opened.gps))
     # every other fix comes 1.2 s later than the rest, after the one that follows it
@@ -136,6 +138,7 @@ def test_bad_frames_are_reported_with_their_number(opened, images):
         smoother.finish(stage_d=True)
 
 
+@pytest.mark.slow
 def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     states = [smoother.add_frame(*image).state for image in images[:40]]

@@ -24,6 +24,7 @@ def notes(estimates):
     return [event.text for estimate in estimates for event in estimate.events if event.kind == "note"]
 
 
+@pytest.mark.slow
 def test_one_failed_update_is_reported_and_tracking_continues(walk, monkeypatch):
     real, calls = stage_c.optimise_window, []
 
@@ -39,6 +40,7 @@ def test_one_failed_update_is_reported_and_tracking_continues(walk, monkeypatch)
     assert estimates[-1].state is OnlineState.TRACKED and walk.away(estimates)[-1] < 0.3
 
 
+@pytest.mark.slow
 def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(walk, monkeypatch):
     real, calls = stage_c.optimise_window, []
 
@@ -57,6 +59,7 @@ def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(wa
     assert np.isfinite(smoother.finish().world_T_camera).all()
 
 
+@pytest.mark.slow
 def test_darkness_is_bridged_then_lost_and_ends(walk):
     _, estimates = walk.drive(110, vgps.Config(online=OnlineConfig(bridge_s=0.3)), dark=range(60, 70))
     states = [estimate.state for estimate in estimates]
@@ -111,6 +114,7 @@ def test_memory_does_not_grow(walk):
     assert away.mean() < 0.2
 
 
+@pytest.mark.slow
 def test_fixes_from_the_future_are_counted_and_not_kept(walk):
     jumps = []
 

@@ -24,6 +24,7 @@ def aligned():
     return fed(room(), exact_fixes())
 
 
+@pytest.mark.slow
 def test_every_frame_is_posed_in_the_world(aligned):
     (local_map,) = aligned.maps
     assert local_map.aligned and aligned.current is local_map
@@ -92,6 +93,7 @@ def test_standing_frames_get_a_constraint_and_no_view():
     assert step[12:19].max() < 0.05 * np.median(step) and step[20:].min() > 0.5 * np.median(step)
 
 
+@pytest.mark.slow
 def test_black_frames_are_bridged():
     made = fed(room(black=(14, 15, 16)), exact_fixes())
     (local_map,) = made.maps
@@ -99,6 +101,7 @@ def test_black_frames_are_bridged():
     assert any("from frame 14 to 16" in warning for warning in made.warnings)
 
 
+@pytest.mark.slow
 def test_a_camera_that_turned_in_the_dark_is_found_again():
     """By 14 degrees, which is 60 px: too far for the motion model and for optical flow."""
     dark = [Frame(i, i / FPS, np.zeros_like(images(1)[0])) for i in range(20, 24)]
@@ -110,6 +113,7 @@ def test_a_camera_that_turned_in_the_dark_is_found_again():
     assert max(rotation_error_deg(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 2.0
 
 
+@pytest.mark.slow
 def test_a_map_begun_while_tracking_was_lost_is_dropped_when_it_is_resumed():
     lost = another_room(14, 2)
     back = [Frame(i, i / FPS, images(COUNT)[i]) for i in range(16, 20)]
@@ -118,6 +122,7 @@ def test_a_map_begun_while_tracking_was_lost_is_dropped_when_it_is_resumed():
     assert first.bridged == {14, 15} and first.next_frame == 20 and second.first_frame == 20
 
 
+@pytest.mark.slow
 def test_where_tracking_is_not_resumed_a_new_map_begins():
     """The camera is suddenly in another room."""
     made = fed([*room(15), *another_room(15)])
@@ -132,6 +137,7 @@ def test_a_camera_that_never_moves_starts_no_map():
     assert made.maps == [] and made.current is None
 
 
+@pytest.mark.slow
 def test_the_past_is_discarded_and_its_poses_are_handed_over():
     """Two seconds of the path and its fixes stay."""
     made, retired = pipeline(exact_fixes(), retention=RetentionPolicy(view_frames=14, path_s=2.0)), []
@@ -151,6 +157,7 @@ def test_the_past_is_discarded_and_its_poses_are_handed_over():
     assert errors_m(local_map).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_finished_map_is_retired_whole():
     policy = RetentionPolicy(view_frames=14, path_s=60.0)
     made = fed([*room(15), *another_room(15)], retention=policy)

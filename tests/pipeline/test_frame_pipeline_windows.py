@@ -74,6 +74,7 @@ def test_a_failure_is_forgotten_after_a_success(monkeypatch):
     assert len(calls) >= 6 and len(made.maps) == 1 and made.current is made.maps[0]
 
 
+@pytest.mark.slow
 def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
     window = CONFIG.window.model_copy(update={"delay_frames": 3})
     beside = fed(room(), exact_fixes(), config=CONFIG.model_copy(update={"window": window}))
@@ -83,6 +84,7 @@ def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
     np.testing.assert_array_equal(again.maps[0].poses, beside.maps[0].poses)
 
 
+@pytest.mark.slow
 def test_the_result_of_stage_c_is_taken_a_fixed_number_of_frames_later(monkeypatch):
     window = CONFIG.window.model_copy(update={"delay_frames": 3})
     made, begun, taken = (

@@ -34,6 +34,7 @@ def front_end():
     return run(room_recording(POSES, gps=room_gps_log(POSES)))
 
 
+@pytest.mark.slow
 def test_every_frame_is_in_an_aligned_map(front_end):
     (local_map,) = front_end.maps
     assert local_map.aligned and len(local_map.poses) == 24
@@ -58,6 +59,7 @@ def test_it_is_plain_data(front_end):
     assert (context.camera, context.config, context.controls) == (CAMERA, CONFIG, front_end.controls)
 
 
+@pytest.mark.slow
 def test_stage_c_has_ended_when_the_front_end_has():
     """A delay longer than the recording: only the end waits for it."""
     window = CONFIG.window.model_copy(update={"delay_frames": 1000})

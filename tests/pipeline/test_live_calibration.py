@@ -56,6 +56,7 @@ def calibrated(camera, local_map, config=CONFIG):
     return made
 
 
+@pytest.mark.slow
 def test_a_map_follows_the_camera_that_its_frames_show():
     local_map = map_seen_by(WRONG)
     made = calibrated(WRONG, local_map)
@@ -76,6 +77,7 @@ def test_a_camera_that_fits_stays():
     assert len(made._known) == 2 and made.camera is CAMERA and not made.warnings
 
 
+@pytest.mark.slow
 def test_frames_of_before_are_the_prior_of_those_after():
     local_map = map_seen_by(WRONG)
     made = calibrated(WRONG, local_map)
@@ -93,6 +95,7 @@ def test_a_calibration_that_fails_changes_nothing(monkeypatch):
     assert made.camera is WRONG and len(made._known) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("calibrates", [True, False])
 def test_tracking_goes_on_with_the_refined_camera(calibrates):
     wrong = replace(ROOM_CAMERA, model="opencv", distortion=(0.1, 0.0, 0.0, 0.0))
@@ -114,6 +117,7 @@ def test_tracking_goes_on_with_the_refined_camera(calibrates):
         assert abs(made.camera.distortion[0]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch):
     local_map = map_seen_by(WRONG)
     worker = WindowWorker(

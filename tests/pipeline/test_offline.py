@@ -34,6 +34,7 @@ def solution(recording):
     return vgps.smooth(vgps.open_recording(recording))
 
 
+@pytest.mark.slow
 def test_every_frame_is_posed_near_the_truth(solution, recording):
     evaluation = errors(solution, recording)
     assert evaluation.every_frame_posed
@@ -49,6 +50,7 @@ def test_stage_d_lowers_the_cost_and_every_fix_has_a_reason(solution):
     assert all(reason.startswith("used") for reason in solution.fixes.reason)
 
 
+@pytest.mark.slow
 def test_without_gps_the_result_is_not_georeferenced(recording):
     opened = replace(vgps.open_recording(recording), gps=None)
     solution = vgps.smooth(opened)
@@ -56,6 +58,7 @@ def test_without_gps_the_result_is_not_georeferenced(recording):
     assert any("no fix or control point ties" in warning for warning in solution.warnings)
 
 
+@pytest.mark.slow
 def test_an_unknown_lever_arm_is_estimated_and_in_the_sigmas():
     poses = path(24)
     opened = room_recording(poses, gps=room_gps_log(poses))
@@ -75,6 +78,7 @@ def test_an_unknown_lever_arm_is_estimated_and_in_the_sigmas():
     np.testing.assert_array_equal(held.world_T_camera, known.world_T_camera)
 
 
+@pytest.mark.slow
 def test_a_drone_that_sees_decimetres_of_rtk_fixes_is_in_the_world():
     poses = path(24)
     log = room_gps_log(poses[:16])
@@ -83,6 +87,7 @@ def test_a_drone_that_sees_decimetres_of_rtk_fixes_is_in_the_world():
     assert np.linalg.norm(solution.world_T_camera[:, :3, 3] - poses[:, :3, 3], axis=1).max() < 0.1
 
 
+@pytest.mark.slow
 def test_fixes_that_determine_nothing_are_a_warning_with_sigmas():
     """Single fixes along two metres."""
     poses = path(24)
@@ -107,6 +112,7 @@ def test_a_video_alone_keeps_place_and_scale_of_its_map():
     np.testing.assert_allclose(solution.world_T_camera[0], np.eye(4), atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frames", "gps", "refine", "refined"),
     [
@@ -126,6 +132,7 @@ def test_the_calibration_is_refined_from_enough_frames(frames, gps, refine, refi
     assert solution.camera.fx == pytest.approx(CAMERA.fx, rel=0.02)
 
 
+@pytest.mark.slow
 def test_control_points_give_place_and_scale_and_hold_no_frame():
     poses = path(16)
     solution = vgps.smooth(
@@ -136,6 +143,7 @@ def test_control_points_give_place_and_scale_and_hold_no_frame():
     assert np.linalg.norm(solution.world_p_before - solution.world_T_camera[:, :3, 3], axis=1).min() > 1e-9
 
 
+@pytest.mark.slow
 def test_landmarks_are_the_features_that_were_observed():
     poses = path(20)
     solution = vgps.smooth(room_recording(poses, gps=room_gps_log(poses)), CONFIG)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, moved, scene
 
@@ -56,6 +57,7 @@ def test_a_map_outside_the_world_is_not_compared_with_fixes():
     np.testing.assert_array_equal(local_map.poses[:40], before[:40])
 
 
+@pytest.mark.slow
 def test_isam2_goes_on_where_fixes_contradict_its_map(monkeypatch):
     """Its past is no truth: only the first windows, before it has a state, need drift correction."""
     local_map, _, fixes = true_map(49)

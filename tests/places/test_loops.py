@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from textured_room import CAMERA, CONFIG, image, moved, path, pixels, points_at
 
 from vgps.config import LoopsConfig
@@ -52,6 +53,7 @@ def shown(poses: np.ndarray) -> Iterator[Frame]:
         yield Frame(index, index / 10, image(pose))
 
 
+@pytest.mark.slow
 def test_landmarks_of_the_first_visit_are_found_in_the_second() -> None:
     poses = two_visits()
     video = video_of(poses, off_m=0.6, sigma_m=0.3)
@@ -65,6 +67,7 @@ def test_landmarks_of_the_first_visit_are_found_in_the_second() -> None:
         assert len(loop.landmark) > 50 and np.median(np.linalg.norm(error, axis=1)) < 0.2
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_a_later_frame_is_masked() -> None:
     poses, right = two_visits(), np.ones((CAMERA.height, CAMERA.width), bool)
     right[:, : CAMERA.width // 2] = False
@@ -80,6 +83,7 @@ def test_nothing_is_found_where_a_later_frame_is_masked() -> None:
     assert find_loops(video, masked(np.zeros_like(right)), SETTINGS) == ()
 
 
+@pytest.mark.slow
 def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike() -> None:
     poses = two_visits()
     assert find_loops(video_of(poses, off_m=4.0, sigma_m=0.1), shown(poses), SETTINGS) == ()

@@ -66,6 +66,7 @@ def test_sigmas_of_a_place_hold_those_of_the_earlier_frame_and_of_the_way_from_i
     assert np.all(one.sigma[3:] > 0.3) and np.all(one.sigma[:3] > 0.3 * away_m - 0.01) and away_m > 0.1
 
 
+@pytest.mark.slow
 def test_a_place_further_off_than_the_sigmas_allow_is_a_look_alike():
     off_m = SETTINGS.path_sigmas * 0.2 + SETTINGS.slack * DEPTH_M
     assert any(one.recognised for one in answers(0.8 * off_m, 0.2))

@@ -24,6 +24,7 @@ def bag(request, recording, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_every_stream_is_on_the_clock_of_the_first_image(bag, recording):
     found, true = open_recording(bag), open_recording(recording)
     every = true.video.times_s[::10]
@@ -41,6 +42,7 @@ def test_every_stream_is_on_the_clock_of_the_first_image(bag, recording):
     assert found.rig.video_start_utc == datetime.fromtimestamp(UNIX_S, UTC)
 
 
+@pytest.mark.slow
 def test_images_are_those_of_the_video(bag, recording):
     found, true = open_recording(bag).video, open_recording(recording).video
     # the video stores its luminance from 16 to 235
@@ -61,6 +63,7 @@ def test_fixes_of_a_bag_beside_another_video(bag, recording, tmp_path):
     np.testing.assert_allclose(log.t_s, open_recording(recording).gps.t_s, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_truncated_bag_is_refused_in_a_line(bag, tmp_path):
     if bag.is_dir():
         pytest.skip("cut where the file is one")
@@ -71,6 +74,7 @@ def test_a_truncated_bag_is_refused_in_a_line(bag, tmp_path):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_several_topics_of_images_need_a_name(recording, tmp_path, monkeypatch):
     import bags
 

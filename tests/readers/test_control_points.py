@@ -87,6 +87,7 @@ def test_heights_above_a_geoid(tmp_path):
     assert points.world_p_point[0].tolist() == pytest.approx([49, 8.4, 100 + egm96().height_m(49, 8.4)])
 
 
+@pytest.mark.slow
 def test_a_projected_system(tmp_path):
     path = tmp_path / "control_points.csv"
     expected = [[49.0, 8.4, 160.0]]

@@ -34,6 +34,7 @@ def read(tmp_path, data, name="gps.log"):
     return read_gps_log(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [name for name in LOGS if name != "novatel"] + [pytest.param("novatel", marks=NOVATEL)]
 )

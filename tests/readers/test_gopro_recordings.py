@@ -172,6 +172,7 @@ def test_the_walks_picture_turned_as_its_two_orientations_say(data_dir):
     assert np.median(angle) < 0.5
 
 
+@pytest.mark.slow
 def test_the_walk_damaged_in_one_payload_keeps_the_others(data_dir, tmp_path):
     whole = bytearray((data_dir / "gopro_walk/video.mp4").read_bytes())
     at = [index for index in range(len(whole)) if whole.startswith(b"GPS5l\x14", index)]

@@ -164,6 +164,7 @@ def test_a_missing_file_is_refused(tmp_path):
     assert gps_format(tmp_path / "none.nmea") is None
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", TEXTS)
 @given(st.data())

@@ -75,6 +75,7 @@ def test_the_same_value_in_all_samples_is_no_saturation(tmp_path):
     assert not still.saturated.any()
 
 
+@pytest.mark.slow
 def test_a_drive_with_an_imu(data_dir):
     opened = open_recording(data_dir / "kitti07", gps="gps_fix.nmea", rig="rig_imu.yaml")
     assert opened.imu.t_s.shape == (3180,) and opened.notes == ()

@@ -90,6 +90,7 @@ def test_a_missing_folder_is_refused(tmp_path: Path) -> None:
         read_run(tmp_path / "absent")
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(name=st.sampled_from(["solution.json", "measurements.npz"]), data=st.data())
 def test_a_damaged_file_is_an_error_or_harmless(

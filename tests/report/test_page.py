@@ -54,11 +54,13 @@ def pictures(html):
     return [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([^\"]+)", html)]
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone_and_its_pictures_parse(html):
     assert not re.search(r"(src|href)=\"(?!data:)", html) and "<script" not in html
     assert [ET.fromstring(one).tag for one in pictures(html)] == ["{http://www.w3.org/2000/svg}svg"] * 2
 
 
+@pytest.mark.slow
 def test_warnings_come_first_and_in_full(html, solution, tmp_path):
     assert "the clock lags &amp; so on" in html and "gps.nmea: 2 damaged lines skipped" in html
     assert html.index("the clock lags") < html.index('class="tiles"') < html.index(">Path<")
@@ -82,6 +84,7 @@ def test_cost_timings_sensors_and_configuration(html):
     assert "<details>" in html and "model: cylinder" in html
 
 
+@pytest.mark.slow
 def test_errors_that_the_log_showed_are_stated(solution, tmp_path):
     found = {"rtk_float": {"noise_m": 0.0114, "walk_m": 0.0641}}
     learned = replace(solution, sensors=replace(solution.sensors, fix_errors=found))
@@ -89,10 +92,12 @@ def test_errors_that_the_log_showed_are_stated(solution, tmp_path):
     assert "errors of rtk_float as this log shows them" in html and "0.011 m" in html and "0.064 m" in html
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_page(html, solution, tmp_path):
     assert page_of(solution, tmp_path) == html
 
 
+@pytest.mark.slow
 def test_a_run_without_gps(solution, tmp_path):
     alone = replace(solution, gps=None, fixes=None, georeferenced=False, world_origin=None)
     html = page_of(alone, tmp_path)
@@ -105,6 +110,7 @@ def test_a_run_without_gps(solution, tmp_path):
     assert all("nan" not in one.lower() for one in pictures(html))
 
 
+@pytest.mark.slow
 def test_a_run_without_landmarks_sigmas_or_seconds(solution, tmp_path):
     nothing = np.zeros(0, dtype=np.int64)
     bare = replace(
@@ -120,6 +126,7 @@ def test_a_run_without_landmarks_sigmas_or_seconds(solution, tmp_path):
     assert "standard deviation</dt>" not in html and ">unknown<" in pictures(html)[1]
 
 
+@pytest.mark.slow
 def test_a_single_frame_with_a_log_without_verdicts(solution, tmp_path):
     one = replace(
         solution,
@@ -149,6 +156,7 @@ def test_numbers_have_three_figures(value, text):
     assert _number(value) == text
 
 
+@pytest.mark.slow
 def test_the_verb_writes_the_page_of_a_run_folder(solution, tmp_path, capsys):
     write_run(solution, tmp_path / "run")
     report(tmp_path / "run", out=tmp_path / "r.html")
@@ -156,29 +164,34 @@ def test_the_verb_writes_the_page_of_a_run_folder(solution, tmp_path, capsys):
     assert "wrote" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_page_that_cannot_be_written_is_an_error(solution, tmp_path):
     with pytest.raises(RunFolderError, match="is a folder"):
         write_report(solution, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_long_table_of_fixes_refers_to_gps_csv(solution, tmp_path, monkeypatch):
     monkeypatch.setattr("vgps.report.page._MAX_ROWS", 1)
     html = page_of(solution, tmp_path)
     assert "And 1 more, see gps.csv" in html and ">because</td>" not in html
 
 
+@pytest.mark.slow
 def test_a_run_without_stage_d_has_no_table_of_costs(solution, tmp_path):
     html = page_of(replace(solution, report=SolverReport({}, {}, 0, "")), tmp_path)
     assert "stage D" not in html and "Computing time" in html
 
 
+@pytest.mark.slow
 def test_the_cameras_of_a_rig_are_named_and_their_landmarks_counted(solution, tmp_path):
     html = page_of(on_a_rig(solution), tmp_path)
     assert "poses of the first; with rear" in html
     assert f"{2 * len(solution.observations.frame):,} observations" in html
 
 
+@pytest.mark.slow
 def test_what_was_left_out_of_the_pictures_is_stated(solution, tmp_path, html):
     assert "bonnet, text, reflection" not in html and "moving objects" not in html
     width, height = solution.camera.width, solution.camera.height

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vgps.report.time_plot import time_plot
 
@@ -20,6 +21,7 @@ def test_outages_and_bridged_frames_are_shaded_and_named_once(solution):
     assert {len(axes.patches) for axes in all_axes} == {3}  # two outages, one run of bridged frames
 
 
+@pytest.mark.slow
 def test_without_fixes_there_are_no_ratios(solution):
     assert len(time_plot(solution).axes) == 5
     assert len(time_plot(replace(solution, gps=None, fixes=None)).axes) == 3

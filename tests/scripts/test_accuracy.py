@@ -3,9 +3,12 @@
 import json
 import sys
 
+import pytest
+
 from scripts.benchmarks import accuracy
 
 
+@pytest.mark.slow
 def test_each_log_and_video_has_a_row(recording, tmp_path, monkeypatch, capsys):
     found = tmp_path / "accuracy.json"
     words = [str(recording), "--logs", "gps.nmea", "--reencode", "30", "--late", "0.3", "--json", str(found)]

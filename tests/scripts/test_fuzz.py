@@ -17,6 +17,7 @@ NAMES = [target.name for target in TARGETS]
 FEW = {"ros2": 100, "ros2_metadata": 100}  # rosbags takes 40 ms to open one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS, ids=NAMES)
 def test_the_corpus_is_read_or_refused_in_one_line(target, tmp_path):
     for file in target.seeds():

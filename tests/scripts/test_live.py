@@ -11,6 +11,7 @@ from scripts.benchmarks import live
 from vgps.model import FixClass
 
 
+@pytest.mark.slow
 def test_each_log_has_a_row(recording, tmp_path, monkeypatch, capsys):
     found = tmp_path / "live.json"
     words = [str(recording), "--logs", "gps.nmea", "--json", str(found)]

@@ -132,6 +132,7 @@ EXPECTED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", REPLAYED)
 def test_every_source_is_replayed_from_its_log(drive, data_dir, source):
     found = make_errors(source, drive, data_dir, seed=0)
@@ -172,6 +173,7 @@ def test_wrong_is_what_the_class_and_the_sigmas_exclude():
     assert np.flatnonzero(wrong).tolist() == [1, 3, 5]
 
 
+@pytest.mark.slow
 def test_wrong_fixes_of_a_shipped_log_are_found(data_dir):
     folder = data_dir / "kitti03"
     drive = open_drive("kitti03", data_dir, data_dir)
@@ -281,6 +283,7 @@ def test_receivers_that_were_seen_are_summed_up_apart():
     assert "not seen" not in summaries([cell(3.0, 1.0, 1.0, seen=True)])
 
 
+@pytest.mark.slow
 def test_a_section_is_a_recording_of_its_own(recording, tmp_path):
     whole = open_drive(str(recording), tmp_path, tmp_path)
     part = open_drive(f"{recording}:30-44", tmp_path, tmp_path)

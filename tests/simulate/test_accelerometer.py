@@ -20,6 +20,7 @@ def test_the_force_is_that_of_the_sensors_own_path():
     np.testing.assert_allclose(force @ MOUNT.imu_R_camera.T, log.force_m_s2, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_noise_bias_and_gravity():
     scene, config = SCENES["walk"], AccelerometerConfig(noise_m_s2=0.05, bias_m_s2=0.2)
     motion = build_motion(scene, np.random.default_rng(0))

@@ -59,6 +59,7 @@ def test_the_path_goes_on_straight_before_its_start_and_after_its_end() -> None:
     np.testing.assert_allclose(values[[0, -1], 3], [0.1, 0.3])
 
 
+@pytest.mark.slow
 def test_a_street_that_is_passed_again_is_the_same_street() -> None:
     once, twice = street_of(1.3), street_of(2.3)
     worlds = [build_world(config, np.random.default_rng(5)) for config in (once, twice)]

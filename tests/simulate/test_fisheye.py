@@ -17,6 +17,7 @@ CAMERA = centred_camera("fisheye", (CONFIG.width, CONFIG.height), 400.0 / np.rad
 READOUT_S = 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.0, 0.95, -0.9])
 @pytest.mark.parametrize("readout_s", [0.0, READOUT_S])
 def test_corners_are_where_the_lens_and_their_row_show_them(yaw: float, readout_s: float) -> None:
@@ -41,6 +42,7 @@ def test_corners_are_where_the_lens_and_their_row_show_them(yaw: float, readout_
     assert error.max() < 0.5
 
 
+@pytest.mark.slow
 def test_a_street_is_that_of_a_pinhole_bent() -> None:
     scene = replace(
         SCENES["demo"], width=240, height=160, texture_scale=0.3, noise_levels=0.0, exposure_s=1e-6
@@ -71,6 +73,7 @@ def test_pieces_cover_a_polygon() -> None:
         assert (rays @ rays.T).min() > np.cos(np.radians(25.1))
 
 
+@pytest.mark.slow
 def test_the_recording_names_its_lens(tmp_path) -> None:
     scene = replace(SCENES["demo"], speed=((0.0, 1.2), (0.2, 1.2)), width=96, height=64, texture_scale=0.1)
     simulate(tmp_path / "wide", replace(scene, fisheye_deg=150.0))

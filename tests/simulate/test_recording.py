@@ -36,6 +36,7 @@ def gray_frames(folder: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
 
 
+@pytest.mark.slow
 def test_the_folder_holds_a_recording(folder: Path) -> None:
     assert {entry.name for entry in folder.iterdir()} == set(FILES)
     recording = open_recording(folder)
@@ -50,6 +51,7 @@ def test_the_folder_holds_a_recording(folder: Path) -> None:
     assert recording.gyro.t_s[0] <= -0.19 and recording.gyro.t_s[-1] >= 1.93 + 0.19
 
 
+@pytest.mark.slow
 def test_other_cameras_look_outwards_from_a_ring(tmp_path: Path) -> None:
     short = replace(TINY, speed=((0.0, 1.2), (0.2, 1.2)), cameras=3)
     for _ in range(2):  # the second replaces the first
@@ -65,6 +67,7 @@ def test_other_cameras_look_outwards_from_a_ring(tmp_path: Path) -> None:
         assert all(frame.gray.std() > 10.0 for frame in camera.video.frames())
 
 
+@pytest.mark.slow
 def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "imu"
     for _ in range(2):  # the second replaces the first
@@ -125,6 +128,7 @@ def test_fix_errors_are_logged(folder: Path) -> None:
     assert [line.split(",")[:2] for line in lines[1:]] == [["0.03", "rtk_fix"], ["1.03", "rtk_float"]]
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_other_seed_other_world(folder: Path, tmp_path: Path) -> None:
     short = replace(TINY, speed=((0.0, 1.2), (0.5, 1.2)))
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
@@ -135,6 +139,7 @@ def test_same_seed_same_bytes_other_seed_other_world(folder: Path, tmp_path: Pat
         assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes(), file
 
 
+@pytest.mark.slow
 def test_another_pass_shakes_differently_in_the_same_world(tmp_path: Path) -> None:
     short = replace(TINY, speed=((0.0, 1.2), (0.2, 1.2)), hand_shake=1.0)
     for name, own in (("first", None), ("second", 5)):
@@ -149,6 +154,7 @@ def test_another_pass_shakes_differently_in_the_same_world(tmp_path: Path) -> No
     assert np.corrcoef(*pictures)[0, 1] > 0.6 > np.corrcoef(pictures[0], elsewhere)[0, 1]
 
 
+@pytest.mark.slow
 def test_moving_things_change_the_picture_and_not_the_truth(tmp_path: Path) -> None:
     short = replace(TINY, speed=((0.0, 1.2), (0.5, 1.2)))
     simulate(tmp_path / "still", short)
@@ -175,6 +181,7 @@ def test_a_simulation_cut_short_leaves_nothing(tmp_path: Path, monkeypatch: pyte
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_earlier_simulation_stays_until_the_new_one_is_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ from vgps.simulate import SCENES, Builder, Renderer, build_motion, build_world
 READOUT_S = 0.06
 
 
+@pytest.mark.slow
 def test_a_readout_in_no_time_is_a_global_shutter() -> None:
     scene = replace(SCENES["demo"], width=320, height=240, focal_px=280.0, texture_scale=0.3, moving=True)
     motion, world = (f(scene, np.random.default_rng(2)) for f in (build_motion, build_world))

@@ -86,6 +86,7 @@ def test_outliers_are_far_off_and_as_many_as_asked() -> None:
     assert horizontal[~fixes.outlier].max() < 0.1
 
 
+@pytest.mark.slow
 def test_gauss_markov_has_its_sigma_and_its_memory() -> None:
     error = gauss_markov(200_000, 1.0, FixErrors(sigma_h_m=0.75, sigma_v_m=2.2, correlation_s=25.0), rng())
     np.testing.assert_allclose(error.std(axis=0), [0.75, 0.75, 2.2], rtol=0.1)
@@ -119,6 +120,7 @@ def test_float_errors_are_as_large_as_a_real_receivers(data_dir: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_gyro_integrates_to_the_true_rotation() -> None:
     config = replace(
         SCENES["spin"],

@@ -8,6 +8,7 @@ from vgps.simulate.scene import SCENES
 from vgps.simulate.street import build_world
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["demo", "drive"])
 def test_nothing_stands_on_the_cameras_path(name: str) -> None:
     config = replace(SCENES[name], texture_scale=0.05)

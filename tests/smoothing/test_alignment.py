@@ -119,6 +119,7 @@ def test_the_derivatives_are_those_of_the_residuals():
         assert system.gradient[k] == pytest.approx(by_cost, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_repeated_alignments():
     """Fixes that share an offset of 1 m and have noise of 5 cm: the offset moves only the position."""
     world, rng = drive(1.0), np.random.default_rng(1)

@@ -33,6 +33,7 @@ def test_poses_and_points_approach_the_truth_with_sigmas_and_costs():
     assert not found.assessment.rejected.any()
 
 
+@pytest.mark.slow
 def test_both_solvers_reach_the_same_minimum():
     made, _, fixes = whole(disturbed=0.2)
     ends = [
@@ -56,6 +57,7 @@ def test_both_solvers_reach_the_same_minimum():
     np.testing.assert_allclose(*(end.trajectory.world_T_camera for end in ends), atol=2e-4)
 
 
+@pytest.mark.slow
 def test_an_outlier_is_rejected_and_a_wrongly_rejected_fix_is_used_again():
     made, true, fixes = whole(disturbed=0.2)
     wild = fixes.world_p_fix.copy()
@@ -84,6 +86,7 @@ def test_without_fixes_two_held_frames_define_the_world():
     assert away(found.trajectory.world_T_camera, true) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", ["per_frame", "per_observation"])
 def test_both_weightings_of_frames_converge(weight):
     made, true, fixes = whole(disturbed=0.2)
@@ -92,6 +95,7 @@ def test_both_weightings_of_frames_converge(weight):
     assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
+@pytest.mark.slow
 def test_submaps_that_cannot_be_cut_are_said_and_others_are_reported():
     made, _, fixes = whole(disturbed=0.2)
     observations = made.observations

@@ -55,6 +55,7 @@ def scaled(scene: Scene, scale: float) -> Scene:
     return replace(scene, poses=poses, points=scale * scene.points)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.01])
 def test_the_height_is_found_in_any_unit_within_its_sigma(scale):
     """Over 20 drives the mean of all stretches lies where their sigmas say, which count the uneven ground."""
@@ -68,6 +69,7 @@ def test_the_height_is_found_in_any_unit_within_its_sigma(scale):
     assert np.sqrt(np.mean(np.concatenate(ratio) ** 2)) < 1.3
 
 
+@pytest.mark.slow
 def test_ground_that_is_uneven_is_in_the_sigmas():
     ratio = []
     for seed in range(20):
@@ -104,6 +106,7 @@ def test_without_a_plane_the_reason_is_said():
     assert isinstance(found, str) and "lie in a plane in" in found and "stretches only" in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [12.0, -17.0, 25.0])
 def test_a_camera_that_is_held_askew_has_the_height_square_to_the_ground(tilt_deg):
     tilt = np.radians(tilt_deg)

@@ -39,6 +39,7 @@ def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX):
     return found, away(found.trajectory.world_T_camera, true)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.2, -0.15])
 def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
     found, error = result(late_s)
@@ -48,11 +49,13 @@ def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
     assert error < 0.2 * result(late_s, config=settings(sensors={"estimate_time_offset": "no"}))[1]
 
 
+@pytest.mark.slow
 def test_a_right_clock_stays_as_it_is():
     found, _ = result(0.0)
     assert found.sensors == HELD and np.isnan(found.time_offset_sigma_s[0])
 
 
+@pytest.mark.slow
 def test_what_displacements_showed_by_chance_is_taken_back():
     chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
     found, error = result(0.0, chance)
@@ -87,6 +90,7 @@ def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):
     assert trial(monkeypatch, [TimeOffset(0.05, 0.02)]) == (HELD, [])
 
 
+@pytest.mark.slow
 def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
     def failing(*_):
         raise GeometryError("not determined")
@@ -97,6 +101,7 @@ def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
     assert found.sensors == HELD and error < 0.01
 
 
+@pytest.mark.slow
 def test_what_displacements_showed_is_improved():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown)
@@ -110,11 +115,13 @@ def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
     assert found.sensors == shown and found.time_offset_sigma_s == [0.05]
 
 
+@pytest.mark.slow
 def test_the_configured_time_offset_is_the_one_that_is_doubted():
     given = Sensors.fixed(ANTENNA, 0.2)
     assert result(0.2, given, settings(sensors={"time_offset_s": 0.2}))[0].sensors == given
 
 
+@pytest.mark.slow
 def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
     """A gentle drive with a video that counts little."""
     assert result(0.3, config=Config())[0].sensors == HELD
@@ -122,6 +129,7 @@ def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_n
     assert abs(found.sensors.time_offset_s - 0.3) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
 
 
+@pytest.mark.slow
 def test_step_and_covariance_are_those_of_a_solution_with_the_time_offset_free(monkeypatch):
     """With errors of no memory and Gaussian ones the problem is as good as quadratic."""
     seen = []

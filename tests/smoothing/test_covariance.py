@@ -86,6 +86,7 @@ def test_submaps_draw_a_few_at_a_time(monkeypatch):
     assert ratio.min() > 0.6 and ratio.max() < 1.6
 
 
+@pytest.mark.slow
 def test_errors_common_to_a_track_are_in_the_covariance_and_not_in_the_marginals():
     honest, curvature = [], []
     for seed in range(6):
@@ -141,6 +142,7 @@ def test_independent_errors_give_the_marginals_of_states():
     assert np.median(of_poses[0] / of_poses[1]) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parameter", "sigma"), [(0, 2e-4), (1, 0.1), (2, 0.1), (3, 1e-3)])
 def test_an_error_of_the_calibration_moves_the_poses_as_drawn(parameter, sigma):
     """The drawn standard deviation is the shift of the optimum with a calibration off by one sigma."""

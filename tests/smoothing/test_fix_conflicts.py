@@ -61,6 +61,7 @@ def sigmas(found):
     return np.sqrt(np.trace(found.covariance[:, 3:, 3:], axis1=1, axis2=2))
 
 
+@pytest.mark.slow
 def test_a_run_of_wrong_fixes_is_found_and_no_longer_bends_the_path(monkeypatch):
     rows = [5, 6, 7, 8]
     found, error = result(log(*rows))
@@ -73,12 +74,14 @@ def test_a_run_of_wrong_fixes_is_found_and_no_longer_bends_the_path(monkeypatch)
     assert error < 0.2 * result(log(*rows))[1]
 
 
+@pytest.mark.slow
 def test_right_fixes_do_not_contradict_each_other():
     found, error = result(log())
     assert found.conflicts == () and error < 0.01
     assert not any("contradict each other" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 def test_where_either_half_may_be_right_the_sigmas_cover_both():
     fixes = log(*range(8, 15))
     found, error = result(fixes.where(np.arange(14)))
@@ -91,6 +94,7 @@ def test_where_either_half_may_be_right_the_sigmas_cover_both():
     assert np.all(sigmas(plain) < 0.2 * size)
 
 
+@pytest.mark.slow
 def test_windows_find_a_run_that_is_longer_than_they_are(monkeypatch):
     monkeypatch.setattr(fix_conflicts, "_WINDOW", 8)
     found, error = result(log(*range(4, 10)))
@@ -98,6 +102,7 @@ def test_windows_find_a_run_that_is_longer_than_they_are(monkeypatch):
     assert conflict.wrong.tolist() == list(range(4, 10)) and error < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("located", [True, False])
 def test_fixes_between_those_compared_have_the_error_of_one_of_them(monkeypatch, located):
     monkeypatch.setattr(fix_conflicts, "_INTERVAL_S", 0.8)
@@ -116,6 +121,7 @@ def test_fixes_between_those_compared_have_the_error_of_one_of_them(monkeypatch,
         assert found.assessment.rejected[[5, 9]].all()
 
 
+@pytest.mark.slow
 def test_verdicts_that_took_the_wrong_side_are_reversed(monkeypatch):
     """Of fifteen fixes five are wrong; outlier detection took the others for RTK-floats."""
     fixes, wrong = log(0, 1, 2, 3, 4), np.arange(15) < 5
@@ -126,6 +132,7 @@ def test_verdicts_that_took_the_wrong_side_are_reversed(monkeypatch):
     assert error < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refused", [[0, 1, 2, 3], range(7)])
 def test_what_other_fixes_refute_stays_rejected(monkeypatch, refused):
     """Of seven RTK-fixes before coarse ones four are wrong, or all: verdicts know it by the coarse ones."""
@@ -136,6 +143,7 @@ def test_what_other_fixes_refute_stays_rejected(monkeypatch, refused):
     assert found.conflicts == () and np.flatnonzero(found.assessment.rejected).tolist() == list(refused)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "told"), [([5, 6, 7], False), (range(8, 15), True)])
 def test_what_verdicts_say_already_is_told_if_it_may_be_otherwise(monkeypatch, rows, told):
     wrong = np.isin(np.arange(15), rows)
@@ -144,6 +152,7 @@ def test_what_verdicts_say_already_is_told_if_it_may_be_otherwise(monkeypatch, r
     assert bool(result(log(*rows))[0].conflicts) == told
 
 
+@pytest.mark.slow
 def test_fixes_far_apart_in_time_are_not_compared():
     fixes = log(*range(8, 15))
     apart = fixes.where(np.r_[0:4, 11:15])
@@ -151,11 +160,13 @@ def test_fixes_far_apart_in_time_are_not_compared():
     assert found.conflicts == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{"outliers": {"enabled": False}}, {"gps": {"model": "cauchy"}}])
 def test_where_fixes_are_not_judged_there_are_no_conflicts(settings):
     assert result(log(5, 6, 7, 8), **settings)[0].conflicts == ()
 
 
+@pytest.mark.slow
 def test_coarse_fixes_are_not_compared():
     fixes = log(5, 6, 7, 8)
     coarse = replace(fixes, fix_class=np.full(len(fixes), CLASSES.index(FixClass.SINGLE)))

@@ -129,6 +129,7 @@ def roll_error_deg(crossfall_sigma_deg):
     return float(np.abs(turn[:, 0]).mean())
 
 
+@pytest.mark.slow
 def test_a_camera_held_askew_is_turned_by_the_road_and_not_by_the_prior_of_a_level_one():
     assert roll_error_deg(1.5) < 1.0
     assert roll_error_deg(1000.0) > 3.0
@@ -163,6 +164,7 @@ def pitch_error_deg(airborne):
     return float(np.degrees(turn.magnitude()).mean())
 
 
+@pytest.mark.slow
 def test_a_drone_that_flies_sideways_is_held_by_the_land_and_not_by_the_prior_of_a_level_camera():
     assert pitch_error_deg("yes") < 0.4
     assert pitch_error_deg("no") > 10.0

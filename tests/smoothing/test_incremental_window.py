@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA, keep_observations
 from synthetic_map import CAMERA, away, context, map_of, scene
 
@@ -37,6 +38,7 @@ def windows(problem, fixes_at, config=WHOLE, last=LAST):
     return local_map, engine
 
 
+@pytest.mark.slow
 def test_with_all_frames_in_the_window_it_ends_near_the_minimum():
     problem, true, t_s, fixes = scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]))
@@ -48,6 +50,7 @@ def test_with_all_frames_in_the_window_it_ends_near_the_minimum():
     assert away(local_map.poses, true) < 1.5 * away(whole.poses, true) < 0.05
 
 
+@pytest.mark.slow
 def test_fixes_leave_when_they_are_rejected_and_come_late(monkeypatch):
     problem, _, t_s, fixes = scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), last=(29, 59))
@@ -68,6 +71,7 @@ def test_fixes_leave_when_they_are_rejected_and_come_late(monkeypatch):
     assert entered == [set(), time_s, time_s] and left == [time_s, set(), time_s]
 
 
+@pytest.mark.slow
 def test_older_frames_leave_the_window_and_stay():
     problem, true, t_s, fixes = scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:4])
@@ -91,6 +95,7 @@ def test_a_map_that_something_else_moved_is_taken_up_anew():
     assert engine.failures == 0
 
 
+@pytest.mark.slow
 def test_where_isam2_fails_the_window_is_that_of_the_other_solver(monkeypatch):
     problem, _, t_s, fixes = scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:3])
@@ -112,6 +117,7 @@ def test_where_isam2_fails_the_window_is_that_of_the_other_solver(monkeypatch):
     assert engine.continues(again) and engine.failures == 1
 
 
+@pytest.mark.slow
 def test_a_frame_that_nothing_ties_is_left_to_the_other_solver():
     problem, _, t_s, fixes = scene()
     problem = keep_observations(problem, problem.frame != 45)
@@ -133,6 +139,7 @@ def test_rolling_shutters_are_left_to_the_other_solver():
     assert not engine.continues(local_map)
 
 
+@pytest.mark.slow
 def test_a_map_outside_the_world_keeps_its_scale():
     problem, true, _, fixes = scene(disturbed=0.1)
     engine, local_map = IncrementalWindow(context(SHORT)), None

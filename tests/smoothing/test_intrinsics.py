@@ -55,6 +55,7 @@ def refined(camera, wrong, **believed):
     return away(result.trajectory.world_T_camera, poses), start, found
 
 
+@pytest.mark.slow
 def test_focal_length_and_centre_are_recovered_within_their_sigmas():
     error_m, start, found = refined(TRUE, [0.03, 6.0, -4.0], focal_sigma=0.05, distortion_sigma=1e-4)
     camera, sigma = found.camera, found.sigma
@@ -65,6 +66,7 @@ def test_focal_length_and_centre_are_recovered_within_their_sigmas():
     assert found.note(start).startswith("the calibration was refined: fx 515.2 -> ")
 
 
+@pytest.mark.slow
 def test_lens_coefficients_converge_from_any_start():
     ends = [refined(LENS, [0.0, 0.0, 0.0, wrong, 0.0], distortion_sigma=0.5)[2] for wrong in (0.04, 0.1)]
     found, other = (np.array(end.camera.distortion[:2]) for end in ends)
@@ -73,6 +75,7 @@ def test_lens_coefficients_converge_from_any_start():
     assert np.all(np.abs(found - other) < sigma)
 
 
+@pytest.mark.slow
 def test_a_tight_prior_holds_the_calibration():
     _, start, found = refined(TRUE, [0.03, 0.0, 0.0], focal_sigma=1e-6, centre_sigma_px=1e-3)
     assert found.camera.fx == pytest.approx(start.fx, rel=1e-4)
@@ -117,6 +120,7 @@ def test_a_step_that_reaches_too_far_only_turns_the_poses():
     np.testing.assert_array_equal(end.points, nearer)
 
 
+@pytest.mark.slow
 def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():
     """Images undistorted by a wrong lens model keep some distortion; one frame in three shows it."""
     problem, poses, _, fixes = scene(disturbed=0.0)
@@ -138,6 +142,7 @@ def test_a_pinhole_gets_radial_distortion_from_few_of_the_frames():
     assert "k1 0.0000 -> 0.0" in found.note(TRUE)
 
 
+@pytest.mark.slow
 def test_the_rows_of_a_rolling_shutter_are_undone_for_the_calibration_alone():
     problem, poses, _, fixes = scene(disturbed=0.1)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)

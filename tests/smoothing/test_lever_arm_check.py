@@ -30,10 +30,12 @@ def drive(camera_p_antenna, fixes=None, heights=None):
     return optimise_batch(made, exact if fixes is None else fixes, sensors, context(Config())).warnings
 
 
+@pytest.mark.slow
 def test_a_right_lever_arm_is_not_doubted():
     assert doubts(drive(ANTENNA)) == []
 
 
+@pytest.mark.slow
 def test_a_known_height_is_another_vector_that_all_frames_share(monkeypatch):
     _, true, _, _ = scene()
     heights = HeightTies(
@@ -48,6 +50,7 @@ def test_a_known_height_is_another_vector_that_all_frames_share(monkeypatch):
     assert re.search(r"at least 0\.\d\d m back of", text)
 
 
+@pytest.mark.slow
 def test_without_fixes_there_is_nothing_to_doubt():
     assert doubts(drive(ANTENNA + np.array([0.0, 0.0, 1.0]), Fixes.empty())) == []
 

@@ -67,6 +67,7 @@ def refined(given: tuple[RigMount, ...], rounds: int, seed: int = 0) -> Iterator
         problem = mounted(problem.moved(step.poses, step.points), cameras[0].reference_T_camera)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_camera_that_was_measured_badly_returns_to_its_place(seed: int) -> None:
     given = (rear(retracted(REAR, OFF)),)

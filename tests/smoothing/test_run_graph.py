@@ -76,6 +76,7 @@ def check_minimum(solution, graph, values, gain=1e-6, moves_m=1e-3):
     assert max(moved) < moves_m
 
 
+@pytest.mark.slow
 def test_the_graph_of_a_run_folder_is_at_its_minimum(run):
     solution = read_run(run)
     graph, values = vgps.factor_graph(run)
@@ -164,6 +165,7 @@ def controls_and_a_stop():
     return {"controls": controls, "zero_motions": (stop,)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error_model", ["memory", "independent"])
 def test_every_part_of_stage_d_survives_the_run_folder(error_model, tmp_path):
     config = Config(
@@ -183,6 +185,7 @@ def test_every_part_of_stage_d_survives_the_run_folder(error_model, tmp_path):
     check_minimum(solution, graph, values)
 
 
+@pytest.mark.slow
 def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
     solution = batch_run(Config(batch=BatchConfig(relative_tolerance=1e-9)), with_imu=True)
     write_run(solution, tmp_path / "run")
@@ -196,6 +199,7 @@ def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
     assert types.count("ImuFactor") == knots - 1 >= 8
 
 
+@pytest.mark.slow
 def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
     given, to_graph = [], gtsam_backend.to_graph
 
@@ -215,6 +219,7 @@ def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
         assert graph.at(k).error(here) == pytest.approx(last.at(k).error(there), rel=1e-9, abs=1e-12), k
 
 
+@pytest.mark.slow
 def test_a_video_alone_keeps_its_held_frames():
     solution = vgps.smooth(room_recording(path(16)), ROOM_CONFIG)
     graph, values = vgps.factor_graph(solution)
@@ -292,6 +297,7 @@ def test_a_graph_that_is_not_that_of_the_run_is_refused(run, key, change, messag
         vgps.factor_graph(replace(solution, graph=arrays))
 
 
+@pytest.mark.slow
 def test_the_example_of_the_readme_runs(run, monkeypatch, capsys):
     monkeypatch.chdir(run.parent)
     text = (ROOT / "vgps/smoothing/README.md").read_text(encoding="utf-8")

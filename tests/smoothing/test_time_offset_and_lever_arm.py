@@ -36,6 +36,7 @@ def scene(time_offset_prior_s=0.5, antenna_prior_m=0.5, frames=60):
     return replace(problem, pose_graph=graph, shared=sensors.shared()), sensors
 
 
+@pytest.mark.slow
 def test_the_bordered_solver_ends_where_gtsam_does():
     problem, _ = scene()
     ours, theirs = solve(problem, TIGHT).problem, solve(problem, TIGHT, "gtsam").problem

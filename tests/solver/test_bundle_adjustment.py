@@ -44,6 +44,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_minimum_is_that_of_gtsam(case: str) -> None:
     problem = CASES[case]()
@@ -69,6 +70,7 @@ def test_true_poses_are_recovered() -> None:
     assert np.max(np.abs(problem.world_T_camera[:, :3, 3] - poses[:, :3, 3])) > 0.2
 
 
+@pytest.mark.slow
 def test_held_poses_stay_to_the_last_bit() -> None:
     problem = held_frames()
     for solver in ("schur", "gtsam"):
@@ -118,6 +120,7 @@ def test_problem_without_fixes_is_solved() -> None:
     assert total_cost(result.problem) < 0.01 * total_cost(problem)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["schur", "gtsam"])
 @pytest.mark.parametrize("seed", range(4))
 def test_cost_never_rises(solver: str, seed: int) -> None:
@@ -127,6 +130,7 @@ def test_cost_never_rises(solver: str, seed: int) -> None:
     assert sum(result.report.cost_after.values()) == pytest.approx(total_cost(result.problem))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["schur", "gtsam"])
 def test_minimum_is_recognised(solver: str) -> None:
     best = solve(drive()[0], TIGHT, "gtsam").problem
@@ -201,6 +205,7 @@ def test_frame_without_observations_and_factors_stays() -> None:
     np.testing.assert_allclose(result.problem.world_T_camera[11], problem.world_T_camera[11], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_states_are_moved_to_the_minimum_of_gtsam(held: bool) -> None:
     problem = drive_with_states(held)
@@ -216,6 +221,7 @@ def test_states_are_moved_to_the_minimum_of_gtsam(held: bool) -> None:
     np.testing.assert_array_equal(poses[problem.fixed_frames], problem.world_T_camera[problem.fixed_frames])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["huber", "held"])
 def test_the_result_does_not_depend_on_the_number_of_threads(case, monkeypatch):
     monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)

@@ -62,6 +62,7 @@ def test_blocks_are_chosen_where_they_are_faster_landmarks_included(monkeypatch:
         assert (analyse_sparsity(problem).blocks is not None) == in_blocks
 
 
+@pytest.mark.slow
 def test_minimum_of_two_laps_is_that_of_gtsam(blocks: None) -> None:
     problem = two_laps()
     result, reference = solve(problem, TIGHT), solve(problem, TIGHT, "gtsam")
@@ -98,6 +99,7 @@ def test_the_result_in_blocks_does_not_depend_on_the_number_of_threads(
     np.testing.assert_array_equal(ends[0].world_p_landmark, ends[1].world_p_landmark)
 
 
+@pytest.mark.slow
 def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
     problem = two_laps()
     held = np.zeros(2 * LAP, dtype=bool)
@@ -158,6 +160,7 @@ def test_pose_factor_between_distant_frames_widens_the_band() -> None:
     assert analyse_sparsity(replace(problem, pose_graph=graph)).half_bandwidth == 6 * 30 - 1
 
 
+@pytest.mark.slow
 def test_states_in_blocks_have_the_minimum_and_the_covariances_of_a_band(blocks: None) -> None:
     problem = drive_with_states()
     assert analyse_sparsity(problem).blocks is not None

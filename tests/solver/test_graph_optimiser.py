@@ -62,6 +62,7 @@ def assert_same_poses(a: gtsam.Values, b: gtsam.Values, atol: float = 1e-6) -> N
     np.testing.assert_allclose(poses[0], poses[1], rtol=0, atol=atol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_minimum_is_that_of_gtsam(case: str) -> None:
     graph, values = CASES[case]()
@@ -120,6 +121,7 @@ def test_time_offset_and_lever_arm_are_estimated_with_the_poses() -> None:
     assert_same_poses(result.values, reference)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["plain", "huber", "fixes", "known points", "other keys", "shuffled keys"])
 def test_marginals_equal_gtsams(case: str) -> None:
     graph, values = CASES[case]()
@@ -160,6 +162,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("add", OTHERS, ids=lambda add: add.__name__)
 def test_graph_that_is_no_bundle_problem_goes_to_gtsam_with_the_reason(add: Callable) -> None:
     graph, values = to_graph(small_problem())
@@ -211,6 +214,7 @@ def test_iterations_and_reason_are_reported() -> None:
     assert again.converged and again.iterations <= 1 and "converged" in again.reason
 
 
+@pytest.mark.slow
 def test_gtsam_eliminates_landmarks_before_lever_arms(monkeypatch) -> None:
     graph, values = to_graph(small_problem())
     values.insert(A(0), np.zeros(1))

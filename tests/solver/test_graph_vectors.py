@@ -63,6 +63,7 @@ def test_observed_points_and_long_vectors_are_shared() -> None:
     assert sorted(shared) == [B(0), L(0)] and not states
 
 
+@pytest.mark.slow
 def test_graph_with_more_offsets_than_a_border_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     """An offset for every frame."""
     monkeypatch.setattr(graph_reading, "_MAX_SHARED_SIZE", 89)

@@ -69,6 +69,7 @@ def test_iteration_limit_is_reported() -> None:
     assert end == Termination(1, "stopped after 1 iterations")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [True, False])
 def test_bundle_problem_is_moved_to_the_minimum(shared: bool) -> None:
     problem = held_frames()

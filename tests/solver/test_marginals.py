@@ -23,6 +23,7 @@ CASES: dict[str, Callable[[], BundleProblem]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_covariances_equal_gtsams_marginals(case: str) -> None:
     problem = solve(CASES[case](), TIGHT).problem
@@ -66,6 +67,7 @@ def test_scaling_applies_to_poses_and_vectors() -> None:
     np.testing.assert_array_equal(scaled.states[2], [[4.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_covariances_of_states_equal_gtsams_marginals(held: bool) -> None:
     problem = solve(drive_with_states(held), TIGHT).problem

@@ -57,6 +57,7 @@ def test_a_landmark_behind_its_camera_costs_what_it_does_in_gtsam() -> None:
     assert total_cost(problem) == pytest.approx(graph.error(values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolling", [False, True])
 def test_the_linear_system_is_that_of_gtsam(rolling: bool) -> None:
     problem = with_loss(rig_drive(frames=9, landmarks=60)[0], "huber")

@@ -43,6 +43,7 @@ def gtsam_system(problem: BundleProblem) -> tuple[np.ndarray, np.ndarray]:
     return H[n:size, n:size] - H[n:size, :n] @ coupling, -(g[n:size] - coupling.T @ g[:n])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_the_reduced_system_equals_that_of_gtsam(held: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chunks, "CHUNK_OBSERVATIONS", 60)

@@ -32,6 +32,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_minimum_and_covariances_are_those_of_the_whole(case: str) -> None:
     problem, frames = CASES[case]()

@@ -51,6 +51,7 @@ def test_a_reference_that_is_none_is_refused(tmp_path, offset_m, t_s, reference_
         read_errors(log, better)
 
 
+@pytest.mark.slow
 def test_a_drive_s_errors_are_those_against_its_reference(data_dir):
     found = read_errors(data_dir / "rtk_drive/solution.pos", data_dir / "rtk_drive/reference.pos")
     assert len(found.of_class(FIX).t_s) == 1649 and len(found.of_class(FLOAT).t_s) == 2800

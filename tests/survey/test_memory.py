@@ -79,6 +79,7 @@ def test_constants_are_recovered(noise_m, walk_m, tail, vertical):
     assert max(one.noise_m for one in found) < max(1.25 * noise_m, 0.3 * walk_m)
 
 
+@pytest.mark.slow
 def test_a_fast_log_shows_the_same_walk():
     """Changes of a Cauchy walk over 0.1 s are Cauchy with a tenth of the scale."""
     rng = np.random.default_rng(1)
@@ -87,6 +88,7 @@ def test_a_fast_log_shows_the_same_walk():
     assert found.walk_m == pytest.approx(0.05, rel=0.15) and found.tail == pytest.approx(1.0, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.01, 1000.0])
 def test_scaled_errors_have_scaled_constants(scale):
     error = simulated(Memory(noise_m=0.1, walk_m=0.2, tail=2.0, vertical=2.0), 300, seed=0)
@@ -96,6 +98,7 @@ def test_scaled_errors_have_scaled_constants(scale):
     assert (other.tail, other.vertical) == pytest.approx((one.tail, one.vertical), rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3, 60])
 def test_few_or_repeated_positions_do_not_degenerate(count):
     error = np.zeros((count, 3))

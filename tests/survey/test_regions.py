@@ -26,6 +26,7 @@ def test_a_region_grows_with_its_errors_and_not_with_what_is_dropped(own, drop, 
     assert outside(own, r_m, h_m) <= 2 * int(drop * len(own))
 
 
+@pytest.mark.slow
 @given(errors, st.integers(0, 10))
 @settings(deadline=None)
 def test_the_ellipsoid_drops_as_asked_and_none_tried_is_smaller(own, dropped):

@@ -11,6 +11,7 @@ from vgps.survey import region, survey_logs
 from vgps.survey.output import as_tables, plot_survey, write_survey
 
 
+@pytest.mark.slow
 def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
     rng = np.random.default_rng(1)
     fix = rng.normal(0, 0.01, (200, 3))
@@ -56,6 +57,7 @@ def test_a_receiver_that_moves_is_refused(tmp_path):
         survey_logs([csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)])
 
 
+@pytest.mark.slow
 def test_the_limits_of_a_survey_are_settings(tmp_path):
     walk = np.arange(60)[:, None] * [0.1, 0.0, 0.0]
     log = csv_log(tmp_path / "a.csv", walk, ["rtk_fix"] * 60)
@@ -74,6 +76,7 @@ def test_impossible_options_are_refused(options):
         SurveyConfig(**options)
 
 
+@pytest.mark.slow
 def test_regions_of_the_real_receiver(data_dir):
     found = {one.fix_class: one for one in survey_logs([data_dir / "survey/stationary.nmea"]).classes}
     fix, float_ = found[FixClass.RTK_FIX], found[FixClass.RTK_FLOAT]
@@ -83,12 +86,14 @@ def test_regions_of_the_real_receiver(data_dir):
     assert float_.independent < 20 < fix.independent
 
 
+@pytest.mark.slow
 def test_changes_do_not_reach_from_one_log_into_the_next(tmp_path):
     rng = np.random.default_rng(2)
     logs = [csv_log(tmp_path / f"{k}.csv", rng.normal(0, 0.01, (30, 3)), ["rtk_fix"] * 30) for k in range(2)]
     assert survey_logs(logs).classes[0].changes == 58
 
 
+@pytest.mark.slow
 def test_a_drive_with_a_reference(tmp_path):
     rng = np.random.default_rng(3)
     drive = np.arange(300)[:, None] * [10.0, 3.0, 0.1]

@@ -138,6 +138,7 @@ def test_a_view_between_that_shows_too_little_holds_the_start_back():
     assert initialise(local_map) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ahead_m", "right_m", "turn_deg"), [(0.0, 3.0, -5.0), (7.0, 0.0, 0.0), (4.0, 4.0, 3.0)]
 )
@@ -158,6 +159,7 @@ def test_a_drone_above_flat_ground_is_not_taken_for_one_that_falls_along_a_wall(
     assert local_map.positioned.mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_a_map_over_a_plane_waits_for_the_parallax_that_shows_its_motion(seed):
     """As a picture of 4K, which moves by many pixels before the views between the two tell their motions."""

@@ -40,6 +40,7 @@ def with_plate(frame):
     return replace(frame, gray=np.where(inside, drawn, frame.gray))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_plate_that_moves_on_its_own_is_left_out(seed):
     """With fewer features the plate has hardly as many as make a group, and the seed decides."""
@@ -73,6 +74,7 @@ def test_a_camera_that_stands_while_a_plate_goes_by_stands():
     assert np.ptp(stood, axis=0).max() < 0.02 * np.linalg.norm(local_map.poses[17, :3, 3])
 
 
+@pytest.mark.slow
 def test_a_room_where_nothing_moves_is_left_whole():
     made = fed(room(), exact_fixes())
     moving, frame = made.tracker.moving, Frame(COUNT, COUNT / FPS, images(1)[0])

@@ -44,6 +44,7 @@ def test_the_direction_of_a_pan_by_hand():
     np.testing.assert_allclose(first_R_second[:, 2], [np.sin(angle), 0, np.cos(angle)], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("move", [SIDEWAYS, AHEAD, NONE], ids=["sideways", "ahead", "none"])
 @settings(max_examples=15, deadline=None)
 @given(rotvec=st.tuples(*[st.floats(-0.12, 0.12)] * 3))
@@ -52,6 +53,7 @@ def test_a_rotation_is_exact_however_the_camera_moves(move, rotvec):
     assert np.abs(error_rad(first_R_second, rotvec)).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("move", [SIDEWAYS, AHEAD, NONE], ids=["sideways", "ahead", "none"])
 def test_the_covariance_is_that_of_many_samples(move):
     """Squared errors in units of the covariance have a mean of 3."""
@@ -122,6 +124,7 @@ def panned():
     return rotvecs, frames_of(rotations)
 
 
+@pytest.mark.slow
 def test_rotations_between_images(panned):
     rotvecs, frames = panned
     found = frame_rotations(
@@ -165,6 +168,7 @@ def test_black_frames_are_counted_as_missed(panned):
     np.testing.assert_allclose(found.start_s, [0.0, 0.15, 0.2])
 
 
+@pytest.mark.slow
 def test_the_distortion_of_a_lens_is_removed():
     """A distant scene through a barrel lens: the image is distorted, the rotation is not."""
     flat = Camera(model="pinhole", width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)

@@ -26,6 +26,7 @@ def with_bonnet(frame):
     return replace(frame, gray=drawn)
 
 
+@pytest.mark.slow
 def test_a_bonnet_is_left_out_and_the_path_is_as_without_it():
     made = fed(map(with_bonnet, room()), exact_fixes())
     (local_map,) = made.maps
@@ -37,6 +38,7 @@ def test_a_bonnet_is_left_out_and_the_path_is_as_without_it():
     assert area[(first <= 20) & (last >= 20)].sum() > 0.7
 
 
+@pytest.mark.slow
 def test_a_room_without_anything_static_is_left_whole():
     made = fed(room(), exact_fixes())
     assert len(made.tracker.static.rectangles) == 0

@@ -52,6 +52,7 @@ def test_the_reason_is_the_panic_or_the_last_error() -> None:
     assert failure(start) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("last_words", "message"),
     [

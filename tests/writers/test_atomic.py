@@ -97,6 +97,7 @@ run_folder.write_run(pickle.loads(sys.stdin.buffer.read()), Path(sys.argv[1]))
 """
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_no_file_under_a_final_name(solution: Solution, tmp_path: Path) -> None:
     import pickle
 

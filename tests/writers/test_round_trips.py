@@ -223,6 +223,7 @@ def test_tum_and_ply_in_a_projected_system_say_so(near, tmp_path):
     assert b"height above the WGS 84 ellipsoid" in ply.split(b"end_header")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", ["csv", "las", "gpkg", "geopose", "mapillary", "exif"])
 def test_a_run_without_a_place_is_refused(near, tmp_path, to):
     with pytest.raises(RunFolderError, match="not georeferenced"):

@@ -31,6 +31,7 @@ def tables(draw):
     )
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(keys, tables()), max_size=5))
 def test_what_is_encoded_comes_back(content):
     data = b"".join(encode(key, kind, rows) for key, (kind, rows) in content)

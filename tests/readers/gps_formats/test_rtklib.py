@@ -237,6 +237,7 @@ def test_a_cut_end_never_yields_a_wrong_position(length):
         assert fix[1:4] == PLACE
 
 
+@pytest.mark.slow
 def test_real_solutions_have_their_epochs_of_each_class(data_dir):
     for file, counts in (
         ("rtk_walk/gnss.pos", (349, 187)),

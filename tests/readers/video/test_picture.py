@@ -63,6 +63,7 @@ def test_big_endian_and_high_aligned_formats():
     assert abs(int(luma(flat)[40, 40]) - shade(3)) <= 16  # converted, range included
 
 
+@pytest.mark.slow
 def test_an_abandoned_pass_ends_its_thread(tmp_path):
     video = VideoFile(write_clip(tmp_path / "v.mp4", frames=200))
     before = threading.active_count()

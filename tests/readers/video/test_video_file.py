@@ -36,6 +36,7 @@ def test_variable_rate_keeps_every_time(tmp_path):
     np.testing.assert_allclose(grays, [limited(shade(i)) for i in range(10)], atol=3)
 
 
+@pytest.mark.slow
 def test_damage_in_the_middle_costs_only_its_frames(tmp_path):
     path = write_clip(tmp_path / "v.mp4", frames=40, draw=noise, options={"g": "10"})
     clean = [frame.gray for frame in VideoFile(path).frames()]
@@ -55,6 +56,7 @@ def test_damage_in_the_middle_costs_only_its_frames(tmp_path):
         np.testing.assert_array_equal(frame.gray, clean[frame.index])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["v.mp4", "v.mkv"])
 def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
     path = write_clip(
@@ -75,6 +77,7 @@ def test_a_cut_file_gives_the_frames_up_to_there(tmp_path, name):
     assert name.endswith("mkv") or "truncated" in video.warnings[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gone", [lambda path: path.write_bytes(b""), lambda path: path.unlink()])
 def test_a_video_that_vanishes_while_it_is_read_is_said(tmp_path, gone):
     path = write_clip(tmp_path / "v.mp4", frames=40, draw=noise)

@@ -208,6 +208,7 @@ def test_a_latitude_beyond_90_degrees_is_dropped(read):
 degrees = st.decimals(-89, 89, places=6)
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(degrees, degrees, st.decimals(-100, 9000, places=3)), min_size=1, max_size=8, unique=True
