@@ -12,45 +12,52 @@ CONFIG = Config().outliers
 SHARE = CONFIG.lower_share
 
 
-def alike(*levels):
-    """Which of fixes with these errors have the same one."""
-    level = np.array(levels)
-    return level[:, None] == level
+def of(errors, fixes=None):
+    """The sides of runs with these errors, of one fix each or as given, a second apart."""
+    level = np.array(errors)
+    counts = np.ones(len(level), dtype=int) if fixes is None else np.array(fixes)
+    return sides(level[:, None] == level, counts, 1.0, CONFIG)
 
 
 def test_fixes_without_a_difference_have_no_sides():
-    assert sides(alike(0, 0, 0, 0), 1.0, CONFIG) is None
+    assert of([0, 0, 0]) is None
 
 
 def test_one_run_is_wrong_rather_than_two_around_it():
-    found = sides(alike(0, 0, 1, 1, 1, 1, 1, 0, 0), 1.0, CONFIG)
-    np.testing.assert_array_equal(found.right, [1, 1, 0, 0, 0, 0, 0, 1, 1])
+    found = of([0, 1, 0], [2, 5, 2])
+    np.testing.assert_array_equal(found.right, [True, False, True])
     np.testing.assert_array_equal(found.other, ~found.right)
-    assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(-1.0 / 30.0) / SHARE / CONFIG.persistence))
+    odds = np.exp(-1.0 / 30.0) / SHARE / CONFIG.persistence
+    assert found.probability == pytest.approx(1.0 / (1.0 + odds))
 
 
 def test_of_two_sides_the_longer_one_is_right():
-    found = sides(alike(*[0] * 30, *[1] * 90), 1.0, CONFIG)
-    np.testing.assert_array_equal(found.right, [False] * 30 + [True] * 90)
+    found = of([0, 1], [30, 90])
+    np.testing.assert_array_equal(found.right, [False, True])
     assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(2.0)))  # 60 s longer: two of 30 s
 
 
 def test_a_single_fix_is_wrong_rather_than_several_others():
-    found = sides(alike(0, 1, 1, 1), 1.0, CONFIG)
-    np.testing.assert_array_equal(found.right, [False, True, True, True])
+    found = of([0, 1], [1, 3])
+    np.testing.assert_array_equal(found.right, [False, True])
     assert found.probability == pytest.approx(1.0 / (1.0 + np.exp(2.0 / 30.0) / CONFIG.persistence))
 
 
 def test_wrong_fixes_of_different_errors_are_errors_of_their_own():
-    found = sides(alike(0, 0, 1, 0, 0, 2, 0, 0, 3, 0), 1.0, CONFIG)
-    np.testing.assert_array_equal(found.right, [1, 1, 0, 1, 1, 0, 1, 1, 0, 1])
+    found = of([0, 1, 0, 2, 0, 3, 0], [2, 1, 2, 1, 2, 1, 1])
+    np.testing.assert_array_equal(found.right, [True, False, True, False, True, False, True])
     # if one of them were right: six wrong runs instead of three, three of which last
     odds = np.exp(6.0 / 30.0) * SHARE**-3 * CONFIG.persistence**-3
     assert found.probability == pytest.approx(1.0 / (1.0 + odds))
 
 
 def test_two_equal_sides_are_as_likely():
-    assert sides(alike(0, 0, 0, 1, 1, 1), 1.0, CONFIG).probability == pytest.approx(0.5)
+    assert of([0, 1], [3, 3]).probability == pytest.approx(0.5)
+
+
+def test_a_much_longer_side_is_certain():
+    found = of([0, 1], [1, 30000])
+    assert found.probability < 1e-100 and found.right.tolist() == [False, True]
 
 
 def conflict(error_m, probability=0.1):
@@ -102,8 +109,3 @@ def test_the_note_says_what_lies_where_and_how_sure_that_is():
     note = conflict([[0.3, 0.4, -0.25], [np.nan] * 3], 0.016).note
     assert "2 from 2.0 to 3.0 s lie 0.50 m in the plane and 0.25 m in height off the others" in note
     assert "with p = 0.016 it is the other way round" in note
-
-
-def test_a_much_longer_side_is_certain():
-    found = sides(alike(0, *[1] * 300), 100.0, CONFIG)
-    assert found.probability < 1e-100 and found.right[1:].all()

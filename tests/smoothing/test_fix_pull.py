@@ -8,6 +8,7 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import context, map_of, scene
 
 from vgps.config import Config
+from vgps.gps.fixes import gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.smoothing import fix_pull as module
@@ -18,6 +19,7 @@ from vgps.smoothing.scene_part import SceneParts
 from vgps.solver.bundle_adjustment import solve
 
 HELD = Sensors.fixed(ANTENNA)
+GAUSSIAN = Config().with_gps("gaussian-receiver").gps
 
 
 @pytest.fixture
@@ -58,7 +60,7 @@ def least_cost(fixes):
     """The cost of the whole problem at its minimum, fixes as good as their regions."""
     given = given_with(fixes)
     graph = joined(
-        module._gaussian_factors(fixes, given.scene.t_s, HELD),
+        gps_graph(module._as_sure_as_regions(fixes), given.scene.t_s, HELD, GAUSSIAN),
         other_pose_factors(given.scene, HELD, given.context.config),
     )
     problem = build_problem(given.scene, given.sigma_px, graph, given.context)

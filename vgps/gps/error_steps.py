@@ -35,14 +35,27 @@ class Pull:
             directions: (n, 3, k) errors of the fixes by k unknowns.
             information: (k,) what is known of these.
         """
-        n, size = len(self.gradient), directions.shape[-1]
-        U, M = directions.reshape(3 * n, size), self.information.reshape(3 * n, 3 * n)
-        by_unknowns = M @ U
-        normal = U.T @ by_unknowns + np.diag(np.broadcast_to(information, size))
-        normal[np.diag_indices(size)] *= 1.0 + _WEAK
-        gain = np.linalg.solve(normal, by_unknowns.T)
+        U, M = self._flat(directions)
+        gain = self._solved(U, U.T @ M, information)
+        left = M - M @ U @ gain
         gradient = self.gradient.ravel() - gain.T @ (U.T @ self.gradient.ravel())
-        return Pull((M - by_unknowns @ gain).reshape(n, 3, n, 3), gradient.reshape(n, 3))
+        return Pull(left.reshape(self.information.shape), gradient.reshape(-1, 3))
+
+    def errors(self, directions: FloatArray) -> FloatArray:
+        """Return the combination (n, 3) of errors (n, 3, k) that costs least."""
+        U, _ = self._flat(directions)
+        return np.asarray((U @ self._solved(U, -U.T @ self.gradient.ravel())).reshape(-1, 3))
+
+    def _flat(self, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        size = 3 * len(self.gradient)
+        return directions.reshape(size, -1), self.information.reshape(size, size)
+
+    def _solved(self, U: FloatArray, right: FloatArray, information: FloatArray | float = 0.0) -> FloatArray:
+        """Return the solution of the normal equations of k unknowns, by which errors are U (3 n, k)."""
+        _, M = self._flat(U)
+        normal = U.T @ M @ U + np.diag(np.broadcast_to(information, U.shape[1]))
+        normal[np.diag_indices(len(normal))] *= 1.0 + _WEAK
+        return np.asarray(np.linalg.solve(normal, right), np.float64)
 
 
 class _Run(NamedTuple):
@@ -70,16 +83,11 @@ def error_steps(pull: Pull, tolerance_m: FloatArray, least_gain: float) -> Float
     left = pull
     while len(runs) < n // 2:
         run = _likeliest_run(left, tolerance_m)
-        if run is None or run.gain < least_gain:
+        if run.gain < least_gain:
             break
         runs.append(_shared_by(n, run.begin, run.end))
         left = left.without(runs[-1])
-    error = np.zeros((n, 3))
-    if runs:
-        U = np.concatenate(runs, axis=2).reshape(3 * n, -1)
-        normal = U.T @ pull.information.reshape(3 * n, 3 * n) @ U
-        normal[np.diag_indices(len(normal))] *= 1.0 + _WEAK
-        error = (U @ np.linalg.solve(normal, -U.T @ pull.gradient.ravel())).reshape(n, 3)
+    error = pull.errors(np.concatenate(runs, axis=2)) if runs else np.zeros((n, 3))
     return np.diff(error, axis=0, prepend=error[:1])
 
 
@@ -90,11 +98,9 @@ def _shared_by(n: int, begin: int, end: int) -> FloatArray:
     return run
 
 
-def _likeliest_run(pull: Pull, tolerance_m: FloatArray) -> _Run | None:
+def _likeliest_run(pull: Pull, tolerance_m: FloatArray) -> _Run:
     """Return the run of at most half the fixes whose shared error lowers the cost most."""
     begin, end = _runs(len(pull.gradient))
-    if not len(begin):
-        return None
     information, gradient = _sums(pull, begin, end)
     information = information + _WEAK * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     shift = -np.linalg.solve(information, gradient[:, :, None])[:, :, 0]

@@ -11,7 +11,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FloatArray, IntArray
 
-_WRONG_LASTS_S = 30.0  # a receiver finds out within a time like this that its integers are wrong
+_WRONG_LASTS_S = 30.0  # assumed: the time in which a receiver finds out that its integers are wrong
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class FixConflict:
         error_m: (k, 3) their errors, ENU; NaN where the error may have begun before or after the fix.
         otherwise_m: (3,) by how much the path would move if the likeliest others were right.
         probability: That they are, at most 0.5.
-        frames: First and last frame of the stretch.
+        frames: First and last frame that hang on these fixes.
     """
 
     right: IntArray
@@ -52,32 +52,26 @@ class FixConflict:
 
 @dataclass(frozen=True)
 class Sides:
-    """The fixes (n,) that are right, those (n,) of the likeliest alternative, and its probability."""
+    """The runs (K,) that are right, those (K,) of the likeliest alternative, and its probability."""
 
     right: BoolArray
     other: BoolArray
     probability: float
 
 
-def sides(alike: BoolArray, lasts_s: float, config: OutlierConfig) -> Sides | None:
-    """Return which fixes are right where their errors differ; None if they do not.
+def sides(alike: BoolArray, fixes: IntArray, interval_s: float, config: OutlierConfig) -> Sides | None:
+    """Return which runs of fixes are right where their errors differ; None if they do not.
 
-    What holds longer is more likely to be right, and what leaves fewer runs of wrong fixes of one error, or
-    single ones.
+    What holds longer is more likely to be right, and what leaves fewer wrong runs, or single wrong fixes.
 
     Args:
-        alike: (n, n) which fixes, in order of time, have the same error.
-        lasts_s: Time for which each fix stands.
+        alike: (K, K) which runs, in order of time, have the same error.
+        fixes: (K,) their numbers of fixes.
+        interval_s: Between these.
         config: How often an error begins, and whether it lasts to the next fix.
     """
-    same = np.diagonal(alike, 1)  # (n - 1,) as the one before
-    wrong = ~alike
-    begins = wrong & np.append(True, ~same)
-    score = (
-        alike.sum(axis=1) * lasts_s / _WRONG_LASTS_S
-        + begins.sum(axis=1) * np.log(config.lower_share)
-        + (begins & np.append(same, False)).sum(axis=1) * np.log(config.persistence)
-    )
+    begins = np.log(config.lower_share) + np.where(fixes > 1, np.log(config.persistence), 0.0)
+    score = alike @ (fixes * interval_s / _WRONG_LASTS_S) + ~alike @ begins
     best = int(np.argmax(score))
     if alike[best].all():
         return None

@@ -11,7 +11,8 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.solution import FixTable, Trajectory, Verdict
 
-_SURE = 0.9  # probability of a verdict below which it hangs by a hair
+SURE = 0.9
+"""Probability of a verdict below which it hangs by a hair."""
 _NAMED = 3  # such verdicts that a warning names
 _LEAST_FIXES = 10  # of a class, before their share beyond its region says anything
 _MOST_BEYOND = 0.5  # a region is to hold 95 %; a receiver that is worse than others may leave half of them
@@ -95,7 +96,7 @@ def close_calls(
         told[conflict.right] = told[conflict.wrong] = True
     nominal, lower = np.nan_to_num(assessment.nominal, nan=1.0), np.nan_to_num(assessment.lower)
     states = np.stack([nominal, lower, 1.0 - nominal - lower])  # in the order of _WORDS
-    rows = np.flatnonzero((states.max(axis=0) < _SURE) & ~told)
+    rows = np.flatnonzero((states.max(axis=0) < SURE) & ~told)
     if not len(rows):
         return ()
     ranked = np.argsort(-states[:, rows], axis=0)

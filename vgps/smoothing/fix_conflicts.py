@@ -9,14 +9,17 @@ step is right (:mod:`vgps.gps.fix_conflict`).
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logit
 
 from vgps.errors import GeometryError
 from vgps.gps.error_steps import error_steps
 from vgps.gps.fix_conflict import FixConflict, sides
 from vgps.gps.fixes import CLASSES, Fixes, place
 from vgps.gps.outlier_detection import FixAssessment, detects_outliers
+from vgps.gps.verdicts import SURE
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.smoothing.batch_problem import BatchInput
 from vgps.smoothing.batch_result import BatchResult, BatchSolution
@@ -29,8 +32,6 @@ _WINDOW = 40  # fixes compared at once; half of them again with the next ones
 _NEAR = 8  # of them to each side, with which those between two are compared
 _PATH_SIGMAS = 3.0  # of the error of the video's path between neighbours
 _MOST = 0.5  # of the right fixes: if fewer count as good and wrong ones do, verdicts took the other side
-_UNCERTAIN = 0.1  # probability of the other side, from which on it is told
-_SURE = 9.0  # odds of an error, from which on it is one
 
 
 def find_conflicts(solved: BatchSolution, fixes: Fixes, assessment: FixAssessment) -> tuple[FixConflict, ...]:
@@ -47,8 +48,10 @@ def find_conflicts(solved: BatchSolution, fixes: Fixes, assessment: FixAssessmen
     scene = replace(given.scene, poses=end.world_T_camera, points=end.world_p_landmark)
     moved = replace(given, scene=scene, sensors=given.sensors.moved(end.shared))
     fixes = fixes.without_time_offset(moved.sensors.time_offset_s)
-    video, good = _Video(moved, SceneParts(scene), fixes), ~(assessment.rejected | assessment.down_classed)
-    found = (_conflict(video, good, stretch) for stretch in _stretches(moved, fixes))
+    good = ~(assessment.rejected | assessment.down_classed)
+    good &= np.isfinite(fixes.r_m) & place(scene.t_s, fixes.t_s).inside
+    video = _Video(moved, SceneParts(scene), fixes)
+    found = (_conflict(video, good, *stretch) for stretch in _stretches(moved, fixes))
     return tuple(one for one in found if one is not None)
 
 
@@ -63,50 +66,77 @@ def with_conflicts(result: BatchResult, conflicts: tuple[FixConflict, ...]) -> B
     return replace(result, covariance=covariance, warnings=warnings, conflicts=conflicts)
 
 
-def _stretches(given: BatchInput, fixes: Fixes) -> Iterator[IntArray]:
-    """Yield the rows of each stretch of RTK-fixes within the video, in which no gap is long."""
-    good = fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)
-    rows = np.flatnonzero(good & np.isfinite(fixes.r_m) & place(given.scene.t_s, fixes.t_s).inside)
+def _stretches(given: BatchInput, fixes: Fixes) -> Iterator[tuple[IntArray, tuple[int, int]]]:
+    """Yield the rows of each stretch of RTK-fixes within the video in which no gap is long, and its frames.
+
+    These reach to the RTK-fixes before and after it, or to the ends of the video.
+    """
+    placement = place(given.scene.t_s, fixes.t_s)
+    rtk = fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)
+    rows = np.flatnonzero(rtk & np.isfinite(fixes.r_m) & placement.inside)
     gaps = np.flatnonzero(np.diff(fixes.t_s[rows]) > given.context.config.gps.memory.max_gap_s) + 1
-    yield from np.split(rows, gaps) if len(rows) else []
+    if not len(rows):
+        return
+    first = [0, *placement.frame[rows[gaps - 1]].tolist()]
+    last = [*placement.frame[rows[gaps]].tolist(), len(given.scene.t_s) - 1]
+    yield from zip(np.split(rows, gaps), zip(first, last, strict=True), strict=True)
 
 
-def _conflict(video: "_Video", good: BoolArray, stretch: IntArray) -> FixConflict | None:
+def _conflict(
+    video: "_Video", good: BoolArray, stretch: IntArray, frames: tuple[int, int]
+) -> FixConflict | None:
     """Return the conflict within a stretch of RTK-fixes, unless ``good`` (M,) knows of it for certain.
 
     What verdicts refuse by other fixes than these is refused.
     """
-    given, fixes = video.given, video.fixes
-    others = good & np.isfinite(fixes.r_m) & place(given.scene.t_s, fixes.t_s).inside
-    others[stretch] = False
-    if others.any():
+    fixes = video.fixes
+    if good.sum() > good[stretch].sum():
         stretch = stretch[good[stretch]]
-    compared = stretch[_thinned(fixes.t_s[stretch])] if len(stretch) else stretch
-    if len(compared) < _LEAST_FIXES or not (steps := video.steps(compared)).any():
+    compared = stretch[_thinned(fixes.t_s[stretch])]
+    if len(compared) < _LEAST_FIXES or (differing := _differing(video, compared)) is None:
         return None
-    level: FloatArray = np.cumsum(steps, axis=0)
-    found = sides(_alike(level, fixes.where(compared)), _INTERVAL_S, given.context.config.outliers)
+    is_right, error, otherwise_m, probability = differing
+    side = _like_compared(video, stretch, compared, is_right)
+    unclear = side < 0
+    is_wrong = unclear | ~is_right[side]
+    wrong, right = stretch[is_wrong], compared[is_right]
+    if not (good[wrong].any() and np.mean(good[right]) < _MOST):
+        right = right[good[right]]
+    certain = probability < 1.0 - SURE and not good[wrong].any()
+    if certain or not len(right):
+        return None
+    return FixConflict(
+        right=right,
+        wrong=wrong,
+        error_m=np.where(unclear[:, None], np.nan, error[side])[is_wrong],
+        wrong_s=(float(fixes.t_s[wrong[0]]), float(fixes.t_s[wrong[-1]])),
+        otherwise_m=otherwise_m,
+        probability=probability,
+        frames=frames,
+    )
+
+
+class _Differing(NamedTuple):
+    """Which fixes (k,) are right, their errors (k, 3), and those (3,) of the likeliest others with their
+    probability."""
+
+    is_right: BoolArray
+    error_m: FloatArray
+    otherwise_m: FloatArray
+    probability: float
+
+
+def _differing(video: "_Video", compared: IntArray) -> _Differing | None:
+    """Return how the errors of the fixes compared differ; None if they do not."""
+    steps = video.steps(compared)
+    begins = np.append(True, steps[1:].any(axis=1))
+    run, level = np.cumsum(begins) - 1, np.cumsum(steps, axis=0)[begins]
+    alike = _alike(level, video.fixes.where(compared[begins]))
+    found = sides(alike, np.bincount(run), _INTERVAL_S, video.given.context.config.outliers)
     if found is None:
         return None
     error = level - level[found.right].mean(axis=0)
-    side = _like_compared(video, stretch, compared, found.right)
-    wrong = (side < 0) | ~found.right[side]
-    right = compared[found.right]
-    other_side = good[stretch[wrong]].any() and np.mean(good[right]) < _MOST
-    right = right if other_side else right[good[right]]
-    certain = found.probability < _UNCERTAIN and not good[stretch[wrong]].any()
-    if certain or not len(right):
-        return None
-    wrong_s, frame = fixes.t_s[stretch[wrong]], place(given.scene.t_s, fixes.t_s[stretch]).frame
-    return FixConflict(
-        right=right,
-        wrong=stretch[wrong],
-        error_m=np.where((side < 0)[:, None], np.nan, error[side])[wrong],
-        wrong_s=(float(wrong_s[0]), float(wrong_s[-1])),
-        otherwise_m=error[found.other].mean(axis=0),
-        probability=found.probability,
-        frames=(int(frame[0]), int(frame[-1]) + 1),
-    )
+    return _Differing(found.right[run], error[run], error[found.other].mean(axis=0), found.probability)
 
 
 def _like_compared(video: "_Video", stretch: IntArray, compared: IntArray, right: BoolArray) -> IntArray:
@@ -123,19 +153,19 @@ def _like_compared(video: "_Video", stretch: IntArray, compared: IntArray, right
         rows = np.union1d(near, stretch[between])
         size = np.linalg.norm(video.steps(rows), axis=1)
         size[(rows <= compared[before]) | (rows > compared[before + 1])] = 0.0
-        side[between] = np.where(stretch[between] < rows[np.argmax(size)], before, before + 1)
-        side[between] = side[between] if size.any() else -1
+        edge = rows[np.argmax(size)]
+        side[between] = np.where(stretch[between] < edge, before, before + 1) if size.any() else -1
     return side
 
 
 def _thinned(t_s: FloatArray) -> IntArray:
     """Return the rows of fixes (n,) that are the first of their interval."""
-    interval = np.floor((t_s - t_s[0]) / _INTERVAL_S + 1e-3)
+    interval = np.floor((t_s - t_s[:1]) / _INTERVAL_S + 1e-3)
     return np.flatnonzero(np.diff(interval, prepend=-1.0) > 0)
 
 
 def _alike(level: FloatArray, fixes: Fixes) -> BoolArray:
-    """Return which levels (n, 3) of the fixes' error are no farther apart (n, n) than their regions."""
+    """Return which levels (K, 3) of the fixes' error are no farther apart (K, K) than their regions."""
     apart = level[:, None] - level
     plane, height = np.hypot(apart[..., 0], apart[..., 1]), np.abs(apart[..., 2])
     return np.asarray((plane <= fixes.r_m[:, None] + fixes.r_m) & (height <= fixes.h_m[:, None] + fixes.h_m))
@@ -176,4 +206,4 @@ class _Video:
         size = np.stack([fixes.r_m, fixes.h_m], axis=1)
         tolerance = np.sqrt(size[1:] ** 2 + size[:-1] ** 2 + path[:, None] ** 2)
         share = config.outliers.lower_share
-        return error_steps(pull, tolerance, float(np.log(_SURE * (1.0 - share) / share)))
+        return error_steps(pull, tolerance, float(logit(SURE) - logit(share)))

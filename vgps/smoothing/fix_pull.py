@@ -1,11 +1,11 @@
 """What the video says of errors of fixes: the cost of stage D by them, poses and landmarks adapting."""
 
-import gtsam
+from dataclasses import replace
+
 import numpy as np
 
-from factors import Gaussian, gps_factor_interpolated
 from vgps.gps.error_steps import Pull
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.fixes import Fixes, gps_graph, place
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
@@ -37,8 +37,9 @@ def fix_pull(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> Pu
         GeometryError: The poses are not determined.
     """
     sensors, context = given.sensors, given.context
-    gps = _gaussian_factors(fixes, scene.t_s, sensors)
     held = Sensors.fixed(sensors.camera_p_antenna)
+    gaussian = context.config.with_gps("gaussian-receiver").gps
+    gps = gps_graph(_as_sure_as_regions(fixes), scene.t_s, held, gaussian)
     graph = joined(gps, other_pose_factors(scene, held, context.config))
     problem = build_problem(scene, np.nan_to_num(given.sigma_px[ids], nan=1.0), graph, context)
     structure = analyse_sparsity(problem)
@@ -63,14 +64,9 @@ def _sigmas(fixes: Fixes) -> FloatArray:
     return np.stack([plane, plane, line], axis=1)
 
 
-def _gaussian_factors(fixes: Fixes, frame_t_s: FloatArray, sensors: Sensors) -> gtsam.NonlinearFactorGraph:
-    graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
-    for row, (frame, sigma) in enumerate(zip(placement.frame.tolist(), _sigmas(fixes).tolist(), strict=True)):
-        keys = gtsam.symbol("x", frame), gtsam.symbol("x", frame + 1)
-        loss = Gaussian((sigma[0], sigma[1], sigma[2]))
-        alpha, fix = float(placement.alpha[row]), fixes.world_p_fix[row]
-        graph.push_back(gps_factor_interpolated(keys, alpha, fix, sensors.camera_p_antenna, loss))
-    return graph
+def _as_sure_as_regions(fixes: Fixes) -> Fixes:
+    """Return the fixes with Gaussian errors of the size of their regions."""
+    return replace(fixes, sigma_m=_sigmas(fixes), correlation=np.zeros((len(fixes), 3)))
 
 
 def _by_sensors(scene: Scene, fixes: Fixes) -> FloatArray:
