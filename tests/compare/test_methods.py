@@ -60,7 +60,6 @@ def test_all_methods_share_a_clock_that_is_wrong_by_seconds(data_dir):
     assert [settings.gps.model for _, _, settings in rows] == ["gaussian", "gaussian-receiver"]
 
 
-@pytest.mark.slow
 def test_the_method_without_gps_begins_at_the_true_poses(comparison):
     error = np.linalg.norm(comparison.evaluations["A video only"].camera_error_m, axis=1)
     assert error[:30].mean() < 0.1 and error[-1] > error[:30].mean()

@@ -35,7 +35,6 @@ def frame_of(places: np.ndarray) -> np.ndarray:
     return np.linalg.norm(places[:, None] - poses()[None, :, :3, 3], axis=2).argmin(axis=1)
 
 
-@pytest.mark.slow
 def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: DatabaseContents) -> None:
     views, wall = contents.views, texture()
     frames = frame_of(views.world_p_camera)

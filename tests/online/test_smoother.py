@@ -35,7 +35,6 @@ def online(opened):
     return fed(opened)
 
 
-@pytest.mark.slow
 def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online, opened, recording):
     smoother, _ = online
     solution = smoother.finish()

@@ -24,7 +24,6 @@ def aligned():
     return fed(room(), exact_fixes())
 
 
-@pytest.mark.slow
 def test_every_frame_is_posed_in_the_world(aligned):
     (local_map,) = aligned.maps
     assert local_map.aligned and aligned.current is local_map

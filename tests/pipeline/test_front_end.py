@@ -34,7 +34,6 @@ def front_end():
     return run(room_recording(POSES, gps=room_gps_log(POSES)))
 
 
-@pytest.mark.slow
 def test_every_frame_is_in_an_aligned_map(front_end):
     (local_map,) = front_end.maps
     assert local_map.aligned and len(local_map.poses) == 24

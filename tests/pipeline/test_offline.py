@@ -34,7 +34,6 @@ def solution(recording):
     return vgps.smooth(vgps.open_recording(recording))
 
 
-@pytest.mark.slow
 def test_every_frame_is_posed_near_the_truth(solution, recording):
     evaluation = errors(solution, recording)
     assert evaluation.every_frame_posed

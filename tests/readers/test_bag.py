@@ -63,7 +63,6 @@ def test_fixes_of_a_bag_beside_another_video(bag, recording, tmp_path):
     np.testing.assert_allclose(log.t_s, open_recording(recording).gps.t_s, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_a_truncated_bag_is_refused_in_a_line(bag, tmp_path):
     if bag.is_dir():
         pytest.skip("cut where the file is one")

@@ -54,7 +54,6 @@ def pictures(html):
     return [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([^\"]+)", html)]
 
 
-@pytest.mark.slow
 def test_the_page_stands_alone_and_its_pictures_parse(html):
     assert not re.search(r"(src|href)=\"(?!data:)", html) and "<script" not in html
     assert [ET.fromstring(one).tag for one in pictures(html)] == ["{http://www.w3.org/2000/svg}svg"] * 2

@@ -36,7 +36,6 @@ def gray_frames(folder: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
 
 
-@pytest.mark.slow
 def test_the_folder_holds_a_recording(folder: Path) -> None:
     assert {entry.name for entry in folder.iterdir()} == set(FILES)
     recording = open_recording(folder)

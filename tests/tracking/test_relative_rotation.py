@@ -124,7 +124,6 @@ def panned():
     return rotvecs, frames_of(rotations)
 
 
-@pytest.mark.slow
 def test_rotations_between_images(panned):
     rotvecs, frames = panned
     found = frame_rotations(

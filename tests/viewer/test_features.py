@@ -1,14 +1,12 @@
 """Features, read back from a saved recording."""
 
 import numpy as np
-import pytest
 from reading_back import Logged
 
 from vgps.camera import distort
 from vgps.solution import Solution
 
 
-@pytest.mark.slow
 def test_features_are_where_the_video_shows_them_and_coloured_by_their_error(
     logged: Logged, solution: Solution
 ) -> None:

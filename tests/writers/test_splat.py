@@ -22,7 +22,6 @@ def scene(true_run, tmp_path_factory):
     return exported(true_run, folder, "splat", "scene", choice=choice, crs="EPSG:32653")
 
 
-@pytest.mark.slow
 def test_the_scene_lies_near_its_origin_and_says_where_that_is(scene, true_run):
     about = json.loads((scene / "georeference.json").read_text())
     cameras = json.loads((scene / "transforms.json").read_text())["frames"]

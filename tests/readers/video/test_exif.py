@@ -40,7 +40,6 @@ def pictures(recording, tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
 def test_what_is_written_comes_back(pictures, recording):
     found, true = open_recording(pictures / "walk"), open_recording(recording)
     np.testing.assert_allclose(found.video.times_s, true.video.times_s, atol=2e-6)
