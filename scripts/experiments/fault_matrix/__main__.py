@@ -1,14 +1,14 @@
 """How much do faults of a GPS receiver hurt each GPS model, and are wrong fixes found?
 
 Faults are put into a good log by a seeded generator (``faults.py``): outliers, a cluster, outages, a late
-clock, a wrong lever arm, a vertical bias, a wandering float solution. Each has a front end run of its own:
-stage C uses the fixes, so that one that had seen the good log would hide much of a fault. The GPS models
-share it and differ in stage D and its verdicts, as in ``vgps compare``. It runs with the cylinder, so the
-columns say what stage D makes of a fault under each model, not what a whole run with that model would. The
-truth is used for evaluation alone.
+clock, a wrong lever arm, a vertical bias, wrong integers, a wandering float solution. Each has a front end
+run of its own: stage C uses the fixes, so that one that had seen the good log would hide much of a fault. The
+GPS models share it and differ in stage D and its verdicts, as in ``vgps compare``. It runs with the cylinder,
+so the columns say what stage D makes of a fault under each model, not what a whole run with that model would.
+The truth is used for evaluation alone.
 
 Table and picture are written after every fault: a run that is stopped leaves what it has. On the 80 s of
-kitti03 a fault takes about three and a half minutes of processor time, all fourteen under an hour of it.
+kitti03 a fault takes about three and a half minutes of processor time, all of them under an hour of it.
 """
 
 import argparse
