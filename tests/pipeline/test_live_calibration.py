@@ -1,6 +1,7 @@
 """The calibration is refined while frames come: the map and all that follows see the new camera."""
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -21,11 +22,13 @@ from vgps.mapping.map_update import MapUpdate
 from vgps.model import Camera
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.live_calibration import LiveCalibration
+from vgps.pipeline.map_builder import MapBuilder
 from vgps.pipeline.stage_c import StageC
 from vgps.pipeline.window_worker import WindowWorker
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.intrinsics import undistorted_again
+from vgps.smoothing.window import optimise_window
 
 CONFIG = Config(
     window=WindowConfig(length_frames=40),
@@ -48,11 +51,12 @@ def misfit_px(local_map, camera):
     return float(np.median(np.linalg.norm(uv_px[:, 0] - seen.uv_px, axis=1)))
 
 
-def calibrated(camera, local_map, config=CONFIG):
+def calibrated(camera, local_map, config=CONFIG, next_due_frame=None):
     made = LiveCalibration(SmoothingContext(camera, config, calibrates=True))
-    made.update(local_map, SENSORS)
+    made.update(local_map, camera, SENSORS)
     made._job = replace(made._job, due_frame=local_map.next_frame)
-    made.update(local_map, SENSORS)
+    made._due_frame = next_due_frame or made._due_frame
+    made.update(local_map, camera, SENSORS)
     return made
 
 
@@ -86,10 +90,45 @@ def test_frames_of_before_are_the_prior_of_those_after():
     assert second[3] < first[3] and made._due_frame == 90
 
 
-def test_a_calibration_that_fails_changes_nothing(monkeypatch):
-    def fail(*_):
-        raise GeometryError("not determined")
+@pytest.mark.slow
+def test_what_is_begun_before_the_map_follows_reads_its_observations_by_the_camera_of_the_map():
+    """As after a long stop, when one calibration is taken over and the next is due."""
+    made = calibrated(WRONG, map_seen_by(WRONG), next_due_frame=60)
+    assert abs(made.camera.distortion[0]) < 0.05
+    assert abs(made._job.found.result().camera.distortion[0]) < 0.05
 
+
+def fail(*_):
+    raise GeometryError("not determined")
+
+
+def test_a_calibration_counts_when_it_is_due_and_the_next_takes_half_as_many_frames_more(monkeypatch):
+    monkeypatch.setattr(LiveCalibration, "_found", fail)
+    made = LiveCalibration(SmoothingContext(WRONG, CONFIG, calibrates=True))
+    whole = scene(disturbed=0.0)[0]
+
+    def begun(first, last):
+        made.update(map_of(whole, first, last), WRONG, SENSORS)
+        return made._job
+
+    assert begun(0, 38) is None
+    job = begun(0, 39)
+    assert job.due_frame == 55 and begun(0, 53) is job and begun(0, 54) is None
+    assert begun(0, 58) is None and begun(30, 59) is None  # a map of half as many
+    assert begun(0, 59).due_frame == 75
+
+
+def test_frames_count_once_for_a_calibration(monkeypatch):
+    """Its prior is that of frames before all of its own."""
+    monkeypatch.setattr(LiveCalibration, "_found", fail)
+    made = LiveCalibration(SmoothingContext(WRONG, CONFIG, calibrates=True))
+    (_, given), whole = made._known[0], scene(disturbed=0.0)[0]
+    made._known += [(20, replace(given)), (21, replace(given))]
+    made.update(map_of(whole, 20, 59), WRONG, SENSORS)
+    assert made._job.prior is made._known[1][1]
+
+
+def test_a_calibration_that_fails_changes_nothing(monkeypatch):
     monkeypatch.setattr(LiveCalibration, "_found", fail)
     made = calibrated(WRONG, map_seen_by(WRONG))
     assert made.camera is WRONG and len(made._known) == 1
@@ -118,7 +157,8 @@ def test_tracking_goes_on_with_the_refined_camera(calibrates):
 
 
 @pytest.mark.slow
-def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch):
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch, at_once):
     local_map = map_seen_by(WRONG)
     worker = WindowWorker(
         SmoothingContext(WRONG, CONFIG, calibrates=True),
@@ -131,9 +171,62 @@ def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch):
     worker.start(local_map)
     with pytest.raises(ZeroDivisionError):
         worker.finish()
-    assert worker.camera is WRONG and stage_c.camera is not WRONG
+    assert worker.camera is WRONG
     monkeypatch.undo()
-    worker.start(local_map)
-    assert worker.finish() is not None
+    before, misfits = misfit_px(local_map, WRONG), []
+
+    def seen(local_map, fixes, antenna, context, tolerance):
+        misfits.append(misfit_px(local_map, context.camera))
+        return optimise_window(local_map, fixes, antenna, context, tolerance)
+
+    monkeypatch.setattr("vgps.pipeline.stage_c.optimise_window", seen)
+    if at_once:
+        worker.optimise(local_map)
+    else:
+        worker.start(local_map)
+        worker.finish()
     assert worker.camera is stage_c._calibration.camera is not WRONG
+    assert misfits[0] < 0.5 * before
     assert misfit_px(local_map, WRONG) > misfit_px(local_map, worker.camera)
+
+
+def test_a_map_that_cannot_follow_keeps_its_camera(monkeypatch):
+    local_map, fix_buffer = map_seen_by(WRONG), FixBuffer(Fixes.empty(), ANTENNA, CONFIG)
+    stage_c = StageC(SmoothingContext(WRONG, CONFIG, calibrates=True), StageTimer())
+    stage_c._calibration.camera = CAMERA
+    monkeypatch.setattr(LiveCalibration, "resolved", fail)
+    assert stage_c.run(local_map, fix_buffer, WRONG) == ()
+    assert stage_c.camera is stage_c._calibration.camera is WRONG
+
+
+def test_isam2_begins_again_with_the_refined_camera(monkeypatch):
+    window = CONFIG.window.model_copy(update={"solver": "isam2"})
+    config = CONFIG.model_copy(update={"window": window})
+    stage_c = StageC(SmoothingContext(WRONG, config, calibrates=True), StageTimer())
+    stage_c._calibration.camera = CAMERA
+    update = MapUpdate(undistorted=undistorted_again(CAMERA, WRONG))
+    monkeypatch.setattr(LiveCalibration, "resolved", lambda *_: update)
+    stage_c.run(map_seen_by(WRONG), FixBuffer(Fixes.empty(), ANTENNA, config), WRONG)
+    assert stage_c._isam2._context.camera is stage_c.camera is CAMERA
+
+
+def test_all_maps_and_the_tracker_go_on_with_the_refined_camera():
+    made = FramePipeline(SmoothingContext(ROOM_CAMERA, ROOM_CONFIG), np.zeros(3), exact_fixes())
+    for frame in islice(room(), 12):
+        made.add_frame(frame)
+    (seen,) = made.maps
+    earlier, coming = seen.snapshot(), seen.snapshot()
+    made.maps.append(earlier)
+    made._next = MapBuilder(local_map=coming, view_image=made._current.view_image)
+    views, before = seen.views, made.tracker.state([seen])
+    refined = replace(ROOM_CAMERA, model="opencv", distortion=(0.05, 0.0, 0.0, 0.0))
+    made._worker._context = replace(made._worker._context, camera=refined)
+    made._use_camera(seen)
+    assert made.camera is refined
+    np.testing.assert_array_equal(seen.views, views)
+    assert not np.allclose(earlier.last_uv_px, views[:, -1])
+    for other in (earlier, coming):
+        np.testing.assert_allclose(other.last_uv_px, undistort(refined, views[:, -1]), atol=1e-9)
+    after = made.tracker.state([seen])
+    assert len(after["patches"]) == 1 and after["patches"][0][1] is before["patches"][0][1]
+    assert after["static"] is before["static"]

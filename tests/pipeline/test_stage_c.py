@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_bundle import ANTENNA
-from synthetic_map import away, context, map_of, moved, scene
+from synthetic_map import CAMERA, away, context, map_of, moved, scene
 
 from vgps.config import Config, WindowConfig
 from vgps.gps.fix_buffer import FixBuffer
@@ -18,7 +18,8 @@ CONFIG = Config(window=WindowConfig(length_frames=20))
 
 def run(local_map, fixes):
     timer = StageTimer()
-    warnings = StageC(context(CONFIG), timer).run(local_map, FixBuffer(fixes, ANTENNA, CONFIG), CONCURRENT)
+    fix_buffer = FixBuffer(fixes, ANTENNA, CONFIG)
+    warnings = StageC(context(CONFIG), timer).run(local_map, fix_buffer, CAMERA, CONCURRENT)
     return warnings, timer
 
 
@@ -67,5 +68,5 @@ def test_isam2_goes_on_where_fixes_contradict_its_map(monkeypatch):
     monkeypatch.setattr("vgps.pipeline.stage_c.contradicts", lambda *_: contradicted.append(1) or True)
     monkeypatch.setattr("vgps.pipeline.stage_c.correct_drift", lambda *_: corrected.append(1) or MapUpdate())
     for _ in range(3):
-        assert not stage_c.run(local_map, FixBuffer(fixes, ANTENNA, CONFIG))
+        assert not stage_c.run(local_map, FixBuffer(fixes, ANTENNA, CONFIG), CAMERA)
     assert len(corrected) == 2 and len(contradicted) == 5 and stage_c.failures == 0

@@ -24,17 +24,17 @@ from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.factor_graph import Scene, scene_of_map
 from vgps.smoothing.few_frames import for_few_frames, frame_step, held_frames
-from vgps.smoothing.global_shutter import as_global_shutter
 from vgps.smoothing.intrinsics import (
     CameraPrior,
     RefinedCamera,
+    estimate_camera,
     prior_about,
-    refine_camera,
     seen_by,
-    thinned,
     undistorted_again,
 )
 
+# What more frames tell of a lens is in proportion to those before, so they come in geometric steps: half as
+# many again is soon after an early, coarse calibration, but not by nearly the same frames.
 _NEXT = 1.5  # times the frames of one calibration are those of the next
 _STEP_ITERATIONS = 2  # of the rough solution before each step of the calibration
 
@@ -60,7 +60,7 @@ class LiveCalibration:
 
     Attributes:
         camera: As refined so far.
-        warnings: What the last change was, until it is said.
+        warnings: What the last change was.
     """
 
     def __init__(self, context: SmoothingContext) -> None:
@@ -72,8 +72,11 @@ class LiveCalibration:
         self._known = [(0, prior_about(context.camera, config.intrinsics))]  # by the frames before each
         self._job: _Job | None = None
 
-    def update(self, local_map: LocalMap, sensors: Sensors) -> None:
-        """Take over a calibration that is due, and begin the next one in a thread."""
+    def update(self, local_map: LocalMap, camera: Camera, sensors: Sensors) -> None:
+        """Take over a calibration that is due, and begin the next one in a thread.
+
+        ``camera`` is that of the map, which follows the refined one with the next window.
+        """
         newest, window = local_map.next_frame, self._context.config.window
         if self._job is not None and newest >= self._job.due_frame:
             self._take(self._job)
@@ -83,7 +86,7 @@ class LiveCalibration:
             self._due_frame = round(_NEXT * newest)
             scene, _, first = self._kept(local_map)
             prior = next(known for frame, known in reversed(self._known) if frame <= first)
-            found = begin(self._found, scene, prior, sensors)
+            found = begin(self._found, scene, camera, prior, sensors)
             self._job = _Job(newest + window.every_frames, newest, prior, found)
 
     def _take(self, job: _Job) -> None:
@@ -100,8 +103,8 @@ class LiveCalibration:
         first = max(local_map.first_posed, local_map.next_frame - self._view_frames)
         return *scene_of_map(local_map, first, self._context.controls), first
 
-    def _found(self, scene: Scene, prior: CameraPrior, sensors: Sensors) -> RefinedCamera:
-        config, camera = self._context.config, self.camera
+    def _found(self, scene: Scene, camera: Camera, prior: CameraPrior, sensors: Sensors) -> RefinedCamera:
+        config = self._context.config
         step = frame_step(scene, config)
         rough = for_few_frames(config, step, _STEP_ITERATIONS)
 
@@ -110,9 +113,7 @@ class LiveCalibration:
         ) -> BatchResult:
             return self._solved(scene, camera, sensors, rough)
 
-        few = thinned(as_global_shutter(scene, camera), step)
-        _, refined = refine_camera(few, replace(camera, readout_s=None), prior, optimise, config.intrinsics)
-        return replace(refined, camera=replace(refined.camera, readout_s=camera.readout_s))
+        return estimate_camera(scene, camera, prior, optimise, config.intrinsics, step)
 
     def resolved(self, local_map: LocalMap, before: Camera, sensors: Sensors) -> MapUpdate:
         """Return the map as the refined camera sees it: observations, and poses and points that fit them.

@@ -6,6 +6,7 @@ import numpy as np
 
 from vgps.errors import GeometryError
 from vgps.gps.fix_buffer import FixBuffer
+from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
 from vgps.model import Camera
@@ -47,13 +48,14 @@ class StageC:
     def calibrate(self, local_map: LocalMap, fix_buffer: FixBuffer, camera: Camera) -> None:
         """Take over a refined camera that is due, from the next window on, and begin to refine it again.
 
-        ``camera`` is that of the map: not the refined one if the window before failed.
+        ``camera`` is that of the map.
         """
         if self._calibration is not None:
-            self._context = replace(self._context, camera=camera)
-            self._calibration.update(local_map, fix_buffer.sensors)
+            self._calibration.update(local_map, camera, fix_buffer.sensors)
 
-    def run(self, local_map: LocalMap, fix_buffer: FixBuffer, suffix: str = "") -> tuple[str, ...]:
+    def run(
+        self, local_map: LocalMap, fix_buffer: FixBuffer, camera: Camera, suffix: str = ""
+    ) -> tuple[str, ...]:
         """Correct drift if fixes contradict the frames that the window will hold, then optimise the window.
 
         Without the correction the path would be discontinuous where the window begins, and remain so.
@@ -61,6 +63,7 @@ class StageC:
         Args:
             local_map: Snapshot of the map; updated in place.
             fix_buffer: Snapshot of the fixes; updated in place.
+            camera: Of the map: not the refined one if the window before failed.
             suffix: Suffix of the timer's stages.
 
         Returns:
@@ -70,7 +73,7 @@ class StageC:
             GeometryError, RuntimeError, LinAlgError: The map cannot be optimised from its present state.
         """
         until_s = float(local_map.t_s[-1])
-        notes = self._use_calibration(local_map, fix_buffer) if self._calibration is not None else ()
+        notes = self._use_calibration(local_map, camera, fix_buffer.sensors)
         with self._timer.measure("drift" + suffix):
             corrected = local_map.aligned and self._correct(local_map, fix_buffer, until_s)
         with self._timer.measure("window" + suffix):
@@ -87,21 +90,21 @@ class StageC:
         stuck = f"stage C found no step that lowers the cost at {until_s:.2f} s: the window is unchanged"
         return (*notes, stuck)
 
-    def _use_calibration(self, local_map: LocalMap, fix_buffer: FixBuffer) -> tuple[str, ...]:
-        """Let a map follow the refined camera, if there is a new one, and return what it is."""
+    def _use_calibration(self, local_map: LocalMap, camera: Camera, sensors: Sensors) -> tuple[str, ...]:
+        """Let a map follow the refined camera, if it is not the map's, and return what was refined."""
         calibration = self._calibration
-        assert calibration is not None
-        if calibration.camera is self.camera:
-            return ()
-        try:
-            local_map.apply(calibration.resolved(local_map, self.camera, fix_buffer.sensors))
-        except (GeometryError, RuntimeError, np.linalg.LinAlgError):
-            calibration.camera = self.camera
-            return ()
-        self._context = replace(self._context, camera=calibration.camera)
-        if self._isam2 is not None:
-            self._isam2 = IncrementalWindow(self._context)
-        return calibration.warnings
+        notes: tuple[str, ...] = ()
+        if calibration is not None and calibration.camera is not camera:
+            try:
+                local_map.apply(calibration.resolved(local_map, camera, sensors))
+                camera, notes = calibration.camera, calibration.warnings
+            except (GeometryError, RuntimeError, np.linalg.LinAlgError):
+                calibration.camera = camera
+        if camera is not self.camera:
+            self._context = replace(self._context, camera=camera)
+            if self._isam2 is not None:
+                self._isam2 = IncrementalWindow(self._context)
+        return notes
 
     def _correct(self, local_map: LocalMap, fix_buffer: FixBuffer, until_s: float) -> bool:
         """Update time offset and outliers, correct the map's drift if fixes contradict it, and return whether

@@ -82,14 +82,14 @@ class WindowWorker:
             GeometryError, RuntimeError, LinAlgError: The map cannot be optimised from its present state.
         """
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
-        warnings = self._stage_c.run(refined, fix_buffer)
+        warnings = self._stage_c.run(refined, fix_buffer, self.camera)
         return self._outcome(local_map, refined, fix_buffer, warnings)
 
     def start(self, local_map: LocalMap) -> None:
         """Start stage C on the map as it is; the map may grow until :meth:`finish` is called."""
         self._stage_c.calibrate(local_map, self._fix_buffer, self.camera)
         refined, fix_buffer = local_map.snapshot(), self._fix_buffer.snapshot()
-        warnings = begin(self._stage_c.run, refined, fix_buffer, CONCURRENT)
+        warnings = begin(self._stage_c.run, refined, fix_buffer, self.camera, CONCURRENT)
         self._job = _Job(local_map, refined, fix_buffer, warnings)
 
     def finish(self) -> WindowOutcome | None:

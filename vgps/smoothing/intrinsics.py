@@ -136,7 +136,21 @@ def refine_camera(
     Raises:
         GeometryError: The video does not determine the calibration.
     """
-    given = replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
+    refined = estimate_camera(scene, camera, prior, optimise, config, every)
+    seen = seen_by(refined.camera, _of_model(prior, camera), scene)
+    return optimise(seen, refined.camera, sigma=np.array(list(refined.sigma.values()))), refined
+
+
+def estimate_camera(
+    scene: Scene,
+    camera: Camera,
+    prior: CameraPrior,
+    optimise: Optimiser,
+    config: IntrinsicsConfig,
+    every: int = 1,
+) -> RefinedCamera:
+    """Estimate the calibration by rough solutions alone; see :func:`refine_camera`."""
+    given = _of_model(prior, camera)
     few = as_global_shutter(scene, given)
     few = few if every == 1 else thinned(few, every)
     camera = replace(given, readout_s=None)
@@ -151,8 +165,12 @@ def refine_camera(
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
     camera = replace(camera, readout_s=given.readout_s)
-    result = optimise(seen_by(camera, given, scene), camera, sigma=sigma)
-    return result, RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
+    return RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
+
+
+def _of_model(prior: CameraPrior, camera: Camera) -> Camera:
+    """Return a camera with the lens model that is refined."""
+    return replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
 
 
 def thinned(scene: Scene, every: int) -> Scene:
