@@ -102,6 +102,7 @@ def fail(*_):
     raise GeometryError("not determined")
 
 
+@pytest.mark.slow
 def test_a_calibration_counts_when_it_is_due_and_the_next_takes_half_as_many_frames_more(monkeypatch):
     monkeypatch.setattr(LiveCalibration, "_found", fail)
     made = LiveCalibration(SmoothingContext(WRONG, CONFIG, calibrates=True))
@@ -210,6 +211,7 @@ def test_isam2_begins_again_with_the_refined_camera(monkeypatch):
     assert stage_c._isam2._context.camera is stage_c.camera is CAMERA
 
 
+@pytest.mark.slow
 def test_all_maps_and_the_tracker_go_on_with_the_refined_camera():
     made = FramePipeline(SmoothingContext(ROOM_CAMERA, ROOM_CONFIG), np.zeros(3), exact_fixes())
     for frame in islice(room(), 12):
