@@ -77,16 +77,18 @@ def test_a_drone_that_climbs_and_leaves_looking_down_is_not_upside_down():
     assert np.degrees(Rotation.from_matrix(found.world_R_map).magnitude()) < 1.0
 
 
-def sideways_flight():
-    """A straight flight to the east that looks north and down by 60 degrees."""
+def sideways_flight(down_deg=60.0, roll_deg=0.0):
+    """A straight flight to the east that looks north and down."""
     world = drive(0.0)
-    world[:, :3, :3] = LOOKS_NORTH @ Rotation.from_euler("x", -60.0, degrees=True).as_matrix()
+    turn = Rotation.from_euler("XZ", [-down_deg, roll_deg], degrees=True)
+    world[:, :3, :3] = LOOKS_NORTH @ turn.as_matrix()
     world[:, :3, 3] = [100.0, -50.0, 47.0] + np.linspace(0.0, 40.0, len(world))[:, None] * [1, 0, 0]
     return world
 
 
-def test_the_land_shows_the_pitch_of_a_straight_sideways_flight():
-    world, flies = sideways_flight(), StartConfig(airborne="yes")
+@pytest.mark.parametrize("down_deg, roll_deg", [(60.0, 0.0), (20.0, 180.0)])
+def test_the_land_shows_the_pitch_of_a_straight_sideways_flight(down_deg, roll_deg):
+    world, flies = sideways_flight(down_deg, roll_deg), StartConfig(airborne="yes")
     rotation = Rotation.from_rotvec([0.4, -1.0, 2.0]).as_matrix()
     fixes = world[:, :3, 3] + np.random.default_rng(0).normal(scale=0.1, size=(len(world), 3))
     blind = replace(

@@ -24,6 +24,12 @@ def test_the_land_is_the_plane_of_most_landmarks_and_its_normal_points_to_the_ca
     np.testing.assert_allclose(normal, np.array([0.0, -slope, 1.0]) / np.hypot(slope, 1.0), atol=0.02)
 
 
-@pytest.mark.parametrize("points", [houses(400), field(count=25), np.full((80, 3), np.nan), np.ones((80, 3))])
-def test_a_cloud_few_landmarks_and_a_single_place_are_no_land(points):
+def beside_a_road(count=400):
+    return RNG.normal(0, [30.0, 1.0, 1.0], (count, 3))
+
+
+@pytest.mark.parametrize(
+    "points", [houses(400), beside_a_road(), field(count=25), np.full((80, 3), np.nan), np.ones((80, 3))]
+)
+def test_a_cloud_a_row_few_landmarks_and_a_single_place_are_no_land(points):
     assert land_normal(points @ TILTED, CENTRES) is None

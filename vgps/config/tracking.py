@@ -126,7 +126,7 @@ class StartConfig(SettingsModel):
     """Standard deviation of the ground's slope to the side, which shows stage D the roll of a camera that
     travels over a plane."""
     pitch_sigma_deg: PositiveFloat = 30.0
-    """Standard deviation of the camera's mean pitch about level."""
+    """Standard deviation of the camera's mean pitch about level; of one that flies 60 degrees at least."""
     airborne: Literal["auto", "yes", "no"] = "auto"
     """Whether the camera flies: where the path does not show its tilt, the plane that it sees is the ground,
     and without one its pitch is unknown. Auto: if the fixes are those of a DJI drone."""

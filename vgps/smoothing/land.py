@@ -12,6 +12,10 @@ _TRIALS = 300  # planes through three landmarks
 _TOLERANCE = 0.06  # of landmarks on the plane, over the camera's distance from it: houses and trees are lower
 _MIN_SHARE = 0.6  # of the landmarks lie on it
 _MIN_LANDMARKS = 30
+_MOST_LANDMARKS = 2000  # more of them are thinned out
+_MIN_SPREAD = (
+    0.1  # of those on the plane, over that distance: a row of them, or a narrow view, shows no slope
+)
 _REFINED = 5
 
 
@@ -25,6 +29,7 @@ def land_normal(points: FloatArray, centres: FloatArray) -> FloatArray | None:
     points, centre = points[np.isfinite(points).all(axis=1)], centres.mean(axis=0)
     if len(points) < _MIN_LANDMARKS:
         return None
+    points = points[:: 1 + len(points) // _MOST_LANDMARKS]
     three = points[np.random.default_rng(0).integers(0, len(points), (_TRIALS, 3))]
     normals = np.cross(three[:, 1] - three[:, 0], three[:, 2] - three[:, 0])
     length = np.linalg.norm(normals, axis=1)
@@ -35,11 +40,14 @@ def land_normal(points: FloatArray, centres: FloatArray) -> FloatArray | None:
     off = np.abs(points @ normals.T - np.sum(through * normals, axis=1))
     on = off < _TOLERANCE * np.abs(height)
     best = int(np.argmax(on.sum(axis=0)))
-    chosen, normal = on[:, best], normals[best]
+    chosen = on[:, best]
     for _ in range(_REFINED):
         if np.mean(chosen) < _MIN_SHARE:
             return None
         middle = points[chosen].mean(axis=0)
-        normal = np.linalg.svd(points[chosen] - middle, full_matrices=False)[2][2]
-        chosen = np.abs((points - middle) @ normal) < _TOLERANCE * abs((centre - middle) @ normal)
-    return np.asarray(normal * np.sign((centre - points[chosen].mean(axis=0)) @ normal))
+        _, extent, axes = np.linalg.svd(points[chosen] - middle, full_matrices=False)
+        distance = float((centre - middle) @ axes[2])
+        if extent[1] < _MIN_SPREAD * abs(distance) * np.sqrt(chosen.sum()):
+            return None
+        chosen = np.abs((points - middle) @ axes[2]) < _TOLERANCE * abs(distance)
+    return np.asarray(np.copysign(1.0, distance) * axes[2])

@@ -142,7 +142,7 @@ def _straight_note(alignment: Alignment, until_s: float, start: StartConfig) -> 
     shown, assumed, sigma_deg = "roll", "the camera", start.level_sigma_deg
     if start.flies:
         shown = "roll or pitch"
-        assumed = "the land that it sees" if alignment.over_land else "the camera's pitch"
+        assumed = "the land in view" if alignment.over_land else "the camera's pitch"
         sigma_deg = start.land_sigma_deg if alignment.over_land else start.tilt_sigmas_deg[1]
     return (
         f"the path up to {until_s:.1f} s is too straight to determine the camera's {shown}: {assumed} is "
