@@ -60,6 +60,14 @@ def test_all_methods_share_a_clock_that_is_wrong_by_seconds(data_dir):
     assert [settings.gps.model for _, _, settings in rows] == ["gaussian", "gaussian-receiver"]
 
 
+def test_a_drones_camera_flies_by_every_method_as_in_a_run(recording, monkeypatch):
+    monkeypatch.setattr("vgps.compare.methods.run_front_end", lambda *_: None)
+    monkeypatch.setattr("vgps.compare.methods.with_right_clock", lambda front, config, _: (front, config))
+    opened = vgps.open_recording(recording)
+    drone = replace(opened, gps=replace(opened.gps, airborne=True))
+    assert all(settings.start.flies for *_, settings in front_ends(drone, Config(), NoProgress(), METHODS))
+
+
 def test_the_method_without_gps_begins_at_the_true_poses(comparison):
     error = np.linalg.norm(comparison.evaluations["A video only"].camera_error_m, axis=1)
     assert error[:30].mean() < 0.1 and error[-1] > error[:30].mean()

@@ -12,6 +12,7 @@ from vgps.config import Config, ErrorModel, GpsModel
 from vgps.errors import TrajectoryError
 from vgps.evaluation import Evaluation, evaluate, match_times
 from vgps.model import FloatArray, GeodeticPoint, Recording
+from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_right_clock
 from vgps.pipeline.offline import optimise_all
@@ -132,6 +133,7 @@ def front_ends(
         VgpsError: The recording does not determine the answer.
     """
     shared: FrontEnd | None = None
+    config = with_airborne(recording, config)
     for method in methods:
         if method.model == "none":
             without = config.with_gps("none")
