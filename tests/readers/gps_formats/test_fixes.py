@@ -32,7 +32,10 @@ def test_what_was_skipped_is_noted_where_there_is_any():
 
 def test_a_horizontal_accuracy_is_that_of_both_axes_together():
     assert axis_sigmas(2.0**0.5, 3.0) == pytest.approx((1.0, 1.0, 3.0))
-    assert axis_sigmas(0.0) == pytest.approx((float("nan"),) * 3, nan_ok=True)
+    nan = float("nan")
+    assert axis_sigmas(0.0) == pytest.approx((nan, nan, nan), nan_ok=True)
+    assert axis_sigmas(nan, 3.0) == pytest.approx((nan, nan, 3.0), nan_ok=True)
+    assert axis_sigmas(2.0**0.5, 0.0) == pytest.approx((1.0, 1.0, nan), nan_ok=True)
 
 
 def test_seconds_from_1970_whatever_the_time_zone():

@@ -97,6 +97,6 @@ def _uncertainty(message: Any, covariance: Any | None) -> tuple[Triple, Triple]:
         ee, nn, uu = covariance.Cov_lonlon, covariance.Cov_latlat, covariance.Cov_hgthgt
         en, eu, nu = covariance.Cov_latlon, covariance.Cov_lonhgt, covariance.Cov_lathgt
         return uncertainty(np.array([[ee, en, eu], [en, nn, nu], [eu, nu, uu]]))
-    two_sigmas = message.HAccuracy, message.VAccuracy
-    known = (both / 2.0 if both < _UNKNOWN_U16 / 100 else np.nan for both in two_sigmas)
+    stated = message.HAccuracy, message.VAccuracy  # two sigmas
+    known = (m / 2.0 if m < _UNKNOWN_U16 / 100 else np.nan for m in stated)
     return axis_sigmas(*known), (0.0, 0.0, 0.0)

@@ -29,7 +29,7 @@ _WRAPS = 1 << 64  # varints of negative numbers are their two's complement in 64
 
 
 def read_dji_metadata(video: Path) -> RawLog | None:
-    """Read a drone's positions; None if the video has no such track, or none in it.
+    """Read a camera's positions; None if the video has no such track, or none in it.
 
     Every fix is single. Heights are above the sea, plus the geoid's.
 
