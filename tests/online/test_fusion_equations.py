@@ -3,12 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from scipy.spatial.transform import Rotation
+from synthetic_fixes import fixes_of_size
 
 import vgps
+from vgps.config import StartConfig
 from vgps.online.fusion import fuse
 from vgps.online.fusion_equations import BIAS, MEAN_ROLL, TIME_OFFSET, UNKNOWNS, cost, normal_equations
 from vgps.online.fusion_nodes import fusion_nodes
 from vgps.online.node_fixes import seen_fixes
+from vgps.online.video_path import VideoPath
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +127,19 @@ def test_nodes_lie_at_fixes_and_not_far_apart():
     # an offset is bounded where it starts, and hardly after that
     assert (nodes.bound[3] > 5.0 * nodes.bound[4:].max(axis=0)).all()
     assert np.isinf(nodes.walk_m[nodes.starts]).all() and np.isfinite(nodes.walk_m[~nodes.starts]).all()
+
+
+@pytest.mark.parametrize("airborne, at_least_deg, at_most_deg", [("no", 10.0, 90.0), ("yes", 0.0, 1.0)])
+def test_a_camera_that_flies_keeps_the_pitch_that_its_map_was_placed_with(
+    airborne, at_least_deg, at_most_deg
+):
+    t_s, poses = 0.1 * np.arange(80), np.tile(np.eye(4), (80, 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("x", -150.0, degrees=True).as_matrix()  # down by 60 degrees
+    poses[:, 0, 3] = 5.0 * t_s  # sideways
+    size, times_s = np.full(8, 2.0), np.full(8, 10.0)
+    fixes = fixes_of_size(t_s[::10], poses[::10, :3, 3], size, size, correlation_s=times_s)
+    path = VideoPath(t_s=t_s, poses=poses, moving=np.ones(80, dtype=bool))
+    config = vgps.Config(start=StartConfig(airborne=airborne))
+    fit = fuse(path, fixes, np.zeros(3), config, None)
+    turned_deg = np.degrees(Rotation.from_matrix(fit.state.world_R_map[-1]).magnitude())
+    assert at_least_deg <= turned_deg < at_most_deg

@@ -6,14 +6,17 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import av
 import numpy as np
 import pytest
 from live_sources import TcpServer, epochs_of, mpeg_ts, paced, until
 
+import vgps
 from vgps.errors import VideoError
 from vgps.model import FixClass
+from vgps.online import session
 from vgps.online.gps_messages import StreamedFix
 from vgps.online.gps_source import ReceivedFix
 from vgps.online.live_feed import VideoClock
@@ -26,6 +29,19 @@ from vgps.readers.run_folder import read_run
 def stream(recording, tmp_path_factory):
     """The recording's video as a transport stream."""
     return mpeg_ts(recording / "video.mp4", tmp_path_factory.mktemp("stream") / "video.ts")
+
+
+def test_a_recording_with_a_drones_fixes_flies(recording, monkeypatch):
+    opened = vgps.open_recording(recording)
+    opened = replace(opened, gps=replace(opened.gps, airborne=True))
+
+    def first_step(_camera, _rig, config, **_):
+        raise InterruptedError(config.start.airborne)
+
+    monkeypatch.setattr(session, "open_recording", lambda *_, **__: opened)
+    monkeypatch.setattr(session, "OnlineSmoother", first_step)
+    with pytest.raises(InterruptedError, match="yes"):
+        session.pose_recording(recording, session.OnlineOptions(config=vgps.Config()))
 
 
 def received(t_s, unix_s, clock=Clock.UTC):

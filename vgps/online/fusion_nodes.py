@@ -170,7 +170,10 @@ def fusion_nodes(
     bound = np.sqrt(_times_bounded(first, starts))[:, None] / size_m
     walk_m, tail = _offset_walks(first, starts, config)
     knots = np.diff(t_s, prepend=t_s[0] - _NODE_S) / _NODE_S
-    level_rad = np.radians([_ROLL_DEVIATION_DEG, config.start.pitch_sigma_deg])
+    level_rad = np.radians([_ROLL_DEVIATION_DEG, config.start.tilt_sigmas_deg[1]])
+    elevation = np.zeros((len(t_s), 2))
+    if config.start.flies:  # its pitch is that with which the map was placed
+        elevation[:, 1] = camera[:, 2, 2]
     return FusionNodes(
         t_s=t_s,
         camera=camera,
@@ -183,7 +186,7 @@ def fusion_nodes(
         walk_m=_with_rows(len(t_s), at, walk_m, _HELD_M),
         walk_tail=_with_rows(len(t_s), at, tail, np.inf),
         starts=np.isin(np.arange(len(t_s)), at[starts]),
-        elevation=np.zeros((len(t_s), 2)),
+        elevation=elevation,
         level=np.sqrt(knots)[:, None] / level_rad,
         time_offset=TimeOffset(seen.rest_s, HELD_S),
         mean_roll=_LEVEL_SHARE * np.radians(config.start.level_sigma_deg),

@@ -24,6 +24,7 @@ from vgps.online.robot_outputs import NmeaOutput, WebSocketOutput
 from vgps.online.run import FeedItem, TimedImage, run_online, stopped_by_signals
 from vgps.online.smoother import OnlineSmoother
 from vgps.online.video_source import VideoSource
+from vgps.pipeline.airborne import with_airborne
 from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.recording import open_recording
@@ -101,7 +102,7 @@ def pose_recording(
     smoother = OnlineSmoother(
         opened.camera,
         opened.rig,
-        options.config,
+        with_airborne(opened, options.config),
         keep_all=options.finish,
         source=opened.path,
         imu=opened.imu,
