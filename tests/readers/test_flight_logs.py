@@ -125,6 +125,8 @@ def test_sigmas_of_sbf(tmp_path):
     # 2DRMS of 4 cm, two sigmas of 6 cm
     np.testing.assert_allclose(bare.sigma_m[0], [0.02 / np.sqrt(2), 0.02 / np.sqrt(2), 0.03], atol=1e-6)
     assert set(bare.fix_class) == {FixClass.RTK_FLOAT}
+    unknown = read(tmp_path, sbf(covariance=False, up_cm=65535))
+    np.testing.assert_allclose(unknown.sigma_m[0], [0.02 / np.sqrt(2), 0.02 / np.sqrt(2), np.nan], atol=1e-6)
 
 
 @NOVATEL

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solutions import make_fixes
 
 from vgps.report.summary import (
     antenna_positions,
@@ -19,6 +20,10 @@ from vgps.solution import Verdict
 
 def without_gps(solution):
     return replace(solution, gps=None, fixes=None)
+
+
+def without_fixes(solution):
+    return replace(solution, gps=solution.gps.rows(np.zeros(0, int)), fixes=make_fixes(np.zeros((0, 3))))
 
 
 def test_verdicts_are_counted_by_class_best_first(solution):
@@ -67,7 +72,8 @@ def test_features_distances_and_antenna(solution):
     np.testing.assert_allclose(antenna_positions(solution)[10], [10.5, 0.0, 1.0])
 
 
-def test_without_a_log_there_are_no_fixes(solution):
-    alone = without_gps(solution)
+@pytest.mark.parametrize("without", [without_gps, without_fixes])
+def test_without_a_log_or_fixes_in_it_nothing_is_counted(solution, without):
+    alone = without(solution)
     assert verdict_counts(alone) == {} and doubted_fixes(alone) == [] and outages(alone) == []
     assert unused_reasons(alone) == []

@@ -191,7 +191,12 @@ def test_an_earlier_simulation_stays_until_the_new_one_is_whole(
         patch.setattr(Renderer, "frame", stop_at_second)
         simulate(tmp_path / "out", TINY, seed=1)
     assert (tmp_path / "out/truth.tum").read_bytes() == before
-    (tmp_path / "out/mine.txt").write_text("kept")
+    for name in (
+        "mine.txt",
+        "imu.csv",
+        "camera_2.mp4",
+    ):  # the last two as of a simulation with IMU and cameras
+        (tmp_path / "out" / name).touch()
     simulate(tmp_path / "out", tiny, seed=1)
     assert (tmp_path / "out/truth.tum").read_bytes() != before
     assert {entry.name for entry in (tmp_path / "out").iterdir()} == {*FILES, "mine.txt"}

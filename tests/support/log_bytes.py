@@ -120,7 +120,7 @@ def dataflash(rows=FIX, unix_s=UNIX_S):
     return data
 
 
-def sbf(rows=FIX, unix_s=UNIX_S, covariance=True, mode=4):
+def sbf(rows=FIX, unix_s=UNIX_S, covariance=True, mode=4, up_cm=6):
     """An SBF log of PVTGeodetic and PosCovGeodetic, the last epoch without a fix."""
     week, second = divmod(unix_s + 18 - 315964800, 604800)
     data = b""
@@ -129,9 +129,8 @@ def sbf(rows=FIX, unix_s=UNIX_S, covariance=True, mode=4):
         error, kind = (0, mode) if k < len(rows) else (3, 0)
         place = *(math.radians(angle) for angle in (latitude, longitude)), height
         body = head + struct.pack("<BB3df3ff", kind, error, *place, 48.0, 0, 0, 0, -2e10)
-        body += struct.pack("<dfBBBBHHIBBHHHHB", 0, 0, 0, 19, 14, 0, 0, 150, 0, 0, 1, 0, 10, 4, 6, 0) + bytes(
-            1
-        )
+        body += struct.pack("<dfBBBBHHIBBHHHHB", 0, 0, 0, 19, 14, 0, 0, 150, 0, 0, 1, 0, 10, 4, up_cm, 0)
+        body += bytes(1)
         data += _sbf_block(4007, 2, body)
         if covariance:
             variances = struct.pack("<10f", 1e-4, 4e-4, 9e-4, 0.0, 1e-4, *[0.0] * 5)
