@@ -139,7 +139,9 @@ def test_a_place_is_remembered_however_slowly_the_camera_leaves_it():
         looking.add()
         looking.see()
     looking.add(2.0)
+    looking.pipeline.camera = "refined"
     looking.see()
+    assert looking.places._recogniser.camera == "refined"
     first, second = looking.looks
     assert first.settled == () and [one.frame for one in second.settled] == [1]
     assert len(second.settled[0].depth) > 50 and np.all(second.settled[0].depth > 0.0)

@@ -52,6 +52,14 @@ def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online
     assert np.median(off) < 2.0
 
 
+def test_the_result_has_the_refined_camera(opened):
+    smoother = OnlineSmoother(opened.camera, opened.rig)
+    assert smoother._session().camera is opened.camera
+    context, refined = smoother._frame_pipeline._context, replace(opened.camera, fx=500.0)
+    smoother._frame_pipeline._context = replace(context, camera=refined)
+    assert smoother._session().camera is refined
+
+
 def test_states_come_in_order_and_no_pose_is_invented(online):
     _, estimates = online
     states = [estimate.state for estimate in estimates]

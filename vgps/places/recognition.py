@@ -76,7 +76,7 @@ class PlaceRecogniser:
     """Remembers frames of a path, and recognises them when the path comes back.
 
     Args:
-        camera: Of all frames.
+        camera: Of all frames; replaced between looks where it is refined.
         config: Limits.
         capacity: Places to remember.
     """
