@@ -58,6 +58,14 @@ def test_a_time_offset_is_estimated_under_a_drifting_bias(time_offset_s):
     assert abs(found.time_offset_s - time_offset_s) < 4 * found.sigma_s and found.sigma_s < 0.1
 
 
+def test_time_offsets_of_a_grid_are_compared_as_each_by_itself():
+    fixes = late(0.3, wander(0))
+    pairs = neighbour_pairs(trajectory(path(T_S)), fixes, NONE, BELIEVED, TimeOffsetConfig())
+    grid = np.array([-0.4, 0.0, 0.3])
+    alone = [pairs.difference(float(one)) for one in grid]
+    np.testing.assert_allclose(pairs.difference(grid), alone, rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]

@@ -63,12 +63,13 @@ def test_what_displacements_showed_by_chance_is_taken_back():
     assert error < 0.01
 
 
-def trial(monkeypatch, shown, sensors=HELD):
-    """Return the sensors that follow, and those tried, where the poses show one time offset after another."""
+def trial(monkeypatch, shown, sensors=HELD, good=4):
+    """Return the sensors that follow, and those tried, where the poses show one time offset after another;
+    of four fixes so many are RTK-fixes."""
     in_turn = iter(shown)
-    solved = SimpleNamespace(
-        given=SimpleNamespace(context=context(Config()), fixes=SimpleNamespace(used=np.ones(3, dtype=bool)))
-    )
+    fix_class = [CLASSES.index(FixClass.RTK_FIX)] * good + [CLASSES.index(FixClass.SINGLE)] * (4 - good)
+    fixes = SimpleNamespace(used=np.ones(4, dtype=bool), fix_class=np.array(fix_class))
+    solved = SimpleNamespace(given=SimpleNamespace(context=context(Config()), fixes=fixes))
     monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
     again = []
 
@@ -84,6 +85,14 @@ def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts)
     after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(found_s, 0.04)])
     assert [one.time_offset_s for one in again] == [0.07]
     assert after == (again[0] if counts else HELD)
+
+
+@pytest.mark.parametrize(("good", "improved"), [(3, True), (2, False), (1, False)])
+def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certain(
+    monkeypatch, good, improved
+):
+    certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
+    assert trial(monkeypatch, [], certain, good) == (replace(certain, poses_tell=improved), [])
 
 
 def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):

@@ -44,6 +44,17 @@ def test_the_readout_is_found_from_a_global_shutter_and_from_itself() -> None:
     assert uncertain.sigma_s > 2 * found.sigma_s and uncertain.readout_s == found.readout_s
 
 
+@pytest.mark.parametrize("rolls", [True, False])
+def test_the_readout_of_many_chunks_is_that_of_one(rolls: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, _ = rolling_drive()
+    problem = problem if rolls else replace(problem, row_times=None)
+    whole = estimate_readout(problem, T_S, CAMERA, NO_SIGMA)
+    monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)
+    parts = estimate_readout(problem, T_S, CAMERA, NO_SIGMA)
+    assert parts.readout_s == pytest.approx(whole.readout_s, rel=1e-6)
+    assert parts.sigma_s == pytest.approx(whole.sigma_s, rel=1e-6)
+
+
 def test_observations_in_the_middle_row_show_no_readout() -> None:
     problem, _ = rolling_drive()
     assert problem.row_times is not None
