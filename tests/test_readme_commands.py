@@ -163,7 +163,7 @@ def test_no_document_with_commands_is_left_out():
     run_here = {ROOT / name for name in DOCUMENTS}
     own = {"vgps/readers/README.md": "tests/readers/test_readme_commands.py"}
     own |= {"vgps/cluster/README.md": "tests/cluster/test_readme_commands.py"}
-    own |= {"vgps/smoothing/README.md": "tests/smoothing/test_run_graph.py"}
+    own |= {"vgps/smoothing/README.md": "tests/smoothing/stage_d/test_run_graph.py"}
     documents = {file for room in ("vgps", "factors") for file in (ROOT / room).rglob("README.md")}
     for file in sorted(documents - run_here):
         text = file.read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from vgps.pipeline.offline import smooth
     from vgps.readers.calibration.camera_file import read_camera
     from vgps.readers.recording import open_recording
-    from vgps.smoothing.run_graph import factor_graph
+    from vgps.smoothing.stage_d.run_graph import factor_graph
     from vgps.solution import Solution
     from vgps.writers.run_folder import write_run
 
@@ -52,7 +52,7 @@ _HOMES = {
     "Solution": "solution",
     "VgpsError": "errors",
     "evaluate": "evaluation",
-    "factor_graph": "smoothing.run_graph",
+    "factor_graph": "smoothing.stage_d.run_graph",
     "localize": "localization",
     "open_recording": "readers.recording",
     "read_camera": "readers.calibration.camera_file",

@@ -23,10 +23,10 @@ from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.readers.run_folder import read_run
 from vgps.runtime.memory import peak_memory_mb
-from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.batch_problem import BatchInput
-from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.graph_arrays import batch_input
+from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.stage_d.batch import optimise_batch
+from vgps.smoothing.stage_d.batch_problem import BatchInput
+from vgps.smoothing.stage_d.graph_arrays import batch_input
 from vgps.solution import Observations
 
 _START_M = 0.05  # standard deviation of the start of poses and landmarks about the run's

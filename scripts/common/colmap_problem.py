@@ -11,8 +11,8 @@ from vgps.geometry import largest_angle_rad, world_rays
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.smoothing.alignment import Correspondences, align
-from vgps.smoothing.alignment_sigmas import alignment_sigmas
+from vgps.smoothing.alignment.alignment_sigmas import alignment_sigmas
+from vgps.smoothing.alignment.similarity import Correspondences, align
 from vgps.solution import Solution
 from vgps.solver.cost import reprojection_errors
 from vgps.solver.problem import BundleProblem

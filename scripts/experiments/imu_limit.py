@@ -28,9 +28,9 @@ from vgps.pipeline.gps_clock import with_gps_clock
 from vgps.pipeline.readout_estimation import optimise_readout
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import NoProgress
-from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.merge_maps import MergedMaps
-from vgps.smoothing.triangulation import triangulated
+from vgps.smoothing.merging.merge_maps import MergedMaps
+from vgps.smoothing.scene.triangulation import triangulated
+from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import Trajectory
 
 COLUMNS = ("recording", "seed", "tracks", "IMU", "mean [m]", "stated [m]", "tilt [deg]", "motion [deg]")

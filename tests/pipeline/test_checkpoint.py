@@ -15,7 +15,7 @@ from vgps.pipeline.front_end import run_front_end
 from vgps.readers.video.masks import MaskFolder
 from vgps.runtime import journal
 from vgps.runtime.progress import NoProgress
-from vgps.smoothing import long_steps
+from vgps.smoothing.stage_d import long_steps
 
 pytestmark = pytest.mark.slow
 

@@ -22,8 +22,8 @@ from vgps.runtime.progress import NoProgress
 from vgps.simulate import SCENES, simulate
 from vgps.simulate.camera_path import level_path
 from vgps.simulate.scene import on_path
-from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.merge_maps import MergedMaps
+from vgps.smoothing.merging.merge_maps import MergedMaps
+from vgps.smoothing.scene.factor_graph import Scene
 from vgps.solution import Observations
 from vgps.writers.run_folder import write_run
 

@@ -14,7 +14,7 @@ from vgps.config import RollingShutterConfig
 from vgps.pipeline import readout_estimation
 from vgps.pipeline.readout_estimation import with_readout
 from vgps.simulate import simulate
-from vgps.smoothing.readout import Readout
+from vgps.smoothing.calibration.readout import Readout
 from vgps.writers.run_folder import write_run
 
 SHAKEN = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5), (4.0, 1.5)))

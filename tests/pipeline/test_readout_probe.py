@@ -16,7 +16,7 @@ from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.runtime.progress import NoProgress
 from vgps.simulate import simulate
-from vgps.smoothing.readout import Readout
+from vgps.smoothing.calibration.readout import Readout
 
 FRAME_S = 1 / 30
 ROLLS, BLIND, GLOBAL = (Readout(*seen, FRAME_S) for seen in ((0.02, 1e-3), (0.02, 5e-3), (1e-3, 1e-3)))

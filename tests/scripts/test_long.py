@@ -9,8 +9,8 @@ from vgps.config import Config
 from vgps.gps.fixes import antenna_at, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.smoothing.batch_problem import BatchInput
-from vgps.smoothing.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.stage_d.batch_problem import BatchInput
 
 
 def test_tracks_and_fixes_fit_the_repeated_path_as_they_fit_the_run(monkeypatch):

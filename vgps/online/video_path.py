@@ -8,7 +8,7 @@ from vgps.geometry import interpolate_poses, travelled
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, FloatArray
 from vgps.online.place_ties import PlaceTies
-from vgps.smoothing.drift_correction import move_frames
+from vgps.smoothing.alignment.drift_correction import move_frames
 
 _AROUND_FRAMES = 15  # before and after a frame whose scale is taken
 

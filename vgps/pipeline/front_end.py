@@ -27,7 +27,7 @@ from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.merge_cameras import CameraMaps
+from vgps.smoothing.merging.merge_cameras import CameraMaps
 from vgps.tracking.control_points import world_controls
 
 _NOTABLE_SHARE = 0.01  # of a picture that is left out

@@ -18,8 +18,8 @@ from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
-from vgps.smoothing.alignment import align
-from vgps.smoothing.map_alignment import correspondences, fixes_within
+from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
+from vgps.smoothing.alignment.similarity import align
 from vgps.solution import Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %

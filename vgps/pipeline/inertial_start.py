@@ -14,10 +14,10 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.pipeline.front_end import FrontEnd, camera_imu
 from vgps.pipeline.imu_agreement import imu_agreement, pictures_agreement, with_imu_clock
 from vgps.pipeline.solved_maps import merged_maps
+from vgps.smoothing.alignment.inertial_path import inertial_path, strays
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.factor_graph import Scene
-from vgps.smoothing.inertial_path import inertial_path, strays
-from vgps.smoothing.triangulation import triangulated
+from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.triangulation import triangulated
 from vgps.solution import Trajectory
 
 _NOTE = (

@@ -21,11 +21,11 @@ from vgps.places.revisits import PosedVideo
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
-from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.batch_problem import BatchInput
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.graph_arrays import batch_input
-from vgps.smoothing.joint_scene import JointScene, joint_scene
+from vgps.smoothing.stage_d.batch import optimise_batch
+from vgps.smoothing.stage_d.batch_problem import BatchInput
+from vgps.smoothing.stage_d.graph_arrays import batch_input
+from vgps.smoothing.stage_d.joint_scene import JointScene, joint_scene
 from vgps.solution import JoinedRuns, Solution
 
 

@@ -19,12 +19,12 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.runtime.threads import begin
-from vgps.smoothing.batch import optimise_batch
-from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.factor_graph import Scene, scene_of_map
-from vgps.smoothing.few_frames import for_few_frames, frame_step, held_frames
-from vgps.smoothing.intrinsics import (
+from vgps.smoothing.scene.factor_graph import Scene, scene_of_map
+from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
+from vgps.smoothing.stage_d.batch import optimise_batch
+from vgps.smoothing.stage_d.batch_result import BatchResult
+from vgps.smoothing.stage_d.intrinsics import (
     CameraPrior,
     RefinedCamera,
     estimate_camera,

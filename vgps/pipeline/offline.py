@@ -28,8 +28,8 @@ from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer, sequential_seconds
-from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.merge_maps import MergedMaps
+from vgps.smoothing.merging.merge_maps import MergedMaps
+from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import FixTable, SensorReport, Solution
 
 

@@ -12,7 +12,7 @@ from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.readout_estimation import readout_of
 from vgps.pipeline.rough_solution import optimise_roughly
 from vgps.pipeline.solved_maps import merged_maps
-from vgps.smoothing.readout import Readout
+from vgps.smoothing.calibration.readout import Readout
 from vgps.solution import Solution
 
 _FRAMES = (60, 120, 240)  # numbers of frames after which to look

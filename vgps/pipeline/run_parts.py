@@ -9,8 +9,8 @@ from vgps.camera import in_pinhole
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import antenna_at, place
 from vgps.model import BoolArray, ControlPoints, FloatArray
-from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.joint_scene import JointScene
+from vgps.smoothing.stage_d.batch_result import BatchResult
+from vgps.smoothing.stage_d.joint_scene import JointScene
 from vgps.solution import FixTable, Landmarks, Observations, Solution
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.pipeline.front_end import FrontEnd
-from vgps.smoothing.batch_result import BatchResult
-from vgps.smoothing.merge_maps import MergedMaps
+from vgps.smoothing.merging.merge_maps import MergedMaps
+from vgps.smoothing.stage_d.batch_result import BatchResult
 
 
 def antenna_notes(

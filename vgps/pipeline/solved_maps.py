@@ -3,10 +3,10 @@
 import numpy as np
 
 from vgps.pipeline.front_end import FrontEnd
-from vgps.smoothing.batch_result import BatchResult
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.merge_cameras import CameraMaps, merge_cameras
-from vgps.smoothing.merge_maps import MergedMaps, merge_maps
+from vgps.smoothing.merging.merge_cameras import CameraMaps, merge_cameras
+from vgps.smoothing.merging.merge_maps import MergedMaps, merge_maps
+from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import Landmarks, Observations, SolvedCamera
 
 

@@ -12,10 +12,10 @@ from vgps.mapping.trajectory import map_trajectory, odometry_trajectory
 from vgps.model import Camera
 from vgps.pipeline.live_calibration import LiveCalibration
 from vgps.runtime.timing import StageTimer
+from vgps.smoothing.alignment.drift_correction import correct_drift, restore_odometry
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.drift_correction import correct_drift, restore_odometry
-from vgps.smoothing.incremental_window import IncrementalWindow
-from vgps.smoothing.window import contradicts, optimise_window
+from vgps.smoothing.stage_c.incremental_window import IncrementalWindow
+from vgps.smoothing.stage_c.window import contradicts, optimise_window
 
 
 class StageC:

@@ -1,0 +1,52 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from synthetic_fixes import fixes_of_size
+
+from vgps.config import Config, StartConfig
+from vgps.smoothing.alignment import map_alignment
+from vgps.smoothing.alignment.map_alignment import align_to_fixes
+from vgps.solution import Trajectory
+
+RNG = np.random.default_rng(0)
+DOWN = [[1, 0, 0], [0, 0, 1], [0, -1, 0]] @ Rotation.from_euler("x", -60.0, degrees=True).as_matrix()
+MAP_R_WORLD = Rotation.from_rotvec([0.4, -1.0, 2.0]).as_matrix()
+FIELD = RNG.uniform([-20.0, 0.0, -0.3], [100.0, 50.0, 0.3], (500, 3))
+CLOUD = RNG.uniform([-20.0, 0.0, -30.0], [100.0, 50.0, 30.0], (500, 3))
+
+
+def aligned(monkeypatch, points, airborne):
+    """Return the error in degrees and the warning of a straight flight sideways that looks down."""
+    t_s, world = np.arange(41.0), np.tile(np.eye(4), (41, 1, 1))
+    world[:, :3, :3], world[:, :3, 3] = DOWN, np.linspace([0.0, 0.0, 30.0], [80.0, 0.0, 30.0], 41)
+    fixes = fixes_of_size(t_s, world[:, :3, 3], np.full(41, 1.0), np.full(41, 1.0))
+    turn = np.eye(4)
+    turn[:3, :3] = MAP_R_WORLD
+    in_map = SimpleNamespace(t_s=t_s, points=points @ MAP_R_WORLD.T)
+    monkeypatch.setattr(map_alignment, "map_trajectory", lambda _: Trajectory(t_s, turn @ world))
+    config = Config(start=StartConfig(airborne=airborne))
+    result = align_to_fixes(in_map, fixes, np.zeros(3), config)
+    off = Rotation.from_matrix(result.update.similarity.world_R_map @ MAP_R_WORLD)
+    return float(np.degrees(off.magnitude())), result.warnings[0]
+
+
+@pytest.mark.parametrize(
+    "airborne, points, right, said",
+    [
+        (
+            "yes",
+            FIELD,
+            True,
+            "roll or pitch: the land in view is assumed level with a standard deviation of 10",
+        ),
+        ("yes", CLOUD, False, "the camera's pitch is assumed level with a standard deviation of 60 degrees"),
+        ("no", FIELD, False, "roll: the camera is assumed level with a standard deviation of 5 degrees"),
+    ],
+)
+def test_the_land_levels_a_straight_flight_and_the_warning_says_what_was_assumed(
+    monkeypatch, airborne, points, right, said
+):
+    off_deg, warning = aligned(monkeypatch, points, airborne)
+    assert (off_deg < 1.0) == right and said in warning

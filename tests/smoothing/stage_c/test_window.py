@@ -1,0 +1,78 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_bundle import ANTENNA
+from synthetic_map import away, context, map_of, scene
+
+from vgps.config import Config, WindowConfig
+from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.smoothing.stage_c.window import contradicts, optimise_window
+
+CONFIG = Config(window=WindowConfig(length_frames=20))
+
+
+def optimised(local_map, fixes):
+    """Poses of the map after its window was optimised; the map itself is checked to stay as it was."""
+    before = local_map.poses.copy()
+    result = optimise_window(local_map, fixes, ANTENNA, context(CONFIG))
+    np.testing.assert_array_equal(local_map.poses, before)
+    local_map.apply(result.update)
+    assert result.converged
+    return local_map.poses
+
+
+def test_the_window_approaches_the_truth_and_older_frames_are_unchanged():
+    problem, true, _, fixes = scene(disturbed=2.0)
+    start = problem.world_T_camera.copy()
+    start[:40] = true[:40]
+    poses = optimised(map_of(replace(problem, world_T_camera=start), 0, 59), fixes)
+    np.testing.assert_array_equal(poses[:40], true[:40])
+    assert away(start[40:], true[40:]) > 0.2
+    assert away(poses[40:], true[40:]) < 0.3 * away(start[40:], true[40:])
+
+
+def test_a_map_that_begins_in_the_window_is_held_by_its_fixes():
+    problem, true, _, fixes = scene(frames=20, disturbed=2.0)
+    made = map_of(problem, 0, 19)
+    before = away(made.poses, true)
+    assert away(optimised(made, fixes), true) < 0.6 * before
+
+
+def test_an_unaligned_map_keeps_its_scale():
+    problem, true, _, fixes = scene(frames=20)
+    made = map_of(problem, 0, 19, aligned=False)
+    made.apply(MapUpdate(similarity=Similarity(3.0, np.eye(3), np.zeros(3))))
+    baseline = np.linalg.norm(made.poses[9, :3, 3] - made.poses[0, :3, 3])
+    poses = optimised(made, fixes)
+    kept = np.linalg.norm(poses[9, :3, 3] - poses[0, :3, 3])
+    assert abs(kept / baseline - 1.0) < 0.02 and away(poses, true) > 3.0
+
+
+def test_fixes_contradict_a_map_only_beyond_region_and_tolerance():
+    problem, true, _, fixes = scene()
+    made = map_of(replace(problem, world_T_camera=true), 0, 59)
+    alternately = (-1.0) ** np.arange(len(fixes))
+
+    def asked(moved_m, used=True):
+        moved = fixes.world_p_fix + np.outer(alternately * moved_m, [1.0, 0.0, 0.0])
+        row = np.full(len(fixes), used)
+        return contradicts(made, replace(fixes, world_p_fix=moved, used=row), ANTENNA, CONFIG)
+
+    assert not asked(0.0) and not asked(0.2)
+    assert asked(1.0) and not asked(1.0, used=False)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_an_offset_common_to_all_fixes_contradicts_a_map_even_within_the_tolerance(axis):
+    problem, true, _, fixes = scene()
+    made = map_of(replace(problem, world_T_camera=true), 0, 59)
+
+    def asked(moved_m, used):
+        moved = fixes.world_p_fix + moved_m * np.eye(3)[axis]
+        believed = replace(fixes, world_p_fix=moved, used=np.arange(len(fixes)) >= len(fixes) - used)
+        return contradicts(made, believed, ANTENNA, CONFIG)
+
+    assert not asked(0.08, used=5)
+    assert asked(0.2, used=5)
+    assert not asked(0.2, used=2)

@@ -1,0 +1,160 @@
+"""The time offset that the poses of stage D show: against the truth, chance, and the solver's marginals."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_bundle import ANTENNA, TIGHT
+from synthetic_map import away, context, map_of, scene
+
+from vgps.config import Config
+from vgps.errors import GeometryError
+from vgps.gps.fixes import CLASSES
+from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.model import FixClass
+from vgps.smoothing.scene.factor_graph import scene_of_map
+from vgps.smoothing.stage_d import batch, clock_check
+from vgps.smoothing.stage_d.batch import optimise_batch
+from vgps.smoothing.stage_d.sensor_steps import least_cost_step
+from vgps.solver.bundle_adjustment import solve
+from vgps.solver.marginals import marginal_covariances
+
+HELD = Sensors.fixed(ANTENNA)
+SHARP = {"batch": {"video_sigma_scale": 1.0}}  # a video as exact as this one, of a drive that turns gently
+
+
+def settings(**changes):
+    return Config.model_validate(SHARP | changes)
+
+
+def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX):
+    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error."""
+    problem, true, _, exact = scene(disturbed=0.2)
+    made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    fix_class = np.full(len(exact), CLASSES.index(told))
+    fixes = replace(exact, t_s=exact.t_s + late_s, fix_class=fix_class)
+    found = optimise_batch(made, fixes, sensors, context(config or settings()))
+    return found, away(found.trajectory.world_T_camera, true)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("late_s", [0.2, -0.15])
+def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
+    found, error = result(late_s)
+    sigma_s = float(found.time_offset_sigma_s[0])
+    assert abs(found.sensors.time_offset_s - late_s) < 3.0 * sigma_s < 0.1
+    assert found.sensors.poses_tell
+    assert error < 0.2 * result(late_s, config=settings(sensors={"estimate_time_offset": "no"}))[1]
+
+
+@pytest.mark.slow
+def test_a_right_clock_stays_as_it_is():
+    found, _ = result(0.0)
+    assert found.sensors == HELD and np.isnan(found.time_offset_sigma_s[0])
+
+
+@pytest.mark.slow
+def test_what_displacements_showed_by_chance_is_taken_back():
+    chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
+    found, error = result(0.0, chance)
+    assert found.sensors == HELD and np.isnan(found.time_offset_sigma_s[0])
+    assert error < 0.01
+
+
+def trial(monkeypatch, shown, sensors=HELD, good=4):
+    """Return the sensors that follow, and those tried, where the poses show one time offset after another;
+    of four fixes so many are RTK-fixes."""
+    in_turn = iter(shown)
+    fix_class = [CLASSES.index(FixClass.RTK_FIX)] * good + [CLASSES.index(FixClass.SINGLE)] * (4 - good)
+    fixes = SimpleNamespace(used=np.ones(4, dtype=bool), fix_class=np.array(fix_class))
+    solved = SimpleNamespace(given=SimpleNamespace(context=context(Config()), fixes=fixes))
+    monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
+    again = []
+
+    def solve(other):
+        again.append(other)
+        return solved
+
+    return clock_check.with_shown_clock(sensors, solved, solve)[0], again
+
+
+@pytest.mark.parametrize(("found_s", "counts"), [(0.14, True), (-0.14, False), (0.02, False)])
+def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts):
+    after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(found_s, 0.04)])
+    assert [one.time_offset_s for one in again] == [0.07]
+    assert after == (again[0] if counts else HELD)
+
+
+@pytest.mark.parametrize(("good", "improved"), [(3, True), (2, False), (1, False)])
+def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certain(
+    monkeypatch, good, improved
+):
+    certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
+    assert trial(monkeypatch, [], certain, good) == (replace(certain, poses_tell=improved), [])
+
+
+def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):
+    assert trial(monkeypatch, [TimeOffset(0.05, 0.02)]) == (HELD, [])
+
+
+@pytest.mark.slow
+def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
+    def failing(*_):
+        raise GeometryError("not determined")
+
+    chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
+    monkeypatch.setattr(clock_check, "least_cost_step", failing)
+    found, error = result(0.0, chance)
+    assert found.sensors == HELD and error < 0.01
+
+
+@pytest.mark.slow
+def test_what_displacements_showed_is_improved():
+    shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
+    found, _ = result(0.2, shown)
+    assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
+    assert found.sensors.prior_time_offset == TimeOffset(0.25, 0.05)
+
+
+def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
+    shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
+    found, _ = result(0.2, shown, told=FixClass.RTK_FLOAT)
+    assert found.sensors == shown and found.time_offset_sigma_s == [0.05]
+
+
+@pytest.mark.slow
+def test_the_configured_time_offset_is_the_one_that_is_doubted():
+    given = Sensors.fixed(ANTENNA, 0.2)
+    assert result(0.2, given, settings(sensors={"time_offset_s": 0.2}))[0].sensors == given
+
+
+@pytest.mark.slow
+def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
+    """A gentle drive with a video that counts little."""
+    assert result(0.3, config=Config())[0].sensors == HELD
+    found, _ = result(0.3, HELD.with_time_offset(TimeOffset(0.25, 0.1), 0.8), Config())
+    assert abs(found.sensors.time_offset_s - 0.3) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
+
+
+@pytest.mark.slow
+def test_step_and_covariance_are_those_of_a_solution_with_the_time_offset_free(monkeypatch):
+    """With errors of no memory and Gaussian ones the problem is as good as quadratic."""
+    seen = []
+
+    def kept(sensors, solved, _):
+        seen.append(solved)
+        return sensors, solved
+
+    monkeypatch.setattr(batch, "with_shown_clock", kept)
+    result(0.02, config=settings(gps={"model": "gaussian"}, batch=SHARP["batch"] | {"robust_px": 1e3}))
+    (solved,) = seen
+    given, end = solved.given, solved.result.problem
+    free = replace(given.sensors, prior_time_offset=TimeOffset(0.0, 0.5))
+    step, covariance = least_cost_step(given, end, free, TIME_OFFSET)
+    problem = batch.batch_problem(replace(given, sensors=free)).problem
+    free_end = solve(problem, TIGHT).problem
+    assert step == pytest.approx(free_end.shared[TIME_OFFSET], rel=0.05)
+    marginal = marginal_covariances(free_end).shared[TIME_OFFSET]
+    assert covariance == pytest.approx(marginal, rel=0.05)

@@ -1,0 +1,1 @@
+"""Scale, heading and place of a map: by its fixes, the land under it, or an IMU."""

@@ -1,0 +1,169 @@
+"""Alignment of a local map with the world by the fixes so far, or by control points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vgps.config import Config, StartConfig
+from vgps.geometry import interpolate_poses
+from vgps.gps.error_covariance import error_covariances
+from vgps.gps.fixes import Fixes
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.mapping.trajectory import map_trajectory
+from vgps.model import FloatArray
+from vgps.smoothing.alignment.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+from vgps.smoothing.alignment.land import land_normal
+from vgps.smoothing.alignment.similarity import Correspondences, align
+from vgps.solution import Trajectory
+
+_JACKKNIFE = 4.0
+_MOST_FIXES = 400  # more of them are thinned out evenly
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alignment:
+    """Similarity from a map to the world, and its standard deviations.
+
+    Attributes:
+        to_world: The similarity.
+        sigmas: Standard deviations by the errors of the fixes.
+        determined: Whether these are within the settings' limits, and no part of the path alone decides.
+        straight: Whether the path is too straight for the fixes to determine the camera's roll.
+        over_land: Whether the land under a camera that flies shows what is level.
+        fixes: Number of fixes.
+        span_m: Extent of the camera's path between them.
+    """
+
+    to_world: Similarity
+    sigmas: AlignmentSigmas
+    determined: bool
+    straight: bool
+    over_land: bool
+    fixes: int
+    span_m: float
+
+
+@dataclass(frozen=True)
+class AlignmentResult:
+    """Update that aligns a map with the world, and warnings."""
+
+    update: MapUpdate
+    warnings: tuple[str, ...] = ()
+
+
+def align_to_fixes(
+    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> AlignmentResult | None:
+    """Return the alignment of a map with the fixes within its frames, or None if they do not suffice.
+
+    Args:
+        local_map: Map that is not aligned.
+        fixes: All fixes; those after the map's last frame are ignored.
+        camera_p_antenna: (3,) metres.
+        config: Gives the requirements, ``start``.
+    """
+    alignment = find_alignment(local_map, fixes, camera_p_antenna, config)
+    if alignment is None or not alignment.determined:
+        return None
+    update = MapUpdate(similarity=alignment.to_world, aligned=True)
+    if not alignment.straight:
+        return AlignmentResult(update)
+    return AlignmentResult(update, (_straight_note(alignment, float(local_map.t_s[-1]), config.start),))
+
+
+def align_to_control(
+    local_map: LocalMap, poses: Mapping[int, FloatArray], min_travel_m: float
+) -> AlignmentResult | None:
+    """Return the alignment of a map with frames posed by control points, or None if they do not suffice.
+
+    The rotation is the mean over these frames, the scale the ratio of their spreads.
+
+    Args:
+        local_map: Map that is not aligned.
+        poses: World poses (4, 4) by frame.
+        min_travel_m: Minimum extent of the frames' positions.
+    """
+    frames = [f for f in sorted(poses) if local_map.first_posed <= f < local_map.next_frame]
+    frames = [f for f in frames if np.isfinite(local_map.pose(f)[0, 0])]
+    if len(frames) < 2:
+        return None
+    world = np.array([poses[f] for f in frames])
+    in_map = np.array([local_map.pose(f) for f in frames])
+    spread = [p[:, :3, 3] - p[:, :3, 3].mean(axis=0) for p in (world, in_map)]
+    if np.linalg.norm(np.ptp(world[:, :3, 3], axis=0)) < min_travel_m or np.abs(spread[1]).max() < 1e-9:
+        return None
+    rotation = (
+        Rotation.from_matrix(world[:, :3, :3] @ in_map[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
+    )
+    scale = float(np.linalg.norm(spread[0]) / np.linalg.norm(spread[1]))
+    translation = world[:, :3, 3].mean(axis=0) - scale * rotation @ in_map[:, :3, 3].mean(axis=0)
+    return AlignmentResult(MapUpdate(similarity=Similarity(scale, rotation, translation), aligned=True))
+
+
+def find_alignment(
+    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> Alignment | None:
+    """Return the alignment of a map with the fixes within its frames, however uncertain.
+
+    None with fewer than two such fixes, or if the camera was at one place at all of them.
+    """
+    path = map_trajectory(local_map)
+    if len(path) < 2:
+        return None
+    chosen = fixes_within(path, fixes)
+    if len(chosen) < 2:
+        return None
+    seen = correspondences(path, chosen, camera_p_antenna)
+    if config.start.flies:
+        seen = replace(seen, map_up=land_normal(local_map.points, seen.map_T_camera[:, :3, 3]))
+    to_world = align(seen, config.start)
+    if to_world is None:
+        return None
+    sigmas = alignment_sigmas(seen, to_world, error_covariances(chosen, config.gps), config.start)
+    determined = len(seen) >= config.start.min_fixes and sigmas.within(config.start)
+    return Alignment(
+        to_world=to_world,
+        sigmas=sigmas,
+        determined=determined
+        and jackknife_sigmas(seen, to_world, config.start).within(config.start, _JACKKNIFE),
+        # fixes say less than the prior of a level camera if they leave more than 1 / sqrt(2) of its sigma
+        straight=bool(sigmas.tilt_rad > np.radians(config.start.level_sigma_deg) / np.sqrt(2.0)),
+        over_land=seen.map_up is not None,
+        fixes=len(seen),
+        span_m=to_world.scale * float(np.linalg.norm(np.ptp(seen.map_T_camera[:, :3, 3], axis=0))),
+    )
+
+
+def _straight_note(alignment: Alignment, until_s: float, start: StartConfig) -> str:
+    """Return what is assumed of the rotation about a straight path."""
+    shown, assumed, sigma_deg = "roll", "the camera", start.level_sigma_deg
+    if start.flies:
+        shown = "roll or pitch"
+        assumed = "the land in view" if alignment.over_land else "the camera's pitch"
+        sigma_deg = start.land_sigma_deg if alignment.over_land else start.tilt_sigmas_deg[1]
+    return (
+        f"the path up to {until_s:.1f} s is too straight to determine the camera's {shown}: {assumed} is "
+        f"assumed level with a standard deviation of {sigma_deg:g} degrees"
+    )
+
+
+def fixes_within(path: Trajectory, fixes: Fixes) -> Fixes:
+    """Return the used fixes within a path; of many some, evenly."""
+    inside = np.flatnonzero(fixes.used & (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1]))
+    if len(inside) > _MOST_FIXES:
+        inside = inside[np.linspace(0, len(inside) - 1, _MOST_FIXES).astype(np.int64)]
+    return fixes.where(inside)
+
+
+def correspondences(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> Correspondences:
+    """Return fixes within a path, and the camera at their times; frames without a pose are passed over."""
+    posed = np.isfinite(path.world_T_camera[:, 0, 0])
+    return Correspondences(
+        map_T_camera=interpolate_poses(path.t_s[posed], path.world_T_camera[posed], fixes.t_s),
+        world_p_fix=fixes.world_p_fix,
+        region_m=np.stack([fixes.r_m, fixes.r_m, fixes.h_m], axis=1),
+        camera_p_antenna=camera_p_antenna,
+    )

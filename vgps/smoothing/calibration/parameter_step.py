@@ -1,0 +1,78 @@
+"""A Gauss-Newton step of parameters that all observations share, with poses and landmarks."""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+
+from vgps.model import FloatArray
+from vgps.smoothing.calibration.camera_equations import CameraEquations
+from vgps.solver.elimination import SparsityStructure
+from vgps.solver.linearised_chunk import LinearisedChunk
+from vgps.solver.normal_equations import Linearisation
+from vgps.solver.problem import BundleProblem
+from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
+
+_DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
+
+
+@dataclass(frozen=True)
+class ParameterStep:
+    """Step (p,) and standard deviations (p,) of parameters; poses (F, 4, 4) and points (L, 3) that follow."""
+
+    delta: FloatArray
+    sigma: FloatArray
+    poses: FloatArray
+    points: FloatArray
+
+
+@dataclass(frozen=True)
+class ParameterPrior:
+    """Standard deviations (p,) of a normal prior, and how far the parameters (p,) are from its mean."""
+
+    sigma: FloatArray
+    moved: FloatArray
+
+
+def parameter_step(
+    problem: BundleProblem,
+    linear: Linearisation,
+    structure: SparsityStructure,
+    equations: CameraEquations,
+    prior: ParameterPrior,
+) -> ParameterStep:
+    """Return the step to which the linearised problem and a prior lead.
+
+    Time offset and lever arm are held; states follow the poses, and stay where they are.
+
+    Args:
+        problem: Near its optimum.
+        linear: The problem, linearised.
+        structure: Its structure.
+        equations: Those of the parameters.
+        prior: Of the parameters.
+
+    Raises:
+        NotPositiveDefiniteError: The poses are not determined.
+    """
+    V = equations.coupling
+    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
+    follow = structure.cholesky(matrix).solve(np.column_stack([V, pose_gradient]))
+    precision = 1.0 / prior.sigma**2
+    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(precision)
+    gradient = equations.gradient - V.T @ follow[:, -1] + precision * prior.moved
+    delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
+    sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
+    poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))
+    moved = tuple(_moved(part, J, delta) for part, J in zip(linear.chunks, equations.by_camera, strict=True))
+    points = problem.world_p_landmark + landmark_steps(replace(linear, chunks=moved), poses, 0.0).T
+    retracted = [
+        gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
+    ]
+    return ParameterStep(delta, sigma, np.stack(retracted), points)
+
+
+def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:
+    """Return the chunk's linearisation after a step of the parameters."""
+    shift = np.einsum("kin,k->in", J, delta)
+    return replace(part, r=part.r + shift, gradient=part.gradient + part.landmark_gradient(shift))

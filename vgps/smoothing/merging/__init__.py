@@ -1,0 +1,1 @@
+"""Maps and cameras of a rig merged into one scene."""

@@ -1,0 +1,41 @@
+"""What a rough solution of stage D needs: few of the frames, one round, and frames to hold."""
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.model import BoolArray
+from vgps.smoothing.scene.factor_graph import Scene
+
+MIN_VIEWS = 20  # that are left of few frames
+
+
+def viewing_frames(scene: Scene) -> int:
+    """Return the number of frames with observations."""
+    return len(np.unique(scene.observations.frame))
+
+
+def frame_step(scene: Scene, config: Config) -> int:
+    """Return the step between the frames of a rough solution: enough of them are left."""
+    return min(config.intrinsics.every_frames, max(viewing_frames(scene) // MIN_VIEWS, 1))
+
+
+def for_few_frames(config: Config, every: int, iterations: int) -> Config:
+    """Return settings for a rough solution in one round; each frame counts for several."""
+    batch = config.batch
+    changes = {
+        "video_sigma_scale": batch.video_sigma_scale / np.sqrt(every),
+        "rounds": 1,
+        "iterations": iterations,
+        "relative_tolerance": batch.early_tolerance,
+    }
+    gps = config.gps.model_copy(update={"n": 1})
+    return config.model_copy(update={"batch": batch.model_copy(update=changes), "gps": gps})
+
+
+def held_frames(scene: Scene, config: Config) -> BoolArray:
+    """Return the frames (F,) to hold, which fix place and, if nothing else gives it, scale."""
+    poses = scene.poses
+    distance = np.cumsum(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
+    second = 1 + int(np.searchsorted(distance, config.batch.held_share * distance[-1]))
+    held = [0] if scene.heights is not None else [0, min(second, len(poses) - 1)]
+    return np.isin(np.arange(len(poses)), held)

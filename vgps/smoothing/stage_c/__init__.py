@@ -1,0 +1,1 @@
+"""Stage C, Kume 2010: the last frames optimised, by Gauss-Newton steps or by iSAM2."""

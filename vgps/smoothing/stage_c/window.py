@@ -1,0 +1,159 @@
+"""Stage C, Kume 2010: sliding-window optimisation of the last frames of a map, older ones held."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.sensors import Sensors
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, Positions
+from vgps.model import FloatArray, IntArray
+from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.scene.factor_graph import (
+    build_problem,
+    gps_and_motion,
+    scene_of_map,
+    select_observations,
+)
+from vgps.smoothing.scene.motion_factors import motion_factors
+from vgps.solution import Trajectory
+from vgps.solver.bundle_adjustment import SolverSettings, solve
+
+_HELD_SIGMA = 1e-4  # rad and map units: a frame that iSAM2 holds
+
+
+@dataclass(frozen=True)
+class WindowResult:
+    """New poses and positions, unchanged if ``converged`` is false: no step lowered the cost."""
+
+    update: MapUpdate
+    converged: bool
+
+
+def optimise_window(
+    local_map: LocalMap,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    context: SmoothingContext,
+    tolerance: float = 1.0,
+) -> WindowResult:
+    """Optimise the poses of the last frames and the features observed in them.
+
+    Older frames that share features with the window are held as if they were exact; they alone carry earlier
+    information, mainly scale and position, into the window. This is faster than iSAM2
+    (``scripts.benchmarks.stage_c``), but held frames may be wrong, for which :func:`contradicts` tests the
+    fixes. A map that begins in the window is constrained by GPS if it is aligned, else by holding its first
+    posed frame and the farthest of the next few.
+
+    Args:
+        local_map: The map; it is not changed.
+        fixes: Fixes so far, with the time offset removed.
+        camera_p_antenna: (3,) metres.
+        context: Calibration, control points, window, weights and GPS model.
+        tolerance: Limit of the initial reprojection error in ``max_reprojection_px``; larger if the poses are
+            rough.
+
+    Raises:
+        GeometryError: The poses are so far off that the cost is not finite.
+        RuntimeError: GTSAM cannot linearise a factor there.
+    """
+    config = context.config
+    since = max(local_map.first_posed, local_map.next_frame - config.window.length_frames)
+    history = local_map.views.shape[1]
+    first = max(local_map.first_posed, since - history)
+    scene, ids = scene_of_map(local_map, first, context.controls)
+    scene, sigma = select_observations(scene, context, tolerance)
+    fixed = np.arange(len(scene.t_s)) < since - first
+    if local_map.aligned:
+        graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
+        if not fixed.any():
+            graph.push_back(_loose_prior(scene.poses[0]))
+    else:
+        speed = _typical_speed(scene.trajectory)
+        graph = motion_factors(scene.t_s, scene.unseen, scene.zero_motions, config.motion, speed)
+        if not fixed.any():
+            fixed[[0, _farthest_of_first_views(scene.poses)]] = True
+    problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
+    settings = SolverSettings(
+        max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
+        relative_tolerance=config.batch.relative_tolerance,
+    )
+    solved = solve(problem, settings)
+    result, reliable = solved.problem, np.isfinite(sigma)
+    positions = Positions(ids[reliable], result.world_p_landmark[reliable], sigma[reliable])
+    update = MapUpdate(first_frame=first, poses=result.world_T_camera, positions=positions)
+    return WindowResult(update, not solved.stuck)
+
+
+def contradicts(
+    local_map: LocalMap,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    whole: bool = False,
+) -> bool:
+    """Return whether fixes of the last window are so far off that the older, held frames must be wrong.
+
+    They are if one is farther outside its region than odometry drifts over the distance, or if the mean
+    offset of all of them exceeds their mean region.
+
+    Args:
+        local_map: Aligned map.
+        fixes, camera_p_antenna, config: As in :func:`optimise_window`.
+        whole: Whether to test the whole map instead of its last window.
+    """
+    begin = 0 if whole else local_map.next_frame - config.window.length_frames
+    first = max(local_map.first_posed, begin) - local_map.first_frame
+    path = Trajectory(local_map.t_s[first:], local_map.poses[first:])
+    if config.gps.model == "none" or len(path) < 2:
+        return False
+    rows = place(path.t_s, fixes.t_s).inside & fixes.used
+    offset = antenna_offsets(fixes, path, camera_p_antenna)[rows]
+    beyond = np.maximum(
+        np.hypot(offset[:, 0], offset[:, 1]) - fixes.r_m[rows], np.abs(offset[:, 2]) - fixes.h_m[rows]
+    )
+    window_m = path.length_m * min(1.0, config.window.length_frames / len(path))
+    if (beyond > config.window.tolerated_drift * window_m).any():
+        return True
+    if rows.sum() < config.window.min_shared_fixes:
+        return False
+    # an offset common to all fixes is an error of the path, which the held frames would preserve
+    shared = offset.mean(axis=0)
+    return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
+
+
+def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
+    away = np.linalg.norm(poses[:views, :3, 3] - poses[0, :3, 3], axis=1)
+    return int(np.argmax(away))
+
+
+def _typical_speed(path: Trajectory) -> float:
+    return float(max(path.length_m / max(path.t_s[-1] - path.t_s[0], 1e-9), 1e-6))
+
+
+def start_priors(frames: IntArray, poses: FloatArray, aligned: bool) -> gtsam.NonlinearFactorGraph:
+    """Return what holds a map whose first frame is in the window, as :func:`optimise_window` holds it.
+
+    Args:
+        frames: (F,) frames of the window.
+        poses: (F, 4, 4) their poses.
+        aligned: Whether fixes tie the map to the world; else two frames are held.
+    """
+    graph = gtsam.NonlinearFactorGraph()
+    if aligned:
+        graph.push_back(_loose_prior(poses[0], int(frames[0])))
+        return graph
+    held = gtsam.noiseModel.Isotropic.Sigma(6, _HELD_SIGMA)
+    for row in (0, _farthest_of_first_views(poses)):
+        graph.addPriorPose3(X(int(frames[row])), gtsam.Pose3(poses[row]), held)
+    return graph
+
+
+def _loose_prior(pose: FloatArray, frame: int = 0) -> gtsam.PriorFactorPose3:
+    # on a straight path fixes do not determine the roll; this keeps the system positive definite
+    sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0])
+    return gtsam.PriorFactorPose3(X(frame), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))

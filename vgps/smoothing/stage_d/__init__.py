@@ -1,0 +1,1 @@
+"""Stage D, Kume 2010: everything optimised at once."""

@@ -1,0 +1,76 @@
+"""What the video says of errors of fixes: the cost of stage D by them, poses and landmarks adapting."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.gps.error_steps import Pull
+from vgps.gps.fixes import Fixes, gps_graph, place
+from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
+from vgps.gps.sensors import Sensors
+from vgps.model import FloatArray, IntArray
+from vgps.runtime.threads import one_blas_thread
+from vgps.smoothing.scene.factor_graph import Scene, build_problem, joined, other_pose_factors
+from vgps.smoothing.stage_d.batch_problem import BatchInput
+from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.gtsam_values import all_pose_values
+from vgps.solver.marginals import factorise_pose_system
+from vgps.solver.normal_equations import linearise
+from vgps.solver.pose_equations import whitened_jacobian
+
+# what is wrong with the clock or the lever arm is no error of single fixes
+_CLOCK_SIGMA_S, _ANTENNA_SIGMA_M = 0.5, 1.0
+
+
+def fix_pull(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> Pull:
+    """Return what the video says of errors of fixes that are otherwise as good as their regions.
+
+    Time offset and lever arm are taken as unknown.
+
+    Args:
+        given: Input of the problem; gives sigmas, lever arm and settings.
+        scene: Its frames around the fixes, at the optimum.
+        ids: (L,) the landmarks of the scene in the input.
+        fixes: n fixes within these frames.
+
+    Raises:
+        GeometryError: The poses are not determined.
+    """
+    sensors, context = given.sensors, given.context
+    held = Sensors.fixed(sensors.camera_p_antenna)
+    gaussian = context.config.with_gps("gaussian-receiver").gps
+    gps = gps_graph(_as_sure_as_regions(fixes), scene.t_s, held, gaussian)
+    graph = joined(gps, other_pose_factors(scene, held, context.config))
+    problem = build_problem(scene, np.nan_to_num(given.sigma_px[ids], nan=1.0), graph, context)
+    structure = analyse_sparsity(problem)
+    with one_blas_thread():
+        values = all_pose_values(problem)
+        linear = linearise(problem, values, structure)
+        factor, gradient = factorise_pose_system(linear, structure)
+        J, minus_residual = whitened_jacobian(problem, gps, values, structure)
+        follow = factor.solve(np.column_stack([J.T.toarray(), gradient]))
+    remaining = np.eye(J.shape[0]) - J @ follow[:, :-1]
+    residual = -minus_residual - J @ follow[:, -1]
+    weight = (1.0 / _sigmas(fixes)).ravel()
+    n = len(fixes)
+    pull = Pull((weight[:, None] * remaining * weight).reshape(n, 3, n, 3), (weight * residual).reshape(n, 3))
+    sigma = np.array([_CLOCK_SIGMA_S, *[_ANTENNA_SIGMA_M] * 3])
+    return pull.without(_by_sensors(scene, fixes), sigma**-2.0)
+
+
+def _sigmas(fixes: Fixes) -> FloatArray:
+    """Return standard deviations (n, 3) of fixes whose regions hold 95 % of them."""
+    plane, line = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
+    return np.stack([plane, plane, line], axis=1)
+
+
+def _as_sure_as_regions(fixes: Fixes) -> Fixes:
+    """Return the fixes with Gaussian errors of the size of their regions."""
+    return replace(fixes, sigma_m=_sigmas(fixes), correlation=np.zeros((len(fixes), 3)))
+
+
+def _by_sensors(scene: Scene, fixes: Fixes) -> FloatArray:
+    """Return the derivatives (n, 3, 4) of the antenna at the fixes by time offset and lever arm."""
+    frame = place(scene.t_s, fixes.t_s).frame
+    velocity = np.gradient(scene.poses[:, :3, 3], scene.t_s, axis=0)[frame]
+    return np.concatenate([velocity[:, :, None], scene.poses[frame, :3, :3]], axis=2)
