@@ -15,7 +15,7 @@ from scripts.common.command import ScriptParser
 from scripts.common.stopwatch import stopwatch
 from vgps.model import FloatArray, IntArray
 from vgps.solver.bundle_adjustment import Solver, SolverSettings, solve
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 

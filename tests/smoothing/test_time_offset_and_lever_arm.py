@@ -14,7 +14,7 @@ from vgps.config import SensorsConfig
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors, TimeOffset
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import cost_terms
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.marginals import marginal_covariances
 
 TIGHT = SolverSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)

@@ -22,7 +22,7 @@ from synthetic_states import drive_with_states
 from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import cost_terms
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
 
 
@@ -224,7 +224,7 @@ def test_states_are_moved_to_the_minimum_of_gtsam(held: bool) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["huber", "held"])
 def test_the_result_does_not_depend_on_the_number_of_threads(case, monkeypatch):
-    monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)
+    monkeypatch.setattr("vgps.solver.equations.chunks.CHUNK_OBSERVATIONS", 100)
     ends = []
     for threads in (1, 3):
         monkeypatch.setattr("vgps.runtime.threads.usable_cores", lambda threads=threads: threads)

@@ -26,11 +26,11 @@ from synthetic_graphs import (
 from factors import Gaussian, gps_factor_calibrating
 from vgps.errors import GeometryError
 from vgps.solver import graph_optimiser
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.graph_optimiser import GraphResult, SolverSettings, optimise_graph, pose_marginals
-from vgps.solver.graph_reading import read_graph
 from vgps.solver.gtsam_backend import optimise_with_gtsam
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.graph_reading import read_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 
 CASES: dict[str, Callable[[], Graph]] = {
     "plain": plain_graph,

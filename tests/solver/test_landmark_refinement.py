@@ -6,10 +6,11 @@ from synthetic_bundle import drive
 from synthetic_rows import rolling_drive
 
 from vgps.geometry import triangulate
-from vgps.solver import chunks, landmark_refinement
+from vgps.solver import landmark_refinement
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.cost import camera_points, pixel_errors, video_cost
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations import chunks
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.landmark_refinement import (
     anchor_frames,
     landmark_costs,

@@ -7,7 +7,7 @@ from gtsam.symbol_shorthand import X
 from synthetic_bundle import TIGHT, drive, held_frames, keep_observations, total_cost, wrong_sign_factor
 
 from vgps.solver import levenberg_marquardt
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, Termination, minimise
 from vgps.solver.problem import BundleProblem

@@ -10,7 +10,7 @@ from synthetic_states import drive_with_states
 
 from vgps.errors import GeometryError
 from vgps.solver.bundle_adjustment import solve
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.marginals import Covariances, marginal_covariances, shared_blocks
 from vgps.solver.problem import BundleProblem
 from vgps.solver.state_vectors import StateVector

@@ -13,7 +13,7 @@ from synthetic_rows import path_error
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.cost import reprojection_errors
 from vgps.solver.graph_optimiser import optimise_graph
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.mounts import CameraMounts
 from vgps.solver.problem import BundleProblem
 from vgps.solver.row_times import RowTimes

@@ -9,7 +9,7 @@ from synthetic_laps import two_laps
 from synthetic_states import drive_with_states
 
 from vgps.solver.bundle_adjustment import solve
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.levenberg_marquardt import SolverSettings
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem

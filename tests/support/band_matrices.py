@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vgps.solver.band_matrix import POSE_DIM
+from vgps.solver.matrices.band_matrix import POSE_DIM
 
 
 def random_matrix(poses: int, reach: int, seed: int) -> np.ndarray:

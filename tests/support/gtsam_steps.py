@@ -3,12 +3,12 @@
 import numpy as np
 from gtsam.symbol_shorthand import L
 
-from vgps.solver.elimination import analyse_sparsity
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
+from vgps.solver.equations.schur_complement import landmark_steps, reduce_to_poses
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 
 def check_first_step(problem: BundleProblem) -> None:

@@ -9,7 +9,7 @@ from gtsam.symbol_shorthand import X
 from synthetic_bundle import ANTENNA, K, drive, with_loss
 
 from factors import Cylinder, Gaussian, gps_factor, gps_factor_interpolated
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.problem import BundleProblem
 
 POSE_NOISE = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))

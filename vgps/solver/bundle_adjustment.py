@@ -16,7 +16,7 @@ from vgps.runtime.memory import peak_memory_mb
 from vgps.runtime.threads import one_blas_thread
 from vgps.solution import SolverReport, SubmapReport
 from vgps.solver.cost import cost_terms
-from vgps.solver.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.equations.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_backend import solve_with_gtsam
 from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, minimise

@@ -11,9 +11,9 @@ from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.solver.bundle_adjustment import Solver
-from vgps.solver.elimination import SparsityStructure, analyse_sparsity
-from vgps.solver.graph_reading import NotABundleError, is_pose, read_graph
+from vgps.solver.equations.elimination import SparsityStructure, analyse_sparsity
 from vgps.solver.gtsam_backend import optimise_with_gtsam
+from vgps.solver.gtsam_graphs.graph_reading import NotABundleError, is_pose, read_graph
 from vgps.solver.iterate import iterate_at
 from vgps.solver.levenberg_marquardt import SolverSettings, minimise
 from vgps.solver.marginals import marginal_covariances

@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L
 
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 from vgps.solver.gtsam_values import vectors_at
 from vgps.solver.levenberg_marquardt import LIGHT_DAMPING, SolverSettings, Termination
 from vgps.solver.problem import BundleProblem

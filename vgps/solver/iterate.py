@@ -7,10 +7,10 @@ import gtsam
 import numpy as np
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import SparsityStructure
+from vgps.solver.equations.elimination import SparsityStructure
 from vgps.solver.gtsam_values import all_pose_values, vectors_at
 from vgps.solver.landmark_refinement import anchor_frames, landmark_costs, step_landmarks
+from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.problem import BundleProblem
 
 

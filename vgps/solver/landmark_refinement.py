@@ -13,13 +13,13 @@ import numpy as np
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.runtime.threads import map_in_order
-from vgps.solver.chunks import CHUNK_OBSERVATIONS, Chunk, couple
 from vgps.solver.cost import observation_costs, view_poses
-from vgps.solver.elimination import SparsityStructure
+from vgps.solver.equations.chunks import CHUNK_OBSERVATIONS, Chunk, couple
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.normal_equations import linearise_chunk
+from vgps.solver.equations.schur_complement import factorise_landmarks
 from vgps.solver.integer_sets import numbered
-from vgps.solver.normal_equations import linearise_chunk
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import factorise_landmarks
 
 _MIN_LOSS = 1e-3  # a landmark is refined by itself if a step raises its cost by more
 _START_DAMPING = 1e-3  # relative to the diagonal

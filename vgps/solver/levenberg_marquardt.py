@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vgps.solver.band_matrix import NotPositiveDefiniteError
-from vgps.solver.elimination import SparsityStructure
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.normal_equations import Linearisation, linearise
+from vgps.solver.equations.schur_complement import landmark_steps, reduce_to_poses
 from vgps.solver.iterate import Iterate, Step, retract
-from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
+from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 
 LIGHT_DAMPING = 1e-2
 """Damping up to which a step is nearly Gauss-Newton's, so that no decrease means a minimum."""

@@ -9,12 +9,12 @@ import numpy as np
 from vgps.errors import GeometryError
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
-from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.equations.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.equations.normal_equations import Linearisation, linearise
+from vgps.solver.equations.schur_complement import reduce_to_poses
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.normal_equations import Linearisation, linearise
+from vgps.solver.matrices.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import reduce_to_poses
 
 _MIN_PIVOT = 1e-14  # relative to the diagonal: rounding error left in an undetermined direction
 

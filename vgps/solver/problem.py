@@ -1,8 +1,8 @@
 """The optimisation problem of stages C and D: poses, landmarks, observations, and GTSAM factors on poses.
 
 Observations are arrays rather than factors, so that a solver can linearise all of them at once.
-:mod:`vgps.solver.cost` evaluates the problem; :func:`vgps.solver.gtsam_export.to_graph` writes it as a GTSAM
-factor graph whose ``error`` equals that cost up to rounding.
+:mod:`vgps.solver.cost` evaluates the problem; :func:`vgps.solver.gtsam_graphs.gtsam_export.to_graph` writes
+it as a GTSAM factor graph whose ``error`` equals that cost up to rounding.
 """
 
 from collections.abc import Iterable, Mapping

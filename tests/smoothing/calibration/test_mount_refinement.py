@@ -14,9 +14,9 @@ from vgps.smoothing.calibration.camera_equations import mount_jacobian
 from vgps.smoothing.calibration.mount_refinement import mount_notes, refine_mounts
 from vgps.smoothing.context import RigMount
 from vgps.solver.bundle_adjustment import solve
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
 
 FX, FY, CX, CY = REAR_K

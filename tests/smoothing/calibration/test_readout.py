@@ -49,7 +49,7 @@ def test_the_readout_of_many_chunks_is_that_of_one(rolls: bool, monkeypatch: pyt
     problem, _ = rolling_drive()
     problem = problem if rolls else replace(problem, row_times=None)
     whole = estimate_readout(problem, T_S, CAMERA, NO_SIGMA)
-    monkeypatch.setattr("vgps.solver.chunks.CHUNK_OBSERVATIONS", 100)
+    monkeypatch.setattr("vgps.solver.equations.chunks.CHUNK_OBSERVATIONS", 100)
     parts = estimate_readout(problem, T_S, CAMERA, NO_SIGMA)
     assert parts.readout_s == pytest.approx(whole.readout_s, rel=1e-6)
     assert parts.sigma_s == pytest.approx(whole.sigma_s, rel=1e-6)

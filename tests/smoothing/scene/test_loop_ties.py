@@ -8,7 +8,7 @@ from synthetic_rows import rolling_drive
 from vgps.geometry import project
 from vgps.smoothing.scene.loop_ties import _jacobians, fitting_loops, loop_gradient
 from vgps.solver.cost import cost_terms, reprojection_errors
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.problem import BundleProblem
 
 FRAMES = 24

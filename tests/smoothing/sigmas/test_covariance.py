@@ -18,7 +18,7 @@ from vgps.gps.sensors import Sensors
 from vgps.smoothing.sigmas.covariance import ErrorSources, drawn_covariances
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 from vgps.solver.cost import reprojection_errors
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.state_vectors import StateVector
 

@@ -8,12 +8,12 @@ from synthetic_bundle import drive
 
 from vgps.model import FloatArray
 from vgps.smoothing.sigmas.track_scores import track_scores
-from vgps.solver import chunks
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations import chunks
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
+from vgps.solver.equations.schur_complement import reduce_to_poses
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import reduce_to_poses
 
 
 def reduced_gradient(problem: BundleProblem) -> FloatArray:

@@ -29,12 +29,12 @@ from vgps.smoothing.scene.factor_graph import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Observations, Trajectory
 from vgps.solver import gtsam_backend
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.graph_optimiser import optimise_graph
-from vgps.solver.graph_reading import read_graph
+from vgps.solver.gtsam_graphs.graph_reading import read_graph
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.levenberg_marquardt import SolverSettings
-from vgps.solver.normal_equations import linearise
 from vgps.writers.run_folder import write_run
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -9,13 +9,13 @@ import numpy as np
 from vgps.camera import distort, undistort
 from vgps.geometry import in_picture
 from vgps.model import Camera, FloatArray
-from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.cost import camera_points, pixel_errors
-from vgps.solver.linearised_chunk import LinearisedChunk
-from vgps.solver.normal_equations import Linearisation, whitening
+from vgps.solver.equations.linearised_chunk import LinearisedChunk
+from vgps.solver.equations.normal_equations import Linearisation, whitening
+from vgps.solver.equations.schur_complement import absorbed_residuals
+from vgps.solver.equations.unknowns import Unknowns
+from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import absorbed_residuals
-from vgps.solver.unknowns import Unknowns
 
 _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
 

@@ -14,10 +14,10 @@ from vgps.model import FloatArray, IntArray
 from vgps.smoothing.calibration.camera_equations import mount_jacobian, reduced_equations
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.smoothing.context import RigMount
-from vgps.solver.band_matrix import POSE_DIM, NotPositiveDefiniteError
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.normal_equations import linearise
+from vgps.solver.matrices.band_matrix import POSE_DIM, NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
 _SIGNIFICANT_SIGMAS = 3.0  # of a change that is worth a warning

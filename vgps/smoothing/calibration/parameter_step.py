@@ -7,11 +7,11 @@ import numpy as np
 
 from vgps.model import FloatArray
 from vgps.smoothing.calibration.camera_equations import CameraEquations
-from vgps.solver.elimination import SparsityStructure
-from vgps.solver.linearised_chunk import LinearisedChunk
-from vgps.solver.normal_equations import Linearisation
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.linearised_chunk import LinearisedChunk
+from vgps.solver.equations.normal_equations import Linearisation
+from vgps.solver.equations.schur_complement import landmark_steps, reduce_to_poses
 from vgps.solver.problem import BundleProblem
-from vgps.solver.schur_complement import landmark_steps, reduce_to_poses
 
 _DAMPING = 1e-9  # relative: the drift of scale without fixes would otherwise be lost in rounding
 

@@ -22,15 +22,15 @@ from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.calibration.camera_equations import pinhole_jacobian
 from vgps.smoothing.context import SmoothingContext
-from vgps.solver.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.equations.elimination import SparsityStructure, analyse_sparsity
+from vgps.solver.equations.linearised_chunk import LinearisedChunk
+from vgps.solver.equations.normal_equations import linearise
+from vgps.solver.equations.row_equations import RollingChunk
+from vgps.solver.equations.schur_complement import absorbed_residuals
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.linearised_chunk import LinearisedChunk
 from vgps.solver.marginals import factorise_pose_system
-from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
-from vgps.solver.row_equations import RollingChunk
 from vgps.solver.row_times import RowTimes
-from vgps.solver.schur_complement import absorbed_residuals
 
 _BLOCK_S = 1.0  # errors of all tracks together, as of a path between frames, are independent after this time
 _LONGEST_SHARE = 1.1  # of the time between frames: a readout cannot be longer

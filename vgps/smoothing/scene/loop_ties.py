@@ -7,8 +7,8 @@ from scipy import sparse
 
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solver.cost import camera_points, pixel_errors, view_poses
-from vgps.solver.elimination import SparsityStructure
-from vgps.solver.normal_equations import projection_jacobians, whitening
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.normal_equations import projection_jacobians, whitening
 from vgps.solver.problem import BundleProblem
 
 _PART = 12000  # observations whose products with all draws are in memory at once

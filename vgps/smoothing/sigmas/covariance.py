@@ -38,12 +38,12 @@ from vgps.smoothing.scene.loop_ties import loop_gradient
 from vgps.smoothing.sigmas.factor_jacobians import FactorJacobians
 from vgps.smoothing.sigmas.track_scores import TrackScores, track_scores
 from vgps.smoothing.sigmas.video_drift import drift_by_imu, drift_draws, moved_poses
-from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.equations.elimination import PoseFactor, SparsityStructure, analyse_sparsity
+from vgps.solver.equations.normal_equations import Linearisation, linearise
+from vgps.solver.equations.pose_equations import whitened_jacobian
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import Covariances, factorise_pose_system, split_covariances
-from vgps.solver.normal_equations import Linearisation, linearise
-from vgps.solver.pose_equations import whitened_jacobian
+from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.problem import BundleProblem
 
 _STEPS_AT_ONCE = 2**23  # numbers of the draws' steps, in submaps

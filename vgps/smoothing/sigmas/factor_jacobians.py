@@ -7,9 +7,9 @@ import numpy as np
 from scipy import sparse
 
 from vgps.model import FloatArray
-from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import SparsityStructure
-from vgps.solver.pose_equations import whitened_jacobian
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.pose_equations import whitened_jacobian
+from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.problem import BundleProblem
 
 Graphs = tuple[gtsam.NonlinearFactorGraph, gtsam.NonlinearFactorGraph, gtsam.NonlinearFactorGraph]

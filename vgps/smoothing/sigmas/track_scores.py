@@ -8,12 +8,12 @@ import numpy.typing as npt
 from scipy import sparse
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.band_matrix import POSE_DIM
 from vgps.solver.disk_arrays import DiskArrays, stored
-from vgps.solver.elimination import SparsityStructure
-from vgps.solver.linearised_chunk import LinearisedChunk
-from vgps.solver.normal_equations import Linearisation
-from vgps.solver.schur_complement import pose_scores
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.equations.linearised_chunk import LinearisedChunk
+from vgps.solver.equations.normal_equations import Linearisation
+from vgps.solver.equations.schur_complement import pose_scores
+from vgps.solver.matrices.band_matrix import POSE_DIM
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 from vgps.config import DriftConfig
 from vgps.geometry import cross_matrices
 from vgps.model import FloatArray
-from vgps.solver.band_matrix import POSE_DIM
-from vgps.solver.elimination import SparsityStructure
+from vgps.solver.equations.elimination import SparsityStructure
+from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.problem import BundleProblem
 
 # The video drifts less than verdicts on fixes allow for. From one knot to the next, stage D without fixes

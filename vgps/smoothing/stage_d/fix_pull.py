@@ -12,11 +12,11 @@ from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.scene.factor_graph import Scene, build_problem, joined, other_pose_factors
 from vgps.smoothing.stage_d.batch_problem import BatchInput
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
+from vgps.solver.equations.pose_equations import whitened_jacobian
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import factorise_pose_system
-from vgps.solver.normal_equations import linearise
-from vgps.solver.pose_equations import whitened_jacobian
 
 # what is wrong with the clock or the lever arm is no error of single fixes
 _CLOCK_SIGMA_S, _ANTENNA_SIGMA_M = 0.5, 1.0

@@ -10,7 +10,7 @@ from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import Scene
-from vgps.solver.landmark_groups import track_ends
+from vgps.solver.equations.landmark_groups import track_ends
 from vgps.solver.marginals import Covariances
 from vgps.solver.problem import BundleProblem
 from vgps.solver.state_vectors import StateVector

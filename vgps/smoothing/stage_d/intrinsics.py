@@ -24,11 +24,11 @@ from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import Observations
-from vgps.solver.band_matrix import NotPositiveDefiniteError
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.integer_sets import distinct
-from vgps.solver.normal_equations import linearise
+from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")

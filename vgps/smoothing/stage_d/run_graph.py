@@ -8,7 +8,7 @@ from vgps.errors import RunFolderError
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.stage_d.graph_arrays import last_problem
 from vgps.solution import Solution
-from vgps.solver.gtsam_export import to_graph
+from vgps.solver.gtsam_graphs.gtsam_export import to_graph
 
 _TOLERANCE = 1e-6  # relative, between the graph's error and the cost that the run reports
 _REMEDY = "run vgps smooth again"

@@ -8,10 +8,10 @@ from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
 from vgps.smoothing.stage_d.batch_problem import BatchInput, batch_problem
-from vgps.solver.elimination import analyse_sparsity
+from vgps.solver.equations.elimination import analyse_sparsity
+from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.marginals import factorise_pose_system
-from vgps.solver.normal_equations import linearise
 from vgps.solver.problem import BundleProblem
 
 

@@ -1,0 +1,1 @@
+"""Graphs of GTSAM made of a bundle problem, and read as one."""

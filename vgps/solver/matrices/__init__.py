@@ -1,0 +1,1 @@
+"""The reduced camera system as a matrix: banded, in blocks, or in submaps on disk."""
