@@ -1,5 +1,6 @@
 """Videos with tracks of metadata or subtitles, as cameras write them."""
 
+import struct
 from fractions import Fraction
 from pathlib import Path
 
@@ -38,6 +39,42 @@ def write_metadata_video(
         assert written.count(b"tx3g") == written.count(b"sbtl") == 1
         path.write_bytes(written.replace(b"tx3g", kind.encode()).replace(b"sbtl", b"meta"))
     return path
+
+
+def box(name: str | bytes, content: bytes) -> bytes:
+    name = name.encode("latin-1") if isinstance(name, str) else name
+    return struct.pack(">I4s", 8 + len(content), name) + content
+
+
+def write_timed_metadata_video(
+    path: Path, packets: list[tuple[float, bytes]], keys: dict[str, bytes]
+) -> Path:
+    """Write a video with a track of QuickTime's timed metadata, whose packets hold boxes named by numbers.
+
+    Args:
+        path: The file.
+        packets: Time [s] and data.
+        keys: The number, of four bytes, by the key's name.
+    """
+    table = b"".join(box(number, box("keyd", b"mdta" + name.encode())) for name, number in keys.items())
+    entry = box("mebx", bytes(6) + b"\0\1" + box("keys", table))
+    write_metadata_video(path, packets, "mebx")
+    path.write_bytes(_with_description(path.read_bytes(), entry))
+    return path
+
+
+def _with_description(content: bytes, entry: bytes) -> bytes:
+    """Replace the sample description of that kind; the tables of where samples are lie behind them all."""
+    found, at = b"", 0
+    while at < len(content):
+        size, name = struct.unpack_from(">I4s", content, at)
+        inner = content[at + 8 : at + size]
+        if name in {b"moov", b"trak", b"mdia", b"minf", b"stbl"}:
+            inner = _with_description(inner, entry)
+        elif name == b"stsd" and inner[12:16] == entry[4:8]:
+            inner = inner[:8] + entry
+        found, at = found + box(name, inner), at + size
+    return found
 
 
 def subtitle_packet(text: str) -> bytes:

@@ -40,16 +40,31 @@ def quicktime_tags(path: Path) -> dict[str, str | float]:
 
 def track_kinds(path: Path) -> dict[int, str]:
     """Return the kind of each track by its number: the four letters of its sample description."""
-    kinds: dict[int, str] = {}
+    return {
+        number: entry[4:8].decode("latin-1")
+        for number, entry in sample_descriptions(path).items()
+        if len(entry) >= _SIZE.size
+    }
+
+
+def sample_descriptions(path: Path) -> dict[int, bytes]:
+    """Return the first sample description of each track by its number, with size and kind."""
+    found: dict[int, bytes] = {}
     with path.open("rb") as stream:
         stream.seek(0, 2)
         for _, first, last in _children(stream, 0, stream.tell(), "moov", "trak"):
             header = next(_contents(stream, first, last, ("tkhd",)), b"")
             entries = next(_contents(stream, first, last, ("mdia", "minf", "stbl", "stsd")), b"")
             at = 20 if header[:1] == b"\1" else 12  # behind two times of 64 or of 32 bits
-            if len(header) >= at + 4 and len(entries) >= 16:
-                kinds[int.from_bytes(header[at : at + 4], "big")] = entries[12:16].decode("latin-1")
-    return kinds
+            if len(header) >= at + 4:
+                found[int.from_bytes(header[at : at + 4], "big")] = entries[8:]
+    return found
+
+
+def inner_boxes(content: bytes, start: int = 0) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of each box in bytes, from a place on; what does not fit ends them."""
+    for name, first, last in _inner(content, start):
+        yield name, content[first:last]
 
 
 def _contents(stream: BinaryIO, start: int, end: int, names: tuple[str, ...]) -> Iterator[bytes]:

@@ -12,10 +12,11 @@ from vgps.readers.video_gps.camm import read_camm
 from vgps.readers.video_gps.dashcam import read_dashcam
 from vgps.readers.video_gps.dji_metadata import read_dji_metadata
 from vgps.readers.video_gps.dji_srt import read_subtitle_track
+from vgps.readers.video_gps.quicktime_places import read_quicktime_places
 
 _METADATA = {"camm", "CTMD", "djmd", "gpmd", "mebx", "mett", "rtmd", "text", "tx3g"}  # kinds of tracks
 _PLACES = ("location.ISO6709", "location")  # of Apple, and of Android as FFmpeg names it
-_OTHERS = (read_dji_metadata, read_camm, read_subtitle_track, read_dashcam)
+_OTHERS = (read_dji_metadata, read_camm, read_quicktime_places, read_subtitle_track, read_dashcam)
 
 
 def looks_like_video(head: bytes) -> bool:
@@ -24,7 +25,7 @@ def looks_like_video(head: bytes) -> bool:
 
 
 def find_video_gps(video: Path, telemetry: Telemetry) -> RawLog | None:
-    """Return a GoPro's log in a video, a DJI drone's, CAMM's or a dashcam's; None without one.
+    """Return a GoPro's log in a video, a DJI drone's, CAMM's, a phone's or a dashcam's; None without one.
 
     A GoPro's may have no fix.
 
@@ -62,7 +63,7 @@ def read_video_gps(video: Path, telemetry: Telemetry | None = None) -> RawLog:
         raise GpsLogError(
             "GoPro metadata without GPS" if telemetry.sensors else what,
             file=video,
-            expected="a GoPro's GPS9, GPS5 or GPRI, DJI's metadata or subtitles, CAMM, a dashcam's blocks",
+            expected="GPS of a GoPro, DJI's metadata or subtitles, CAMM, places in mebx, a dashcam's blocks",
             remedy="give a GPS log with --gps",
         )
     return found
