@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import factors
@@ -39,13 +40,18 @@ def imported(source: str) -> Iterator[str]:
             yield f"{node.value.id}.{node.attr}"
 
 
+@cache
+def imported_by(file: Path) -> frozenset[str]:
+    return frozenset(imported(file.read_text(encoding="utf-8")))
+
+
 def rooms_that_use(*names: str) -> set[str]:
     """Return the rooms (``vgps.geodesy``, ``factors``) that use one of the dotted names."""
     found = set()
     for package in (vgps, factors):
         home = Path(next(iter(package.__path__)))
         for file in home.rglob("*.py"):
-            used = set(imported(file.read_text(encoding="utf-8")))
+            used = imported_by(file)
             if any(one == name or one.startswith(f"{name}.") for one in used for name in names):
                 room = file.relative_to(home).parts[0].removesuffix(".py")
                 found.add("factors" if package is factors else f"vgps.{room}")
