@@ -4,22 +4,26 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
-from recordings import small_recording
-from shared_runs import SharedRun, run_sharing
+from shared_runs import SharedFolder, SharedRun, folder_sharing, run_sharing
 from threadpoolctl import threadpool_limits
 
-import vgps
-from vgps.cli import main
+# pytest-xdist's own process reads this file before it starts the workers: vgps is imported when it is used
+if TYPE_CHECKING:
+    from vgps.solution import Solution
 
 Verb = Callable[..., tuple[int, str, str]]
 
 settings.register_profile("vgps", deadline=None)  # a loaded machine is no failure
 settings.load_profile("vgps")
-# small matrices: BLAS's threads would wait for each other, and for those of the other worker
-threadpool_limits(limits=1, user_api="blas")
+
+
+def pytest_collection_finish() -> None:
+    """Small matrices: BLAS's threads would wait for each other, and for those of the other worker."""
+    threadpool_limits(limits=1, user_api="blas")  # of the libraries that are loaded, as by all tests' files
 
 
 @pytest.fixture(scope="session")
@@ -33,27 +37,47 @@ def data_dir() -> Path:
 
 
 @pytest.fixture(scope="session")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a small simulated recording with its truth; copy it before changing it."""
-    return small_recording(tmp_path_factory.mktemp("recording") / "walk")
-
-
-@pytest.fixture(scope="session")
 def shared_run(tmp_path_factory: pytest.TempPathFactory) -> SharedRun:
     """Return a function that gives the run of a name, which it makes if no worker has it yet."""
     return run_sharing(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
-def kitti03_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> SharedFolder:
+    """Return a function that gives the folder of a name, which it makes if no worker has it yet."""
+    return folder_sharing(tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def recording(shared_folder: SharedFolder) -> Path:
+    """Return a small simulated recording with its truth; copy it before changing it."""
+    from recordings import small_recording
+
+    return shared_folder("walk", small_recording)
+
+
+@pytest.fixture(scope="session")
+def smoothed_walk(recording: Path, shared_run: SharedRun) -> "Solution":
+    """The run of the small recording as vgps is configured by default."""
+    import vgps
+
+    return shared_run("smoothed_walk", lambda: vgps.smooth(vgps.open_recording(recording)))
+
+
+@pytest.fixture(scope="session")
+def kitti03_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
     """The run of the real drive kitti03 with its RTK-fixes."""
+    import vgps
+
     drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
     return shared_run("kitti03_fixed", lambda: vgps.smooth(drive))
 
 
 @pytest.fixture(scope="session")
-def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
+def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
     """The run of the real drive kitti07 with its RTK-fixes."""
+    import vgps
+
     drive = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
     return shared_run("kitti07_fixed", lambda: vgps.smooth(drive))
 
@@ -61,6 +85,7 @@ def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> vgps.Solution:
 @pytest.fixture
 def vgps_verb(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Verb:
     """Run a verb; return its exit code, standard output and standard error."""
+    from vgps.cli import main
 
     def run(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["vgps", *map(str, words)])

@@ -208,7 +208,6 @@ def test_the_verb_reads_a_receiver_from_standard_input(recording):
     assert len(told) >= 5 and {line["verdict"] for line in told} == {"used"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -217,7 +216,7 @@ def test_the_verb_reads_a_receiver_from_standard_input(recording):
         (["nowhere"], "no such recording"),
     ],
 )
-def test_missing_options_are_reported_in_one_line(words, told):
-    done = subprocess.run(command(*words), capture_output=True, text=True, check=False)
-    assert done.returncode == 2 and told in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("vgps: ")
+def test_missing_options_are_reported_in_one_line(words, told, vgps_verb):
+    code, _, error = vgps_verb("online", *words)
+    assert code == 2 and told in error
+    assert len(error.strip().splitlines()) == 1 and error.startswith("vgps: ")

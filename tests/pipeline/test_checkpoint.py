@@ -47,10 +47,10 @@ def files(folder):
 
 
 @pytest.fixture(scope="module")
-def whole(recording, tmp_path_factory):
+def whole(smoothed_walk, tmp_path_factory):
     """The files of a run that was never interrupted."""
     out = tmp_path_factory.mktemp("whole") / "run"
-    vgps.write_run(vgps.smooth(vgps.open_recording(recording)), out)
+    vgps.write_run(smoothed_walk, out)
     return files(out)
 
 

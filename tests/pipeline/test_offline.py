@@ -30,8 +30,8 @@ def errors(solution, recording):
 
 
 @pytest.fixture(scope="module")
-def solution(recording):
-    return vgps.smooth(vgps.open_recording(recording))
+def solution(smoothed_walk):
+    return smoothed_walk
 
 
 def test_every_frame_is_posed_near_the_truth(solution, recording):
@@ -237,9 +237,9 @@ def test_a_cut_splits_or_bridges_and_fixes_tie_the_parts(recording, tmp_path):
 
 
 @pytest.mark.slow
-def test_same_input_same_bytes(recording, tmp_path):
-    for name in ("a", "b"):
-        write_run(vgps.smooth(vgps.open_recording(recording)), tmp_path / name)
+def test_same_input_same_bytes(solution, recording, tmp_path):
+    write_run(solution, tmp_path / "a")
+    write_run(vgps.smooth(vgps.open_recording(recording)), tmp_path / "b")
     for file in sorted((tmp_path / "a").iterdir()):
         if file.name != "solution.json":  # holds the seconds
             assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name

@@ -1,6 +1,7 @@
 """A textured wall seen by a moving camera: exact poses, gyro, blur, and a landmark database in memory."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -19,36 +20,40 @@ ORIGIN = GeodeticPoint(49.0, 8.4, 160.0)
 GYRO_R_CAMERA = Rotation.from_euler("xyz", [90, 5, -3], degrees=True).as_matrix()
 
 
-def texture(seed: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
+@cache
+def wall() -> np.ndarray:
+    """The texture, (1400, 2400)."""
+    rng = np.random.default_rng(0)
     parts = [cv2.GaussianBlur(rng.normal(size=(1400, 2400)), (0, 0), sigma) * sigma for sigma in (1.5, 4, 12)]
     sum_ = sum(part / part.std() for part in parts)
     return np.clip(128 + 30 * sum_, 0, 255).astype(np.float32)
 
 
-WALL = texture()
+def rotation_at(t_s: float | np.ndarray, turn_deg_s: float = 40.0) -> Rotation:
+    w = np.radians(turn_deg_s)
+    angles = [0.08 * w * np.sin(8 * t_s), w / 6 * np.sin(6 * t_s), 0.05 * w * np.sin(5 * t_s + 1)]
+    return Rotation.from_euler("xyz", np.stack(angles, axis=-1))
 
 
 def pose_at(t_s: float, turn_deg_s: float = 40.0) -> np.ndarray:
     """A camera that moves sideways at 0.8 m/s and towards the wall at 0.3 m/s, and shakes."""
-    w = np.radians(turn_deg_s)
-    angles = [0.08 * w * np.sin(8 * t_s), w / 6 * np.sin(6 * t_s), 0.05 * w * np.sin(5 * t_s + 1)]
     pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    pose[:3, :3] = rotation_at(t_s, turn_deg_s).as_matrix()
     pose[:3, 3] = (-1 + 0.8 * t_s, 0.1 * np.sin(t_s), 0.3 * t_s)
     return pose
 
 
 def wall_to_image(pose: np.ndarray) -> np.ndarray:
     """(3, 3) homography from pixels of the texture to pixels of the image."""
-    origin = np.array([-WALL.shape[1] * METRES / 2, -WALL.shape[0] * METRES / 2, WALL_M])
+    height, width = wall().shape
+    origin = np.array([-width * METRES / 2, -height * METRES / 2, WALL_M])
     plane = np.column_stack([[METRES, 0, 0], [0, METRES, 0], origin - pose[:3, 3]])
     return CAMERA.K @ pose[:3, :3].T @ plane
 
 
 def picture(pose: np.ndarray) -> np.ndarray:
     size = (CAMERA.width, CAMERA.height)
-    return cv2.warpPerspective(WALL, wall_to_image(pose), size, flags=cv2.INTER_AREA)
+    return cv2.warpPerspective(wall(), wall_to_image(pose), size, flags=cv2.INTER_AREA)
 
 
 def exposed(t_s: float, exposure_s: float, turn_deg_s: float = 40.0) -> np.ndarray:
@@ -63,17 +68,14 @@ def rolling(t_s: float, readout_s: float, turn_deg_s: float = 40.0) -> np.ndarra
     to_wall = np.linalg.inv([wall_to_image(pose_at(t, turn_deg_s)) for t in times])
     pixels = np.stack(np.broadcast_arrays(np.arange(CAMERA.width)[None], rows[:, None], 1), axis=-1)
     at = np.einsum("vij,vuj->vui", to_wall, pixels)
-    return cv2.remap(WALL, (at[..., :2] / at[..., 2:]).astype(np.float32), None, cv2.INTER_LINEAR)
+    return cv2.remap(wall(), (at[..., :2] / at[..., 2:]).astype(np.float32), None, cv2.INTER_LINEAR)
 
 
 def gyro(duration_s: float, bias: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> GyroLog:
     """200 Hz, from half a second before the first frame to half a second after the last."""
     step = 0.005
     t = np.arange(-0.5, duration_s + 0.5, step)
-    before, after = (
-        Rotation.from_matrix(np.array([pose_at(x + shift)[:3, :3] for x in t])) for shift in (-1e-4, 1e-4)
-    )
-    rates = (before.inv() * after).as_rotvec() / 2e-4
+    rates = (rotation_at(t - 1e-4).inv() * rotation_at(t + 1e-4)).as_rotvec() / 2e-4
     return GyroLog(t, rates @ GYRO_R_CAMERA.T + bias, Path("gyro.csv"))
 
 

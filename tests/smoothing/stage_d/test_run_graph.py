@@ -41,9 +41,9 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope="module")
-def run(recording, tmp_path_factory):
+def run(smoothed_walk, tmp_path_factory):
     folder = tmp_path_factory.mktemp("graph") / "run"
-    write_run(vgps.smooth(vgps.open_recording(recording)), folder)
+    write_run(smoothed_walk, folder)
     return folder
 
 
