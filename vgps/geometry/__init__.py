@@ -15,6 +15,7 @@ from vgps.geometry.projection import (
     world_rays,
     world_sigmas,
 )
+from vgps.geometry.rotation_vectors import rotation_matrices, rotation_vectors
 
 __all__ = [
     "MIN_DEPTH",
@@ -27,6 +28,8 @@ __all__ = [
     "project",
     "rays",
     "reprojection_inliers",
+    "rotation_matrices",
+    "rotation_vectors",
     "travelled",
     "triangulate",
     "world_rays",

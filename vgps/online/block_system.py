@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
 from vgps.model import FloatArray, IntArray
 
@@ -22,18 +22,20 @@ class BlockSystem:
     @cached_property
     def _factor(self) -> FloatArray:
         """Cholesky factor in LAPACK's lower band storage."""
-        n = self.diagonal.shape[1]
-        band = np.zeros((2 * n, n * len(self.diagonal)))
-        for j in range(n):
-            for i in range(j, n):
-                band[i - j, j::n] = self.diagonal[:, i, j]
-            for i in range(n):
-                band[n + i - j, j : len(self.below) * n : n] = self.below[:, i, j]
-        return np.asarray(cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False))
+        count, n, _ = self.diagonal.shape
+        columns = np.zeros((count, 3 * n, n))
+        columns[:, :n], columns[:-1, n : 2 * n] = self.diagonal, self.below
+        column = np.arange(n)
+        band = columns[:, column + np.arange(2 * n)[:, None], column].transpose(1, 0, 2).reshape(2 * n, -1)
+        # LAPACK itself: SciPy's checks take longer than so small a system
+        factor, failed = dpbtrf(band, lower=True)
+        if failed:
+            raise np.linalg.LinAlgError("the normal equations are not positive definite")
+        return np.asarray(factor)
 
     def step(self) -> FloatArray:
         """Return the increments (N, n) that solve them."""
-        step = cho_solve_banded((self._factor, True), -self.gradient.ravel(), check_finite=False)
+        step, _ = dpbtrs(self._factor, -self.gradient.ravel(), lower=True)
         return np.asarray(step.reshape(self.gradient.shape))
 
     def last_covariance(self) -> FloatArray:
@@ -45,10 +47,8 @@ class BlockSystem:
     def _last_block(self) -> FloatArray:
         """Rows and columns (n, n) of the last node in the factor."""
         n = self.diagonal.shape[1]
-        last = np.zeros((n, n))
-        for j in range(n):
-            last[j:, j] = self._factor[: n - j, -n + j]
-        return last
+        row = np.arange(n)[:, None]
+        return np.asarray(np.tril(self._factor[row - np.arange(n), np.arange(-n, 0)]))
 
     @cached_property
     def _inverse(self) -> tuple[FloatArray, FloatArray]:
@@ -80,8 +80,8 @@ class BlockSystem:
     def eliminated(self) -> tuple[FloatArray, FloatArray]:
         """Return information (n, n) and vector (n,) of the last node with all others eliminated."""
         n, last = self.diagonal.shape[1], self._last_block
-        carried = solve_banded((2 * n - 1, 0), self._factor, self.gradient.ravel(), check_finite=False)
-        return last @ last.T, last @ carried[-n:]
+        carried, _ = dtbtrs(self._factor, self.gradient.reshape(-1, 1), uplo="L")
+        return last @ last.T, last @ carried[-n:, 0]
 
 
 class BlockSum:

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
-from vgps.geometry import cross_matrices, interpolate_vectors
+from vgps.geometry import cross_matrices, interpolate_vectors, rotation_matrices, rotation_vectors
 from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.sensors import TimeOffset
@@ -106,9 +105,9 @@ class FusedPath:
             step = path.poses[:, :3, 3] - centre[node]
             return np.asarray(x[node, POSITION] + scale[node, None] * (R[node] @ step[:, :, None])[:, :, 0])
 
-        turn = Rotation.from_matrix(R[after] @ R[before].transpose(0, 2, 1)).as_rotvec()
+        turn = rotation_vectors(R[after] @ R[before].transpose(0, 2, 1))
         out = path.poses.copy()
-        out[:, :3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ R[before] @ path.poses[:, :3, :3]
+        out[:, :3, :3] = rotation_matrices(share * turn) @ R[before] @ path.poses[:, :3, :3]
         out[:, :3, 3] = (1.0 - share) * placed(before) + share * placed(after)
         return out
 

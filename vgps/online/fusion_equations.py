@@ -6,9 +6,8 @@ Everything is a chain, so that the matrix is block tridiagonal. Losses of Studen
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from vgps.geometry import cross_matrices
+from vgps.geometry import cross_matrices, rotation_matrices, rotation_vectors
 from vgps.model import FloatArray
 from vgps.online.block_system import BlockSum, BlockSystem
 from vgps.online.fusion_nodes import FusionNodes
@@ -39,7 +38,7 @@ class FusionState:
         """Return the state moved by increments (N, 13)."""
         values = self.values + step
         values[:, ROTATION] = 0.0
-        return FusionState(values, Rotation.from_rotvec(step[:, ROTATION]).as_matrix() @ self.world_R_map)
+        return FusionState(values, rotation_matrices(step[:, ROTATION]) @ self.world_R_map)
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class FirstNodePrior:
     def distance(self, state: FusionState) -> FloatArray:
         """Return d (13,) of a state's first node."""
         d = state.values[0] - self.at.values[0]
-        d[ROTATION] = Rotation.from_matrix(state.world_R_map[0] @ self.at.world_R_map[0].T).as_rotvec()
+        d[ROTATION] = rotation_vectors(state.world_R_map[:1] @ self.at.world_R_map[0].T)[0]
         return np.asarray(d)
 
     def cost(self, state: FusionState) -> float:
@@ -89,8 +88,8 @@ class _Residuals:
 
 def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
     x, R, fixes = state.values, state.world_R_map, nodes.fixes
-    turn = Rotation.from_matrix(R[1:] @ R[:-1].transpose(0, 2, 1)).as_rotvec()
-    middle = Rotation.from_rotvec(0.5 * turn).as_matrix() @ R[:-1]
+    turn = rotation_vectors(R[1:] @ R[:-1].transpose(0, 2, 1))
+    middle = rotation_matrices(0.5 * turn) @ R[:-1]
     scale = np.exp(0.5 * (x[1:, SCALE] + x[:-1, SCALE]))
     video = np.diff(nodes.camera[:, :3, 3], axis=0)
     video_step = scale[:, None] * (middle @ video[:, :, None])[:, :, 0]
@@ -119,8 +118,8 @@ def _tie_residuals(nodes: FusionNodes, state: FusionState) -> FloatArray:
     """Return position and rotation (K, 6) against those by places seen again, in standard deviations."""
     at, there = nodes.tied, nodes.ties.world_T_camera
     R = state.world_R_map[at] @ nodes.camera[at, :3, :3] @ there[:, :3, :3].transpose(0, 2, 1)
-    turn = Rotation.from_matrix(R).as_rotvec() if len(at) else np.zeros((0, 3))
-    return np.hstack([state.values[at, POSITION] - there[:, :3, 3], turn]) / nodes.ties.sigma
+    away = state.values[at, POSITION] - there[:, :3, 3]
+    return np.hstack([away, rotation_vectors(R)]) / nodes.ties.sigma
 
 
 def _squares(nodes: FusionNodes, state: FusionState, r: _Residuals) -> tuple[FloatArray, FloatArray]:
