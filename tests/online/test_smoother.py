@@ -146,6 +146,19 @@ def test_bad_frames_are_reported_with_their_number(opened, images):
 
 
 @pytest.mark.slow
+def test_what_a_pose_does_not_need_comes_after_it_and_before_the_next(opened, images, monkeypatch):
+    smoother, done = OnlineSmoother(opened.camera, opened.rig), []
+    monkeypatch.setattr(smoother._frame_pipeline, "map_frame", lambda: done.append("stage B"))
+    monkeypatch.setattr(smoother._places, "see", lambda image: done.append(image) or [])
+    (first_s, first), (second_s, second) = images[:2]
+    smoother.add_frame(first_s, first)
+    assert not done
+    smoother.add_frame(second_s, second)
+    assert done[0] == "stage B"
+    assert done[1] is first
+    assert not any(one is second for one in done)
+
+
 def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     states = [smoother.add_frame(*image).state for image in images[:40]]

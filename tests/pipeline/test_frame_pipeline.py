@@ -49,6 +49,22 @@ def test_its_points_are_those_of_the_room(aligned):
     assert np.median(np.linalg.norm(found - expected, axis=1) / expected[:, 2]) < 0.02
 
 
+def test_a_pose_does_not_wait_for_stage_b():
+    """It is known before its view is mapped, which happens once: when asked for, or with stage C."""
+    *start, first, second = room(14)
+    made = fed(start)
+    for frame, map_view in ((first, made.map_frame), (second, made.refine)):
+        before = made.current.points.copy()
+        made.track_frame(frame)
+        assert np.isfinite(made.current.poses[-1]).all()
+        np.testing.assert_array_equal(made.current.points, before)
+        map_view()
+        mapped = made.current.points.copy()
+        assert len(mapped) > len(before) or not np.array_equal(mapped, before, equal_nan=True)
+        made.refine()
+        np.testing.assert_array_equal(made.current.points, mapped)
+
+
 def test_without_fixes_the_path_has_its_shape_alone():
     (local_map,) = fed(room(20)).maps
     assert not local_map.aligned

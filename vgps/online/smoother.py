@@ -40,9 +40,8 @@ _LIVE = Path("live")
 class OnlineSmoother:
     """Live smoother: stages A, B and C on every frame; stage D at the end, if everything was kept.
 
-    The pose of a frame is published after stages A and B; stage C runs afterwards. Without ``keep_all``
-    neither time nor memory per frame grows with the number of frames, except for about 100 bytes per frame
-    and fix for the run folder.
+    The pose of a frame is published after stage A; the others run afterwards. Without ``keep_all`` neither
+    time nor memory per frame grows with their number, but for about 100 bytes per frame and fix.
 
     Stage C optimises the map by the video alone. Where the map lies in the world follows from the fixes of
     the frames kept (``online.keep_s``), by :class:`vgps.online.live_fusion.LiveFusion`.
@@ -89,7 +88,7 @@ class OnlineSmoother:
         self._events: list[OnlineEvent] = []
         self._warnings: list[str] = []
         self._estimate: OnlineEstimate | None = None
-        self._refined = 0
+        self._unrefined: GrayImage | None = None  # the newest frame
         self.video_start_utc = rig.video_start_utc
 
     def add_fix(self, fix: Fix) -> bool:
@@ -150,16 +149,17 @@ class OnlineSmoother:
             events,
             time.perf_counter() - begun,
         )
-        self._events += self._places.see(image)
+        self._unrefined = image
         return self._estimate
 
     def refine(self) -> None:
-        """Run stage C if it is due; call it in idle time, else :meth:`add_frame` does."""
-        frames = len(self._frame_pipeline.t_s)
-        if self._estimate is None or self._refined == frames:
+        """Do what the newest pose did not wait for; call it in idle time, else :meth:`add_frame` does."""
+        if self._unrefined is None:
             return
-        self._refined = frames
+        image, self._unrefined, frames = self._unrefined, None, len(self._frame_pipeline.t_s)
         with one_blas_thread():
+            self._frame_pipeline.map_frame()
+            self._events += self._places.see(image)
             self._frame_pipeline.refine()
             self._fusion.refine()
         fix_buffer = self._frame_pipeline.fix_buffer

@@ -103,7 +103,7 @@ class FramePipeline:
         self.refine()
 
     def track_frame(self, frame: Frame) -> None:
-        """Run stages A and B on the next frame; call :meth:`refine` before the one after it."""
+        """Run stage A on the next frame; call :meth:`refine` before the one after it."""
         self._times.append(frame.t_s)
         frame = self.tracker.static.masked(frame)
         if self._current is None or not self._current.started:
@@ -113,11 +113,15 @@ class FramePipeline:
         if self._current is not None and self._current.started and self._current.local_map not in self.maps:
             self.maps.append(self._current.local_map)
 
-    def refine(self) -> None:
-        """Align the map and run stage C, if moving frames since the last time make them due.
+    def map_frame(self) -> None:
+        """Run stage B on the newest frame, whose pose does not need it; :meth:`refine` does, too."""
+        if self._current is not None:
+            with self.timer.measure("map"):
+                self._current.map_view(self.tracker, self._mapper)
 
-        Stage C of an aligned map runs in a thread beside the next frames.
-        """
+    def refine(self) -> None:
+        """Run stage B, align the map, and run stage C, beside the next frames, if moving frames are due."""
+        self.map_frame()
         builder = self._current
         if builder is None or not builder.started:
             return
@@ -211,11 +215,7 @@ class FramePipeline:
             builder.add_zero_motion(frame.index, result)
             return
         builder.add_view(frame, result)
-        with self.timer.measure("map"):
-            local_map.apply(self.tracker.find_returning(local_map, frame, result))
-            local_map.apply(self._mapper.triangulate_due(local_map))
-            local_map.apply(self.tracker.moving.leave_out(local_map))
-            local_map.apply(self._mapper.new_features(local_map, frame, self.tracker.moving))
+        builder.unmapped = frame, result
         builder.since_window, builder.moved = builder.since_window + 1, True
 
     def _align(self, builder: MapBuilder) -> None:

@@ -15,6 +15,8 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import Camera, FloatArray, Frame, GrayImage
 from vgps.solution import Trajectory
+from vgps.tracking.frame_tracker import FrameTracker
+from vgps.tracking.mapper import Mapper
 from vgps.tracking.pose import Prediction
 from vgps.tracking.relocaliser import Relocaliser
 from vgps.tracking.tracking_result import TrackingResult
@@ -39,6 +41,7 @@ class MapBuilder:
         failures: Number of failures of stage C in a row.
         moved: Whether a moving frame was added since stage C was last considered.
         relocaliser: Searches for the map's features while tracking is lost.
+        unmapped: The newest view and its result, if stage B has not run on it.
     """
 
     local_map: LocalMap
@@ -50,6 +53,7 @@ class MapBuilder:
     failures: int = 0
     moved: bool = False
     relocaliser: Relocaliser | None = None
+    unmapped: tuple[Frame, TrackingResult] | None = None
 
     @property
     def view_s(self) -> float:
@@ -65,6 +69,16 @@ class MapBuilder:
         view = NewView(frame.index, result.raw_uv_px, result.uv_px, result.found)
         self.local_map.apply(MapUpdate(view=view))
         self.view_image = frame.gray
+
+    def map_view(self, tracker: FrameTracker, mapper: Mapper) -> None:
+        """Run stage B on the newest view, unless it did: features found again, positions, new features."""
+        if self.unmapped is None:
+            return
+        (frame, result), self.unmapped, local_map = self.unmapped, None, self.local_map
+        local_map.apply(tracker.find_returning(local_map, frame, result))
+        local_map.apply(mapper.triangulate_due(local_map))
+        local_map.apply(tracker.moving.leave_out(local_map))
+        local_map.apply(mapper.new_features(local_map, frame, tracker.moving))
 
     def stands(
         self, frame: Frame, result: TrackingResult, config: TrackingConfig, retention: RetentionPolicy | None
