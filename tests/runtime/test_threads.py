@@ -1,4 +1,5 @@
 import os
+import sys
 import threading
 import time
 from collections.abc import Generator
@@ -6,7 +7,14 @@ from collections.abc import Generator
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from vgps.runtime.threads import begin, map_in_order, one_blas_thread, run_ahead, usable_cores
+from vgps.runtime.threads import (
+    begin,
+    map_in_order,
+    one_blas_thread,
+    prompt_threads,
+    run_ahead,
+    usable_cores,
+)
 
 
 def blas_threads() -> list[int]:
@@ -26,6 +34,15 @@ def test_what_is_begun_runs_while_the_caller_goes_on() -> None:
     assert not seen.done()
     signal.set()
     assert seen.result()
+
+
+def test_threads_are_prompt_inside_and_as_before_after_it():
+    before = sys.getswitchinterval()
+    with pytest.raises(ZeroDivisionError), prompt_threads():
+        inside_s = sys.getswitchinterval()
+        raise ZeroDivisionError
+    assert inside_s < before
+    assert sys.getswitchinterval() == before
 
 
 @pytest.fixture

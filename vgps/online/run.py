@@ -12,6 +12,7 @@ from vgps.model import FloatArray, GrayImage
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.smoother import OnlineSmoother
 from vgps.readers.gps_formats.fixes import Fix
+from vgps.runtime.threads import prompt_threads
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ FeedItem = TimedImage | Fix | GyroSample | SourceNote
 Sink = Callable[[OnlineEstimate, float], None]
 
 
+@prompt_threads()
 def run_online(feed: Iterable[FeedItem], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
     """Feed all items to a smoother in order of arrival, and return the number of frames.
 

@@ -197,8 +197,10 @@ def undistorted_again(camera: Camera, before: Camera) -> Callable[[FloatArray], 
     """
 
     def undistorted(uv_px: FloatArray) -> FloatArray:
-        new = undistort(camera, distort(before, uv_px))
-        return np.where(np.isfinite(new), new, uv_px)
+        out, seen = uv_px.copy(), np.isfinite(uv_px).all(axis=1)  # no model is solved for NaN in vain
+        new = undistort(camera, distort(before, uv_px[seen]))
+        out[seen] = np.where(np.isfinite(new), new, uv_px[seen])
+        return out
 
     return undistorted
 
