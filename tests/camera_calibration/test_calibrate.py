@@ -1,5 +1,6 @@
 """The lens of pairs of views beside what a file states: the video decides where it shows it."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,28 @@ LENSES = {
 NARROW = replace(LENSES["plain"], fx=1500.0, fy=1500.0)  # 30 degrees from corner to corner
 HALF_DIAGONAL_PX = 400.0
 SETTINGS = CameraCalibrationConfig()
+
+
+def once(function):
+    """Return a function that keeps its results, as tests with the same pairs fit the same guesses to them."""
+    kept = {}
+
+    def found(*given):
+        key = pickle.dumps(given)
+        if key not in kept:
+            kept[key] = function(*given)
+        return kept[key]
+
+    return found
+
+
+FITTED, FIT_LENS = once(calibrate._fitted), once(calibrate.fit_lens)
+
+
+@pytest.fixture(autouse=True)
+def fits_are_kept(monkeypatch):
+    monkeypatch.setattr(calibrate, "_fitted", FITTED)
+    monkeypatch.setattr(calibrate, "fit_lens", FIT_LENS)
 
 
 def ray_angles(camera):
@@ -46,8 +69,7 @@ def guesses(model, focal_px):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factor", [1 / 1.5, 1.5])
-@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize(("name", "factor"), [("plain", 1 / 1.5), ("fisheye", 1.5)])
 def test_a_wrong_statement_gives_way_to_the_video(pairs, name, factor):
     camera = LENSES[name]
     found = fit_guesses(pairs(camera), guesses(camera.model, factor * camera.fx), SETTINGS)
