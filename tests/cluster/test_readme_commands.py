@@ -6,8 +6,6 @@ import re
 import shlex
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -29,11 +27,6 @@ def files(out):
     return found
 
 
-def run(command, folder):
-    words = [sys.executable, "-m", *shlex.split(command)]
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-
-
 def kill_who_writes(lock):
     """Kill the worker that writes a run, a second after it has begun."""
     while not (lock.is_file() and lock.read_text().strip()):
@@ -43,25 +36,29 @@ def kill_who_writes(lock):
 
 
 @pytest.mark.slow
-def test_the_job_of_a_lost_worker_gives_the_same_run(recording, tmp_path):
+def test_the_job_of_a_lost_worker_gives_the_same_run(recording, tmp_path, vgps_verb, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(command):
+        code, printed, error = vgps_verb(*shlex.split(command)[1:])
+        assert code == 0, error
+        return printed
+
     (tmp_path / "list.txt").write_text(LIST.group(1).replace("\\n", "\n"))
     shutil.copytree(recording, tmp_path / "monday")
     shutil.copytree(recording, tmp_path / "flights")
     (tmp_path / "flights/video.mp4").rename(tmp_path / "flights/tuesday.mp4")
-    done = run(ALONE, tmp_path)
-    assert done.returncode == 0, done.stderr
+    run(ALONE)
     alone = files(tmp_path / "runs")
     shutil.rmtree(tmp_path / "runs")
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:
         killer = threading.Thread(target=kill_who_writes, args=(tmp_path / "runs/.monday.lock",))
         killer.start()
-        done = run(ON_CLUSTER.replace("tcp://10.0.0.5:8786", cluster.scheduler_address), tmp_path)
+        printed = run(ON_CLUSTER.replace("tcp://10.0.0.5:8786", cluster.scheduler_address))
         killer.join()
-    assert done.returncode == 0, done.stderr
-    assert "dashboard: http" in done.stdout and "2 of 2:" in done.stdout
+    assert "dashboard: http" in printed and "2 of 2:" in printed
     assert files(tmp_path / "runs") == alone
-    again = run(ALONE + " --resume", tmp_path)
-    assert again.stdout.count("complete already") == 2
+    assert run(ALONE + " --resume").count("complete already") == 2
     states = json.loads((tmp_path / "runs/runs.json").read_text())["runs"]
     assert [(one["run"], one["state"]) for one in states] == [("monday", "done"), ("tuesday", "done")]

@@ -1,7 +1,5 @@
 """The calibration of an IMU against the video, as a library and as a verb."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +17,7 @@ from vgps.simulate import SCENES, AccelerometerConfig, simulate
 
 
 @pytest.mark.slow
-def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path):
+def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path, vgps_verb):
     walk = replace(
         SCENES["demo"],
         speed=((0.0, 1.2), (8.0, 1.2)),
@@ -33,9 +31,8 @@ def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path):
     folder, out = tmp_path / "walk", tmp_path / "rig.yaml"
     simulate(folder, walk, seed=2)
     true = read_rig(folder / "rig.yaml")
-    words = ["-m", "vgps", "calibrate-imu", folder, "--out", out]
-    done = subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    code, _, error = vgps_verb("calibrate-imu", folder, "--out", out)
+    assert code == 0, error
     found = read_rig(out)
     off = Rotation.from_matrix(found.imu.imu_R_camera.T @ true.imu.imu_R_camera).magnitude()
     assert np.degrees(off) < 0.5 and abs(found.imu_time_offset_s) < 0.005

@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -32,17 +30,17 @@ def length_m(trajectory):
     return np.linalg.norm(np.ptp(trajectory.world_T_camera[:, :3, 3], axis=0))
 
 
-def test_a_drive_without_gps_has_the_metre_of_the_camera_height(drive, tmp_path):
+def test_a_drive_without_gps_has_the_metre_of_the_camera_height(drive, tmp_path, vgps_verb):
     """As a user runs it; the run folder's graph is that of stage D."""
     alone = tmp_path / "alone"
     alone.mkdir()
     for name in ("video.mp4", "camera.yaml"):
         shutil.copy(drive / name, alone)
     (alone / "height.yaml").write_text(f"camera_height: {{m: {HEIGHT_M}, sigma_m: 0.02}}\n")
-    words = ["smooth", str(alone), "--config", str(alone / "height.yaml"), "--out", str(tmp_path / "run")]
-    done = subprocess.run([sys.executable, "-m", "vgps", *words], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    said = " ".join((done.stderr + done.stdout).split())
+    words = ["smooth", alone, "--config", alone / "height.yaml", "--out", tmp_path / "run"]
+    code, printed, error = vgps_verb(*words)
+    assert code == 0, error
+    said = " ".join((error + printed).split())
     assert "camera_height 1.65 m gives the scale to" in said
     assert "position and heading are arbitrary" in said
     found = json.loads((tmp_path / "run" / "solution.json").read_text())["sensors"]["camera_height"]
