@@ -160,7 +160,7 @@ def test_landmarks_are_the_features_that_were_observed():
 @pytest.mark.slow
 def test_control_points_replace_gps(solution, recording, tmp_path):
     observations = solution.observations
-    early = observations.frame < 25
+    early = np.flatnonzero(observations.frame < 25)[::10]
     points = solution.landmarks.world_p_landmark[observations.landmark[early]]
     rows = np.column_stack([observations.frame[early], observations.uv_px[early], points])
     file = tmp_path / "control_points.csv"

@@ -17,7 +17,7 @@ from vgps.simulate import simulate
 from vgps.smoothing.calibration.readout import Readout
 from vgps.writers.run_folder import write_run
 
-SHAKEN = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5), (4.0, 1.5)))
+SHAKEN = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5), (3.0, 1.5)))
 
 
 def smoothed(path: Path, **settings: str) -> vgps.Solution:
