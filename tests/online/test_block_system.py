@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vgps.online.block_system import BlockSystem
+from vgps.online.block_system import BlockSum, BlockSystem
 
 NODES, UNKNOWNS = 4, 3
 
@@ -45,3 +45,23 @@ def test_with_the_other_nodes_eliminated_the_last_has_the_same_solution_and_cova
 def test_a_matrix_that_is_not_positive_definite_is_refused(system):
     with pytest.raises(np.linalg.LinAlgError):
         BlockSystem(-system.diagonal, system.below, system.gradient).step()
+
+
+def test_residuals_of_the_same_node_add_up_in_any_order():
+    rng, node = np.random.default_rng(1), np.array([2, 0, 2, 3])
+    J, w, r = rng.standard_normal((4, 2, UNKNOWNS)), rng.random((4, 2)), rng.standard_normal((4, 2))
+    total, nothing = BlockSum(NODES, UNKNOWNS), BlockSum(NODES, UNKNOWNS)
+    total.add_each(J, w, r, node)
+    for k in range(NODES):
+        rows = J[node == k].reshape(-1, UNKNOWNS)
+        weighted = (w[node == k].reshape(-1, 1) * rows).T
+        np.testing.assert_allclose(total.diagonal[k] - nothing.diagonal[k], weighted @ rows, atol=1e-12)
+        np.testing.assert_allclose(total.gradient[k], weighted @ r[node == k].ravel(), atol=1e-12)
+
+
+def test_there_may_be_no_residuals():
+    total = BlockSum(NODES, UNKNOWNS)
+    total.add_each(
+        np.zeros((0, 2, UNKNOWNS)), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
+    )
+    assert not total.gradient.any()

@@ -1,5 +1,7 @@
 """Distribution of the noise about offsets and of their steps: Student's t, with heavy tails."""
 
+from dataclasses import dataclass, fields
+
 import numpy as np
 from scipy.special import gammaln, stdtrit
 
@@ -32,6 +34,25 @@ def in_the_mean(errors: OffsetErrors) -> OffsetErrors:
     return errors.model_copy(update=means)
 
 
+@dataclass(frozen=True, kw_only=True)
+class FixErrors:
+    """Noise and walk (M,) of fixes, as in :class:`vgps.config.gps.OffsetErrors`."""
+
+    noise_m: FloatArray
+    walk_m: FloatArray
+    rate_lasts_s: FloatArray
+    tail: FloatArray
+    vertical: FloatArray
+
+
+def mean_errors(fixes: Fixes, config: GpsConfig) -> FixErrors:
+    """Return noise and walk of fixes, in the mean over receivers."""
+    kinds, which = np.unique(fixes.fix_class, return_inverse=True)
+    means = [in_the_mean(config.offset_errors(CLASSES[k])) for k in kinds.tolist()]
+    columns = {one.name: np.array([getattr(mean, one.name) for mean in means]) for one in fields(FixErrors)}
+    return FixErrors(**{name: column[which] for name, column in columns.items()})
+
+
 def one_sigma(errors: OffsetErrors) -> float:
     """Return the standard deviation of noise and steps over their scale.
 
@@ -51,16 +72,16 @@ def student(errors: OffsetErrors, horizontal_m: float) -> Gaussian:
     return Gaussian((sigma_m, sigma_m, errors.vertical * sigma_m), float(np.sqrt(errors.tail + 3.0)))
 
 
-def walk_scale(errors: OffsetErrors, interval_s: FloatArray) -> FloatArray:
+def walk_scale(errors: OffsetErrors | FixErrors, interval_s: FloatArray) -> FloatArray:
     """Return the scales of steps over intervals (...), metres.
 
     Sums of n independent steps are n^(1/a) times as long, a = 2 if their variance is finite, else the tail's
     degrees of freedom (the stable laws; Feller, An Introduction to Probability Theory, vol. 2, 1971).
     """
-    return np.asarray(errors.walk_m * interval_s ** (1.0 / min(errors.tail, 2.0)))
+    return np.asarray(errors.walk_m * interval_s ** (1.0 / np.minimum(errors.tail, 2.0)))
 
 
-def step_scale(errors: OffsetErrors, interval_s: FloatArray) -> FloatArray:
+def step_scale(errors: OffsetErrors | FixErrors, interval_s: FloatArray) -> FloatArray:
     """Return the scales (...) [m] of independent steps that lead as far as a rate of change that lasts."""
     return np.asarray(walk_scale(errors, interval_s) * np.sqrt(errors.rate_lasts_s))
 

@@ -103,6 +103,8 @@ class BlockSum:
 
     def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
         """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, n)."""
-        weighted = J.transpose(0, 2, 1) * w[:, None, :]
-        np.add.at(self.diagonal, node, weighted @ J)
-        np.add.at(self.gradient, node, (weighted @ r[:, :, None])[:, :, 0])
+        order = np.argsort(node, kind="stable")
+        first = np.flatnonzero(np.diff(node[order], prepend=-1))
+        weighted = (J.transpose(0, 2, 1) * w[:, None, :])[order]
+        self.diagonal[node[order][first]] += np.add.reduceat(weighted @ J[order], first)
+        self.gradient[node[order][first]] += np.add.reduceat((weighted @ r[order, :, None])[:, :, 0], first)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from vgps.config import Config
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import CLASSES, Fixes
-from vgps.gps.offset_errors import between_receivers, errors_of, in_the_mean, step_scale
+from vgps.gps.offset_errors import between_receivers, mean_errors, step_scale
 from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -221,9 +221,11 @@ def _with_rows(count: int, rows: IntArray, values: FloatArray, others: float) ->
 
 def _offset_sizes(first: Fixes, config: Config, sizes: Mapping[FixClass, float]) -> FloatArray:
     """Return the standard deviations (K, 3) of the offsets of fixes' classes."""
-    by_receivers = [between_receivers(errors) for errors in errors_of(first, config.gps)]
-    classes = [CLASSES[k] for k in first.fix_class.tolist()]
-    size = np.array([sizes.get(name, spread) for name, spread in zip(classes, by_receivers, strict=True)])
+    kinds, which = np.unique(first.fix_class, return_inverse=True)
+    by_receivers = {
+        CLASSES[k]: between_receivers(config.gps.offset_errors(CLASSES[k])) for k in kinds.tolist()
+    }
+    size = np.array([sizes.get(name, spread) for name, spread in by_receivers.items()])[which]
     return size[:, None] * region_sigmas(with_offset_regions(first, config.gps))
 
 
@@ -235,9 +237,8 @@ def _times_bounded(first: Fixes, starts: BoolArray) -> FloatArray:
 
 def _offset_walks(first: Fixes, starts: BoolArray, config: Config) -> tuple[FloatArray, FloatArray]:
     """Return scale (K, 3) and tail (K,) of the walk to each offset, those of the mean over receivers."""
-    walk_m, tail = np.full((len(starts), 3), np.inf), np.full(len(starts), np.inf)
-    errors, since_s = errors_of(first, config.gps), np.diff(first.t_s, prepend=first.t_s[:1] - 1.0)
-    for k in np.flatnonzero(~starts).tolist():
-        scale = max(float(step_scale(in_the_mean(errors[k]), since_s[k])), _HELD_M)
-        walk_m[k], tail[k] = scale * np.array([1.0, 1.0, errors[k].vertical]), errors[k].tail
-    return walk_m, tail
+    errors = mean_errors(first, config.gps)
+    scale = step_scale(errors, np.diff(first.t_s, prepend=first.t_s[:1] - 1.0))
+    walk_m = np.maximum(scale, _HELD_M)
+    walk_m = np.stack([walk_m, walk_m, errors.vertical * walk_m], axis=1)
+    return np.where(starts[:, None], np.inf, walk_m), np.where(starts, np.inf, errors.tail)

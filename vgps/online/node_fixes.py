@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
-from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale
+from vgps.gps.offset_errors import mean_errors, step_scale
 from vgps.model import FloatArray, IntArray
 from vgps.online.video_path import VideoPath
 
@@ -86,11 +86,9 @@ def node_fixes(
         node: (M,) node of each fix.
         config: Noise of the fix classes.
     """
-    errors = [in_the_mean(one) for one in errors_of(seen.fixes, config.gps)]
+    errors = mean_errors(seen.fixes, config.gps)
     since_s = seen.fixes.t_s - seen.fixes.t_s[np.searchsorted(node, node)]
-    walked_m = [step_scale(one, dt) for one, dt in zip(errors, since_s, strict=True)]
-    noise_m = np.hypot([one.noise_m for one in errors], walked_m)
-    ratio = np.array([(1.0, 1.0, one.vertical) for one in errors]).reshape(-1, 3)
+    noise_m = np.hypot(errors.noise_m, step_scale(errors, since_s))[:, None]
     return NodeFixes(
         node=node,
         fix_class=seen.fixes.fix_class,
@@ -99,6 +97,6 @@ def node_fixes(
         time_offset_s=seen.time_offset_s,
         arm=seen.camera[:, :3, :3] @ camera_p_antenna,
         world_p_fix=seen.fixes.world_p_fix,
-        noise_m=noise_m[:, None] * ratio,
-        tail=np.array([one.tail for one in errors]),
+        noise_m=np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]),
+        tail=errors.tail,
     )
