@@ -1,3 +1,4 @@
+import contextlib
 import os
 import sys
 import threading
@@ -34,6 +35,21 @@ def test_what_is_begun_runs_while_the_caller_goes_on() -> None:
     assert not seen.done()
     signal.set()
     assert seen.result()
+
+
+def test_a_thread_that_is_done_is_used_again():
+    assert len({begin(threading.get_ident).result() for _ in range(20)}) < 10
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Python 3.12, of forks beside threads
+def test_a_forked_process_has_threads_of_its_own():
+    assert begin(int).result() == 0
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(TimeoutError):
+            os._exit(begin(lambda: 7).result(timeout=20.0))
+        os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 
 
 def test_threads_are_prompt_inside_and_as_before_after_it():

@@ -25,6 +25,7 @@ Arguments = ParamSpec("Arguments")
 
 _AHEAD = 8  # items made ahead: a frame at 4K is 8 MB
 _PROMPT_S = 5e-4  # instead of Python's 5 ms
+_MOST_BEGUN = 32  # functions at once; each camera of a rig has some
 _FEWEST = 4  # items, of some milliseconds each, for which threads are worth starting
 
 
@@ -43,11 +44,19 @@ def one_blas_thread() -> AbstractContextManager[object]:
 def begin(
     function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs
 ) -> Future[Result]:
-    """Call a function in a thread of its own, and return what will hold its result."""
-    executor = ThreadPoolExecutor(1)
-    result = executor.submit(function, *args, **kwargs)
-    executor.shutdown(wait=False)
-    return result
+    """Call a function in a thread beside this one, and return what will hold its result.
+
+    Threads are kept: on busy cores the start of one takes longer than a frame, and the caller waits for it.
+    """
+    return _begun().submit(function, *args, **kwargs)
+
+
+@cache
+def _begun() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_MOST_BEGUN)
+
+
+os.register_at_fork(after_in_child=_begun.cache_clear)  # its threads are the parent's
 
 
 @contextlib.contextmanager
