@@ -123,6 +123,8 @@ class Looking:
     def see(self):
         self.pipeline.t_s = np.arange(self.map.next_frame) / FPS
         self.places.see(np.zeros((CAMERA.height, CAMERA.width), np.uint8))
+        if self.places._job is not None:
+            self.places._job.answer.result()
 
     def add(self, north_m=0.0):
         """A frame so far north of the last one; the map keeps 60 frames, and what 40 of them observe."""
