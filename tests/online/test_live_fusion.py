@@ -1,3 +1,4 @@
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -10,22 +11,23 @@ from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.model import FixClass
+from vgps.online.fit_job import FitJob
 from vgps.online.live_fusion import LiveFusion
 
-LATE_S = 0.4
+LATE_S, CONFIG = 0.4, Config()
 
 
 class Pipeline:
     """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
 
-    def __init__(self, late_s=0.0, wrong_m=0.0):
+    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG):
         drive = DrivingCamera(500)
         self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
         fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
         self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
         self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
-        self.fusion = LiveFusion(self, Config())
+        self.fusion = LiveFusion(self, config)
         self.begin()
 
     @property
@@ -81,6 +83,28 @@ def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():
     pipeline.scale(1.1)
     assert not pipeline.frame()
     assert pipeline.error_m() < before_m + 0.1  # at the old scale 0.6 m
+
+
+class Late(Future):
+    """What a fit finds, and not in time."""
+
+    def result(self, timeout=None):
+        raise AssertionError("a live pose waited for it")
+
+
+def test_a_live_pose_does_not_wait_for_a_fit():
+    pipeline = Pipeline(config=Config(online={"repeatable": False}))
+    while pipeline.fusion.to_world(pipeline.current) is None:
+        pipeline.frame()
+    for _ in range(100):
+        if pipeline.fusion._job is not None:
+            pipeline.fusion._job.fit.exception()  # until it is found
+        pipeline.frame()
+    late = pipeline.fusion._job = FitJob(0.0, None, Late())
+    while not pipeline.frame():
+        pass
+    assert pipeline.fusion._job is late
+    assert pipeline.error_m() < 0.1  # by the fix that came meanwhile, too
 
 
 def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import av
 import numpy as np
@@ -42,6 +43,18 @@ def test_a_recording_with_a_drones_fixes_flies(recording, monkeypatch):
     monkeypatch.setattr(session, "OnlineSmoother", first_step)
     with pytest.raises(InterruptedError, match="yes"):
         session.pose_recording(recording, session.OnlineOptions(config=vgps.Config()))
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_poses_of_a_live_camera_wait_for_no_fit(recording, monkeypatch, live):
+    def first_step(_camera, _rig, config, **_):
+        raise InterruptedError(f"repeatable: {config.online.repeatable}")
+
+    monkeypatch.setattr(session, "VideoSource", lambda _: SimpleNamespace(live=live))
+    monkeypatch.setattr(session, "OnlineSmoother", first_step)
+    options = session.OnlineOptions(config=vgps.Config(), camera=recording / "camera.yaml")
+    with pytest.raises(InterruptedError, match=f"repeatable: {not live}"):
+        session.pose_live("camera", None, options)
 
 
 def received(t_s, unix_s, clock=Clock.UTC):

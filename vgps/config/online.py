@@ -14,6 +14,9 @@ class OnlineConfig(SettingsModel):
 
     keep_s: PositiveFloat = 120.0
     """Path and fixes are kept for this long, to judge late fixes and to correct drift when GPS returns."""
+    repeatable: bool = True
+    """Poses wait for a fit that is late on busy cores, so that a recording gives the same poses again. With a
+    live camera they never do: a fit counts once it is found."""
     places: PositiveInt = 1000
     """Places remembered, the newest; each takes about 40 kB. One that is seen again corrects the pose."""
     bridge_s: PositiveFloat = 1.0

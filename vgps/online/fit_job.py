@@ -9,7 +9,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.fusion_fit import FitInput, FitResult
 
-# Time after which a fit is used, without and with verdicts, however quickly it was found: results repeat.
+# Time after which a fit is used, without and with verdicts, however quickly it was found.
 FIT_S, VERDICT_S = 0.05, 0.13
 
 
@@ -20,6 +20,10 @@ class FitJob:
     due_s: float
     given: FitInput
     fit: "Future[FitResult]"
+
+    def counts(self, t_s: float, repeatable: bool) -> bool:
+        """Return whether it is used at a time: when it is due, or else not before it is found."""
+        return t_s >= self.due_s and (repeatable or self.fit.done())
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ class LiveFusion:
         pipeline, current, fixes = self._frame_pipeline, self._frame_pipeline.current, self._fix_count()
         if current is None or current is not self._map:
             return
-        if self._job is not None and pipeline.t_s[-1] >= self._job.due_s:
+        if self._job is not None and self._job.counts(pipeline.t_s[-1], self._config.online.repeatable):
             self._take()
         if self._fused is None or fixes == self._newest_fixes:
             return

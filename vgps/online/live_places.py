@@ -31,6 +31,10 @@ class _Job:
     due_frame: int
     answer: "Future[Answer]"
 
+    def counts(self, frames: int, repeatable: bool) -> bool:
+        """Return whether it is used after so many frames: when it is due, or else not before it is found."""
+        return frames >= self.due_frame and (repeatable or self.answer.done())
+
 
 class LivePlaces:
     """Lets the poses of earlier visits count where the path in the world is known less well.
@@ -64,7 +68,8 @@ class LivePlaces:
         if self._config.loops.close == "no":
             return []
         events = []
-        if self._job is not None and len(pipeline.t_s) >= self._job.due_frame:
+        repeatable = self._config.online.repeatable
+        if self._job is not None and self._job.counts(len(pipeline.t_s), repeatable):
             events, self._job = self._use(self._job), None
         if current is None or current.next_frame != len(pipeline.t_s):
             return events

@@ -151,7 +151,10 @@ def pose_live(
             remedy="give video_start_utc in a rig.yaml and name it with --rig",
         )
     gps = GpsSource(options.gps) if options.gps is not None else None
-    smoother = OnlineSmoother(lens, rig, options.config, keep_all=options.finish, source=Path(video))
+    config = options.config
+    if source.live:  # nothing that comes is the same again
+        config = config.model_copy(update={"online": config.online.model_copy(update={"repeatable": False})})
+    smoother = OnlineSmoother(lens, rig, config, keep_all=options.finish, source=Path(video))
     stop = threading.Event()
     try:
         with _opened_outputs(options, stream, None) as outputs:
