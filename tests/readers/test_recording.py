@@ -37,6 +37,14 @@ def test_a_whole_folder(folder):
     assert recording.control_points.frame.tolist() == [9]
 
 
+def test_what_may_move_every_pose_is_noted_beside_the_recording(folder):
+    (folder / "rig.yaml").write_text("video_start_utc: 2011-09-26T12:00:00\n")
+    point = '<trkpt lat="49" lon="8"><ele>100</ele><time>2011-09-26T12:00:00.5Z</time></trkpt>'
+    (folder / "gps.gpx").write_text(f'<gpx version="1.1"><trk><trkseg>{point}</trkseg></trk></gpx>')
+    (note,) = open_recording(folder).notes
+    assert note.startswith("gps.gpx: heights without geoidheight")
+
+
 def test_a_calibrated_gyro_is_on_the_videos_clock_and_without_bias(folder):
     (folder / "gyro.csv").write_text(GYRO)
     (folder / "rig.yaml").write_text(

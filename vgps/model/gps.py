@@ -47,6 +47,7 @@ class GpsLog:
         correlation: (N, 3) correlations of the errors east and north, east and up, north and up, as reported;
             0 where there is no report. None in runs of version 0.1.
         airborne: Whether the log is that of a camera which flies.
+        doubts: Those of ``skipped`` that may move every pose.
     """
 
     t_s: FloatArray
@@ -63,6 +64,7 @@ class GpsLog:
     skipped: tuple[str, ...] = ()
     correlation: FloatArray | None = None
     airborne: bool = False
+    doubts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t_s)

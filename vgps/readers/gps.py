@@ -92,7 +92,7 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
     Raises:
         GpsLogError: As from :func:`read_gps_log`.
     """
-    notes = list(raw.notes)
+    notes = [*raw.doubts, *raw.notes]
     fixes = _in_order(_with_position(raw.fixes, notes), notes)
     if not fixes:
         raise GpsLogError(_with_notes("no fix with a position", notes), file=path, expected="at least one")
@@ -105,7 +105,7 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
     if raw.clock is Clock.TIME_OF_DAY and rig is not None:
         notes.append("the log has no date: its day is the one nearest to the video's start")
     log = _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
-    return replace(log, airborne=raw.airborne)
+    return replace(log, airborne=raw.airborne, doubts=tuple(raw.doubts))
 
 
 def _read(path: Path) -> RawLog:

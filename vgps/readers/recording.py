@@ -100,6 +100,8 @@ def open_recording(
     inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
     if inertial is not None and mount.imu is not None and (gyro is None or imu is not None):
         gyro, mount = gyro_of(inertial, mount), replace(mount, gyro_R_camera=mount.imu.imu_R_camera)
+    log = _gps(folder, gps, video, mount, telemetry) if with_gps else None
+    doubts = () if log is None else tuple(f"{log.source.name}: {doubt}" for doubt in log.doubts)
     points = _given(folder, control_points, "control_points.csv", "gcp_list.txt")
     found = Recording(
         path=path,
@@ -107,10 +109,10 @@ def open_recording(
         camera=lens,
         guesses=guesses,
         rig=mount,
-        gps=_gps(folder, gps, video, mount, telemetry) if with_gps else None,
+        gps=log,
         gyro=gyro,
         imu=inertial,
-        notes=notes,
+        notes=(*notes, *doubts),
         masks=find_masks(folder, video),
         cameras=others,
         control_points=_control_points(points, video, control_system) if points else None,

@@ -29,7 +29,15 @@ def test_gpx_by_hand(tmp_path):
     assert found.fix_class == (FixClass.DGPS, FixClass.SINGLE)
     assert (found.satellites[0], found.hdop[0]) == (9, 1.2) and np.isnan(found.hdop[1])
     assert any("without a time" in note for note in found.skipped)
-    assert any("geoidheight" in note for note in found.skipped)
+    assert found.doubts == found.skipped[:1]
+    assert found.doubts[0].endswith("every pose is 48 m too low")  # EGM96 in Karlsruhe
+
+
+def test_heights_that_are_ellipsoidal_leave_no_doubt(tmp_path):
+    named = GPX.replace("<ele>101</ele>", "<ele>101</ele><geoidheight>-3</geoidheight>")
+    assert read_gpx(named.encode(), tmp_path / "gps.gpx").doubts == []
+    ocean = GPX.replace('lat="49', 'lat="0').replace('lon="8.4"', 'lon="80"')  # the geoid is 100 m below
+    assert "m too high" in read_gpx(ocean.encode(), tmp_path / "gps.gpx").doubts[0]
 
 
 def test_an_absurd_number_of_satellites_is_unknown(tmp_path):

@@ -86,7 +86,7 @@ def test_old_heights_change_with_the_barometer(read):
     rows = [(16, 1.0), (16, 2.5), (17, 3.0)]
     found = read(subtitles([f"GPS(8.4,49.{k},{alt}) BAROMETER:{b}" for k, (alt, b) in enumerate(rows)]))
     np.testing.assert_allclose(found.height_m, [15.0, 16.5, 17.0])
-    assert "counts satellites on some drones" in found.skipped[0]
+    assert "counts satellites on some drones" in found.doubts[0]
 
 
 def test_a_drone_that_stands_still_has_a_fix_a_second(read):
@@ -97,7 +97,7 @@ def test_a_drone_that_stands_still_has_a_fix_a_second(read):
 def test_heights_above_the_take_off_are_noted(read):
     found = read(subtitles(["[latitude: 48] [longitude: 11] [rel_alt: 3.5]"]))
     assert found.height_m[0] == 3.5
-    assert found.skipped == ("heights are above the take-off point but taken as ellipsoidal",)
+    assert found.doubts == ("heights are above the take-off point but taken as ellipsoidal",)
 
 
 def test_without_heights_fixes_are_horizontal(read):

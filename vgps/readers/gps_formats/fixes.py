@@ -64,12 +64,16 @@ class Fix(NamedTuple):
 
 @dataclass(frozen=True)
 class RawLog:
-    """Fixes in the order of the file, their clock, notes on what was skipped or assumed; whether they fly."""
+    """Fixes in the order of the file, their clock, notes on what was skipped or assumed; whether they fly.
+
+    ``doubts`` are notes on what may move every pose: the run warns of them.
+    """
 
     clock: Clock
     fixes: list[Fix]
     notes: list[str] = field(default_factory=list)
     airborne: bool = False
+    doubts: list[str] = field(default_factory=list)
 
 
 def unix_s(instant: datetime) -> float:

@@ -7,6 +7,7 @@ import gpxpy
 import numpy as np
 from gpxpy.gpx import GPXException, GPXTrackPoint
 
+from vgps.crs import egm96
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
 from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, skipped, unix_s
@@ -58,7 +59,11 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
         )
     named = [(number, point, classes.get(number, "3d")) for number, point in timed]
     fixes = [_fix(point, number, name) for number, point, name in named if name not in _NO_FIX]
-    return RawLog(Clock.UTC, fixes, _notes(points, named, len(fixes)))
+    lost = [
+        *skipped(len(points) - len(named), "point", "without a time"),
+        *skipped(len(named) - len(fixes), "point", "without a fix"),
+    ]
+    return RawLog(Clock.UTC, fixes, lost, doubts=_doubts([point for _, point in timed]))
 
 
 def _classes(text: str) -> tuple[dict[int, str], str]:
@@ -103,11 +108,19 @@ def _number(value: float | int | None) -> float:
         return np.nan
 
 
-def _notes(points: list[GPXTrackPoint], named: list[tuple[int, GPXTrackPoint, str]], fixes: int) -> list[str]:
-    notes = [
-        *skipped(len(points) - len(named), "point", "without a time"),
-        *skipped(len(named) - fixes, "point", "without a fix"),
+def _doubts(points: list[GPXTrackPoint]) -> list[str]:
+    """Return a note on heights that are taken as ellipsoidal though nothing says so."""
+    place = [(point.latitude, point.longitude) for point in points if _height_is_vague(point)]
+    possible = [(lat, lon) for lat, lon in place if abs(lat) <= 90.0 and abs(lon) <= 360.0]
+    if not possible:
+        return []
+    separation_m = float(egm96().height_m(*np.median(possible, axis=0)))
+    off = f"{abs(separation_m):.0f} m too {'low' if separation_m > 0 else 'high'}"
+    return [
+        "heights without geoidheight are taken as ellipsoidal: if they are above the sea, as most phones and "
+        f"watches write them, every pose is {off}"
     ]
-    if any(point.elevation is not None and point.geoid_height is None for _, point, _ in named):
-        notes.append("heights without geoidheight are taken as ellipsoidal: they may be wrong by 100 m")
-    return notes
+
+
+def _height_is_vague(point: GPXTrackPoint) -> bool:
+    return point.elevation is not None and point.geoid_height is None

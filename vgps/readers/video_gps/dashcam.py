@@ -64,7 +64,7 @@ def read_dashcam(video: Path) -> RawLog | None:
     fixes, notes = without_repeats(placed, "block")
     fixes, about_heights = with_a_height(fixes)
     lost = skipped(len(blocks) - len(found), "block", "without a fix")
-    return RawLog(Clock.VIDEO, fixes, [*about_heights, _NOTE, *notes, *lost])
+    return RawLog(Clock.VIDEO, fixes, [*about_heights, *notes, *lost], doubts=[_NOTE])
 
 
 def _blocks(video: Path) -> Iterator[bytes]:

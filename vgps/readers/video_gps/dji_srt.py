@@ -128,17 +128,16 @@ def fixes_of(subtitles: list[tuple[float, str]], path: Path) -> RawLog:
             expected="[latitude: ...] [longitude: ...] or GPS(longitude,latitude,...), as of a DJI drone",
             remedy="enable video captions on the drone and fly with GPS",
         )
-    height, above_sea, notes = _heights(rows)
+    height, above_sea, doubts = _heights(rows)
     fixes = [
         Fix(row.t_s, row.latitude_deg, row.longitude_deg, h, FixClass.SINGLE, row.number)
         for row, h in zip(rows, height.tolist(), strict=True)
     ]
     fixes, about_repeats = without_repeats(fixes, "subtitle")
     fixes, about_none = with_a_height(fixes)
-    if above_sea:
-        fixes, notes = from_sea_level(fixes)
+    fixes, notes = from_sea_level(fixes) if above_sea else (fixes, [])
     notes += skipped(len(found) - len(rows), "subtitle", "without a position")
-    return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats], airborne=True)
+    return RawLog(Clock.VIDEO, fixes, [*about_none, *notes, *about_repeats], airborne=True, doubts=doubts)
 
 
 def _subtitles(text: str, path: Path) -> list[tuple[float, str]]:
@@ -209,7 +208,7 @@ def _number(pattern: re.Pattern[str], text: str) -> float:
 
 
 def _heights(rows: list[_Row]) -> tuple[FloatArray, bool, list[str]]:
-    """Return (N,) heights, whether they are above the sea, and a note; NaN where there are none."""
+    """Return (N,) heights, whether they are above the sea, and doubts; NaN where there are none."""
     absolute, relative = np.array([[row.absolute_m, row.relative_m] for row in rows]).T
     both = np.isfinite(absolute) & np.isfinite(relative)
     if not (np.isfinite(absolute) | np.isfinite(relative)).any():
