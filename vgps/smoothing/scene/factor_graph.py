@@ -70,8 +70,8 @@ class Scene:
 
     @property
     def unseen(self) -> BoolArray:
-        """(F,) frames without observations that no zero motion holds."""
-        return self.hardly_seen(1)
+        """(F,) frames with too few observations for a pose that no zero motion holds."""
+        return self.hardly_seen(3)  # points determine a pose
 
     def hardly_seen(self, fewest: int) -> BoolArray:
         """Return the frames (F,) with fewer observations than that, which no zero motion holds."""
