@@ -19,7 +19,8 @@ from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
-from vgps.smoothing.alignment.similarity import align
+from vgps.smoothing.alignment.similarity import align, similarity_of_poses
+from vgps.smoothing.scene.factor_graph import Scene
 from vgps.solution import Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
@@ -110,7 +111,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     used = fixes.used & merged.georeferenced
     if config.sensors.estimate_time_offset == "no" or not used.any():
         return front_end
-    path, settings = merged.scene.trajectory, config.sensors
+    path, settings = _seen(merged.scene), config.sensors
     try:
         video = _among(video_alone(front_end, merged, config), path)
     except GeometryError:  # stage D says why
@@ -128,6 +129,13 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
 
 
+def _seen(scene: Scene) -> Trajectory:
+    """Return the path from the first frame with observations to the last: others are extrapolated."""
+    seen = scene.observations.frame
+    rows = slice(seen.min(), seen.max() + 1) if len(seen) else slice(0)
+    return Trajectory(scene.t_s[rows], scene.poses[rows])
+
+
 def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
     """Return the share of the used fixes in the video whose regions do not reach the path in the plane."""
     corrected = fixes.without_time_offset(sensors.time_offset_s)
@@ -140,7 +148,8 @@ def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
 def _among(few: Trajectory, path: Trajectory) -> Trajectory:
     """Return a path through few frames, between which it runs as another one through all of them."""
     at = np.searchsorted(path.t_s, few.t_s)
-    moved = few.world_T_camera[:, :3, 3] - path.world_T_camera[at, :3, 3]
+    to_path = similarity_of_poses(path.world_T_camera[at], few.world_T_camera)
+    moved = to_path.poses(few.world_T_camera)[:, :3, 3] - path.world_T_camera[at, :3, 3]
     poses = path.world_T_camera.copy()
     poses[:, :3, 3] += interpolate_vectors(few.t_s, moved, path.t_s)
     return Trajectory(path.t_s, poses)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vgps.config import Config, StartConfig
 from vgps.geometry import interpolate_poses
@@ -16,7 +15,7 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
 from vgps.smoothing.alignment.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
 from vgps.smoothing.alignment.land import land_normal
-from vgps.smoothing.alignment.similarity import Correspondences, align
+from vgps.smoothing.alignment.similarity import Correspondences, align, similarity_of_poses
 from vgps.solution import Trajectory
 
 _JACKKNIFE = 4.0
@@ -79,8 +78,6 @@ def align_to_control(
 ) -> AlignmentResult | None:
     """Return the alignment of a map with frames posed by control points, or None if they do not suffice.
 
-    The rotation is the mean over these frames, the scale the ratio of their spreads.
-
     Args:
         local_map: Map that is not aligned.
         poses: World poses (4, 4) by frame.
@@ -92,15 +89,10 @@ def align_to_control(
         return None
     world = np.array([poses[f] for f in frames])
     in_map = np.array([local_map.pose(f) for f in frames])
-    spread = [p[:, :3, 3] - p[:, :3, 3].mean(axis=0) for p in (world, in_map)]
-    if np.linalg.norm(np.ptp(world[:, :3, 3], axis=0)) < min_travel_m or np.abs(spread[1]).max() < 1e-9:
+    travel_m, in_map_travel = (np.ptp(path[:, :3, 3], axis=0) for path in (world, in_map))
+    if np.linalg.norm(travel_m) < min_travel_m or in_map_travel.max() < 1e-9:
         return None
-    rotation = (
-        Rotation.from_matrix(world[:, :3, :3] @ in_map[:, :3, :3].transpose(0, 2, 1)).mean().as_matrix()
-    )
-    scale = float(np.linalg.norm(spread[0]) / np.linalg.norm(spread[1]))
-    translation = world[:, :3, 3].mean(axis=0) - scale * rotation @ in_map[:, :3, 3].mean(axis=0)
-    return AlignmentResult(MapUpdate(similarity=Similarity(scale, rotation, translation), aligned=True))
+    return AlignmentResult(MapUpdate(similarity=similarity_of_poses(world, in_map), aligned=True))
 
 
 def find_alignment(
