@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
 from vgps.gps.fixes import Fixes, place
-from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, ComplexArray, Knots
+from vgps.gps.knots import ComplexArray, Knots
+from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M
 from vgps.gps.time_offset import min_gain, spaced, spacing_s
 from vgps.model import FloatArray
 from vgps.solution import Trajectory

@@ -1,15 +1,14 @@
 """Displacements between successive fixes, compared with those of the camera at a time offset."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solveh_banded
 
 from vgps.config import TimeOffsetConfig
 from vgps.geometry.path_smoothing import smoothed
-from vgps.gps.fixes import Fixes, Placement, place
+from vgps.gps.fixes import Fixes, place
+from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
 from vgps.solution import Trajectory
@@ -19,8 +18,7 @@ MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviati
 _PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
-
-ComplexArray = npt.NDArray[np.complex128]
+_COMMON_SIGMA = 1.0  # any scale and heading: fixes of another time offset have turned the whole path
 
 
 def neighbour_pairs(
@@ -128,8 +126,7 @@ class NeighbourPairs:
         width = self.config.robust_spreads
         bend = width * self._spread(ends[0].difference)
         cost = [
-            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
-            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
+            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum() + self._prior_cost(end.factor)
             for end in ends
         ]
         return float(cost[1] - cost[0])
@@ -146,7 +143,7 @@ class NeighbourPairs:
         for _ in range(_REWEIGHTINGS):
             weight = self._weight(displacement * self._knots.interpolated(factor) - self._displacement)
             right = self._knots.sums(weight * displacement.conj() * self._displacement)
-            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
+            factor = self._solved(displacement, weight, right + self._prior_pull)
         return _Fitted(
             displacement, factor, displacement * self._knots.interpolated(factor) - self._displacement
         )
@@ -169,55 +166,38 @@ class NeighbourPairs:
         drawn = spread[..., :1] * (spread[..., 1:] / spread[..., :1]) ** share
         return np.asarray(drawn[..., self._group])
 
+    @property
+    def _of_common(self) -> float:
+        """The information on the factor in common that each knot and its prior give together."""
+        return self._knots.count * self.config.factor_sigma**-2 + _COMMON_SIGMA**-2
+
+    @property
+    def _prior_pull(self) -> float:
+        """The right-hand side of each knot by the prior of the factor in common, which is one."""
+        return float(self.config.factor_sigma**-2 * _COMMON_SIGMA**-2 / self._of_common)
+
+    def _prior_cost(self, factor: ComplexArray) -> float:
+        """Return the cost of factors (K,): their changes from the one in common, and that one's from one."""
+        information = self.config.factor_sigma**-2
+        common = (information * factor.sum() + _COMMON_SIGMA**-2) / self._of_common
+        changes = information * (np.abs(factor - common) ** 2).sum()
+        return float(changes + np.abs(common - 1.0) ** 2 / _COMMON_SIGMA**2)
+
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
-        """Return the solutions (..., K) of the factors' normal equations, which are tridiagonal and real."""
+        """Return the solutions (..., K) of the factors' normal equations, the one in common eliminated.
+
+        Without it they are tridiagonal and real; its elimination is a change of rank one (Sherman and
+        Morrison, 1950).
+        """
+        information = self.config.factor_sigma**-2
         band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
-        band[1] += self.config.factor_sigma**-2
-        return np.asarray(
-            solveh_banded(band.reshape(2, -1), right.ravel()).reshape(right.shape), np.complex128
-        )
-
-
-@dataclass(frozen=True)
-class Knots:
-    """Linear interpolation at n times between ``count`` knots, K.
-
-    The search of a grid of time offsets solves for the knots thousands of times: products of sparse matrices
-    would take several times as long.
-    """
-
-    at: Placement
-    count: int
-
-    def interpolated(self, values: ComplexArray) -> ComplexArray:
-        """Return the values (..., n) at the times from those (..., K) at the knots."""
-        before, after = values[..., self.at.frame], values[..., self.at.frame + 1]
-        return np.asarray((1.0 - self.at.alpha) * before + self.at.alpha * after)
-
-    def sums(self, values: ComplexArray) -> ComplexArray:
-        """Return the sums (..., K) of values (..., n) with the weights of the knots."""
-        return np.asarray(self._sums(values.real) + 1j * self._sums(values.imag))
-
-    def normal_band(self, weight: FloatArray) -> FloatArray:
-        """Return the upper bands (2, ..., K) of the normal matrices of values of weights (..., n)."""
-        band, alpha = np.zeros((2, *weight.shape[:-1], self.count)), self.at.alpha
-        band[0, ..., 1:] = self._at_frame(weight * alpha * (1.0 - alpha))[..., :-1]
-        band[1] = self._at_frame(weight * (1.0 - alpha) ** 2)
-        band[1, ..., 1:] += self._at_frame(weight * alpha**2)[..., :-1]
-        return band
-
-    def _sums(self, values: FloatArray) -> FloatArray:
-        sums = self._at_frame(values * (1.0 - self.at.alpha))
-        sums[..., 1:] += self._at_frame(values * self.at.alpha)[..., :-1]
-        return sums
-
-    def _at_frame(self, values: FloatArray) -> FloatArray:
-        """Return the sums (..., K) of values (..., n) by the knot before them."""
-        lead = values.shape[:-1]
-        rows = int(np.prod(lead))
-        at = self.at.frame + self.count * np.arange(rows)[:, None]
-        sums = np.bincount(at.ravel(), values.ravel(), rows * self.count)
-        return np.asarray(sums.reshape(*lead, self.count), np.float64)
+        band[1] += information
+        columns = np.stack([right.ravel(), np.ones(right.size)], axis=1)
+        solved = solveh_banded(band.reshape(2, -1), columns).reshape(*right.shape, 2)
+        apart, by_common = solved[..., 0], solved[..., 1].real
+        share = information**2 / self._of_common
+        pull = share * apart.sum(axis=-1) / (1.0 - share * by_common.sum(axis=-1))
+        return np.asarray(apart + by_common * pull[..., None], np.complex128)
 
 
 class _Fitted(NamedTuple):
