@@ -1,13 +1,15 @@
-"""What is said of a time offset that stage D decided on."""
+"""What is said of a time offset that stage D decided on, and of a camera upside down."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from vgps.config import StartConfig
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.pipeline.sensor_notes import clock_notes
+from vgps.pipeline.sensor_notes import clock_notes, upright_notes
 
 HELD = Sensors.fixed(np.zeros(3))
 CERTAIN = HELD.with_time_offset(TimeOffset(0.2, 0.02))
@@ -34,3 +36,25 @@ def test_one_that_stage_d_could_not_try_is_named_with_its_probability():
 @pytest.mark.parametrize(("before", "after"), [(HELD, HELD), (LIKELY, HELD), (CERTAIN, TOLD)])
 def test_nothing_is_said_twice_or_of_a_clock_that_is_right(before, after):
     assert notes(before, after) == ()
+
+
+UPRIGHT = [(0, 0), (-90, 30), (-100, 0), (70, 60), (-30, 100)]
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "roll_deg", "below_deg"),
+    [*((*one, None) for one in UPRIGHT), (-30, 180, 60), (0, -120, 30)],
+)
+def test_a_head_below_the_horizon_is_said_wherever_the_camera_looks(pitch_deg, roll_deg, below_deg):
+    """Rotations of a drone that turned on the spot and flew away were wrong by 178 degrees, sigmas 5."""
+    looks_north = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    turned = Rotation.from_euler(
+        "ZXY", [[heading, pitch_deg, roll_deg] for heading in range(0, 360, 10)], True
+    )
+    poses = np.tile(np.eye(4), (len(turned), 1, 1))
+    poses[:, :3, :3] = turned.as_matrix() @ looks_north
+    poses[:7, :3, :3] = np.diag([1.0, -1.0, -1.0]) @ poses[:7, :3, :3]  # a few frames do not count
+    found = upright_notes(poses, StartConfig())
+    assert [text.split(" points ")[1].split(" degrees")[0] for text in found] == (
+        [] if below_deg is None else [str(below_deg)]
+    )

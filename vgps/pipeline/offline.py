@@ -23,7 +23,7 @@ from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.pipeline.rough_solution import is_tied
-from vgps.pipeline.sensor_notes import antenna_notes, clock_notes
+from vgps.pipeline.sensor_notes import antenna_notes, clock_notes, upright_notes
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -210,6 +210,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
         seconds=front_end.seconds,
         warnings=(
             *contradicted,
+            *(upright_notes(poses, config.start) if merged.georeferenced else ()),
             *front_end.warnings,
             *merged.warnings,
             *batch.warnings,

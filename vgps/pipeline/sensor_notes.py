@@ -1,11 +1,31 @@
-"""What a run says of a GPS clock and a lever arm that nobody measured."""
+"""What a run says of a GPS clock, a lever arm and an upright camera that nobody measured."""
 
 import numpy as np
 
-from vgps.config import Config
+from vgps.config import Config, StartConfig
+from vgps.model import FloatArray
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.smoothing.stage_d.batch_result import BatchResult
+
+_FAR_SIGMAS = 3.0  # of the roll that is assumed
+
+
+def upright_notes(world_T_camera: FloatArray, config: StartConfig) -> tuple[str, ...]:
+    """Return a warning if the camera hangs upside down, against what was assumed of its roll.
+
+    Args:
+        world_T_camera: (F, 4, 4) poses, z up; a camera that looks straight down has a level head.
+        config: Standard deviation of the roll.
+    """
+    head_deg = float(np.degrees(np.arcsin(np.clip(-np.median(world_T_camera[:, 2, 1]), -1.0, 1.0))))
+    if head_deg > -_FAR_SIGMAS * config.tilt_sigmas_deg[0]:
+        return ()
+    return (
+        f"the camera hangs upside down: its head points {-head_deg:.0f} degrees below the horizon in the "
+        "median frame. Unless it was mounted like that, all rotations are wrong, whatever their standard "
+        "deviations: a video that begins with a turn on the spot does that; leave that part out",
+    )
 
 
 def antenna_notes(
