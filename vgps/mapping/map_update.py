@@ -83,6 +83,15 @@ class Positions:
     points: FloatArray
     sigma_px: FloatArray
 
+    def with_others(self, others: "Positions") -> "Positions":
+        """Return these positions and, of the others, those of features that are not among these."""
+        more = ~np.isin(others.ids, self.ids)
+        return Positions(
+            np.concatenate([self.ids, others.ids[more]]),
+            np.concatenate([self.points, others.points[more]]),
+            np.concatenate([self.sigma_px, others.sigma_px[more]]),
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class MapUpdate:

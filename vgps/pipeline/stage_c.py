@@ -119,8 +119,6 @@ class StageC:
         if not contradicted():
             return False
         rejected_s = fix_buffer.detect_outliers(map_trajectory(local_map, since_s), self.used_until_s)
-        if self._isam2 is not None and self._isam2.continues(local_map):
-            return False  # its past is no truth and gives way; a fix found wrong leaves its graph
         if rejected_s < until_s:
             local_map.apply(restore_odometry(local_map, rejected_s - config.window.bend_s))
         if not contradicted():

@@ -66,6 +66,15 @@ def move_frames(local_map: LocalMap, moved: FloatArray, scale: FloatArray) -> Ma
         moved: (n, 4, 4) the new poses.
         scale: (n,) by which depths change.
     """
+    first, positions = local_map.next_frame - len(moved), moved_points(local_map, moved, scale)
+    return MapUpdate(first_frame=first, poses=moved, positions=positions)
+
+
+def moved_points(local_map: LocalMap, moved: FloatArray, scale: FloatArray) -> Positions:
+    """Return the points that the last frames of a map see, moved with the frames that saw them last.
+
+    ``moved`` (n, 4, 4) and ``scale`` (n,) are those of :func:`move_frames`.
+    """
     first = local_map.next_frame - len(moved)
     poses = local_map.poses[first - local_map.first_frame :]
     log = local_map.observations(first)
@@ -73,9 +82,7 @@ def move_frames(local_map: LocalMap, moved: FloatArray, scale: FloatArray) -> Ma
     anchor[log.landmark] = log.frame - first  # the log is chronological, so the last observation remains
     ids = np.flatnonzero((anchor >= 0) & np.isfinite(local_map.points[:, 0]))
     points = move_with_frames(local_map.points[ids], poses, moved, anchor[ids], scale[anchor[ids]])
-    return MapUpdate(
-        first_frame=first, poses=moved, positions=Positions(ids, points, local_map.sigma_px[ids])
-    )
+    return Positions(ids, points, local_map.sigma_px[ids])
 
 
 def remove_drift(

@@ -10,6 +10,7 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import FloatArray
+from vgps.smoothing.alignment.drift_correction import moved_points
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
 from vgps.smoothing.scene.level_priors import level_priors
@@ -41,10 +42,6 @@ class IncrementalWindow:
         self._graph: FixedLagGraph | None = None
         self._first, self._poses, self._aligned = 0, np.zeros((0, 4, 4)), False
         self.failures = 0
-
-    def continues(self, local_map: LocalMap) -> bool:
-        """Return whether the smoother knows the map as it is, up to the frames after its last window."""
-        return self._graph is not None and self._knows(local_map)
 
     def optimise(
         self, local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, tolerance: float = 1.0
@@ -95,7 +92,7 @@ class IncrementalWindow:
         if window.starts:
             changes.append(self._start_change(window, local_map.aligned))
         estimate = graph.update(GraphChange.merged(changes), config.window.iterations)
-        return _result(estimate, window, graph, local_map.discarded_features)
+        return _result(estimate, window, graph, local_map)
 
     def _window(self, local_map: LocalMap) -> WindowScene | None:
         """Return the frames of the window; None if some of the new ones are tied to nothing."""
@@ -141,8 +138,9 @@ class IncrementalWindow:
 
 
 def _result(
-    estimate: gtsam.Values, window: WindowScene, graph: FixedLagGraph, discarded: int
+    estimate: gtsam.Values, window: WindowScene, graph: FixedLagGraph, local_map: LocalMap
 ) -> WindowResult:
+    """Return the estimate; features that the smoother does not have follow the frames that saw them last."""
     poses = np.stack([estimate.atPose3(X(k)).matrix() for k in range(window.since, window.newest + 1)])
     numbers = window.feature.tolist()
     here = np.array([L(number) in graph for number in numbers], dtype=bool) & np.isfinite(window.sigma_px)
@@ -150,5 +148,7 @@ def _result(
     points = np.array([estimate.atPoint3(L(numbers[row])) for row in rows.tolist()]).reshape(-1, 3)
     if not (np.isfinite(poses).all() and np.isfinite(points).all()):
         raise GeometryError("the estimate of iSAM2 is not finite")
-    positions = Positions(window.feature[rows] - discarded, points, window.sigma_px[rows])
+    ids = window.feature[rows] - local_map.discarded_features
+    moved = moved_points(local_map, poses, np.ones(len(poses)))
+    positions = Positions(ids, points, window.sigma_px[rows]).with_others(moved)
     return WindowResult(MapUpdate(first_frame=window.since, poses=poses, positions=positions), True)
