@@ -65,3 +65,14 @@ def test_there_may_be_no_residuals():
         np.zeros((0, 2, UNKNOWNS)), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
     )
     assert not total.gradient.any()
+
+
+def test_changes_are_what_lies_between_nodes():
+    rng = np.random.default_rng(2)
+    w, change = rng.random((NODES - 1, 2)), rng.standard_normal((NODES - 1, 2))
+    found, expected = BlockSum(NODES, UNKNOWNS), BlockSum(NODES, UNKNOWNS)
+    found.add_changes(w, change)
+    pick = np.tile(np.eye(UNKNOWNS)[1:], (NODES - 1, 1, 1))
+    expected.add_between(-pick, pick, w[:, :, None] * np.eye(2), change)
+    for name in ("diagonal", "below", "gradient"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)

@@ -101,6 +101,15 @@ class BlockSum:
         self.gradient[:-1] += (B @ r[:, :, None])[:, :, 0]
         self.gradient[1:] += (A @ r[:, :, None])[:, :, 0]
 
+    def add_changes(self, w: FloatArray, change: FloatArray) -> None:
+        """Add changes (N - 1, m) of the last m unknowns from node to node with weights w (N - 1, m)."""
+        last = np.arange(self.gradient.shape[1] - w.shape[1], self.gradient.shape[1])
+        self.diagonal[:-1, last, last] += w
+        self.diagonal[1:, last, last] += w
+        self.below[:, last, last] -= w
+        self.gradient[:-1, last] -= w * change
+        self.gradient[1:, last] += w * change
+
     def add_each(self, J: FloatArray, w: FloatArray, r: FloatArray, node: IntArray) -> None:
         """Add residuals r (M, m) of nodes (M,) with weights w (M, m) and derivatives J (M, m, n)."""
         order = np.argsort(node, kind="stable")

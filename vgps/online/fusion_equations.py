@@ -72,7 +72,7 @@ def vague_prior(state: FusionState, bias_rad: FloatArray) -> FirstNodePrior:
 
 @dataclass(frozen=True)
 class _Residuals:
-    """Residuals of all factors, and parts of their derivatives."""
+    """Residuals of all factors, parts of their derivatives, and squared noise and walk in their scales."""
 
     video_step: FloatArray
     step_information: FloatArray
@@ -84,6 +84,8 @@ class _Residuals:
     elevation: FloatArray
     axes: FloatArray
     tie: FloatArray
+    noise: FloatArray
+    walk: FloatArray
 
 
 def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
@@ -100,6 +102,7 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
     away = placed[:, :, 0]
     arm = (R[at] @ fixes.arm[:, :, None])[:, :, 0]
     axes = (R @ nodes.camera[:, :3, :3])[:, :, [0, 2]]
+    fix = x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix
     return _Residuals(
         video_step,
         nodes.drift.step_information(video_step),
@@ -107,32 +110,30 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
         turn,
         np.stack([away, away + arm], axis=1),
         placed[:, :, 1],
-        x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix,
+        fix,
         axes[:, 2] - nodes.elevation - x[:, BIAS],
         axes,
         _tie_residuals(nodes, state),
+        np.sum((fix / fixes.noise_m) ** 2, axis=1),
+        np.sum((np.diff(x[:, OFFSET], axis=0) / nodes.walk_m[1:]) ** 2, axis=1),
     )
 
 
 def _tie_residuals(nodes: FusionNodes, state: FusionState) -> FloatArray:
     """Return position and rotation (K, 6) against those by places seen again, in standard deviations."""
     at, there = nodes.tied, nodes.ties.world_T_camera
+    if not len(at):
+        return np.zeros((0, 6))
     R = state.world_R_map[at] @ nodes.camera[at, :3, :3] @ there[:, :3, :3].transpose(0, 2, 1)
     away = state.values[at, POSITION] - there[:, :3, 3]
     return np.hstack([away, rotation_vectors(R)]) / nodes.ties.sigma
 
 
-def _squares(nodes: FusionNodes, state: FusionState, r: _Residuals) -> tuple[FloatArray, FloatArray]:
-    """Return squared noise (M,) and walk (N - 1,) in their scales."""
-    noise = np.sum((r.fix / nodes.fixes.noise_m) ** 2, axis=1)
-    return noise, np.sum((np.diff(state.values[:, OFFSET], axis=0) / nodes.walk_m[1:]) ** 2, axis=1)
-
-
 def squared_deviations(nodes: FusionNodes, state: FusionState) -> tuple[tuple[FloatArray, FloatArray], ...]:
     """Return times and squared deviations, in scales, of noise of fixes, walk to nodes, and bounds."""
-    noise, walk = _squares(nodes, state, _residuals(nodes, state))
+    r = _residuals(nodes, state)
     bound = np.sum((state.values[:, OFFSET] * nodes.bound) ** 2, axis=1)
-    return (nodes.t_s[nodes.fixes.node], noise), (nodes.t_s[1:], walk), (nodes.t_s, bound)
+    return (nodes.t_s[nodes.fixes.node], r.noise), (nodes.t_s[1:], r.walk), (nodes.t_s, bound)
 
 
 def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float:
@@ -142,7 +143,7 @@ def cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior) -> float
 
 def _cost(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, r: _Residuals) -> float:
     x, drift = state.values, nodes.drift
-    noise, walk = _squares(nodes, state, r)
+    noise, walk = r.noise, r.walk
     tail, heavy = nodes.walk_tail[1:], np.isfinite(nodes.walk_tail[1:])
     total = np.einsum("ni,nij,nj->", r.step, r.step_information, r.step)
     total += np.sum((np.diff(x[:, SCALE]) / drift.scale) ** 2)
@@ -176,8 +177,7 @@ def _normal_equations(
     J[:, :, POSITION] = J[:, :, OFFSET] = np.eye(3)
     J[:, :, SCALE], J[:, :, ROTATION] = r.fix_lever[:, 0], -cross_matrices(r.fix_lever[:, 1])
     J[:, :, TIME_OFFSET] = -r.fix_velocity
-    noise, _ = _squares(nodes, state, r)
-    weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + noise))[:, None] / nodes.fixes.noise_m**2
+    weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + r.noise))[:, None] / nodes.fixes.noise_m**2
     total.add_each(J, weight, r.fix, nodes.fixes.node)
     J = np.zeros((count, 5, UNKNOWNS))
     J[:, :3, OFFSET], J[:, 3:, BIAS] = np.eye(3), -np.eye(2)
@@ -190,6 +190,8 @@ def _normal_equations(
 
 
 def _add_ties(total: BlockSum, nodes: FusionNodes, tie: FloatArray) -> None:
+    if not len(tie):
+        return
     J = np.zeros((len(tie), 6, UNKNOWNS))
     J[:, :3, POSITION] = J[:, 3:, ROTATION] = np.eye(3)
     weight = 1.0 / (1.0 + np.sum(tie**2, axis=1) / ROBUST)
@@ -212,19 +214,13 @@ def _add_priors(total: BlockSum, nodes: FusionNodes, state: FusionState, prior: 
 def _add_drift_and_walk(total: BlockSum, nodes: FusionNodes, state: FusionState, r: _Residuals) -> None:
     x, drift = state.values, nodes.drift
     change = np.column_stack([np.diff(x[:, SCALE]), r.turn, np.diff(x[:, OFFSET.start :], axis=0)])
-    tail, walk = nodes.walk_tail[1:], _squares(nodes, state, r)[1]
+    tail = nodes.walk_tail[1:]
     heavy, robust = np.isfinite(tail), np.ones(len(tail))
-    robust[heavy] = (tail[heavy] + 3.0) / (tail[heavy] + walk[heavy])
-    weight = np.column_stack(
-        [
-            drift.scale**-2.0,
-            np.tile(drift.rotation[:, None] ** -2.0, 3),
-            robust[:, None] / nodes.walk_m[1:] ** 2,
-            np.full((len(tail), 3), _HELD**-2.0),
-        ]
-    )
-    pick = np.tile(np.eye(UNKNOWNS)[3:], (len(tail), 1, 1))
-    total.add_between(-pick, pick, weight[:, :, None] * np.eye(UNKNOWNS - 3), change)
+    robust[heavy] = (tail[heavy] + 3.0) / (tail[heavy] + r.walk[heavy])
+    weight = np.empty_like(change)
+    weight[:, :1], weight[:, 1:4] = drift.scale[:, None] ** -2.0, drift.rotation[:, None] ** -2.0
+    weight[:, 4:7], weight[:, 7:] = robust[:, None] / nodes.walk_m[1:] ** 2, _HELD**-2.0
+    total.add_changes(weight, change)
 
 
 def minimise(nodes: FusionNodes, state: FusionState, prior: FirstNodePrior, iterations: int) -> FusionState:
