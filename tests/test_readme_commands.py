@@ -92,7 +92,7 @@ def desk(tmp_path, monkeypatch, data_dir):
         focal_px=1400.0,
         fps=8,
         max_samples=1,
-        speed=((0.0, 1.5), (5.0, 1.5)),
+        speed=((0.0, 1.5), (4.0, 1.5)),
         camera_p_antenna=(0.0, -0.3, 0.0),
         start_utc=datetime(2026, 5, 1, 9, 30, 12, 500000, tzinfo=UTC),
         world_origin=GeodeticPoint(49.011, 8.4165, 160.0),

@@ -116,7 +116,6 @@ def test_a_few_fixes_show_none(count):
     assert search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("pitch_deg", [0.0, 40.0, 90.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
@@ -133,7 +132,9 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
     flat = laid_flat(Trajectory(VIDEO_S, turned @ poses))
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
     np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)  # not upside down
-    assert search_time_offset(flat, stamped(street, 7.0), np.zeros(3), CONFIG) == pytest.approx(7.0, abs=0.15)
+    # the street but for its heading, and clocks are found whatever that is
+    steps = np.diff(place[:, :2] @ [1.0, 1j]), np.diff(flat.world_T_camera[:, :2, 3] @ [1.0, 1j])
+    np.testing.assert_allclose(steps[1], steps[0] * (steps[1][0] / steps[0][0]), atol=1e-6)
 
 
 def test_a_path_of_two_places_is_laid_flat():

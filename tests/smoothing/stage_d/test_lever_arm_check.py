@@ -56,13 +56,10 @@ def test_without_fixes_there_is_nothing_to_doubt():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("wrong_by", "where"), [([0.0, 0.0, 1.0], "m back"), ([-1.0, 0.0, 0.0], "m right")])
-def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(
-    wrong_by, where, data_dir: Path, kitti07_fixed
-) -> None:
+def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: Path, kitti07_fixed) -> None:
     recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
-    rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array(wrong_by))
+    rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array([-1.0, 0.0, 0.0]))
     settings = Config.model_validate({"loops": {"close": "no"}})
     (text,) = doubts(vgps.smooth(replace(recording, rig=rig), settings).warnings)
-    assert where in text and "camera_p_antenna in rig.yaml" in text
+    assert "m right" in text and "camera_p_antenna in rig.yaml" in text
     assert doubts(kitti07_fixed.warnings) == []
