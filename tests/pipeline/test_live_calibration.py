@@ -27,8 +27,8 @@ from vgps.pipeline.stage_c import StageC
 from vgps.pipeline.window_worker import WindowWorker
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.scene.other_calibration import undistorted_again
 from vgps.smoothing.stage_c.window import optimise_window
-from vgps.smoothing.stage_d.intrinsics import undistorted_again
 
 CONFIG = Config(
     window=WindowConfig(length_frames=40),

@@ -22,7 +22,7 @@ from vgps.pipeline.window_worker import WindowOutcome, WindowWorker
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment.map_alignment import align_to_control, align_to_fixes
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.stage_d.intrinsics import undistorted_again
+from vgps.smoothing.scene.other_calibration import undistorted_again
 from vgps.tracking.control_points import control_poses
 
 _MAX_REASON = 200  # characters of an error in a warning

@@ -22,6 +22,7 @@ from vgps.runtime.threads import begin
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import Scene, scene_of_map
 from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
+from vgps.smoothing.scene.other_calibration import seen_by, undistorted_again
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.intrinsics import (
@@ -29,8 +30,6 @@ from vgps.smoothing.stage_d.intrinsics import (
     RefinedCamera,
     estimate_camera,
     prior_about,
-    seen_by,
-    undistorted_again,
 )
 
 # What more frames tell of a lens is in proportion to those before, so they come in geometric steps: half as

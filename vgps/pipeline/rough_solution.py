@@ -9,11 +9,10 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.merging.merge_maps import MergedMaps
-from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
+from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames, thinned
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.smoothing.stage_d.intrinsics import thinned
 from vgps.solution import Trajectory
 
 

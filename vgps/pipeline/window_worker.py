@@ -15,7 +15,7 @@ from vgps.pipeline.stage_c import StageC
 from vgps.runtime.threads import begin
 from vgps.runtime.timing import CONCURRENT, StageTimer
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.stage_d.intrinsics import undistorted_again
+from vgps.smoothing.scene.other_calibration import undistorted_again
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,12 @@ from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
 from vgps.smoothing.scene.global_shutter import as_global_shutter
+from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.intrinsics import (
     _after_step,
-    _misfit_px,
-    _undistorted_by,
     prior_about,
     refine_camera,
-    seen_by,
 )
 
 CONFIG = Config(
@@ -50,7 +48,7 @@ def refined(camera, wrong, **believed):
         return optimise_batch(scene, fixes, Sensors.fixed(ANTENNA), SmoothingContext(camera, CONFIG))
 
     settings = IntrinsicsConfig(refine=True, **believed)
-    seen, prior = _undistorted_by(start, camera, made), prior_about(start, settings)
+    seen, prior = undistorted_by(start, camera, made), prior_about(start, settings)
     result, found = refine_camera(seen, start, prior, optimise, settings)
     return away(result.trajectory.world_T_camera, poses), start, found
 
@@ -86,7 +84,7 @@ def test_observations_are_undistorted_by_the_new_lens():
     problem, poses, _, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
     other = changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
-    seen = _undistorted_by(other, LENS, made).observations.uv_px
+    seen = undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)
 
@@ -100,8 +98,8 @@ def test_a_centre_that_moves_far_leaves_all_observations():
     """An offset of 19 pixels is beyond the tolerance of stage D's first round, unless the poses turn."""
     before, made = changed(TRUE, np.array([0.0, 8.0, -17.0])), true_scene()
     found = seen_by(before, TRUE, made)  # about what stages A to C find with a wrong centre
-    assert _misfit_px(found, before) < 2.0
-    assert _misfit_px(_undistorted_by(TRUE, before, found), TRUE) > 15.0
+    assert misfit_px(found, before) < 2.0
+    assert misfit_px(undistorted_by(TRUE, before, found), TRUE) > 15.0
     back = seen_by(TRUE, before, found)
     np.testing.assert_allclose(back.poses, made.poses, atol=1e-9)
     selected, _ = select_observations(back, SmoothingContext(TRUE, CONFIG), CONFIG.batch.first_tolerance)

@@ -1,10 +1,13 @@
 """What a rough solution of stage D needs: few of the frames, one round, and frames to hold."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vgps.config import Config
 from vgps.model import BoolArray
 from vgps.smoothing.scene.factor_graph import Scene
+from vgps.solver.integer_sets import distinct
 
 MIN_VIEWS = 20  # that are left of few frames
 
@@ -17,6 +20,16 @@ def viewing_frames(scene: Scene) -> int:
 def frame_step(scene: Scene, config: Config) -> int:
     """Return the step between the frames of a rough solution: enough of them are left."""
     return min(config.intrinsics.every_frames, max(viewing_frames(scene) // MIN_VIEWS, 1))
+
+
+def thinned(scene: Scene, every: int) -> Scene:
+    """Return the scene with one in ``every`` of the frames that have observations."""
+    frames = distinct(scene.observations.frame)[::every]
+    row_of = np.full(len(scene.t_s), -1)
+    row_of[frames] = np.arange(len(frames))
+    few = scene.with_observations(row_of[scene.observations.frame] >= 0)
+    observations = replace(few.observations, frame=row_of[few.observations.frame])
+    return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations, loop=few.loop)
 
 
 def for_few_frames(config: Config, every: int, iterations: int) -> Config:

@@ -6,28 +6,25 @@ until the steps are small relative to their standard deviations. A rough solutio
 track suffices for this; stage D follows once on all frames.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from vgps.camera import distort, undistort
 from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
-from vgps.geometry import project, rays
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.calibration.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.few_frames import thinned
 from vgps.smoothing.scene.global_shutter import as_global_shutter
+from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.solution import Observations
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
-from vgps.solver.integer_sets import distinct
 from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
@@ -173,47 +170,11 @@ def _of_model(prior: CameraPrior, camera: Camera) -> Camera:
     return replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
 
 
-def thinned(scene: Scene, every: int) -> Scene:
-    """Return the scene with one in ``every`` of the frames that have observations."""
-    frames = distinct(scene.observations.frame)[::every]
-    row_of = np.full(len(scene.t_s), -1)
-    row_of[frames] = np.arange(len(frames))
-    few = scene.with_observations(row_of[scene.observations.frame] >= 0)
-    observations = replace(few.observations, frame=row_of[few.observations.frame])
-    return Scene(scene.t_s[frames], scene.poses[frames], scene.points, observations, loop=few.loop)
-
-
 def _difference(camera: Camera, given: Camera) -> FloatArray:
     """Return the parameters (p,) of a camera relative to the given one."""
     ends = np.array(camera.distortion) - np.array(given.distortion)
     moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
     return np.array(moved[: parameter_count(camera)])
-
-
-def undistorted_again(camera: Camera, before: Camera) -> Callable[[FloatArray], FloatArray]:
-    """Return what gives the pinhole pixels (N, 2) of another calibration for those of the one before.
-
-    Where its lens model has no inverse they do not change.
-    """
-
-    def undistorted(uv_px: FloatArray) -> FloatArray:
-        out, seen = uv_px.copy(), np.isfinite(uv_px).all(axis=1)  # no model is solved for NaN in vain
-        new = undistort(camera, distort(before, uv_px[seen]))
-        out[seen] = np.where(np.isfinite(new), new, uv_px[seen])
-        return out
-
-    return undistorted
-
-
-def _undistorted_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """Return the scene with its observations undistorted by another camera, unchanged outside its lens
-    model."""
-    old, controls = scene.observations, scene.controls
-    undistorted = undistorted_again(camera, before)
-    observations = Observations(old.frame, old.landmark, undistorted(old.uv_px))
-    return replace(
-        scene, observations=observations, controls=replace(controls, uv_px=undistorted(controls.uv_px))
-    )
 
 
 def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:
@@ -222,31 +183,8 @@ def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterS
     The prediction is linear, and poses that hardly anything holds, as a roll that coarse fixes do not show,
     follow a step too far for that.
     """
-    predicted = _undistorted_by(camera, before, replace(optimum, poses=step.poses, points=step.points))
-    return min(predicted, seen_by(camera, before, optimum), key=lambda one: _misfit_px(one, camera))
-
-
-def _misfit_px(scene: Scene, camera: Camera) -> float:
-    """Return the median distance of observations from where their landmarks are seen."""
-    seen = scene.observations
-    uv_px, depth = project(camera.K, scene.poses[seen.frame], scene.points[seen.landmark, None])
-    error = np.linalg.norm(uv_px[:, 0] - seen.uv_px, axis=1)
-    return float(np.median(np.where(depth[:, 0] > 0.0, error, np.inf))) if len(error) else 0.0
-
-
-def seen_by(camera: Camera, before: Camera, scene: Scene) -> Scene:
-    """Return the scene with its observations undistorted by another camera, and its poses turned to suit.
-
-    A centre that moved turns all rays alike: without a turn of the poses hardly an observation would fit.
-    """
-    seen = _undistorted_by(camera, before, scene)
-    if not len(seen.observations.frame):
-        return seen
-    old_rays = rays(before.K, scene.observations.uv_px)
-    turn, _ = Rotation.align_vectors(old_rays, rays(camera.K, seen.observations.uv_px))
-    poses = scene.poses.copy()
-    poses[:, :3, :3] = poses[:, :3, :3] @ turn.as_matrix()
-    return replace(seen, poses=poses)
+    predicted = undistorted_by(camera, before, replace(optimum, poses=step.poses, points=step.points))
+    return min(predicted, seen_by(camera, before, optimum), key=lambda one: misfit_px(one, camera))
 
 
 def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> ParameterStep:
