@@ -51,14 +51,13 @@ def test_every_method_poses_every_frame_and_only_the_model_differs(comparison, s
 
 def test_all_methods_share_a_clock_that_is_wrong_by_seconds(recording, monkeypatch):
     """The search for it has its own tests in tests/pipeline/test_gps_clock.py; here it is given."""
-    front, again = object(), object()
     right = Config(sensors=SensorsConfig(time_offset_s=3.0))
-    monkeypatch.setattr("vgps.compare.methods.run_front_end", lambda *_: front)
+    monkeypatch.setattr("vgps.compare.methods.run_front_end", lambda *_: ["wrong"])
     monkeypatch.setattr(
-        "vgps.compare.methods.with_right_clock", lambda found, *_: (again, right) if found is front else None
+        "vgps.compare.methods.with_right_clock", lambda found, *_: (["right, not", *found], right)
     )
     rows = list(front_ends(vgps.open_recording(recording), Config(), NoProgress(), METHODS[1:3]))
-    assert [found for found, *_ in rows] == [again, again]
+    assert rows[0][0] == ["right, not", "wrong"] and rows[0][0] is rows[1][0]
     assert [settings.sensors.time_offset_s for *_, settings in rows] == [3.0, 3.0]
     assert [settings.gps.model for _, _, settings in rows] == ["gaussian", "gaussian-receiver"]
 
