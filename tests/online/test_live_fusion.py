@@ -107,6 +107,15 @@ def test_a_live_pose_does_not_wait_for_a_fit():
     assert pipeline.error_m() < 0.1  # by the fix that came meanwhile, too
 
 
+def test_nor_for_the_first_one(monkeypatch):
+    monkeypatch.setattr("vgps.online.live_fusion.begin", lambda *_: Late())
+    pipeline = Pipeline(config=Config(online={"repeatable": False}))
+    for _ in range(10):
+        pipeline.frame()
+    assert pipeline.fusion._job is not None
+    assert pipeline.fusion.to_world(pipeline.current) is None
+
+
 def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():
     pipeline = Pipeline()
     while not (pipeline.frame() and len(pipeline.t_s) > 100):

@@ -75,7 +75,8 @@ class LiveFusion:
         if self._fused is None or self._camera is not self._frame_pipeline.camera:
             self._camera = self._frame_pipeline.camera  # a refined one bends the whole path
             self._begin(current)
-            self._finish()
+            if self._fused is not None or self._config.online.repeatable:
+                self._finish()
         elif self._is_due(current):
             self._begin(current)
 
