@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import laid_flat, search_time_offset
+from vgps.gps.clock_search import is_mirrored, laid_flat, search_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -140,3 +140,23 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
 def test_a_path_of_two_places_is_laid_flat():
     flat = laid_flat(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]))
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
+
+
+def test_a_mirrored_picture_turns_the_other_way_than_the_fixes():
+    fixes, mirror = stamped(street, -1.0, noise_m=0.5), np.array([1.0, -1.0, 1.0])
+    right, mirrored = (
+        seen(street(VIDEO_S) * axes, scale=0.3, turned_deg=140.0) for axes in (np.ones(3), mirror)
+    )
+    assert not is_mirrored(right, fixes, np.zeros(3), CONFIG)
+    assert is_mirrored(mirrored, fixes, np.zeros(3), CONFIG)
+
+
+@pytest.mark.parametrize("place_of", [straight, lambda t_s: 0 * street(t_s)])
+def test_a_straight_and_a_stand_look_alike_in_a_mirror(place_of):
+    fixes = stamped(place_of, 0.0, noise_m=0.5)
+    assert not is_mirrored(seen(place_of(VIDEO_S)), fixes, np.zeros(3), CONFIG)
+
+
+def test_fixes_that_neither_explains_show_no_mirror():
+    fixes = stamped(lambda t_s: np.random.default_rng(3).normal(0.0, 9.0, (len(t_s), 3)), 0.0)
+    assert not is_mirrored(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG)

@@ -79,6 +79,7 @@ def test_where_the_torn_path_shows_nothing_one_without_fixes_does(data_dir, monk
 def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeypatch):
     opened, shown = vgps.open_recording(recording), iter([4.0, None])
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: next(shown))
+    monkeypatch.setattr(gps_clock, "is_mirrored", lambda *_: True)
     front_end, again = run_front_end(opened, Config(), NoProgress()), []
     monkeypatch.setattr(gps_clock, "run_front_end", lambda *given: again.append(given) or front_end)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
@@ -87,6 +88,9 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeyp
     assert next(shown, "both were asked for") == "both were asked for"
     assert config == Config() and found.maps is front_end.maps
     assert any("4.0 s older" in warning for warning in found.warnings)  # the user may try it
+    assert not any("mirrored" in warning for warning in found.warnings)  # with a clock that is far off
+    monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: None)
+    assert "its picture is mirrored" in gps_clock.with_gps_clock(front_end, Config()).warnings[0]
 
 
 def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):

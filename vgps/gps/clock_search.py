@@ -26,6 +26,7 @@ _MIN_PAIRS = 8
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
 _MOVING = 0.75  # quantile of displacements; a quarter may be wrong, three quarters those of a stop
+_EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
 _LEAST_SHARE = 1e-6  # of motions that agree exactly, as simulated ones may
 
 
@@ -67,10 +68,7 @@ def search_time_offset(
         camera_p_antenna: (3,) metres.
         config: How far around an offset others are taken for the same, and how sure it must be.
     """
-    antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
-    seen = _Seen(path.t_s, antenna[:, 0] + 1j * antenna[:, 1])
-    used = fixes.where(fixes.used)
-    chosen = spaced(used, spacing_s(used))
+    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
     offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
     pairs = np.array([len(one.left) for one in found])
@@ -86,6 +84,31 @@ def search_time_offset(
     worse = float(others.min()) / max(float(share[best]), _LEAST_SHARE) - 1.0
     significant = worse * freedom > min_gain(config.significance_sigmas, freedom, tried)
     return round(float(offsets_s[best]), 1) if significant else None
+
+
+def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig) -> bool:
+    """Return whether the mirror image of a path explains the fixes, and the path does not, beyond doubt.
+
+    Turns to the left are turns to the right then, as in a mirrored picture or above a camera upside down.
+
+    Args:
+        path: Of the video alone, upright.
+        fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
+    """
+    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
+    reach_s = config.time_offset_reach_s
+    offsets_s = config.time_offset_s + np.arange(-reach_s, reach_s + _STEP_S / 2, _STEP_S)
+
+    def least(one: _Seen) -> _Misfit:
+        found = (_misfit(one, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist())
+        return min(found, key=lambda misfit: misfit.share)
+
+    right, mirrored = least(seen), least(seen._replace(antenna=seen.antenna.conj()))
+    if not mirrored.share < _EXPLAINED_SHARE:
+        return False
+    worse = right.share / max(mirrored.share, _LEAST_SHARE) - 1.0
+    freedom = mirrored.degrees_of_freedom
+    return worse * freedom > min_gain(config.significance_sigmas, freedom, float(len(offsets_s)))
 
 
 def laid_flat(path: Trajectory) -> Trajectory:
@@ -107,6 +130,17 @@ class _Seen(NamedTuple):
 
     t_s: FloatArray
     antenna: ComplexArray
+
+
+def _seen(path: Trajectory, camera_p_antenna: FloatArray) -> _Seen:
+    antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
+    return _Seen(path.t_s, antenna[:, 0] + 1j * antenna[:, 1])
+
+
+def _chosen(fixes: Fixes) -> Fixes:
+    """Return the fixes that are compared."""
+    used = fixes.where(fixes.used)
+    return spaced(used, spacing_s(used))
 
 
 def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig) -> _Misfit:

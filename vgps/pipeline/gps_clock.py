@@ -7,7 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
-from vgps.gps.clock_search import ClockCheck, laid_flat, search_time_offset
+from vgps.gps.clock_search import ClockCheck, is_mirrored, laid_flat, search_time_offset
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import estimate_time_offset
@@ -27,6 +27,10 @@ _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
     "searched: set sensors: {{time_offset_s: {0:.1f}}}"
+)
+_MIRRORED = (
+    "the fixes turn left where the video turns right: its picture is mirrored, or its path hangs upside "
+    "down. The poses are wrong, whatever their standard deviations: give the picture as the camera saw it"
 )
 _FOUND = (
     "the GPS positions are about {0:.1f} s older than their time stamps, as the shape of the path shows; the "
@@ -121,6 +125,8 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     front_end = replace(front_end, clock=ClockCheck(shown_s, torn))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
+    if is_mirrored(video, fixes, sensors.camera_p_antenna, settings):
+        front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
     corrected = fixes.without_time_offset(sensors.time_offset_s)
