@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 import vgps
+from scripts.common.drives import VideoSection
 from vgps.compare import ALL_METHODS, METHODS, Method, compare
 from vgps.compare.methods import front_ends
 from vgps.config import Config, SensorsConfig
@@ -14,7 +15,7 @@ from vgps.errors import TrajectoryError
 from vgps.readers.calibration.rig_file import read_rig
 from vgps.runtime.progress import NoProgress
 
-CHOSEN = [METHODS[0], METHODS[1], METHODS[4]]
+CHOSEN = [METHODS[1], METHODS[4]]
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +71,11 @@ def test_a_drones_camera_flies_by_every_method_as_in_a_run(recording, monkeypatc
     assert all(settings.start.flies for *_, settings in front_ends(drone, Config(), NoProgress(), METHODS))
 
 
-def test_the_method_without_gps_begins_at_the_true_poses(comparison):
-    error = np.linalg.norm(comparison.evaluations["A video only"].camera_error_m, axis=1)
+def test_the_method_without_gps_begins_at_the_true_poses(recording):
+    opened = vgps.open_recording(recording)
+    section = replace(opened, video=VideoSection(opened.video, 0, 59))
+    found = compare(section, recording / "truth.tum", Config(), NoProgress(), METHODS[:1])
+    error = np.linalg.norm(found.evaluations["A video only"].camera_error_m, axis=1)
     assert error[:30].mean() < 0.1 and error[-1] > error[:30].mean()
 
 
