@@ -101,28 +101,6 @@ def test_jitter_of_a_path_around_a_circle_is_no_time_offset(seed):
     assert no_offset_is_found(*with_jitter(circle, seed))
 
 
-def test_a_circle_at_constant_speed_shows_none_since_its_heading_comes_from_the_same_fixes():
-    def circle(t_s):
-        return np.stack([25 * np.sin(0.16 * t_s), 25 - 25 * np.cos(0.16 * t_s), 0 * t_s], axis=1)
-
-    fixes = fixes_that_lie(np.arange(0.05, 19.0), circle(np.arange(0.05, 19.0)) + wander(2))
-    assert by_differences(trajectory(circle(T_S)), fixes, NONE, BELIEVED).sigma_s > 0.8 * BELIEVED.sigma_s
-
-
-def test_the_factor_in_common_is_eliminated_as_by_dense_equations():
-    """Unknowns are the factors at the knots and the one in common, of which the others are observations."""
-    pairs = neighbour_pairs(trajectory(path(T_S)), late(0.3), NONE, BELIEVED, TimeOffsetConfig(knot_s=5.0))
-    rng = np.random.default_rng(1)
-    camera, right = (rng.normal(size=(count, 2)) @ [1.0, 1.0j] for count in (pairs.count, 5))
-    weight, information = rng.uniform(0.1, 400.0, pairs.count), TimeOffsetConfig().factor_sigma ** -2
-    at = np.array([pairs._knots.interpolated(column) for column in np.eye(5)]).real.T
-    dense = np.full((6, 6), -information)
-    dense[:5, :5] = at.T @ np.diag(weight * np.abs(camera) ** 2) @ at + information * np.eye(5)
-    dense[5, 5] = 5 * information + 1.0
-    expected = np.linalg.solve(dense, [*right, 0.0])[:5]
-    np.testing.assert_allclose(pairs._solved(camera, weight, right), expected, rtol=1e-8)
-
-
 def turns_and_braking(t_s):
     along = 8.0 * t_s - 15.0 * np.cos(t_s / 5.0)
     return np.column_stack([along, 20.0 * np.sin(along / 40.0), np.zeros_like(t_s)])

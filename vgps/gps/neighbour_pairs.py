@@ -18,7 +18,6 @@ MEDIAN = 1.1774  # length of a Gaussian vector in the plane, in standard deviati
 _PAIRS_OF_ALL = 3.0  # that the spread of all pairs counts as beside those of a class
 _DELTA_S = 0.01  # step of the difference quotient
 _REWEIGHTINGS = 2  # within each step of the time offset
-_COMMON_SIGMA = 1.0  # any scale and heading: fixes of another time offset have turned the whole path
 
 
 def neighbour_pairs(
@@ -126,7 +125,8 @@ class NeighbourPairs:
         width = self.config.robust_spreads
         bend = width * self._spread(ends[0].difference)
         cost = [
-            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum() + self._prior_cost(end.factor)
+            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
+            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
             for end in ends
         ]
         return float(cost[1] - cost[0])
@@ -143,7 +143,7 @@ class NeighbourPairs:
         for _ in range(_REWEIGHTINGS):
             weight = self._weight(displacement * self._knots.interpolated(factor) - self._displacement)
             right = self._knots.sums(weight * displacement.conj() * self._displacement)
-            factor = self._solved(displacement, weight, right + self._prior_pull)
+            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
         return _Fitted(
             displacement, factor, displacement * self._knots.interpolated(factor) - self._displacement
         )
@@ -166,38 +166,13 @@ class NeighbourPairs:
         drawn = spread[..., :1] * (spread[..., 1:] / spread[..., :1]) ** share
         return np.asarray(drawn[..., self._group])
 
-    @property
-    def _of_common(self) -> float:
-        """The information on the factor in common that each knot and its prior give together."""
-        return self._knots.count * self.config.factor_sigma**-2 + _COMMON_SIGMA**-2
-
-    @property
-    def _prior_pull(self) -> float:
-        """The right-hand side of each knot by the prior of the factor in common, which is one."""
-        return float(self.config.factor_sigma**-2 * _COMMON_SIGMA**-2 / self._of_common)
-
-    def _prior_cost(self, factor: ComplexArray) -> float:
-        """Return the cost of factors (K,): their changes from the one in common, and that one's from one."""
-        information = self.config.factor_sigma**-2
-        common = (information * factor.sum() + _COMMON_SIGMA**-2) / self._of_common
-        changes = information * (np.abs(factor - common) ** 2).sum()
-        return float(changes + np.abs(common - 1.0) ** 2 / _COMMON_SIGMA**2)
-
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
-        """Return the solutions (..., K) of the factors' normal equations, the one in common eliminated.
-
-        Without it they are tridiagonal and real; its elimination is a change of rank one (Sherman and
-        Morrison, 1950).
-        """
-        information = self.config.factor_sigma**-2
+        """Return the solutions (..., K) of the factors' normal equations, which are tridiagonal and real."""
         band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
-        band[1] += information
-        columns = np.stack([right.ravel(), np.ones(right.size)], axis=1)
-        solved = solveh_banded(band.reshape(2, -1), columns).reshape(*right.shape, 2)
-        apart, by_common = solved[..., 0], solved[..., 1].real
-        share = information**2 / self._of_common
-        pull = share * apart.sum(axis=-1) / (1.0 - share * by_common.sum(axis=-1))
-        return np.asarray(apart + by_common * pull[..., None], np.complex128)
+        band[1] += self.config.factor_sigma**-2
+        return np.asarray(
+            solveh_banded(band.reshape(2, -1), right.ravel()).reshape(right.shape), np.complex128
+        )
 
 
 class _Fitted(NamedTuple):
