@@ -22,8 +22,8 @@ from scripts.common.memory import resident_mb
 from scripts.common.ping_pong import PingPong
 from vgps.model import FloatArray
 from vgps.online import OnlineEstimate
-from vgps.online.gps_source import GpsSource
-from vgps.online.live_feed import VideoClock
+from vgps.online.sources.gps_source import GpsSource
+from vgps.online.sources.live_feed import VideoClock
 from vgps.readers.gps_formats.fixes import unix_s
 
 COLUMNS = {

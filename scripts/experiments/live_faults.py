@@ -31,7 +31,7 @@ from vgps.errors import VideoError
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass, GeodeticPoint, GrayImage
 from vgps.online import OnlineSmoother
-from vgps.online.gps_messages import Epochs, StreamedFix, messages
+from vgps.online.sources.gps_messages import Epochs, StreamedFix, messages
 from vgps.readers.gps_formats.fixes import Fix, unix_s
 from vgps.readers.recording import open_recording
 from vgps.readers.trajectory import read_trajectory

@@ -5,9 +5,9 @@ from vgps.config import OnlineConfig
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, Similarity
 from vgps.online.estimate import OnlineState
-from vgps.online.inertial_bridge import BridgedPose
+from vgps.online.fusion.inertial_bridge import BridgedPose
+from vgps.online.fusion.pose_sigmas import UNKNOWN_SIGMAS
 from vgps.online.pose_publisher import PosePublisher
-from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
 
 CONFIG = OnlineConfig(bridge_s=0.35, blend_s=1.0, blend_m_s=2.0)
 SPEED_M, INTERVAL_S = 0.8, 0.1

@@ -18,10 +18,10 @@ import vgps
 from vgps.errors import VideoError
 from vgps.model import FixClass
 from vgps.online import session
-from vgps.online.gps_messages import StreamedFix
-from vgps.online.gps_source import ReceivedFix
-from vgps.online.live_feed import VideoClock
-from vgps.online.video_source import VideoSource
+from vgps.online.sources.gps_messages import StreamedFix
+from vgps.online.sources.gps_source import ReceivedFix
+from vgps.online.sources.live_feed import VideoClock
+from vgps.online.sources.video_source import VideoSource
 from vgps.readers.gps_formats.fixes import Clock, Fix
 from vgps.readers.run_folder import read_run
 

@@ -10,8 +10,8 @@ from vgps.config import Config
 from vgps.gps.fixes import CLASSES
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import FixClass
-from vgps.online.fusion_fit import FitInput
-from vgps.online.video_path import VideoPath
+from vgps.online.fusion.fusion_fit import FitInput
+from vgps.online.fusion.video_path import VideoPath
 
 ANTENNA = np.array([0.1, -1.0, 0.3])
 INTERVAL_S, SPEED_M_S = 0.1, 8.0

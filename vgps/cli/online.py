@@ -10,7 +10,7 @@ from vgps.cli.app import print_line
 from vgps.cli.options import GpsSettings, NotNegative
 
 if TYPE_CHECKING:
-    from vgps.online.output import PoseOutput
+    from vgps.online.outputs.output import PoseOutput
 
 
 @Parameter(name="*")
@@ -102,7 +102,7 @@ def online(
 
 
 def _live_view() -> "PoseOutput":
-    from vgps.online.view_output import ViewOutput
+    from vgps.online.outputs.view_output import ViewOutput
     from vgps.viewer import open_live_view
 
     return ViewOutput(open_live_view())

@@ -8,7 +8,7 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
-from vgps.online.pose_sigmas import Sigmas
+from vgps.online.fusion.pose_sigmas import Sigmas
 from vgps.readers.gps_formats.fixes import Fix
 from vgps.solution import FrameState
 

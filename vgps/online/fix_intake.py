@@ -12,7 +12,7 @@ from vgps.gps.world_frame import fix_origin
 from vgps.model import GeodeticPoint
 from vgps.online.archive import FixArchive
 from vgps.online.estimate import counts_as_news
-from vgps.online.node_fixes import SAME_TIME_S
+from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.readers.gps_formats.fixes import Fix, counted
 

@@ -10,10 +10,10 @@ from vgps.config import Config
 from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, Frame, GrayImage
 from vgps.online.estimate import OnlineEvent
-from vgps.online.fusion import FusedPath
-from vgps.online.live_fusion import LiveFusion
-from vgps.online.place_ties import PlaceTies
-from vgps.online.video_path import VideoPath
+from vgps.online.fusion.live_fusion import LiveFusion
+from vgps.online.fusion.path_fusion import FusedPath
+from vgps.online.fusion.place_ties import PlaceTies
+from vgps.online.fusion.video_path import VideoPath
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.places.place_memory import WorldPath
 from vgps.places.recognition import Answer, Look, PlaceRecogniser, Recognised, SeenLandmarks

@@ -10,7 +10,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.model import FloatArray
 from vgps.online.blending import Blender
 from vgps.online.estimate import OnlineEvent, OnlineState
-from vgps.online.inertial_bridge import BridgedPose
+from vgps.online.fusion.inertial_bridge import BridgedPose
 from vgps.pipeline.frame_pipeline import FramePipeline
 
 _NO_POSE = np.full((4, 4), np.nan)

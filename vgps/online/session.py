@@ -16,14 +16,14 @@ from vgps.errors import ConfigError, GpsLogError, RecordingError
 from vgps.model import Rig
 from vgps.online.delay import DelayedEstimates
 from vgps.online.estimate import OnlineEstimate
-from vgps.online.gps_source import GpsSource
-from vgps.online.live_feed import live_feed, start_utc
-from vgps.online.output import JsonLines, Outputs, PoseOutput
+from vgps.online.outputs.output import JsonLines, Outputs, PoseOutput
+from vgps.online.outputs.robot_outputs import NmeaOutput, WebSocketOutput
 from vgps.online.replay import replay
-from vgps.online.robot_outputs import NmeaOutput, WebSocketOutput
 from vgps.online.run import FeedItem, TimedImage, run_online, stopped_by_signals
 from vgps.online.smoother import OnlineSmoother
-from vgps.online.video_source import VideoSource
+from vgps.online.sources.gps_source import GpsSource
+from vgps.online.sources.live_feed import live_feed, start_utc
+from vgps.online.sources.video_source import VideoSource
 from vgps.pipeline.airborne import with_airborne
 from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.calibration.rig_file import read_rig

@@ -16,11 +16,11 @@ from vgps.online.archive import FrameArchive
 from vgps.online.checked_frame import check_frame
 from vgps.online.estimate import OnlineEstimate, OnlineEvent
 from vgps.online.fix_intake import FixIntake
-from vgps.online.live_fusion import LiveFusion
+from vgps.online.fusion.live_fusion import LiveFusion
+from vgps.online.fusion.live_time_offset import video_alone
+from vgps.online.fusion.pose_sigmas import UNKNOWN_SIGMAS
 from vgps.online.live_places import LivePlaces
-from vgps.online.live_time_offset import video_alone
 from vgps.online.pose_publisher import PosePublisher
-from vgps.online.pose_sigmas import UNKNOWN_SIGMAS
 from vgps.online.session_result import SessionRecord, session_front_end, session_solution
 from vgps.online.verdict_events import VerdictEvents
 from vgps.pipeline.frame_pipeline import FramePipeline
@@ -44,7 +44,7 @@ class OnlineSmoother:
     time nor memory per frame grows with their number, but for about 100 bytes per frame and fix.
 
     Stage C optimises the map by the video alone. Where the map lies in the world follows from the fixes of
-    the frames kept (``online.keep_s``), by :class:`vgps.online.live_fusion.LiveFusion`.
+    the frames kept (``online.keep_s``), by :class:`vgps.online.fusion.live_fusion.LiveFusion`.
 
     Args:
         camera: Its lens.

@@ -23,7 +23,7 @@ from vgps.config import read_config, read_survey
 from vgps.crs import named_geoid
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.model import Camera, Rig
-from vgps.online.gps_messages import Epochs, messages
+from vgps.online.sources.gps_messages import Epochs, messages
 from vgps.readers.bag import BagVideo
 from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.calibration.camera_guess import guess_cameras

@@ -1,0 +1,63 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fused_drives import DrivingCamera, fit_input, fixed_then_float
+
+import vgps
+from vgps.online.fusion.fusion_fit import fit, newest_fit
+
+CONFIG = vgps.Config()
+FIRST, AFTER = 305, 312  # frames at the last whole fit and now; there is a fix at frame 310
+
+
+@pytest.fixture(scope="module", params=[40, 20], ids=["RTK-fix", "RTK-float"])
+def drive(request):
+    """A drive, what the video sees of it, and its fixes."""
+    drive = DrivingCamera(400)
+    kinds, wrong = fixed_then_float(request.param, 40 - request.param, [0.5, 0.5, 1.0])
+    return drive, drive.seen(np.random.default_rng(4), share=0.5), drive.fixes(kinds, wrong)
+
+
+@pytest.mark.slow
+def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
+    _, path, fixes = drive
+    last = None
+    for _ in range(12):  # until the errors that are learned are those in use
+        last = fit(fit_input(path, FIRST, fixes, last), CONFIG).fused
+    now = fit_input(path, AFTER, fixes, last)
+    newest, whole = newest_fit(now, CONFIG), fit(now, CONFIG).fused
+    assert newest is not None and len(newest.nodes.t_s) < 6 < len(whole.nodes.t_s)
+    ends = [one.to_world(now.path) for one in (newest, whole, last)]
+    position = [one.scale * one.world_R_map @ now.path.poses[-1, :3, 3] + one.world_p_map for one in ends]
+    correction = np.linalg.norm(position[1] - position[2])
+    assert np.linalg.norm(position[0] - position[1]) < 0.25 * correction
+    sigmas = [np.sqrt(np.diag(one.covariance_at_end(now.path, CONFIG))) for one in (newest, whole)]
+    np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
+
+
+def test_a_fit_finds_what_the_next_one_begins_with(drive):
+    _, path, fixes = drive
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    found = [
+        newest_fit(fit_input(path, AFTER, fixes, one), CONFIG) for one in (last, replace(last, carried=None))
+    ]
+    assert last.carried is not None
+    np.testing.assert_allclose(found[0].state.values, found[1].state.values, atol=1e-9)
+
+
+def test_without_new_fixes_there_is_nothing_to_fit(drive):
+    _, path, fixes = drive
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    assert newest_fit(fit_input(path, FIRST + 3, fixes, last), CONFIG) is None
+
+
+def test_a_fix_that_surprises_waits_for_its_verdict():
+    drive = DrivingCamera(400)
+    kinds, wrong = fixed_then_float(40, 0, np.zeros(3))
+    wrong[31] = [8.0, 5.0, 0.0]
+    path, fixes = drive.seen(), drive.fixes(kinds, wrong)
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    assert newest_fit(fit_input(path, AFTER, fixes, last), CONFIG) is None
+    trusting = replace(fixes, world_p_fix=fixes.world_p_fix - wrong)
+    assert newest_fit(fit_input(path, AFTER, trusting, last), CONFIG) is not None

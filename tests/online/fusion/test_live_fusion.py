@@ -1,0 +1,153 @@
+from concurrent.futures import Future
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fused_drives import ANTENNA, DrivingCamera
+
+from vgps.config import Config
+from vgps.gps.fix_buffer import FixBuffer
+from vgps.gps.fixes import Fixes
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import MapUpdate, NewFrame
+from vgps.model import FixClass
+from vgps.online.fusion.fit_job import FitJob
+from vgps.online.fusion.live_fusion import LiveFusion
+
+LATE_S, CONFIG = 0.4, Config()
+
+
+class Pipeline:
+    """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
+
+    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG):
+        drive = DrivingCamera(500)
+        self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
+        fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
+        self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
+        self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
+        self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
+        self.fusion = LiveFusion(self, config)
+        self.begin()
+
+    @property
+    def sensors(self):
+        return self.fix_buffer.sensors
+
+    def begin(self):
+        self.current = LocalMap(len(self.t_s), 5)
+        self.current.apply(MapUpdate(aligned=True))
+
+    def frame(self):
+        """Refine the frames so far and add the next one; whether a fix comes with it."""
+        if len(self.current.t_s) > 1:
+            self.fusion.refine()
+        last_s = self.t_s[-1] if len(self.t_s) else -1.0
+        now_s = self.path.t_s[len(self.t_s)]
+        came = (self.to_come.t_s > last_s + 1e-6) & (self.to_come.t_s <= now_s + 1e-6)
+        self.current.apply(MapUpdate(frames=(NewFrame(now_s, self.path.poses[len(self.t_s)]),)))
+        self.t_s = self.path.t_s[: len(self.t_s) + 1]
+        self.fix_buffer.add(self.to_come.where(came), last_s)
+        self.fusion.use_new_fixes()
+        return bool(came.any())
+
+    def scale(self, factor):
+        """Scale the map, as stage C may."""
+        self.path.poses[:, :3, 3] *= factor
+        self.current.apply(MapUpdate(first_frame=0, poses=self.path.poses[: len(self.t_s)]))
+
+    def error_m(self):
+        to_world, centre = self.fusion.to_world(self.current), self.current.poses[-1, :3, 3]
+        placed = to_world.scale * to_world.world_R_map @ centre + to_world.world_p_map
+        return np.linalg.norm(placed - self.true[len(self.t_s) - 1, :3, 3])
+
+
+@pytest.mark.slow
+def test_a_fix_counts_with_the_frame_that_it_comes_with():
+    pipeline, at_fixes, between = Pipeline(), [], []
+    sigma_m = np.inf
+    for _ in range(120):
+        came, before_m = pipeline.frame(), sigma_m
+        sigma_m = np.linalg.norm(pipeline.fusion.sigmas().position_m)
+        if len(pipeline.t_s) > 60:
+            (at_fixes if came else between).append(sigma_m - before_m)
+    assert len(at_fixes) == 6 and max(at_fixes) < 0.0
+    assert min(between) > 0.1 * max(at_fixes)
+
+
+def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():
+    pipeline = Pipeline()
+    for _ in range(107):
+        pipeline.frame()
+    before_m = pipeline.error_m()
+    pipeline.scale(1.1)
+    assert not pipeline.frame()
+    assert pipeline.error_m() < before_m + 0.1  # at the old scale 0.6 m
+
+
+class Late(Future):
+    """What a fit finds, and not in time."""
+
+    def result(self, timeout=None):
+        raise AssertionError("a live pose waited for it")
+
+
+def test_a_live_pose_does_not_wait_for_a_fit():
+    pipeline = Pipeline(config=Config(online={"repeatable": False}))
+    while pipeline.fusion.to_world(pipeline.current) is None:
+        pipeline.frame()
+    for _ in range(100):
+        if pipeline.fusion._job is not None:
+            pipeline.fusion._job.fit.exception()  # until it is found
+        pipeline.frame()
+    late = pipeline.fusion._job = FitJob(0.0, None, Late())
+    while not pipeline.frame():
+        pass
+    assert pipeline.fusion._job is late
+    assert pipeline.error_m() < 0.1  # by the fix that came meanwhile, too
+
+
+def test_nor_for_the_first_one(monkeypatch):
+    monkeypatch.setattr("vgps.online.fusion.live_fusion.begin", lambda *_: Late())
+    pipeline = Pipeline(config=Config(online={"repeatable": False}))
+    for _ in range(10):
+        pipeline.frame()
+    assert pipeline.fusion._job is not None
+    assert pipeline.fusion.to_world(pipeline.current) is None
+
+
+def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():
+    pipeline = Pipeline()
+    while not (pipeline.frame() and len(pipeline.t_s) > 100):
+        pass
+    pipeline.fusion.refine()
+    assert pipeline.fusion._job is not None  # a fit to the path as the old camera sees it
+    scale = pipeline.fusion.to_world(pipeline.current).scale
+    pipeline.scale(1.3)
+    pipeline.camera = "refined"
+    pipeline.fusion.refine()
+    assert pipeline.fusion._job is None
+    assert pipeline.fusion.to_world(pipeline.current).scale == pytest.approx(scale / 1.3, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_wrong_fix_has_its_verdict_after_two_frames():
+    wrong_m = np.where(np.arange(50)[:, None] == 10, 8.0, 0.0)
+    pipeline = Pipeline(wrong_m=wrong_m)
+    while not pipeline.fix_buffer.assessment.rejected.any():
+        pipeline.frame()
+    assert pipeline.t_s[-1] == pytest.approx(pipeline.to_come.t_s[10] + 0.2)
+
+
+@pytest.mark.slow
+def test_the_next_map_begins_with_the_time_offset_that_was_found():
+    pipeline = Pipeline(LATE_S)
+    for _ in range(400):
+        pipeline.frame()
+    assert pipeline.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
+    pipeline.begin()
+    for _ in range(95):
+        pipeline.frame()
+        assert pipeline.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
+    assert not pipeline.fix_buffer.assessment.rejected.any()
+    assert 1 <= len(pipeline.warnings) <= 3 and "older than their time stamps" in pipeline.warnings[-1]

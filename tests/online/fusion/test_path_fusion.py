@@ -1,0 +1,185 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+import vgps
+from vgps.model import FixClass
+from vgps.online.fusion.fusion_equations import MEAN_ROLL, OFFSET
+from vgps.online.fusion.path_fusion import fuse
+from vgps.online.fusion.video_path import VideoPath
+
+CONFIG = vgps.Config()
+
+
+def cut(path, first, last):
+    return VideoPath(t_s=path.t_s[first:last], poses=path.poses[first:last], moving=path.moving[first:last])
+
+
+def live(drive, path, fixes, config=CONFIG, horizon=2000):
+    """Fits after every tenth frame, each from the one before, with errors (n, 3) of the newest position."""
+    fits, errors = [], []
+    for last in range(25, len(path.t_s) + 1, 10):
+        part = cut(path, max(0, last - horizon), last)
+        fits.append(fuse(part, fixes, ANTENNA, config, fits[-1] if fits else None))
+        errors.append(fits[-1].world_T_camera(part)[-1, :3, 3] - drive.true[last - 1, :3, 3])
+    return fits, np.array(errors)
+
+
+@pytest.mark.slow
+def test_the_pose_follows_the_video_when_float_follows_fix():
+    drive, offset = DrivingCamera(400), np.array([1.5, -2.0, 4.0])
+    fixes = drive.fixes(*fixed_then_float(20, 20, offset))
+    (*_, last), errors = live(drive, drive.seen(np.random.default_rng(1), share=0.1), fixes)
+    assert np.linalg.norm(errors[-1]) < 0.3 * np.linalg.norm(offset)
+    np.testing.assert_allclose(last.state.values[-1, OFFSET], offset, atol=1.5)
+    # what the receiver hides shows in the sigmas
+    sigma = np.sqrt(np.diag(last.covariance_at_end(drive.seen(), CONFIG)))[:3]
+    assert np.linalg.norm(errors[-1]) < 3.0 * np.linalg.norm(sigma)
+
+
+@pytest.mark.slow
+def test_returned_fixes_correct_the_pose_at_once():
+    drive = DrivingCamera(400)
+    fixes = drive.fixes(*fixed_then_float(10, 25, [2.0, 1.0, -5.0], fixed_again=5))
+    _, errors = live(drive, drive.seen(np.random.default_rng(0)), fixes)
+    size = np.linalg.norm(errors, axis=1)
+    assert size[-4:].max() < 0.15 < size[10:30].mean()
+
+
+@pytest.mark.slow
+def test_the_time_offset_of_late_fixes_is_found_and_widens_the_sigmas_before():
+    drive, late_s = DrivingCamera(600), 0.4
+    fixes = drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3)))
+    stamped = replace(fixes, t_s=fixes.t_s + late_s)
+    path = drive.seen(np.random.default_rng(2), share=0.5)
+    fits, errors = live(drive, path, stamped)
+    for fit, error_m, last in zip(fits, errors, range(25, 601, 10), strict=True):
+        sigma_m = np.sqrt(np.diag(fit.covariance_at_end(cut(path, 0, last), CONFIG)))[:3]
+        assert np.linalg.norm(error_m) < 3.0 * np.linalg.norm(sigma_m)
+    assert fits[-1].time_offset.time_offset_s == pytest.approx(late_s, abs=0.03)
+    assert np.linalg.norm(errors[0]) > 2.0 and np.linalg.norm(errors[-20:], axis=1).max() < 0.5
+    assert fits[0].time_offset.sigma_s > 0.3 and fits[-1].time_offset.sigma_s < 0.1
+
+
+@pytest.mark.slow
+def test_clocks_that_agree_are_left_alone():
+    drive = DrivingCamera(600)
+    fits, _ = live(
+        drive, drive.seen(np.random.default_rng(2)), drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3)))
+    )
+    assert abs(fits[-1].time_offset.time_offset_s) < 0.005 and fits[-1].time_offset.sigma_s < 0.03
+    held = CONFIG.model_copy(
+        update={"sensors": CONFIG.sensors.model_copy(update={"estimate_time_offset": "no"})}
+    )
+    fits, _ = live(drive, drive.seen(), drive.fixes([FixClass.RTK_FIX] * 60, np.zeros((60, 3))), held)
+    assert fits[0].time_offset.sigma_s == fits[-1].time_offset.time_offset_s == 0.0
+
+
+def test_a_wrong_scale_and_heading_are_found_with_the_uncertainty_stated_before():
+    drive, path = DrivingCamera(300), DrivingCamera(300).seen()
+    turned = path.poses.copy()
+    angle = np.radians(4.0)
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    turned[:, :3, 3], turned[:, :3, :3] = 1.2 * turned[:, :3, 3] @ R.T, R @ turned[:, :3, :3]
+    path = VideoPath(t_s=path.t_s, poses=turned, moving=path.moving)
+    fits, errors = live(drive, path, drive.fixes([FixClass.RTK_FIX] * 30, np.zeros((30, 3))))
+    assert np.linalg.norm(errors[-1]) < 0.02
+    np.testing.assert_allclose(np.exp(fits[-1].state.values[-1, 3]), 1.0 / 1.2, rtol=1e-3)
+    first, last = (np.diag(fit.covariance)[3:7] for fit in (fits[0], fits[-1]))
+    assert (first > last).all()
+
+
+def turned(path, map_turn_deg, mount_roll_deg):
+    """A path in a map that is turned about east, seen by a camera that is rolled about its axis."""
+    turn, roll = (
+        Rotation.from_euler(axis, angle, degrees=True).as_matrix()
+        for axis, angle in (("x", map_turn_deg), ("z", mount_roll_deg))
+    )
+    poses = path.poses.copy()
+    poses[:, :3, :3] = turn @ poses[:, :3, :3] @ roll
+    poses[:, :3, 3] = poses[:, :3, 3] @ turn.T
+    return VideoPath(t_s=path.t_s, poses=poses, moving=path.moving), roll.T @ ANTENNA
+
+
+@pytest.mark.parametrize(("mount_roll_deg", "limit_deg"), [(0.0, 0.7), (8.0, 1.5), (-30.0, 2.0)])
+def test_floats_do_not_tilt_the_path_whatever_the_roll_of_the_mounting(mount_roll_deg, limit_deg):
+    drive = DrivingCamera(400)
+    path, antenna = turned(drive.seen(), 3.0, mount_roll_deg)
+    kinds, wrong = fixed_then_float(4, 36, [0.0, 0.0, 1.0])
+    wrong[:, 2] *= np.arange(40) / 10.0  # a height that drifts looks like a slope
+    fits = []
+    for last in (60, 120, 200, 400):
+        fits.append(
+            fuse(cut(path, 0, last), drive.fixes(kinds, wrong), antenna, CONFIG, (fits or [None])[-1])
+        )
+    up = fits[-1].state.world_R_map[-1] @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
+    assert np.degrees(np.arccos(up[2, 2])) < limit_deg
+    found_deg = np.degrees(np.arcsin(fits[-1].state.values[-1, MEAN_ROLL]))
+    assert abs(abs(found_deg) - abs(mount_roll_deg)) < limit_deg
+
+
+@pytest.mark.slow
+def test_what_has_left_the_path_stays_as_a_prior():
+    drive = DrivingCamera(400)
+    fixes = drive.fixes(*fixed_then_float(15, 25, [1.0, 1.0, 2.0]))
+    path = drive.seen(np.random.default_rng(2), share=0.3)
+    (*_, whole), errors = live(drive, path, fixes)
+    (*_, short), short_errors = live(drive, path, fixes, horizon=100)
+    assert len(short.nodes.t_s) < 0.4 * len(whole.nodes.t_s)
+    sigma = np.sqrt(np.diag(whole.covariance))[:3]
+    # later fixes cannot change earlier linearisations any more
+    assert (np.abs(errors[-1] - short_errors[-1]) < sigma).all()
+    np.testing.assert_allclose(np.sqrt(np.diag(short.covariance))[:3], sigma, rtol=0.3)
+
+
+def test_poses_between_nodes_are_those_of_the_nodes_where_the_video_is_exact():
+    drive = DrivingCamera(200)
+    fits, _ = live(drive, drive.seen(), drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3))))
+    path = cut(drive.seen(), 0, 195)
+    found = fits[-1].world_T_camera(path)
+    np.testing.assert_allclose(found, drive.true[:195], atol=2e-3)
+    to_world = fits[-1].to_world(path)
+    end = to_world.scale * to_world.world_R_map @ path.poses[-1, :3, 3] + to_world.world_p_map
+    np.testing.assert_allclose(end, found[-1, :3, 3], atol=1e-9)
+
+
+def test_sigmas_grow_with_the_distance_from_the_last_fix():
+    drive = DrivingCamera(600)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3)))
+    fit = fuse(cut(drive.seen(), 0, 200), fixes, ANTENNA, CONFIG, None)
+    sigma = [
+        np.sqrt(np.trace(fit.covariance_at_end(cut(drive.seen(), 0, last), CONFIG)[:3, :3]))
+        for last in (200, 250, 300, 600)
+    ]
+    assert sigma[0] < 0.4 and (np.diff(sigma) > 0.0).all() and 1.0 < sigma[-1] < 50.0
+
+
+def simulated_nees(seed):
+    """Squared error over covariance of the newest position, after RTK-fixes and as many RTK-floats."""
+    rng, drive = np.random.default_rng(seed), DrivingCamera(300)
+    kinds, wrong = fixed_then_float(15, 15, np.ones(3))
+    floating, noise = wrong[:, :1], rng.standard_normal((30, 3))
+    own = CONFIG.gps.memory.classes[FixClass.RTK_FLOAT]
+    spreads = own.between_receivers, own.walk_spread, own.noise_spread
+    receiver, walking, noisy = np.exp(np.array(spreads) * rng.standard_normal(3))
+    size = receiver * np.array([own.r_m / 2.45, own.r_m / 2.45, own.h_m / 1.96])
+    walk = walking * own.walk_m * np.array([1.0, 1.0, own.vertical]) * rng.standard_t(3.0, (30, 3))
+    offset = size * rng.standard_normal(3) + np.cumsum(walk, axis=0)
+    fixes = drive.fixes(
+        kinds, floating * (offset + noisy * own.noise_m * noise) + (1.0 - floating) * 0.005 * noise
+    )
+    fits, errors = live(drive, drive.seen(rng), fixes)
+    covariance = fits[-1].covariance[:3, :3]
+    return errors[-1] @ np.linalg.solve(covariance, errors[-1])
+
+
+@pytest.mark.slow
+def test_covariances_are_those_of_the_errors():
+    """Receivers differ by log-normal factors, so that the mean over few of them means nothing."""
+    nees = np.array([simulated_nees(seed) for seed in range(24)])
+    assert np.mean(nees < chi2.ppf(0.95, 3)) > 0.8
+    assert 0.3 < np.median(nees) < chi2.median(3)

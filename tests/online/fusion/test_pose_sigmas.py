@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+from synthetic_fixes import fixes_of_size
+from walks import ToAndFro
+
+import vgps
+from vgps.config import DriftConfig, MotionConfig
+from vgps.geodesy import to_geodetic
+from vgps.gps.fix_errors import region_sigmas
+from vgps.model import FixClass
+from vgps.online.fusion.pose_sigmas import pose_sigmas
+from vgps.online.replay import fixes_of
+
+
+def test_sigmas_of_a_bridged_frame_grow_by_the_motion_model():
+    covariance = np.diag(np.arange(1.0, 8.0) ** 2)
+    seen, bridged = (pose_sigmas(covariance, away_s, MotionConfig()) for away_s in (0.0, 1.0))
+    np.testing.assert_allclose(seen.position_m, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(seen.rotation_rad, [5.0, 6.0, 7.0])
+    # white noise of 2 m/s^2/sqrt(Hz) for a second: 2 / sqrt(3) m
+    np.testing.assert_allclose(bridged.position_m**2 - seen.position_m**2, 4.0 / 3.0)
+
+
+def walked_with_float_fixes(walk, frames, seed):
+    """Errors in sigmas (n, 3) of a walk whose fixes err by the region and correlation time of RTK-float."""
+    rng, errors = np.random.default_rng(seed), np.zeros(3)
+    template, opened = next(fixes_of(walk.opened.gps)), walk.opened
+    # aligned tracks of rendered pictures let a camera drift less than real ones do
+    config = vgps.Config(drift=DriftConfig(scale_sigma=0.002, rotation_sigma_deg=0.03))
+    smoother, ratios = vgps.OnlineSmoother(opened.camera, opened.rig, config), []
+    region = config.gps.regions[FixClass.RTK_FLOAT]
+    one = np.ones(1)
+    (sigma,) = region_sigmas(fixes_of_size(one, np.zeros((1, 3)), region.r_m * one, region.h_m * one))
+    for index in range(frames):
+        t_s, true = index / 15, walk.true[walk.row(index)]
+        if index % 15 == 0:
+            kept = np.exp(-2.0 / region.correlation_s) if index else 0.0
+            errors = kept * errors + np.sqrt(1.0 - kept**2) * rng.standard_normal(3)
+            exact = index < 60
+            antenna = true[:3, 3] + true[:3, :3] @ opened.rig.camera_p_antenna
+            place = to_geodetic(opened.rig.world_origin, antenna + (0.0 if exact else 1.0) * sigma * errors)
+            latitude, longitude, height = (float(x) for x in place)
+            kind = FixClass.RTK_FIX if exact else FixClass.RTK_FLOAT
+            fix = template._replace(
+                t_s=t_s, latitude_deg=latitude, longitude_deg=longitude, height_m=height, fix_class=kind
+            )
+            smoother.add_fix(fix)
+        estimate = smoother.add_frame(t_s, walk.images[walk.row(index)])
+        smoother.refine()
+        if estimate.posed:
+            ratios.append((estimate.global_T_camera[:3, 3] - true[:3, 3]) / estimate.sigma_position_m)
+    return np.array(ratios)
+
+
+@pytest.mark.slow
+def test_sigmas_are_of_the_order_of_the_errors(recording):
+    nees = np.mean(walked_with_float_fixes(ToAndFro(recording), 270, seed=1) ** 2)
+    assert 0.2 < nees < 1.5  # 1 per axis if they are honest; the receiver is better than most

@@ -1,0 +1,109 @@
+"""One fit of the live path: to fixes that agree with it, or with verdicts on those that do not."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.gps.learned_errors import with_errors
+from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.model import FloatArray, IntArray
+from vgps.online.fusion.gravity import Gravity
+from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
+from vgps.online.fusion.node_fixes import SAME_TIME_S
+from vgps.online.fusion.path_fusion import FusedPath, fuse
+from vgps.online.fusion.video_path import VideoPath
+from vgps.solution import Trajectory
+
+_SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
+_MOST_JUDGED = 120  # newest fixes; thousands would take a second
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
+
+    ``surprising``: whether its newest fixes call for verdicts.
+    """
+
+    fused: FusedPath
+    number: IntArray
+    assessment: FixAssessment
+    surprising: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitInput:
+    """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical."""
+
+    path: VideoPath
+    fixes: Fixes
+    number: IntArray
+    assessment: FixAssessment
+    camera_p_antenna: FloatArray
+    last: FusedPath | None
+    gravity: Gravity | None = None
+
+
+def fit(given: FitInput, config: Config) -> FitResult:
+    """Return the fit to all fixes but those rejected before."""
+    fixes = given.assessment.applied(given.fixes)
+    fused = _learning_fit(given, fixes, config)
+    surprising = detects_outliers(config) and (
+        given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
+    )
+    return FitResult(fused, given.number, given.assessment, surprising)
+
+
+def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
+    """Return a fit to the fixes that came since the last fit, of the path since its last fix.
+
+    It takes a fraction of the time of a whole fit, so that a pose need not go without them. Returns None if
+    there are none, or if they call for verdicts.
+    """
+    fixes, last, end_s = given.assessment.applied(given.fixes), given.last, given.path.t_s[-1]
+    assert last is not None
+    if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
+        return None
+    path = given.path.since(float(last.nodes.t_s[last.last_fix]))
+    fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
+    if detects_outliers(config) and fused.surprise(last, path, config) > _SURPRISE:
+        return None
+    return fused
+
+
+def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
+    """Return verdicts on the newest fixes along the last fit, and the fit to those that take part."""
+    path, last = given.path, given.last
+    poses = path.poses if last is None else last.world_T_camera(path)
+    judged = given.fixes.t_s >= np.sort(given.fixes.t_s)[-_MOST_JUDGED:].min(initial=np.inf)
+    seen = path.t_s >= given.fixes.t_s[judged].min(initial=np.inf) - 1.0
+    whole = Trajectory(path.t_s[seen], poses[seen])
+    assessment = given.assessment
+    if len(whole) >= 2:
+        rest_s = 0.0 if last is None else last.time_offset.time_offset_s
+        fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
+        found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
+        assessment = assessment.updated(found)
+    fixes = assessment.applied(given.fixes)
+    return FitResult(_learning_fit(given, fixes, config), given.number, assessment)
+
+
+def _as_learned(config: Config, last: FusedPath | None) -> Config:
+    """Return settings with the errors of fixes as the last fit shows them."""
+    if last is None:
+        return config
+    return config.model_copy(update={"gps": with_errors(config.gps, last.learned)})
+
+
+def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
+    """Return a fit with errors of fixes as the last one shows them, and with what it shows itself."""
+    used = _as_learned(config, given.last)
+    fused = fuse(given.path, fixes, given.camera_p_antenna, used, given.last, given.gravity)
+    if not config.gps.learns:
+        return fused.with_carried()
+    shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)
+    learned, sizes = ({}, {}) if given.last is None else (given.last.learned, given.last.sizes)
+    found = sizes_in_fit(fused.nodes, fused.state, fused.system, config.gps, sizes)
+    return replace(fused, learned={**learned, **shown}, sizes={**sizes, **found}).with_carried()

@@ -1,0 +1,247 @@
+"""Fusion of video and fixes beside the frames: fit and verdicts in a thread, used some time later."""
+
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.sensors import TimeOffset
+from vgps.imu.camera_imu import CameraImu
+from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_update import Similarity
+from vgps.mapping.retention import RetiredPoses
+from vgps.model import FloatArray
+from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
+from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
+from vgps.online.fusion.gravity import Gravity
+from vgps.online.fusion.inertial_bridge import BridgedPose, InertialBridge
+from vgps.online.fusion.live_time_offset import news_of_time_offset
+from vgps.online.fusion.path_fusion import FusedPath
+from vgps.online.fusion.place_ties import PlaceTies
+from vgps.online.fusion.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
+from vgps.online.fusion.video_path import VideoPath, move_map, path_of
+from vgps.pipeline.frame_pipeline import FramePipeline
+from vgps.runtime.threads import begin
+
+
+class LiveFusion:
+    """Place of the newest map in the world by the fixes, fitted again with every fix.
+
+    The map itself follows the video alone. A fix that agrees with the path counts from the next frame on;
+    one that surprises waits for a verdict, while the pose goes on with the video.
+
+    Args:
+        frame_pipeline: Stages A to C, without fixes in stage C.
+        config: Settings, with the GPS model in use.
+        imu: Levels the path, and bridges frames without features; None without an IMU.
+    """
+
+    def __init__(self, frame_pipeline: FramePipeline, config: Config, imu: CameraImu | None = None) -> None:
+        self._frame_pipeline, self._config = frame_pipeline, config
+        self._gravity = None if imu is None else Gravity(imu, config.imu)
+        self._bridge = None if imu is None else InertialBridge(imu, config)
+        self._map: LocalMap | None = None
+        self._camera = frame_pipeline.camera  # of the newest fit
+        self._job: FitJob | None = None
+        self._latest: FitResult | None = None
+        self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
+        self._newest_fixes = 0  # their number when it was found
+        self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
+        self._ties = PlaceTies.none()
+        self._seen: SeenByFit | None = None  # None if a fit is due
+        self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
+        self._told_s = self._time_offset_s  # the time offset that the user last heard of
+
+    @property
+    def _fused(self) -> FusedPath | None:
+        """The fit in use; None before the first one of the newest map."""
+        return None if self._latest is None else self._latest.fused
+
+    def refine(self) -> None:
+        """Begin a fit if there are new fixes or many new frames, or if stage C has changed the map."""
+        current = self._frame_pipeline.current
+        if current is not self._map:
+            if self._map is not None and self._fused is not None:
+                self._ended = self._map, self._fused
+            self._map, self._job, self._latest, self._newest = current, None, None, None
+            self._known_s = self._time_offset_s
+        if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
+            self._update_fixes(self._latest)
+        if self._camera is not self._frame_pipeline.camera:
+            self._finish()
+        if current is None or not current.aligned or self._job is not None:
+            return
+        if self._fused is None or self._camera is not self._frame_pipeline.camera:
+            self._camera = self._frame_pipeline.camera  # a refined one bends the whole path
+            self._begin(current)
+            if self._fused is not None or self._config.online.repeatable:
+                self._finish()
+        elif self._is_due(current):
+            self._begin(current)
+
+    def fuse_all(self) -> None:
+        """Fit all that has come, and wait for it."""
+        self._finish()
+        current = self._frame_pipeline.current
+        if current is not None and current is self._map and current.aligned:
+            self._begin(current)
+            self._finish()
+
+    def _finish(self) -> None:
+        """Wait for fit and verdicts."""
+        while self._job is not None:
+            self._take()
+
+    def _take(self) -> None:
+        """Wait for the fit at work, and use it or ask for verdicts; a failed one changes nothing."""
+        assert self._job is not None
+        given, future, self._job = self._job.given, self._job.fit, None
+        try:
+            result = future.result()
+        except np.linalg.LinAlgError as error:
+            self._frame_pipeline.warnings.append(f"the fixes could not be fused with the video: {error}")
+            return
+        if result.surprising:
+            self._start(fit_with_verdicts, given, VERDICT_S - FIT_S)
+            return
+        self._latest, self._newest, self._newest_fixes = result, result.fused, 0
+        self._update_fixes(result)
+
+    def _update_fixes(self, result: FitResult) -> None:
+        """Take over the verdicts on the fixes and their time offset."""
+        fix_buffer, rest = self._frame_pipeline.fix_buffer, result.fused.time_offset
+        fix_buffer.update_assessment(result.number, result.assessment)
+        found = TimeOffset(self._known_s + rest.time_offset_s, rest.sigma_s)
+        if news := news_of_time_offset(self._told_s, found):
+            self._frame_pipeline.warnings += news
+            self._told_s = found.time_offset_s
+        self._time_offset_s = found.time_offset_s
+        fix_buffer.sensors = fix_buffer.sensors.with_time_offset(found)
+
+    def place_map(self, world_T_camera: FloatArray) -> None:
+        """Put the newest map into the world, after the last frame.
+
+        Args:
+            world_T_camera: (F, 4, 4) the poses of all frames.
+        """
+        if self._map is not None and self._fused is not None:
+            move_map(self._map, world_T_camera)
+
+    def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, seconds: float) -> None:
+        due_s = float(self._frame_pipeline.t_s[-1]) + seconds
+        self._job = FitJob(due_s, given, begin(work, given, self._config))
+
+    def use_new_fixes(self) -> None:
+        """Use a fit that is due, and let the fixes count that came since, before the fit to all is there."""
+        pipeline, current, fixes = self._frame_pipeline, self._frame_pipeline.current, self._fix_count()
+        if current is None or current is not self._map:
+            return
+        if self._job is not None and self._job.counts(pipeline.t_s[-1], self._config.online.repeatable):
+            self._take()
+        if self._fused is None or fixes == self._newest_fixes:
+            return
+        self._newest, self._newest_fixes = self._fused, fixes
+        with suppress(np.linalg.LinAlgError):  # the fit to all says so
+            self._newest = newest_fit(self._given(current), self._config) or self._fused
+
+    def to_world(self, current: LocalMap | None) -> Similarity | None:
+        """Return the similarity from the newest map to the world at its end; None before the first fit."""
+        if self._newest is None or current is None or current is not self._map:
+            return None
+        return self._newest.to_world(self._path(current))
+
+    def sigmas(self, bridged: BridgedPose | None = None) -> Sigmas:
+        """Return the standard deviations of the newest frame's pose, which the IMU may have bridged; NaN
+        before the first fit.
+        """
+        if bridged is not None:
+            return bridged.sigmas
+        if self._newest is None or self._map is None:
+            return UNKNOWN_SIGMAS
+        covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
+        away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
+        return pose_sigmas(covariance, away_s, self._config.motion)
+
+    def bridged(self) -> BridgedPose | None:
+        """Return the newest frame's pose by the IMU, if the last map with a fit ended before it; None if the
+        IMU does not show it well enough.
+        """
+        t_s, placed = self._frame_pipeline.t_s, self._ended
+        if self._map is not None and self._fused is not None:
+            placed = self._map, self._fused
+        if self._bridge is None or placed is None or placed[0].next_frame == len(t_s):
+            return None
+        local_map, fused = placed
+        path = self._path(local_map)
+        covariance = fused.covariance_at_end(path, self._config)
+        to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
+        if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
+            path = path.since(float(t_s[seen]))
+        return self._bridge.pose(path, to_world, covariance, float(t_s[-1]))
+
+    def at(self, frame: int) -> tuple[FloatArray, Sigmas] | None:
+        """Return the pose (4, 4) of an earlier frame by all fixes so far; None if its map has ended."""
+        current = self._map
+        if self._fused is None or current is None or not current.first_frame <= frame < current.next_frame:
+            return None
+        path = self._path(current)
+        row = frame - (current.next_frame - len(path.t_s))
+        if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
+            return None
+        covariance = self._fused.covariances_at(path.t_s[[row]])[0]
+        return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
+
+    def world_path(self) -> RetiredPoses | None:
+        """Return the fused poses of the newest map over the last ``online.keep_s``; None before a fit."""
+        if self._fused is None or self._map is None:
+            return None
+        poses = self._fused.world_T_camera(self._path(self._map))
+        return RetiredPoses(self._map.next_frame - len(poses), poses, True, self._map.bridged)
+
+    def _is_due(self, current: LocalMap) -> bool:
+        seen, every_frames = self._seen, self._config.window.every_frames
+        return (
+            seen is None
+            or self._fix_count() != seen.fixes
+            or len(self._frame_pipeline.t_s) >= seen.frames + every_frames
+            or not seen.same_shape(current)
+        )
+
+    def _fix_count(self) -> int:
+        """Return how many fixes have come for frames so far."""
+        fix_buffer, t_s = self._frame_pipeline.fix_buffer, self._frame_pipeline.t_s
+        return int(fix_buffer.number[fix_buffer.fixes.t_s <= t_s[-1]].max(initial=-1)) + 1
+
+    def placed(self) -> tuple[FusedPath, VideoPath] | None:
+        """Return the fit in use and the path of the newest map; None before the first fit."""
+        current = self._map
+        if self._fused is None or current is None or current is not self._frame_pipeline.current:
+            return None
+        return self._fused, self._path(current).snapshot()
+
+    def tie(self, ties: PlaceTies) -> None:
+        """Let places seen again count, from the next fit on, instead of those of before."""
+        self._ties, self._seen = ties, None
+
+    def _path(self, current: LocalMap) -> VideoPath:
+        return path_of(current, self._config.online.keep_s, self._ties)
+
+    def _given(self, current: LocalMap) -> FitInput:
+        pipeline, path = self._frame_pipeline, self._path(current)
+        fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
+        fixes = fix_buffer.fixes.without_time_offset(self._known_s)
+        rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
+        return FitInput(
+            path=path.snapshot(),
+            fixes=fixes.where(rows),
+            number=fix_buffer.number[rows],
+            assessment=fix_buffer.assessment.where(rows),
+            camera_p_antenna=sensors.prior_antenna,
+            last=self._fused,
+            gravity=self._gravity,
+        )
+
+    def _begin(self, current: LocalMap) -> None:
+        self._seen = SeenByFit.of(current, len(self._frame_pipeline.t_s), self._fix_count())
+        self._start(fit, self._given(current), FIT_S)

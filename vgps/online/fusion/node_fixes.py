@@ -1,0 +1,102 @@
+"""Where the video sees the fixes, and what ties them to nodes (:mod:`vgps.online.fusion.fusion_nodes`)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vgps.config import Config
+from vgps.gps.fixes import Fixes
+from vgps.gps.offset_errors import mean_errors, step_scale
+from vgps.model import FloatArray, IntArray
+from vgps.online.fusion.video_path import VideoPath
+
+SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
+_HALF_S = 0.1  # a velocity is a difference of positions so long before and after
+
+
+@dataclass(frozen=True)
+class SeenFixes:
+    """Fixes (M,) and the camera when they were taken.
+
+    Attributes:
+        fixes: At the times of their time stamps, the time offset known before the map removed.
+        rest_s: Rest of the time offset, as known so far.
+        time_offset_s: (M,) the same, less where the path begins later.
+        camera: (M, 4, 4) poses in the map at that time before the time stamps.
+        velocity: (M, 3) the camera's then, in the map, per second.
+    """
+
+    fixes: Fixes
+    rest_s: float
+    time_offset_s: FloatArray
+    camera: FloatArray
+    velocity: FloatArray
+
+
+def seen_fixes(path: VideoPath, fixes: Fixes, rest_s: float) -> SeenFixes:
+    """Return those of the fixes with time stamps within a path that were taken before its end."""
+    since_s, until_s = path.t_s[[0, -1]]
+    inside = (fixes.t_s >= since_s - SAME_TIME_S) & (fixes.t_s <= until_s + min(rest_s, 0.0))
+    fixes = fixes.where(inside)
+    t_s = np.maximum(fixes.t_s - rest_s, since_s)
+    ends_s = np.clip([t_s - _HALF_S, t_s + _HALF_S], since_s, until_s)
+    before, after = (path.at(end_s)[:, :3, 3] for end_s in ends_s)
+    velocity = (after - before) / np.diff(ends_s, axis=0)[0][:, None]
+    return SeenFixes(fixes, rest_s, fixes.t_s - t_s, path.at(t_s), velocity)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeFixes:
+    """Fixes (M,) that take part.
+
+    Attributes:
+        node: (M,) node of each.
+        fix_class: (M,) class of each.
+        step: (M, 3) camera at the fix minus camera at the node, in the map.
+        velocity: (M, 3) the camera's at the fix, in the map, per second.
+        time_offset_s: (M,) rest of the time offset for which the step holds.
+        arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
+        world_p_fix: (M, 3) the fixes.
+        noise_m: (M, 3) scales of Student's t, with ``tail`` (M,) degrees of freedom.
+    """
+
+    node: IntArray
+    fix_class: IntArray
+    step: FloatArray
+    velocity: FloatArray
+    time_offset_s: FloatArray
+    arm: FloatArray
+    world_p_fix: FloatArray
+    noise_m: FloatArray
+    tail: FloatArray
+
+
+def node_fixes(
+    seen: SeenFixes, camera_p_antenna: FloatArray, camera: FloatArray, node: IntArray, config: Config
+) -> NodeFixes:
+    """Return what ties fixes (M,) to their nodes (M,).
+
+    An offset stands for the fixes of an interval and holds at the first of them. Its walk until the others
+    is part of their noise, else it would look like the speed of the path.
+
+    Args:
+        seen: The fixes, in order of time.
+        camera_p_antenna: (3,) metres.
+        camera: (N, 4, 4) poses of all nodes in the map.
+        node: (M,) node of each fix.
+        config: Noise of the fix classes.
+    """
+    errors = mean_errors(seen.fixes, config.gps)
+    since_s = seen.fixes.t_s - seen.fixes.t_s[np.searchsorted(node, node)]
+    noise_m = np.hypot(errors.noise_m, step_scale(errors, since_s))[:, None]
+    return NodeFixes(
+        node=node,
+        fix_class=seen.fixes.fix_class,
+        step=seen.camera[:, :3, 3] - camera[node, :3, 3],
+        velocity=seen.velocity,
+        time_offset_s=seen.time_offset_s,
+        arm=seen.camera[:, :3, :3] @ camera_p_antenna,
+        world_p_fix=seen.fixes.world_p_fix,
+        noise_m=np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]),
+        tail=errors.tail,
+    )

@@ -1,0 +1,1 @@
+"""Where poses go: files, sockets, serial lines, the viewer."""

@@ -1,0 +1,1 @@
+"""What comes in live: frames of cameras and streams, messages of receivers."""
