@@ -1,13 +1,10 @@
 """``vgps calibrate-camera`` as a user runs it, and verbs that need the calibration which it writes."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from solutions import exact_run
 
-from vgps.config import Config
 from vgps.readers.calibration.camera_file import read_camera
 
 
@@ -19,18 +16,12 @@ def uncalibrated(recording: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def test_the_camera_of_a_video_is_written(recording, uncalibrated, tmp_path, vgps_verb, monkeypatch):
-    """How it is found has its tests in tests/pipeline/test_camera_refinement.py; here it is given."""
-    run = replace(exact_run(recording), warnings=("a note",))
-
-    def smooth(opened, config, _):
-        assert opened.guesses and config == Config().with_refined_camera()
-        return run
-
-    monkeypatch.setattr("vgps.pipeline.offline.smooth", smooth)
-    code, out, err = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
-    assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n") and "a note" in out + err
-    assert read_camera(tmp_path / "camera.yaml") == run.camera
+@pytest.mark.slow
+def test_the_camera_of_a_video_is_written(recording, uncalibrated, tmp_path, vgps_verb):
+    code, out, _ = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
+    assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n")
+    found, true = read_camera(tmp_path / "camera.yaml"), read_camera(recording / "camera.yaml")
+    assert found.fx == pytest.approx(true.fx, rel=0.02)
 
 
 @pytest.mark.slow
