@@ -129,8 +129,8 @@ class StartConfig(SettingsModel):
     """Standard deviation of the camera's mean pitch about level; of one that flies 60 degrees at least."""
     airborne: Literal["auto", "yes", "no"] = "auto"
     """Whether the camera flies: where the path does not show its tilt, the plane that it sees is the ground,
-    and without one its pitch is unknown. Auto: if a recording's fixes are those of a DJI
-    drone; live sources do not say."""
+    and without one its pitch is unknown. Auto: if a recording's fixes are those of a DJI drone; live sources
+    do not say."""
     land_sigma_deg: PositiveFloat = 10.0
     """Standard deviation of the slope of the land under a camera that flies."""
     robust_regions: PositiveFloat = 1.0

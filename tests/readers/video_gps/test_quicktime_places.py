@@ -48,11 +48,17 @@ def test_degrees_minutes_and_seconds(tmp_path, text, latitude_deg, longitude_deg
 
 
 def test_what_is_no_place_is_counted(tmp_path):
-    damaged = (place("somewhere"), place(""), box(KEYS[PLACE], b"\xff\xfe"), b"\0\0\0\x20\0\0\0\2cut off")
+    damaged = (
+        place("somewhere"),
+        place(""),
+        place("+475+008.25/"),
+        box(KEYS[PLACE], b"\xff\xfe"),
+        b"\0\0\0\x20\0\0\0\2cut off",
+    )
     raw = fixes_of(tmp_path, *damaged, place("+47.5+008.25/"))
     assert raw is not None and len(raw.fixes) == 1
     assert raw.fixes[0].height_m == 0.0 and raw.fixes[0].sigma_m[2] > 100.0
-    assert raw.notes[-1] == "3 places not written as in ISO 6709 skipped"
+    assert raw.notes[-1] == "4 places not written as in ISO 6709 skipped"
 
 
 def test_tracks_of_other_keys_hold_no_fixes(tmp_path):

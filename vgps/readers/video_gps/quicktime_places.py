@@ -25,12 +25,14 @@ from vgps.readers.gps_formats.fixes import (
 from vgps.readers.video.metadata_tracks import Packet, packets
 from vgps.readers.video.mp4_boxes import inner_boxes, sample_descriptions
 
-_KIND = b"mebx"
 _PLACE = "com.apple.quicktime.location.ISO6709"
 _ACCURACY = "com.apple.quicktime.location.accuracy.horizontal"
 _KEYS_AT = 16  # in a sample description: behind size, kind, reserved bytes and a reference
 _NAME_AT = 4  # in the declaration of a key: behind its namespace
-_ISO_6709 = re.compile(r"([+-]\d{2,6}(?:\.\d*)?)([+-]\d{3,7}(?:\.\d*)?)([+-]\d+(?:\.\d*)?)?(?:CRS[^/]*)?/?\Z")
+_SIXTIETHS = r"(?:\d\d){0,2}(?:\.\d*)?"  # minutes, and seconds
+_ISO_6709 = re.compile(
+    rf"([+-]\d\d{_SIXTIETHS})([+-]\d\d\d{_SIXTIETHS})([+-]\d+(?:\.\d*)?)?(?:CRS[^/]*)?/?\Z"
+)
 
 
 def read_quicktime_places(video: Path) -> RawLog | None:
@@ -42,15 +44,11 @@ def read_quicktime_places(video: Path) -> RawLog | None:
     Raises:
         RecordingError: The video cannot be read.
     """
-    for track, description in _descriptions(video).items():
-        keys = _keys(description)
+    for track, description in sample_descriptions(video).items():
+        keys = _keys(description) if description[4:8] == b"mebx" else {}
         if _PLACE in keys.values():
             return _log(video, track, keys)
     return None
-
-
-def _descriptions(video: Path) -> dict[int, bytes]:
-    return {track: entry for track, entry in sample_descriptions(video).items() if entry[4:8] == _KIND}
 
 
 def _keys(description: bytes) -> dict[str, str]:
@@ -66,19 +64,15 @@ def _keys(description: bytes) -> dict[str, str]:
 
 
 def _log(video: Path, track: int, keys: Mapping[str, str]) -> RawLog | None:
-    found: list[Fix] = []
-    damaged = 0
+    found: list[Fix | None] = []
     for number, packet in enumerate(packets(video, lambda stream: stream.id == track), 1):
         values = {keys.get(name, ""): value for name, value in inner_boxes(packet.data)}
-        if _PLACE not in values:
-            continue
-        fix = _fix(packet, values, number)
-        damaged += fix is None
-        found += [] if fix is None else [fix]
-    fixes, notes = without_repeats(found, "packet")
+        if _PLACE in values:
+            found.append(_fix(packet, values, number))
+    fixes, notes = without_repeats([fix for fix in found if fix is not None], "packet")
     fixes, about_sea = from_sea_level(fixes)
     fixes, about_none = with_a_height(fixes)
-    lost = skipped(damaged, "place", "not written as in ISO 6709")
+    lost = skipped(found.count(None), "place", "not written as in ISO 6709")
     return RawLog(Clock.VIDEO, fixes, [*about_sea, *about_none, *notes, *lost]) if fixes else None
 
 
