@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.config import StartConfig
+from vgps.config import SensorsConfig, StartConfig
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.pipeline.sensor_notes import clock_notes, upright_notes
+from vgps.solution import Trajectory
 
 HELD = Sensors.fixed(np.zeros(3))
 CERTAIN = HELD.with_time_offset(TimeOffset(0.2, 0.02))
@@ -18,14 +19,22 @@ LIKELY = HELD.with_time_offset(TimeOffset(0.2, 0.05), 0.8)
 
 
 def notes(before, after):
-    batch = SimpleNamespace(sensors=after, time_offset_sigma_s=np.array([0.02]))
-    return clock_notes(SimpleNamespace(sensors=before), batch)
+    path = Trajectory(np.arange(4.0), np.tile(np.eye(4), (4, 1, 1)))
+    path.world_T_camera[:, 0, 3] = 5.0 * path.t_s
+    batch = SimpleNamespace(sensors=after, time_offset_sigma_s=np.array([0.02]), trajectory=path)
+    return clock_notes(SimpleNamespace(sensors=before), batch, SensorsConfig())
 
 
 @pytest.mark.parametrize("before", [HELD, LIKELY])
 def test_a_time_offset_that_the_poses_told_is_named(before):
     (text,) = notes(before, TOLD)
     assert "0.200 s (standard deviation 0.020 s) older" in text and "all poses" in text
+
+
+def test_one_that_was_held_without_being_seen_is_told_with_what_it_may_move():
+    (text,) = notes(HELD, replace(HELD, held_sigma_s=0.3))
+    assert "held at 0 s, uncertain by 0.30 s or 1.5 m" in text
+    assert notes(HELD, replace(HELD, held_sigma_s=0.1)) == ()
 
 
 def test_one_that_stage_d_could_not_try_is_named_with_its_probability():

@@ -34,6 +34,7 @@ class Sensors:
         antenna_sigma_m: Its standard deviation; with 0 the lever arm is not estimated.
         probability: That the prior time offset is not chance; below 1 stage D decides.
         poses_tell: Whether the poses of stage D tell the time offset though errors have memory.
+        held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D tells.
     """
 
     time_offset_s: float
@@ -43,6 +44,7 @@ class Sensors:
     antenna_sigma_m: float = 0.0
     probability: float = 1.0
     poses_tell: bool = False
+    held_sigma_s: float = 0.0
 
     @classmethod
     def fixed(cls, camera_p_antenna: FloatArray, time_offset_s: float = 0.0) -> "Sensors":
@@ -63,7 +65,11 @@ class Sensors:
     def with_time_offset(self, prior: TimeOffset, probability: float = 1.0) -> "Sensors":
         """Return sensors with another prior of the time offset, starting from it."""
         return replace(
-            self, time_offset_s=prior.time_offset_s, prior_time_offset=prior, probability=probability
+            self,
+            time_offset_s=prior.time_offset_s,
+            prior_time_offset=prior,
+            probability=probability,
+            held_sigma_s=0.0,
         )
 
     def holding_time_offset(self) -> "Sensors":

@@ -30,8 +30,8 @@ def estimate_time_offset(
 ) -> tuple[Sensors, tuple[str, ...]]:
     """Return the sensors with the time offset that a path without fixes shows, and warnings.
 
-    Where none is certain, one that is likelier than none counts; errors without memory let the poses say
-    more.
+    Where none is certain, one that is likelier than none counts. If errors have memory, stage D says whether
+    the poses show more; errors without let them.
 
     Args:
         sensors: Lever arm, and the time offset to replace.
@@ -40,10 +40,11 @@ def estimate_time_offset(
         config: All settings.
     """
     found, warnings = update_time_offset(sensors, path, fixes, config.sensors)
-    held = config.sensors.estimate_time_offset == "auto" and not found.prior_time_offset.sigma_s
-    if held and config.gps.has_memory and not warnings:
+    if found.prior_time_offset.sigma_s or not config.gps.has_memory:
+        return found, warnings
+    if config.sensors.estimate_time_offset == "auto" and not warnings:
         return likelier_time_offset(found, path, fixes, config.sensors)
-    return found, warnings
+    return found, ()
 
 
 def update_time_offset(

@@ -215,7 +215,7 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
             *merged.warnings,
             *batch.warnings,
             *close_calls(batch.assessment, front_end.fixes.t_s, batch.conflicts),
-            *clock_notes(front_end, batch),
+            *clock_notes(front_end, batch, config.sensors),
             *antenna_notes(front_end, merged, batch, config),
         ),
         config=config.model_dump(mode="json"),

@@ -208,7 +208,8 @@ def _variance_factor(
 
 def _clock_error(solved: BatchSolution, sensors: Sensors) -> FloatArray | None:
     """Return how far (F, 3) the camera moves within a standard deviation of a time offset that was held."""
-    sigma_s, t_s = sensors.prior_time_offset.sigma_s, solved.given.scene.t_s
+    sigma_s = sensors.prior_time_offset.sigma_s or sensors.held_sigma_s
+    t_s = solved.given.scene.t_s
     if not sigma_s or solved.given.sensors.prior_time_offset.sigma_s or len(t_s) < 2:
         return None
     position = solved.result.problem.world_T_camera[:, :3, 3]

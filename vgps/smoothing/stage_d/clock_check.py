@@ -3,7 +3,8 @@
 Displacements between fixes show it where the path turns or brakes (:mod:`vgps.gps.time_offset`). Places of
 RTK-fixes show it as well, and better: an offset that walks by centimetres does not explain them. Those of
 coarse fixes say little and depend on how the video drifts, so the first round decides, which takes their
-errors as large as any receiver's.
+errors as large as any receiver's. Where neither shows one, none is assumed, and the standard deviations of
+the poses cover what that may be wrong by.
 """
 
 from collections.abc import Callable
@@ -11,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from vgps.config import SensorsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
-from vgps.gps.time_offset import weighed
+from vgps.gps.time_offset import weighed, without_prior
 from vgps.model import FixClass
 from vgps.smoothing.stage_d.batch_result import BatchSolution
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step
@@ -44,26 +46,41 @@ def with_shown_clock(
     if shown_before and sensors.probability == 1.0:
         good = solved.given.fixes.fix_class[used] == CLASSES.index(FixClass.RTK_FIX)
         return replace(sensors, poses_tell=bool(np.mean(good) > 0.5)), solved
+    prior, held_sigma_s = TimeOffset(settings.time_offset_s, settings.time_offset_prior_s), 0.0
     try:
-        if (told := _tried(sensors, solved, solve)) is not None:
+        shown = _shown(solved, prior)
+        if (told := _tried(sensors, shown, settings, solve)) is not None:
             return told
+        held_sigma_s = _held_sigma(shown, prior, settings.trusted_time_offset_s)
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         pass
     if not shown_before:
-        return sensors, solved
-    held = sensors.with_time_offset(TimeOffset(settings.time_offset_s, 0.0))
-    return held, solve(held)
+        return replace(sensors, held_sigma_s=held_sigma_s), solved
+    held = sensors.with_time_offset(TimeOffset(prior.time_offset_s, 0.0))
+    return replace(held, held_sigma_s=held_sigma_s), solve(held)
+
+
+def _held_sigma(shown: TimeOffset, prior: TimeOffset, trusted_s: float) -> float:
+    """Return the root mean square error of the prior's mean: clocks agree, or any time offset is as likely.
+
+    Args:
+        shown: What the poses say under the prior.
+        prior: Any time offset.
+        trusted_s: To which clocks agree where nothing is wrong.
+    """
+    _, probability = weighed(without_prior(shown, prior), prior, trusted_s)
+    error_s = float(np.hypot(shown.sigma_s, shown.time_offset_s - prior.time_offset_s))
+    return float(np.sqrt(probability)) * error_s
 
 
 def _tried(
-    sensors: Sensors, solved: BatchSolution, solve: Callable[[Sensors], BatchSolution]
+    sensors: Sensors, shown: TimeOffset, settings: SensorsConfig, solve: Callable[[Sensors], BatchSolution]
 ) -> tuple[Sensors, BatchSolution] | None:
     """Return the round with a time offset that may be chance; None if there is none, or if it is."""
-    settings, likely = solved.given.context.config.sensors, sensors.prior_time_offset
     prior = TimeOffset(settings.time_offset_s, settings.time_offset_prior_s)
-    start, before = likely, sensors.probability
-    if not likely.sigma_s:
-        start, before = _shown(solved, prior), 0.5
+    start, before = sensors.prior_time_offset, sensors.probability
+    if not start.sigma_s:
+        start, before = shown, 0.5
         chance_s = float(np.hypot(settings.trusted_time_offset_s, start.sigma_s))
         if abs(start.time_offset_s - prior.time_offset_s) < _SUSPECT * chance_s:
             return None
