@@ -24,7 +24,7 @@ from vgps.geometry import interpolate_poses
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.offset_errors import between_receivers, errors_of
-from vgps.gps.offsets import with_offset_regions
+from vgps.gps.offset_regions import with_offset_regions
 from vgps.model import FixClass, FloatArray, Recording
 from vgps.online import OnlineEstimate, OnlineSmoother
 from vgps.online.delay import DelayedEstimates

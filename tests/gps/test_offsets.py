@@ -1,18 +1,17 @@
 """Fixes share offsets that last, walk, start anew and are bounded by the regions of their classes."""
 
-from dataclasses import replace
-
 import gtsam
 import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 from synthetic_fixes import fixes_of_size, trajectory
 
-from vgps.config import GpsConfig, Region
+from vgps.config import GpsConfig
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import CLASSES
 from vgps.gps.learned_errors import LearnedErrors, with_errors
 from vgps.gps.offset_errors import student
+from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_regions
 from vgps.gps.offsets import chain_offsets, gps_term, offset_key
 from vgps.gps.sensors import Sensors
 from vgps.model import FixClass
@@ -78,32 +77,13 @@ def test_a_stretch_counts_once_per_correlation_time():
     np.testing.assert_allclose(term(two).weight, 0.5)
 
 
-def test_the_region_of_an_offset_is_that_of_the_class_over_receivers():
-    bounded = term(fixes([0, 1])).bounded
-    expected = CONFIG.memory.classes[FixClass.RTK_FLOAT]
-    np.testing.assert_allclose(bounded.r_m, expected.r_m)
-    np.testing.assert_allclose(bounded.h_m, expected.h_m)
-
-
-def test_stated_sigmas_are_weighed_by_how_sure_they_are():
-    memory, errors = CONFIG.memory, CONFIG.memory.classes[FixClass.RTK_FLOAT]
-    share = errors.between_receivers**2 / (errors.between_receivers**2 + memory.stated_spread**2)
-    (r_m,) = term(fixes([1.0], sigma_m=0.02)).bounded.r_m
-    stated = memory.stated_factor * 0.02 * np.sqrt(-2.0 * np.log(0.05))
-    assert np.log(r_m) == pytest.approx((1 - share) * np.log(errors.r_m) + share * np.log(stated))
-    assert stated < r_m < errors.r_m
-
-
-def test_a_region_that_was_set_bounds_the_offset():
-    surveyed = {**CONFIG.regions, FixClass.RTK_FLOAT: Region(r_m=0.4, h_m=0.9)}
-    config = CONFIG.model_copy(update={"regions": surveyed})
-    given = replace(fixes([1.0]), r_m=np.array([0.4]), h_m=np.array([0.9]))
-    bounded = term(given, config).bounded
-    assert (bounded.r_m, bounded.h_m) == (pytest.approx(0.4), pytest.approx(0.9))
-    doubled = replace(given, r_m=2.0 * given.r_m)  # as a bad dilution of precision does
-    assert term(doubled, config).bounded.r_m == pytest.approx(0.8)
-    assert config.offset_errors(FixClass.RTK_FLOAT).r_m == 0.4
-    assert config.offset_errors(FixClass.RTK_FLOAT).walk_m == CONFIG.memory.classes[FixClass.RTK_FLOAT].walk_m
+def test_an_offset_is_bounded_by_the_median_receiver_and_errs_as_the_mean_one():
+    found, given, values = term(fixes([1.0])), fixes([1.0]), gtsam.Values()
+    median, mean = with_offset_regions(given, CONFIG), with_mean_offset_regions(given, CONFIG)
+    values.insert(offset_key(0), np.array([median.r_m[0], 0.0, 0.0]))
+    assert found.bounds.at(0).error(values) == pytest.approx(0.5)  # the wall, as a one-sigma residual
+    np.testing.assert_allclose(found.bounded.r_m, mean.r_m)
+    np.testing.assert_allclose(found.bounded.h_m, mean.h_m)
 
 
 def test_the_loss_is_the_density_of_students_t_in_space():

@@ -5,7 +5,8 @@ import numpy as np
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offset_errors import in_the_mean, one_sigma, walk_scale
-from vgps.gps.offsets import chain_offsets, with_offset_regions
+from vgps.gps.offset_regions import with_offset_regions
+from vgps.gps.offsets import chain_offsets
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 

@@ -6,7 +6,7 @@ where the receiver's own sigma jumps. The region of the class bounds the offset,
 Eq. (16), Kume 2010; so the shape of the path profits from fixes whose place is biased.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
@@ -14,7 +14,6 @@ import numpy as np
 from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from vgps.config import GpsConfig
 from vgps.gps.fixes import (
-    CLASSES,
     Fixes,
     antenna_offsets,
     contributing_fixes,
@@ -24,8 +23,8 @@ from vgps.gps.fixes import (
     place,
 )
 from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
+from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_regions
 from vgps.gps.offset_start import smoothed_offsets
-from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
@@ -37,7 +36,8 @@ class GpsTerm:
 
     Attributes:
         bounds: Penalties by the regions of the classes, one per fix or per offset.
-        bounded: (B,) the fix of each bound, with its region; the first of an offset's fixes.
+        bounded: (B,) the fix of each bound, the first of an offset's fixes, with the region of its errors; of
+            offsets in the mean over receivers.
         weight: (B,) number of independent errors, at most 1, that each bound counts as.
         noise: Factors of the noise about the offsets and of their walk.
         noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`in_the_mean`.
@@ -90,8 +90,8 @@ def gps_term(
         return GpsTerm(bounds=gps_graph(fixes, path.t_s, sensors, config, n), bounded=bounded, weight=weight)
     chain = chain_offsets(fixes, contributing, config)
     rows = chain.rows[chain.first]
-    bounded = with_offset_regions(fixes.where(rows), config)
-    weight = _weights(bounded, chain.starts)
+    first = fixes.where(rows)
+    bounded, weight = with_offset_regions(first, config), _weights(first, chain.starts)
     bounds = gtsam.NonlinearFactorGraph()
     exponent = n or config.exponent
     for k in range(len(rows)):
@@ -104,12 +104,12 @@ def gps_term(
     error = _errors(fixes, chain, path, sensors)
     return GpsTerm(
         bounds=bounds,
-        bounded=bounded,
+        bounded=with_mean_offset_regions(first, config),
         weight=weight,
         noise=noise,
         noise_ratio=_noise_ratio(fixes, chain, config),
         offsets=smoothed_offsets(error, chain.offset, noise_losses, walk_losses),
-        offset_frames=place(path.t_s, bounded.t_s).frame,
+        offset_frames=place(path.t_s, first.t_s).frame,
     )
 
 
@@ -148,31 +148,6 @@ def _weights(first: Fixes, starts: BoolArray) -> FloatArray:
     begin, end = np.flatnonzero(starts), np.append(np.flatnonzero(starts)[1:], len(starts)) - 1
     duration_s = first.t_s[end] - first.t_s[begin]
     return np.asarray((np.maximum(duration_s / first.correlation_s[begin], 1.0) / offsets)[stretch])
-
-
-def with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
-    """Return fixes with the regions of their offsets: class and stated sigma, weighed by how sure they are.
-
-    Both are log-normal estimates of the size, so that the result is their weighted geometric mean.
-    """
-    memory, classes = config.memory, [CLASSES[k] for k in fixes.fix_class.tolist()]
-    regions, errors = [config.regions[name] for name in classes], errors_of(fixes, config)
-    # what enlarges the region of a fix enlarges that of its offset
-    r_m = fixes.r_m * np.array([own.r_m / one.r_m for own, one in zip(errors, regions, strict=True)])
-    h_m = fixes.h_m * np.array([own.h_m / one.h_m for own, one in zip(errors, regions, strict=True)])
-    along = np.hypot(fixes.sigma_m[:, 0], fixes.sigma_m[:, 1]) / np.sqrt(2.0)
-    share = np.array([own.between_receivers**2 for own in errors])
-    share = share / (share + memory.stated_spread**2)
-
-    def combined(size: FloatArray, stated: FloatArray) -> FloatArray:
-        both = np.exp((1.0 - share) * np.log(size) + share * np.log(memory.stated_factor * stated))
-        return np.where(np.isfinite(both), both, size)
-
-    return replace(
-        fixes,
-        r_m=combined(r_m, INSIDE_PLANE * along),
-        h_m=combined(h_m, INSIDE_LINE * fixes.sigma_m[:, 2]),
-    )
 
 
 def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatArray:

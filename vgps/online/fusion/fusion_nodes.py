@@ -17,7 +17,8 @@ from vgps.config import Config
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offset_errors import between_receivers, mean_errors, step_scale
-from vgps.gps.offsets import OffsetChain, chain_offsets, with_offset_regions
+from vgps.gps.offset_regions import with_offset_regions
+from vgps.gps.offsets import OffsetChain, chain_offsets
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.fusion.live_time_offset import HELD_S
