@@ -52,6 +52,13 @@ def test_a_clock_that_misled_the_tracking_is_no_contradiction():
     assert late.time_offset_s == pytest.approx(-0.06, abs=0.005)
 
 
+@pytest.mark.parametrize("late_s", [0.3, -1.7])
+def test_a_clock_that_is_far_off_is_looked_for(late_s):
+    late = found(late_s=late_s)
+    assert late.contradiction is None and late.misled
+    assert late.time_offset_s == pytest.approx(-late_s, abs=4.0 * late.time_offset_sigma_s)
+
+
 def test_a_clock_that_may_be_right_or_is_off_by_next_to_nothing_stays():
     by_chance = found(late_s=0.004)
     assert by_chance.time_offset_s == 0.0 and 3.0 * by_chance.time_offset_sigma_s > 0.004

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from vgps.errors import ImuLogError
-from vgps.readers.imu import checked_imu, read_imu
+from vgps.model import Rig
+from vgps.readers.imu import checked_imu, during_video, on_video_clock, read_imu
 from vgps.readers.recording import open_recording
 
 HEADER = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2\n"
@@ -51,6 +52,30 @@ def test_a_missing_column_is_refused(tmp_path):
 def test_other_units_and_orders_are_named(tmp_path, changes, message):
     with pytest.raises(ImuLogError, match=message):
         read_imu(log(tmp_path, **changes))
+
+
+@pytest.mark.parametrize(
+    ("per_s", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
+)
+def test_times_that_are_not_in_seconds_are_refused(tmp_path, per_s, unit):
+    with pytest.raises(ImuLogError, match=f"a sample every .* t_s in seconds.*seems to be {unit}"):
+        read_imu(log(tmp_path, change=lambda v: v * np.r_[per_s, np.ones(6)]))
+
+
+def test_what_the_log_covers_of_the_video_is_said(tmp_path):
+    frames, rig = np.arange(0.0, 4.0, 0.1), Rig(video_start_s=100.0, imu_time_offset_s=0.5)
+
+    def notes(begin_s):
+        shifted = on_video_clock(read_imu(log(tmp_path)), rig)  # 0.5 to 4.49 s
+        return during_video(shifted, frames + begin_s, rig)
+
+    kept, said = notes(0.5)
+    assert kept is not None and said == ()
+    kept, (said,) = notes(3.0)
+    assert kept is not None and said == "imu.csv covers the video from 3.00 s to 4.49 s only, of 6.90 s"
+    kept, (said,) = notes(50.0)
+    assert kept is None
+    assert "imu.csv is left out: it runs from 100.000 s to 103.990 s, the video from 150.000 s to" in said
 
 
 def test_gaps_saturation_and_unusual_rates_are_said(tmp_path):

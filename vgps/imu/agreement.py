@@ -16,7 +16,8 @@ _INTERVAL_S = 0.1  # a rotation must exceed its own error
 _MIN_INTERVALS = 30
 _PATH_SIGMA_RAD = np.radians(0.05)  # of a rotation of the path over an interval
 _MIN_VARIATION_RAD_S = 0.02  # rates that vary less show neither mounting nor clock
-_MIN_CORRELATION = 0.5
+_MIN_CORRELATION, _CLEAR_CORRELATION = 0.5, 0.8
+_LAGS_S = 0.05 * np.arange(-100, 101)  # of a clock that is looked for where rates hardly correlate
 _MAX_RATIO = 2.0
 _ROBUST_SIGMAS = 2.5
 _MAX_ROTATION_DEG, _MAX_OFFSET_S, _SIGMAS = 2.0, 0.02, 3.0  # beyond which an IMU harms more than it helps
@@ -50,22 +51,23 @@ def agreement(rotations: RelativeRotations, imu: CameraImu) -> Agreement:
         imu: Samples in the camera's axes, as the rig mounts it.
     """
     integral = GyroIntegral(GyroLog(imu.t_s, imu.rate_rad_s, imu.source))
-    # also if its clock is a little off
-    rotations = rotations.where(imu.covers(rotations.start_s - _INTERVAL_S, rotations.end_s + _INTERVAL_S))
-    if len(rotations) < _MIN_INTERVALS:
+    by_path, by_gyro = _rates(rotations, integral, imu, 0.0)
+    if len(by_path) < _MIN_INTERVALS or np.linalg.norm(by_path.std(axis=0)) < _MIN_VARIATION_RAD_S:
         return Agreement(None)
-    by_path = Rotation.from_matrix(rotations.start_R_end).as_rotvec()
-    by_path /= (rotations.end_s - rotations.start_s)[:, None]
-    by_gyro = integral.mean_rates(rotations.start_s, rotations.end_s)
-    if np.linalg.norm(by_path.std(axis=0)) < _MIN_VARIATION_RAD_S:
-        return Agreement(None)
+    lag_s = 0.0
+    if _correlation(by_path, by_gyro) < _CLEAR_CORRELATION:
+        correlations = [_correlation(*_rates(rotations, integral, imu, lag)) for lag in _LAGS_S.tolist()]
+        if max(correlations) > _CLEAR_CORRELATION:
+            lag_s = float(_LAGS_S[int(np.argmax(correlations))])
+            by_path, by_gyro = _rates(rotations, integral, imu, lag_s)
     correlation = _correlation(by_path, by_gyro)
     if correlation < _MIN_CORRELATION:
         return Agreement(f"its rates and those of the video correlate to {correlation:.2f} only")
     ratio = float(np.linalg.norm(by_gyro.std(axis=0)) / np.linalg.norm(by_path.std(axis=0)))
     if not 1.0 / _MAX_RATIO < ratio < _MAX_RATIO:
         return Agreement(f"it turns {ratio:.3g} times as far as the video (rates in rad/s are expected)")
-    fit = fit_mount(rotations, integral, Mount(np.eye(3), 0.0, imu.bias[3:]), _ROBUST_SIGMAS)
+    rotations = _covered(rotations, imu, lag_s)
+    fit = fit_mount(rotations, integral, Mount(np.eye(3), lag_s, imu.bias[3:]), _ROBUST_SIGMAS)
     offset_s, sigma_s = fit.mount.time_offset_s, float(np.sqrt(fit.covariance[3, 3]))
     if abs(offset_s) < max(_SIGMAS * sigma_s, _LEAST_OFFSET_S):
         offset_s = 0.0
@@ -94,7 +96,26 @@ def path_rotations(paths: Sequence[Trajectory]) -> RelativeRotations:
     )
 
 
+def _covered(rotations: RelativeRotations, imu: CameraImu, lag_s: float) -> RelativeRotations:
+    """Return the rotations that samples cover if about ``lag_s`` is added to their times."""
+    margin_s = _INTERVAL_S + lag_s
+    return rotations.where(imu.covers(rotations.start_s - margin_s, rotations.end_s + _INTERVAL_S - lag_s))
+
+
+def _rates(
+    rotations: RelativeRotations, integral: GyroIntegral, imu: CameraImu, lag_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the mean rates (n, 3) of path and gyro over the intervals that samples cover, rad/s."""
+    shown = _covered(rotations, imu, lag_s)
+    by_path = Rotation.from_matrix(shown.start_R_end).as_rotvec()
+    by_path /= (shown.end_s - shown.start_s)[:, None]
+    return by_path, integral.mean_rates(shown.start_s - lag_s, shown.end_s - lag_s)
+
+
 def _correlation(a: FloatArray, b: FloatArray) -> float:
+    """Return the correlation of rates (n, 3), all axes together; 0 of too few."""
+    if len(a) < _MIN_INTERVALS:
+        return 0.0
     a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
     return float(np.sum(a * b) / np.sqrt(np.sum(a**2) * np.sum(b**2)))
 

@@ -6,9 +6,11 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.imu.agreement import Agreement, agreement, path_rotations
+from vgps.imu.force_agreement import wrong_forces
 from vgps.mapping.trajectory import map_trajectory
 from vgps.model import Recording
 from vgps.pipeline.front_end import FrontEnd, camera_imu
+from vgps.solution import Trajectory
 from vgps.tracking.relative_rotation import frame_rotations
 
 _CALIBRATE = "vgps calibrate-imu"
@@ -47,6 +49,19 @@ def contradiction_note(front_end: FrontEnd, found: Agreement) -> str | None:
     if imu is None or contradiction is None:
         return None
     return f"{imu.source.name} is left out: {contradiction}; calibrate it with {_CALIBRATE}"
+
+
+def force_note(front_end: FrontEnd, path: Trajectory, config: Config) -> str | None:
+    """Return the warning that the accelerometer contradicts a path; None if nothing shows it."""
+    recording = front_end.recording
+    imu, mount = camera_imu(recording, front_end.origin, config), recording.rig.imu
+    right = None if imu is None or mount is None else wrong_forces(path, imu, mount)
+    if imu is None or right is None:
+        return None
+    return (
+        f"{imu.source.name} only predicted rotations: its specific force contradicts the path, and would fit "
+        f"with {right}"
+    )
 
 
 def with_imu_clock(recording: Recording, found: Agreement) -> Recording:

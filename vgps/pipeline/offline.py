@@ -17,7 +17,7 @@ from vgps.pipeline.checkpoint import Checkpoint
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_gps_clock, with_right_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
-from vgps.pipeline.imu_agreement import contradiction_note, imu_agreement, with_imu_clock
+from vgps.pipeline.imu_agreement import contradiction_note, force_note, imu_agreement, with_imu_clock
 from vgps.pipeline.inertial_start import with_inertial_start
 from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
@@ -132,7 +132,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     with one_blas_thread(), timer.measure("batch"):
         merged = merged_maps(front_end, front_end.context(config))
         merged = tie_to_ground(front_end, merged, config)
-        front_end = _with_level_imu(front_end, merged, config)
+        front_end = _with_right_forces(front_end, merged, config)
         fixes = _under_sky(front_end, merged, config)
         (batch, refined, readout), loops = optimise_loops(
             front_end, merged, fixes, config, progress or NoProgress()
@@ -149,18 +149,23 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
     return with_contradicted_readout(solution, batch, front_end, config)
 
 
-def _with_level_imu(front_end: FrontEnd, merged: MergedMaps, config: Config) -> FrontEnd:
-    """Return the front end without the IMU, and with a warning, if nothing ties the path to the world.
+def _with_right_forces(front_end: FrontEnd, merged: MergedMaps, config: Config) -> FrontEnd:
+    """Return the front end without the IMU, and with a warning, if its accelerometer would bend the path.
 
-    Its frame then has no vertical and no metre for the accelerometer.
+    Where nothing ties the path to the world, its frame has no vertical and no metre for the accelerometer.
     """
     recording = front_end.recording
-    if recording.imu is None or config.imu.use == "no" or is_tied(front_end, merged, config):
+    if recording.imu is None or config.imu.use == "no":
         return front_end
-    note = (
-        f"{recording.imu.source.name} only predicted rotations: without fixes or control points the path has "
-        "no vertical and no scale to compare with gravity and accelerations"
-    )
+    if not is_tied(front_end, merged, config):
+        note = (
+            f"{recording.imu.source.name} only predicted rotations: without fixes or control points the path "
+            "has no vertical and no scale to compare with gravity and accelerations"
+        )
+    elif (confused := force_note(front_end, merged.scene.trajectory, config)) is not None:
+        note = confused
+    else:
+        return front_end
     warnings = (*front_end.warnings, note)
     return replace(front_end, recording=replace(recording, imu=None), warnings=warnings)
 

@@ -15,6 +15,8 @@ _RATES_HZ = (50.0, 1000.0)
 _RESTING_M_S2 = (8.0, 12.0)  # median size of the specific force of whatever moves about on the earth
 _RESTING_G = (0.8, 1.2)
 _MAX_RATE_RAD_S = 40.0  # 2300 deg/s, beyond the range of any sensor in a camera
+_LEAST_INTERVAL_S, _MOST_INTERVAL_S = 5e-4, 0.5  # of a log whose times are in seconds
+_LEAST_SHARE = 0.95  # of a video, below which it is worth a note what an IMU covers
 _CLIPPED_SAMPLES = 5  # in a row at one extreme value: noise alone does not repeat it
 
 
@@ -65,6 +67,7 @@ def checked_imu(
     Raises:
         ImuLogError: The numbers are of another unit or order.
     """
+    _check_times(t_s, source)
     _check_units(rate_rad_s, force_m_s2, source)
     saturated = _clipped(rate_rad_s) | _clipped(force_m_s2)
     notes = (*notes, *_notes(t_s, saturated, source))
@@ -76,6 +79,30 @@ def checked_imu(
 def on_video_clock(log: ImuLog, rig: Rig) -> ImuLog:
     """Return a log with the time offset of the rig removed."""
     return replace(log, t_s=log.t_s + rig.imu_time_offset_s)
+
+
+def during_video(log: ImuLog, times_s: FloatArray, rig: Rig) -> tuple[ImuLog | None, tuple[str, ...]]:
+    """Return a log, None if it has no samples during the video, and its notes with what it covers.
+
+    Args:
+        log: On the video's clock.
+        times_s: (F,) frame times.
+        rig: Its ``video_start_s`` gives the log's own times.
+    """
+    begin_s, end_s = float(times_s[0]), float(times_s[-1])
+    first_s, last_s = max(float(log.t_s[0]), begin_s), min(float(log.t_s[-1]), end_s)
+    if last_s <= first_s:
+        own_s = log.t_s[[0, -1]] - rig.imu_time_offset_s + rig.video_start_s
+        video_s = rig.video_start_s + begin_s, rig.video_start_s + end_s
+        return None, (
+            f"{log.source.name} is left out: it runs from {own_s[0]:.3f} s to {own_s[1]:.3f} s, the video "
+            f"from {video_s[0]:.3f} s to {video_s[1]:.3f} s; video_start_s in rig.yaml is the time of the "
+            f"first frame on the clock of {log.source.name}",
+        )
+    if last_s - first_s < _LEAST_SHARE * (end_s - begin_s):
+        covered = f"{log.source.name} covers the video from {first_s:.2f} s to {last_s:.2f} s only"
+        return log, (*log.notes, f"{covered}, of {end_s:.2f} s")
+    return log, log.notes
 
 
 def gyro_of(log: ImuLog, rig: Rig) -> GyroLog:
@@ -122,6 +149,19 @@ def _check_units(rate_rad_s: FloatArray, force_m_s2: FloatArray, source: Path) -
             file=source,
             expected=f"at most {_MAX_RATE_RAD_S:g} rad/s",
             remedy="multiply by pi / 180 if the unit is deg/s",
+        )
+
+
+def _check_times(t_s: FloatArray, source: Path) -> None:
+    interval_s = float(np.median(np.diff(t_s)))
+    if interval_s > _MOST_INTERVAL_S:
+        units = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+        likely = [name for per_s, name in units.items() if interval_s / per_s > _LEAST_INTERVAL_S]
+        raise ImuLogError(
+            f"a sample every {interval_s:.3g} s by t_s",
+            file=source,
+            expected="t_s in seconds, 50 to 1000 samples a second",
+            remedy=f"its unit seems to be {likely[-1]}" if likely else None,
         )
 
 

@@ -25,7 +25,7 @@ from vgps.readers.gopro.sensors import (
 from vgps.readers.gopro.stabilisation import with_picture_motion
 from vgps.readers.gps import UnknownStartError, gps_format, read_gps_log
 from vgps.readers.gyro import read_gyro
-from vgps.readers.imu import gyro_of, on_video_clock, read_imu
+from vgps.readers.imu import during_video, gyro_of, on_video_clock, read_imu
 from vgps.readers.overlap import check_overlap
 from vgps.readers.own_gps import own_gps
 from vgps.readers.rig_cameras import open_cameras
@@ -97,7 +97,7 @@ def open_recording(
     lens = with_readout(lens or guesses[0].camera, telemetry, getattr(video, "quarter_turns", 0))
     gyro = _gyro(folder, mount, telemetry, video)
     mount = _with_gopro(mount, telemetry, gyro)
-    inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry)
+    inertial, notes = _imu(_given(folder, imu, "imu.csv"), mount, telemetry, video)
     if inertial is not None and mount.imu is not None and (gyro is None or imu is not None):
         gyro, mount = gyro_of(inertial, mount), replace(mount, gyro_R_camera=mount.imu.imu_R_camera)
     log = _gps(folder, gps, video, mount, telemetry) if with_gps else None
@@ -206,15 +206,20 @@ def _gyro(folder: Path, rig: Rig, telemetry: Telemetry, video: Source) -> GyroLo
     return replace(gyro, t_s=t_s, rate_rad_s=rate)
 
 
-def _imu(file: Path | None, rig: Rig, telemetry: Telemetry) -> tuple[ImuLog | None, tuple[str, ...]]:
-    """Return the IMU's log and notes on it; None if there is none, or if its mounting is not known."""
+def _imu(
+    file: Path | None, rig: Rig, telemetry: Telemetry, video: Source
+) -> tuple[ImuLog | None, tuple[str, ...]]:
+    """Return the IMU's log and notes on it; None if there is none, or if mounting or clock are not known."""
     if rig.imu is None:
         if file is None:
             return None, ()
         what = f"{file.name} is left out: rig.yaml has no imu_R_camera, the rotation of the IMU on the camera"
         return None, (f"{what}; give it, or find it with vgps calibrate-imu",)
-    log = read_imu(file, video_start_s=rig.video_start_s) if file else read_gopro_imu(telemetry)
-    return (None, ()) if log is None else (on_video_clock(log, rig), log.notes)
+    if file is not None:
+        log = on_video_clock(read_imu(file, video_start_s=rig.video_start_s), rig)
+        return during_video(log, video.times_s, rig)
+    own = read_gopro_imu(telemetry)
+    return (None, ()) if own is None else (on_video_clock(own, rig), own.notes)
 
 
 def _with_gopro(rig: Rig, telemetry: Telemetry, gyro: GyroLog | None) -> Rig:
