@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from solutions import PINHOLE, make_solution
 
 from vgps.config import SensorsConfig, StartConfig
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.pipeline.sensor_notes import clock_notes, upright_notes
+from vgps.pipeline.sensor_notes import clock_notes, upright_notes, with_moving_note
 from vgps.solution import Trajectory
 
 HELD = Sensors.fixed(np.zeros(3))
@@ -67,3 +68,14 @@ def test_a_head_below_the_horizon_is_said_wherever_the_camera_looks(pitch_deg, r
     assert [text.split(" points ")[1].split(" degrees")[0] for text in found] == (
         [] if below_deg is None else [str(below_deg)]
     )
+
+
+def test_a_lorry_is_named_with_its_share_and_its_frames_but_nothing_small():
+    width, height = PINHOLE.width, PINHOLE.height
+    small, large = [4, 9, 0, 0, width // 4, height // 4], [2, 3, 0, 0, width // 2, height]
+    run = make_solution(np.arange(10.0), np.tile(np.eye(4), (10, 1, 1)), camera=PINHOLE)
+    with_small = replace(run, moving_regions=np.array([small]))
+    assert with_moving_note(run) is run and with_moving_note(with_small) is with_small
+    found = with_moving_note(replace(run, warnings=("before",), moving_regions=np.array([small, large])))
+    before, note = found.warnings
+    assert before == "before" and "up to 50% of the picture in 2 frames from 2.0 to 3.0 s" in note

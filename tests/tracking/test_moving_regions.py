@@ -121,6 +121,31 @@ def test_a_group_loses_its_positions_and_its_place_in_the_picture():
     assert not shown[row, column][held].any() and shown[row, column][~own].mean() > 0.8
 
 
+def test_a_group_that_is_known_stays_one_while_the_path_is_wrong():
+    local_map, own = moving_map()
+    moving = regions()
+    local_map.apply(moving.leave_out(local_map))
+    known = moving.holds(local_map)
+    local_map.apply(MapUpdate(more_moving_views=np.where(own, 0, 6)))
+    assert moving.leave_out(local_map).positions.ids.size == 0
+    np.testing.assert_array_equal(moving.holds(local_map), known)
+    shown = moving.masked(Frame(VIEWS, VIEWS / FPS, images(1)[0])).mask
+    column, row = np.rint(local_map.raw_uv_px).astype(int).T
+    assert not shown[row, column][known].any() and shown[row, column][~own].any()
+
+
+def test_a_feature_that_fits_the_scene_again_is_released():
+    local_map, _ = moving_map()
+    moving = regions()
+    moving.leave_out(local_map)
+    known = moving.holds(local_map)
+    fits = known & (local_map.raw_uv_px[:, 0] < 130)
+    assert 0 < fits.sum() < known.sum()
+    local_map.apply(MapUpdate(more_moving_views=np.where(fits, -6, np.where(known, 0, 6))))
+    moving.leave_out(local_map)
+    np.testing.assert_array_equal(moving.holds(local_map), known & ~fits)
+
+
 def test_it_is_searched_where_it_goes():
     local_map, _ = moving_map(LENS)
     moving = regions(LENS)

@@ -23,7 +23,7 @@ from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.pipeline.rough_solution import is_tied
-from vgps.pipeline.sensor_notes import antenna_notes, clock_notes, upright_notes
+from vgps.pipeline.sensor_notes import antenna_notes, clock_notes, upright_notes, with_moving_note
 from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -63,7 +63,7 @@ def smooth(
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
     seconds = {**solution.seconds, "rest": rest_s}
     solution = replace(solution, config=config.model_dump(mode="json"), seconds=seconds)
-    return with_gyro_note(solution, recording)
+    return with_moving_note(with_gyro_note(solution, recording))
 
 
 @dataclass(frozen=True)

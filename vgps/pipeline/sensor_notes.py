@@ -1,4 +1,6 @@
-"""What a run says of a GPS clock, a lever arm and an upright camera that nobody measured."""
+"""What a run says of a GPS clock, a lever arm and an upright camera that nobody measured, and of a lorry."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -7,9 +9,11 @@ from vgps.model import FloatArray
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.smoothing.stage_d.batch_result import BatchResult
+from vgps.solution import Solution
 
 _FAR_SIGMAS = 3.0  # of the roll that is assumed
 _UNKNOWN_SHARE = 0.25  # of the prior's sigma; 0.7 where nothing is seen, as clocks agree half of the time
+_LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the scene
 
 
 def upright_notes(world_T_camera: FloatArray, config: StartConfig) -> tuple[str, ...]:
@@ -72,3 +76,19 @@ def clock_notes(front_end: FrontEnd, batch: BatchResult, config: SensorsConfig) 
     )
     text = f"the GPS positions are {late} older than their time stamps, {why}"
     return (f"{text}; the fixes were shifted accordingly",)
+
+
+def with_moving_note(solution: Solution) -> Solution:
+    """Return a solution with a warning if something large moved on its own in the picture."""
+    share = solution.moving_share
+    large = np.flatnonzero(share > _LARGE_SHARE)
+    if not len(large):
+        return solution
+    first_s, last_s = solution.t_s[large[[0, -1]]]
+    note = (
+        f"something that moves on its own, such as a lorry, covers up to {share.max():.0%} of the picture in "
+        f"{len(large)} frames from {first_s:.1f} to {last_s:.1f} s, and was left out: should the video have "
+        "followed it all the same, the standard deviations do not cover that. See vgps inspect; masks/ "
+        "beside the video keep it out for certain"
+    )
+    return replace(solution, warnings=(*solution.warnings, note))

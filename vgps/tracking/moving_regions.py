@@ -3,7 +3,8 @@
 A feature of such a group fits no static point: the rays of its views miss each other, and the more so the
 longer it is followed. One alone may be a mismatch; many side by side, which move in the picture as one rigid
 plane does and among which hardly any feature fits the scene, are an object. Where features that fit no
-point are all over the picture, the path is wrong, and not the scene.
+point are all over the picture, the path is wrong, and not the scene: then no object is found, but one that is
+known stays one as long as it fits no point. Else it would pose the camera just when the scene hardly does.
 """
 
 from collections.abc import Sequence
@@ -71,21 +72,24 @@ class MovingRegions:
 
         They are followed further, without a position, as long as they move on their own.
         """
-        self._region = np.zeros_like(self._region)
-        self._ids.pop(local_map, None)
         views = local_map.moving_views[local_map.ids]
         moving, static = views >= self._min_views, views < 0
-        if np.count_nonzero(moving) < self._min_features:
+        known = self.holds(local_map) & moving
+        self._region = np.zeros_like(self._region)
+        self._ids.pop(local_map, None)
+        if not known.any() and np.count_nonzero(moving) < self._min_features:
             return MapUpdate()
-        members, alike = self._groups(local_map, moving, static)
+        members, alike = (found | known for found in self._groups(local_map, moving, static))
         if not members.any():
             return MapUpdate()
         region = self._most(local_map, members, static & ~alike)
-        inside = region[self._cells.of(local_map.raw_uv_px)] & alike
+        inside = known | (region[self._cells.of(local_map.raw_uv_px)] & alike)
         seen = self._around(local_map, static) > 0.0
         stray, fitting = (np.count_nonzero(some & ~inside) for some in (moving, static))
         if _FITTING * stray > fitting or np.count_nonzero(region) > np.count_nonzero(seen & ~region):
-            return MapUpdate()  # the path is wrong
+            inside, region = known, self._most(local_map, known, static)  # the path is wrong
+        if not inside.any():
+            return MapUpdate()
         self._region = region
         self._ids[local_map] = local_map.ids[inside] + local_map.discarded_features
         self._add_boxes(int(local_map.view_frames[-1]))
