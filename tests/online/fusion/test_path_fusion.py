@@ -65,6 +65,19 @@ def test_the_time_offset_of_late_fixes_is_found_and_widens_the_sigmas_before():
     assert fits[0].time_offset.sigma_s > 0.3 and fits[-1].time_offset.sigma_s < 0.1
 
 
+@pytest.mark.parametrize("late_s", [0.3, -0.3])
+def test_a_walkers_sway_tells_no_time_offset_at_first(late_s):
+    walk = DrivingCamera(80)
+    phase = np.pi * 1.7 * walk.t_s
+    sway_m = [0.04 * np.sin(phase), walk.t_s, 0.03 * np.cos(2.0 * phase)]  # at 1 m/s
+    walk.true[:, :3, 3] = np.stack(sway_m, axis=1)
+    walk.true[:, :3, :3] = walk.true[0, :3, :3]
+    fixes = walk.fixes([FixClass.RTK_FIX] * 8, np.zeros((8, 3)))
+    fits, _ = live(walk, walk.seen(np.random.default_rng(3)), replace(fixes, t_s=fixes.t_s + late_s))
+    found = [fit.time_offset for fit in fits]
+    assert max(abs(one.time_offset_s - late_s) / one.sigma_s for one in found) < 2.0
+
+
 @pytest.mark.slow
 def test_clocks_that_agree_are_left_alone():
     drive = DrivingCamera(600)

@@ -35,6 +35,11 @@ def any_time_offset(config: SensorsConfig) -> TimeOffset:
     return TimeOffset(0.0, config.time_offset_sigma_s)
 
 
+def unseen_time_offset(config: SensorsConfig) -> TimeOffset:
+    """Return what is believed of the rest of the time offset before any fix."""
+    return believed_time_offset(any_time_offset(config), config)
+
+
 def believed_time_offset(found: TimeOffset, config: SensorsConfig) -> TimeOffset:
     """Return the rest of the time offset with its standard deviation.
 

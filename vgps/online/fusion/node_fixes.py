@@ -1,17 +1,18 @@
 """Where the video sees the fixes, and what ties them to nodes (:mod:`vgps.online.fusion.fusion_nodes`)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import mean_errors, step_scale
+from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
 from vgps.online.fusion.video_path import VideoPath
 
 SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
-_HALF_S = 0.1  # a velocity is a difference of positions so long before and after
+_HALF_S = 0.1  # a velocity is a difference of positions at least so long before and after
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,9 @@ class SeenFixes:
         rest_s: Rest of the time offset, as known so far.
         time_offset_s: (M,) the same, less where the path begins later.
         camera: (M, 4, 4) poses in the map at that time before the time stamps.
-        velocity: (M, 3) the camera's then, in the map, per second.
+        velocity: (M, 3) the camera's mean within a standard deviation of the time offset, in the map, per
+            second.
+        bend: (M,) how far the path departs from that there, in the map.
     """
 
     fixes: Fixes
@@ -31,18 +34,28 @@ class SeenFixes:
     time_offset_s: FloatArray
     camera: FloatArray
     velocity: FloatArray
+    bend: FloatArray
 
 
-def seen_fixes(path: VideoPath, fixes: Fixes, rest_s: float) -> SeenFixes:
-    """Return those of the fixes with time stamps within a path that were taken before its end."""
+def seen_fixes(path: VideoPath, fixes: Fixes, rest: TimeOffset) -> SeenFixes:
+    """Return those of the fixes with time stamps within a path that were taken before its end.
+
+    Args:
+        path: The path.
+        fixes: The fixes.
+        rest: What is believed of the rest of the time offset.
+    """
+    rest_s, half_s = rest.time_offset_s, max(rest.sigma_s, _HALF_S)
     since_s, until_s = path.t_s[[0, -1]]
     inside = (fixes.t_s >= since_s - SAME_TIME_S) & (fixes.t_s <= until_s + min(rest_s, 0.0))
     fixes = fixes.where(inside)
     t_s = np.maximum(fixes.t_s - rest_s, since_s)
-    ends_s = np.clip([t_s - _HALF_S, t_s + _HALF_S], since_s, until_s)
-    before, after = (path.at(end_s)[:, :3, 3] for end_s in ends_s)
-    velocity = (after - before) / np.diff(ends_s, axis=0)[0][:, None]
-    return SeenFixes(fixes, rest_s, fixes.t_s - t_s, path.at(t_s), velocity)
+    ends_s, camera = np.clip([t_s - half_s, t_s + half_s], since_s, until_s), path.at(t_s)
+    ends = np.stack([path.at(end_s)[:, :3, 3] for end_s in ends_s])
+    velocity = (ends[1] - ends[0]) / np.diff(ends_s, axis=0)[0][:, None]
+    departure = ends - camera[:, :3, 3] - (ends_s - t_s)[:, :, None] * velocity
+    bend = np.linalg.norm(departure, axis=2).max(axis=0, initial=0.0)
+    return SeenFixes(fixes, rest_s, fixes.t_s - t_s, camera, velocity, bend)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +66,8 @@ class NodeFixes:
         node: (M,) node of each.
         fix_class: (M,) class of each.
         step: (M, 3) camera at the fix minus camera at the node, in the map.
-        velocity: (M, 3) the camera's at the fix, in the map, per second.
+        velocity: (M, 3) the camera's about the fix, in the map, per second.
+        bend: (M,) how far the path departs from that within the time offset's uncertainty, in the map.
         time_offset_s: (M,) rest of the time offset for which the step holds.
         arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
         world_p_fix: (M, 3) the fixes.
@@ -64,11 +78,17 @@ class NodeFixes:
     fix_class: IntArray
     step: FloatArray
     velocity: FloatArray
+    bend: FloatArray
     time_offset_s: FloatArray
     arm: FloatArray
     world_p_fix: FloatArray
     noise_m: FloatArray
     tail: FloatArray
+
+    def with_bends(self, scale: FloatArray) -> "NodeFixes":
+        """Return fixes whose noise holds the bends, metres by scales (M,), as they tell no time offset."""
+        bend_m = (scale * self.bend)[:, None]
+        return replace(self, noise_m=np.hypot(self.noise_m, bend_m))
 
 
 def node_fixes(
@@ -94,6 +114,7 @@ def node_fixes(
         fix_class=seen.fixes.fix_class,
         step=seen.camera[:, :3, 3] - camera[node, :3, 3],
         velocity=seen.velocity,
+        bend=seen.bend,
         time_offset_s=seen.time_offset_s,
         arm=seen.camera[:, :3, :3] @ camera_p_antenna,
         world_p_fix=seen.fixes.world_p_fix,

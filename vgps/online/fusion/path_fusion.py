@@ -36,8 +36,9 @@ from vgps.online.fusion.fusion_equations import (
 )
 from vgps.online.fusion.fusion_nodes import FusionNodes, fusion_nodes, video_drift
 from vgps.online.fusion.gravity import Gravity
-from vgps.online.fusion.live_time_offset import any_time_offset, believed_time_offset, with_time_offset_sigma
+from vgps.online.fusion.live_time_offset import unseen_time_offset, with_time_offset_sigma
 from vgps.online.fusion.node_fixes import SAME_TIME_S, seen_fixes
+from vgps.online.fusion.unknown_time_offset import unknown_time_offset
 from vgps.online.fusion.video_path import VideoPath
 
 _ANY_ROLL_RAD, _NO_PITCH_RAD = 1.0, 1e-6  # biases of the elevations without an IMU
@@ -127,8 +128,7 @@ class FusedPath:
         return with_time_offset_sigma(self.system.covariances(), TIME_OFFSET, self.time_offset.sigma_s)
 
     def covariances_at(self, t_s: FloatArray) -> FloatArray:
-        """Return the covariances (n, 7, 7) of position, log scale and rotation at times (n,), by all fixes so
-        far."""
+        """Return covariances (n, 7, 7) of position, log scale and rotation at times (n,), by all fixes."""
         node = np.argmin(np.abs(self.nodes.t_s - t_s[:, None]), axis=1)
         return np.asarray(self._covariances[node, : OFFSET.start, : OFFSET.start])
 
@@ -173,13 +173,13 @@ def fuse(
         last: The fit of an earlier part of the same path.
         gravity: The vertical by an IMU, if there is one.
     """
-    prior, rest_s = None, 0.0
+    prior, rest = None, unseen_time_offset(config.sensors)
     if last is not None:
         node = min(int(np.searchsorted(last.nodes.t_s, path.t_s[0] - SAME_TIME_S)), len(last.nodes.t_s) - 1)
         path = path.since(float(last.nodes.t_s[node]))
         prior = (last.carried if node == last.last_fix else None) or _prior_of(last, node)
-        rest_s = last.time_offset.time_offset_s
-    seen = seen_fixes(path, fixes.where(fixes.used), rest_s)
+        rest = last.time_offset
+    seen = seen_fixes(path, fixes.where(fixes.used), rest)
     continued = _continued(seen.fixes, last) if last is not None else None
     nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued, last.sizes if last else None)
     if gravity is not None:
@@ -189,14 +189,14 @@ def fuse(
     bias_rad = np.array([_ANY_ROLL_RAD, _NO_PITCH_RAD]) if gravity is None else np.full(2, gravity.bias_rad)
     prior = prior or vague_prior(state, bias_rad)
     state = minimise(nodes, state, prior, config.drift.iterations)
-    unsure = replace(nodes, time_offset=any_time_offset(config.sensors))
-    system = normal_equations(unsure, state, prior)
-    covariance, preferred = system.last_covariance(), state.moved(system.step()).values[-1]
-    found = TimeOffset(float(preferred[TIME_OFFSET]), float(covariance[TIME_OFFSET, TIME_OFFSET]) ** 0.5)
-    believed = believed_time_offset(found, config.sensors)
-    covariance = with_time_offset_sigma(covariance, TIME_OFFSET, believed.sigma_s)
+    found = unknown_time_offset(nodes, state, prior, config.sensors)
     return FusedPath(
-        nodes=nodes, state=state, prior=prior, time_offset=believed, covariance=covariance, system=system
+        nodes=nodes,
+        state=state,
+        prior=prior,
+        time_offset=found.time_offset,
+        covariance=found.covariance,
+        system=found.system,
     )
 
 
