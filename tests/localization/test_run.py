@@ -6,13 +6,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from textured_wall import CAMERA, ORIGIN, WallVideo, picture, pose_at, recording_of
 
-from vgps.config import Config, LocalizationConfig
+from vgps.config import Config, IntrinsicsConfig, LocalizationConfig
 from vgps.errors import GeometryError, VideoError
 from vgps.geometry import project
 from vgps.landmarks.model import Cameras
 from vgps.localization import localize
+from vgps.localization.lens_refinement import LensCheck
 from vgps.model import Frame
 from vgps.rolling_shutter import row_poses
+from vgps.smoothing.calibration.refined_camera import RefinedCamera
 from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
 
@@ -139,3 +141,28 @@ def test_a_camera_lost_for_its_speed_is_reported_with_the_setting_to_change(data
     solution = localize(recording_of(Fast(3)), database, with_tracker(recovery_pause_s=0.0))
     assert solution.state.count(FrameState.TRACKED) == 2
     assert "moved at up to 30 m/s: set localization.max_speed_m_s to 40" in solution.warnings[-1]
+
+
+@pytest.mark.slow
+def test_with_a_calibration_that_landmarks_contradict_all_frames_are_tracked_again(database, monkeypatch):
+    wrong = replace(CAMERA, fx=315.0, fy=315.0)
+    refined = RefinedCamera(CAMERA, {"focal": 0.001, "cx": 0.5, "cy": 0.5}, 2, True)
+
+    def told(lens, camera, frames):
+        if lens.found is not None or len(frames) < 4:
+            return None
+        lens.found = refined
+        return refined.camera
+
+    monkeypatch.setattr(LensCheck, "better", told)
+    recording = replace(recording_of(WallVideo(8)), camera=wrong)
+    solution, right = (
+        localize(one, database, with_tracker()) for one in (recording, recording_of(WallVideo(8)))
+    )
+    np.testing.assert_array_equal(solution.world_T_camera, right.world_T_camera)
+    assert solution.camera == CAMERA
+    assert solution.sensors.camera_sigma == refined.sigma
+    assert "fx 315.0 -> 300.0 px" in solution.warnings[0]
+    held = with_tracker().model_copy(update={"intrinsics": IntrinsicsConfig(refine="no")})
+    lens = localize(recording, database, held)
+    assert lens.camera == wrong and not lens.warnings

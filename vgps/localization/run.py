@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from vgps.config import Config
+from vgps.config import Config, LocalizationConfig
 from vgps.errors import GeometryError
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.localization.bridging import bridge_gaps
 from vgps.localization.diagnostics import loss_warnings, speed_warnings
+from vgps.localization.lens_refinement import LensCheck
 from vgps.localization.localizer import Localizer
 from vgps.localization.result import Track, to_solution
 from vgps.localization.tracker import TrackedFrame
@@ -33,7 +35,8 @@ def localize(
 
     Args:
         recording: Video and camera, with rig and gyro if available; GPS is not used. If a run behind the
-            database had the same calibration and refined it, the refined one is used.
+            database had the same calibration and refined it, the refined one is used; another one is
+            refined by the landmarks if they contradict it.
         database: Of the place: its file, or one opened with ``config.localization.selection``.
         config: Its ``localization`` is used; None for the defaults.
         progress: Shows progress.
@@ -48,11 +51,13 @@ def localize(
         with LandmarkDatabase.open(Path(database), (config or Config()).localization.selection) as opened:
             return localize(recording, opened, config, progress)
     config, seconds = config or Config(), StageTimer()
-    recording = replace(recording, camera=_camera_of_map(recording.camera, database))
-    settings = config.localization
-    localizer = Localizer(recording, database, settings)
+    given, settings = recording.camera, config.localization
+    of_map = _camera_of_map(given, database)
+    checked = of_map is None and config.intrinsics.refine != "no"
+    lens = LensCheck(given, recording.guesses, config) if checked else None
+    run = _Run(replace(recording, camera=of_map or given), database, settings, lens)
     with one_blas_thread(), seconds.measure("track"):
-        frames, gray, poses = _track(recording, localizer, settings.revise, progress or NoProgress())
+        recording, localizer, frames, gray, poses = _track(run, progress or NoProgress())
     t_s, tracked = np.array(list(poses)), np.array([frame.tracked for frame in frames])
     if not tracked.any():
         raise GeometryError(
@@ -73,36 +78,61 @@ def localize(
         *recording.notes,
         *getattr(recording.video, "warnings", ()),
         *localizer.warnings,
+        *(() if lens is None else lens.notes),
         *loss_warnings(tracked, t_s),
         *speed_warnings(frames, recording.camera.fx, settings),
     )
     track = Track(
         frames=frames, gray=gray, world_T_camera=bridged, seconds=seconds.by_stage, warnings=warnings
     )
-    return to_solution(recording, database.world_origin, config, track)
+    solution = to_solution(recording, database.world_origin, config, track)
+    if lens is None or lens.found is None:
+        return solution
+    return replace(solution, sensors=replace(solution.sensors, camera_sigma=lens.found.sigma))
 
 
-def _camera_of_map(camera: Camera, database: LandmarkDatabase) -> Camera:
-    """Return the camera as the latest run of the database refined it, if it is one of theirs."""
+def _camera_of_map(camera: Camera, database: LandmarkDatabase) -> Camera | None:
+    """Return the camera as the latest run of the database refined it; None if it is none of theirs."""
     cameras = [source.cameras for source in database.sources() if source.cameras is not None]
-    return next((each.refined for each in reversed(cameras) if each.given == camera), camera)
+    return next((each.refined for each in reversed(cameras) if each.given == camera), None)
 
 
-def _track(
-    recording: Recording, localizer: Localizer, revise: bool, progress: Progress
-) -> tuple[list[TrackedFrame], list[FloatArray], dict[float, FloatArray]]:
-    """Return the frames, the grey values of their observations, and the poses by time, revised or not."""
-    frames: list[TrackedFrame] = []
-    gray: list[FloatArray] = []
-    poses: dict[float, FloatArray] = {}
+class _Run(NamedTuple):
+    """What is tracked, against what, and what checks its calibration."""
+
+    recording: Recording
+    database: LandmarkDatabase
+    settings: LocalizationConfig
+    lens: LensCheck | None
+
+
+class _Tracked(NamedTuple):
+    """The recording as it was tracked, by what, the frames, grey values of their observations, and poses by
+    time, revised or not."""
+
+    recording: Recording
+    localizer: Localizer
+    frames: list[TrackedFrame]
+    gray: list[FloatArray]
+    poses: dict[float, FloatArray]
+
+
+def _track(run: _Run, progress: Progress) -> _Tracked:
+    """Track all frames; again from the first one, with another calibration, if landmarks contradict this."""
+    recording, localizer = run.recording, Localizer(run.recording, run.database, run.settings)
+    found = _Tracked(recording, localizer, [], [], {})
     for frame in progress.track(recording.video.frames(), len(recording.video.times_s)):
         image = localizer.undistort(frame.gray)
         tracked = localizer.add(frame.t_s, image)
-        frames.append(tracked)
-        gray.append(_gray(image, tracked.observations.seen_px))
-        poses[frame.t_s] = tracked.world_T_camera
-        poses |= localizer.revised() if revise else {}
-    return frames, gray, poses
+        found.frames.append(tracked)
+        found.gray.append(_gray(image, tracked.observations.seen_px))
+        found.poses[frame.t_s] = tracked.world_T_camera
+        if run.settings.revise:
+            found.poses.update(localizer.revised())
+        if run.lens is not None and (camera := run.lens.better(recording.camera, found.frames)) is not None:
+            progress.stage("from the first frame again, with the calibration that the landmarks show")
+            return _track(run._replace(recording=replace(recording, camera=camera)), progress)
+    return found
 
 
 def _gray(image: Float32Array, uv_px: FloatArray) -> FloatArray:

@@ -12,12 +12,13 @@ from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.rough_solution import is_tied
 from vgps.runtime.progress import Progress
+from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.few_frames import MIN_VIEWS, for_few_frames, frame_step, held_frames, viewing_frames
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.smoothing.stage_d.intrinsics import CameraPrior, RefinedCamera, prior_about, refine_camera
+from vgps.smoothing.stage_d.intrinsics import refine_camera
 from vgps.solution import Solution
 
 _MEASURED = 0.02  # a focal length known to this share is no assumption

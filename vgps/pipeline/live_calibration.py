@@ -19,18 +19,14 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, IntArray
 from vgps.runtime.threads import begin
+from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import Scene, scene_of_map
 from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
 from vgps.smoothing.scene.other_calibration import seen_by, undistorted_again
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.smoothing.stage_d.intrinsics import (
-    CameraPrior,
-    RefinedCamera,
-    estimate_camera,
-    prior_about,
-)
+from vgps.smoothing.stage_d.intrinsics import estimate_camera
 
 # What more frames tell of a lens is in proportion to those before, so they come in geometric steps: half as
 # many again is soon after an early, coarse calibration, but not by nearly the same frames.

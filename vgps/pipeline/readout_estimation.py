@@ -9,9 +9,9 @@ from vgps.model import Camera, FloatArray
 from vgps.pipeline.camera_refinement import optimise_camera
 from vgps.pipeline.front_end import FrontEnd
 from vgps.smoothing.calibration.readout import Readout, estimate_readout
+from vgps.smoothing.calibration.refined_camera import RefinedCamera
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.smoothing.stage_d.intrinsics import RefinedCamera
 from vgps.solution import Solution
 
 Optimised = tuple[BatchResult, RefinedCamera | None, Readout | None]

@@ -1,8 +1,9 @@
 """Does re-blurring landmark templates keep a shaken camera tracked? Table 1 of Matsuda 2007 on a recording.
 
-The paper's tracker and its three ablations, and ours. Errors are unaligned and counted on every second frame,
-from ``--first 1`` the odd ones: on kitti03_shake the even ones show images of which a database of the drive's
-even frames was made. Writes table1.md, frames.csv and table1.png.
+The paper's tracker and its three ablations, and ours, all with the calibration that ``vgps track`` finds.
+Errors are unaligned and counted on every second frame, from ``--first 1`` the odd ones: on kitti03_shake the
+even ones show images of which a database of the drive's even frames was made. Writes table1.md, frames.csv
+and table1.png.
 """
 
 import csv
@@ -30,9 +31,9 @@ from scripts.experiments.matsuda.tracking_errors import (
 from vgps.config import LocalizationConfig
 from vgps.evaluation.run import change_origin
 from vgps.landmarks.database import LandmarkDatabase
-from vgps.localization import Localizer
+from vgps.localization import Localizer, localize
 from vgps.localization.tracker import TrackedFrame
-from vgps.model import FloatArray
+from vgps.model import Camera, FloatArray
 from vgps.readers.recording import open_recording
 from vgps.runtime.threads import one_blas_thread
 
@@ -58,9 +59,9 @@ METHODS: dict[str, dict[str, object]] = {
 }
 
 
-def run(place: Path, landmarks: Path, name: str) -> list[TrackedFrame]:
+def run(place: Path, camera: Camera, landmarks: Path, name: str) -> list[TrackedFrame]:
     """Track every frame by one of the methods, as it comes; for ``AS_TRACK`` as revised by later frames."""
-    recording = open_recording(place, with_gps=False)
+    recording = replace(open_recording(place, with_gps=False), camera=camera)
     config = LocalizationConfig.model_validate(ALIKE | METHODS[name])
     frames: dict[float, TrackedFrame] = {}
     with one_blas_thread(), LandmarkDatabase.open(landmarks, config.selection) as database:
@@ -147,7 +148,8 @@ def main() -> None:
             if recording.rig.world_origin is not None and database.world_origin is not None:
                 truth = change_origin(truth, recording.rig.world_origin, database.world_origin)
             with ProcessPoolExecutor(2) as pool:
-                places = repeat(given.recording), repeat(given.landmarks)
+                camera = localize(recording, database).camera  # as the landmarks show it
+                places = repeat(given.recording), repeat(camera), repeat(given.landmarks)
                 for name, frames in zip(METHODS, pool.map(run, *places, METHODS), strict=True):
                     found[name] = errors_of(frames, truth.world_T_camera)
                     figures = found[name].figures(counted)

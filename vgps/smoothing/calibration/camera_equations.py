@@ -159,13 +159,27 @@ def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, si
     error, behind = pixel_errors(here, camera_p)
     scale = np.where(behind, 0.0, whitening(here, error))
     rays = camera_p[:2] / np.where(behind, 1.0, camera_p[2])
-    raw = distort(camera, here.uv_px)
+    slopes = calibration_jacobian(camera, rays, distort(camera, here.uv_px), size, here.lens)
+    return np.asarray(np.nan_to_num(slopes) * scale)
+
+
+def calibration_jacobian(
+    camera: Camera, rays: FloatArray, raw_px: FloatArray, size: int, lens: FloatArray | None = None
+) -> FloatArray:
+    """Return Jacobians (p, 2, n) of residuals, prediction minus undistorted pixel, by the calibration.
+
+    Args:
+        camera: The calibration.
+        rays: (2, n) where each observation is predicted, in units of the focal length.
+        raw_px: (n, 2) observations in the picture, distorted.
+        size: Number p of parameters, at most :func:`parameter_count`.
+        lens: As for :func:`vgps.geometry.in_picture`.
+    """
 
     def residual(delta: FloatArray) -> FloatArray:
         other = changed(camera, delta)
         predicted = rays * [[other.fx], [other.fy]] + [[other.cx], [other.cy]]
-        return np.asarray(predicted - undistort(other, raw).T)
+        return np.asarray(predicted - undistort(other, raw_px).T)
 
     steps = np.diag(_STEPS[:size])
-    slopes = [in_picture(here.lens, residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps]
-    return np.asarray(np.nan_to_num(np.stack(slopes)) * scale)
+    return np.stack([in_picture(lens, residual(d) - residual(-d)) / (2.0 * d.sum()) for d in steps])

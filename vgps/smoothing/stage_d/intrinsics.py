@@ -6,8 +6,7 @@ until the steps are small relative to their standard deviations. A rough solutio
 track suffices for this; stage D follows once on all frames.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +16,7 @@ from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray
 from vgps.smoothing.calibration.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
+from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, moved_from, refined_with
 from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.few_frames import thinned
 from vgps.smoothing.scene.global_shutter import as_global_shutter
@@ -27,76 +27,6 @@ from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
-
-_NAMES = ("focal", "cx", "cy", "k1", "k2")
-_SIGNIFICANT_SIGMAS = 3.0  # of a change of the calibration that is worth a warning
-_NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class RefinedCamera:
-    """An estimated calibration.
-
-    Attributes:
-        camera: The refined camera, of the same lens model.
-        sigma: Standard deviations by name: ``focal`` (relative, of fx and fy together), ``cx``, ``cy`` [px],
-            and where the lens has them ``k1``, ``k2``.
-        steps: Number of steps.
-        converged: Whether the last step was small relative to its standard deviations.
-    """
-
-    camera: Camera
-    sigma: Mapping[str, float]
-    steps: int
-    converged: bool
-
-    def differs_from(self, given: Camera, sigmas: float = _SIGNIFICANT_SIGMAS) -> bool:
-        """Return whether any parameter moved by more than so many of its standard deviations."""
-        before = replace(given, distortion=given.distortion or _NO_DISTORTION)
-        moved, sigma = _difference(self.camera, before), np.array(list(self.sigma.values()))
-        return bool(np.any(np.abs(moved) > sigmas * sigma))
-
-    def note(self, given: Camera) -> str:
-        """Return a warning with the old and new parameters."""
-        refined = self.camera
-        words = (
-            f"the calibration was refined: fx {given.fx:.1f} -> {refined.fx:.1f} px "
-            f"(sigma {refined.fx * self.sigma['focal']:.1f}), centre {given.cx:.1f}, {given.cy:.1f} -> "
-            f"{refined.cx:.1f}, {refined.cy:.1f} px (sigma {self.sigma['cx']:.1f}, {self.sigma['cy']:.1f})"
-        )
-        for k, name in enumerate(name for name in ("k1", "k2") if name in self.sigma):
-            before, after = (given.distortion or _NO_DISTORTION)[k], refined.distortion[k]
-            words += f", {name} {before:.4f} -> {after:.4f} (sigma {self.sigma[name]:.4f})"
-        return (
-            words
-            if self.converged
-            else f"{words}; it did not converge in {self.steps} steps: raise intrinsics.iterations"
-        )
-
-
-@dataclass(frozen=True)
-class CameraPrior:
-    """What is believed of a calibration before it is refined.
-
-    Attributes:
-        mean: A camera of the lens model that is refined.
-        sigma: (5,) standard deviations of log focal length, principal point [px], and the first two
-            coefficients.
-    """
-
-    mean: Camera
-    sigma: FloatArray
-
-
-def prior_about(camera: Camera, config: IntrinsicsConfig) -> CameraPrior:
-    """Return the prior of a given calibration.
-
-    A pinhole camera gets radial distortion: images undistorted by an imperfect lens model keep some of it.
-    """
-    if camera.model == "pinhole":
-        camera = replace(camera, model="opencv", distortion=_NO_DISTORTION)
-    rest = [config.centre_sigma_px] * 2 + [config.distortion_sigma] * 2
-    return CameraPrior(camera, np.array([config.focal_sigma, *rest]))
 
 
 class Optimiser(Protocol):
@@ -134,7 +64,7 @@ def refine_camera(
         GeometryError: The video does not determine the calibration.
     """
     refined = estimate_camera(scene, camera, prior, optimise, config, every)
-    seen = seen_by(refined.camera, _of_model(prior, camera), scene)
+    seen = seen_by(refined.camera, prior.of_model(camera), scene)
     return optimise(seen, refined.camera, sigma=np.array(list(refined.sigma.values()))), refined
 
 
@@ -147,7 +77,7 @@ def estimate_camera(
     every: int = 1,
 ) -> RefinedCamera:
     """Estimate the calibration by rough solutions alone; see :func:`refine_camera`."""
-    given = _of_model(prior, camera)
+    given = prior.of_model(camera)
     few = as_global_shutter(scene, given)
     few = few if every == 1 else thinned(few, every)
     camera = replace(given, readout_s=None)
@@ -161,20 +91,7 @@ def estimate_camera(
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
-    camera = replace(camera, readout_s=given.readout_s)
-    return RefinedCamera(camera, dict(zip(_NAMES, sigma.tolist(), strict=False)), step, converged)
-
-
-def _of_model(prior: CameraPrior, camera: Camera) -> Camera:
-    """Return a camera with the lens model that is refined."""
-    return replace(camera, model=prior.mean.model, distortion=camera.distortion or _NO_DISTORTION)
-
-
-def _difference(camera: Camera, given: Camera) -> FloatArray:
-    """Return the parameters (p,) of a camera relative to the given one."""
-    ends = np.array(camera.distortion) - np.array(given.distortion)
-    moved = [np.log(camera.fx / given.fx), camera.cx - given.cx, camera.cy - given.cy, *ends]
-    return np.array(moved[: parameter_count(camera)])
+    return refined_with(replace(camera, readout_s=given.readout_s), sigma, step, converged)
 
 
 def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:
@@ -192,7 +109,7 @@ def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> Paramet
     structure, size = analyse_sparsity(problem), parameter_count(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
     equations = linearise_camera(problem, linear, structure, camera, size)
-    believed = ParameterPrior(prior.sigma[:size], _difference(camera, prior.mean))
+    believed = ParameterPrior(prior.sigma[:size], moved_from(camera, prior.mean))
     try:
         return parameter_step(problem, linear, structure, equations, believed)
     except NotPositiveDefiniteError:
