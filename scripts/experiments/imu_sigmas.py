@@ -3,8 +3,9 @@
 Walks with exact truth and a consumer IMU, whose biases walk, are simulated and smoothed. Compared with their
 standard deviations are the biases in the middle of the walk (`sensors.imu` of `solution.json`), the tilt,
 that is the rotation of every frame about east and north, and the positions. NEES is the squared error over
-the stated variance, per axis: 1 is honest, more is overconfident. A walk takes 6 s of processor time to
-render and to smooth; kept in --walks they are rendered once.
+the stated variance, per axis: 1 is honest, more is overconfident; the last columns hold 95 % of what honest
+standard deviations would give by chance, if a walk is one sample per axis. A walk takes 6 s of processor time
+to render and to smooth; kept in --walks they are rendered once.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 
 import vgps
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
@@ -24,7 +26,7 @@ from vgps.config import read_config
 from vgps.model import FloatArray
 from vgps.simulate import AccelerometerConfig, simulate
 
-QUANTITIES = ("accelerometer", "gyro", "tilt", "position")
+QUANTITIES = {"accelerometer": 3, "gyro": 3, "tilt": 2, "position": 3}  # and their axes
 _ROLL_SIGMA_DEG = 5.0  # of the camera: gravity has to show it
 _WITHIN = 3.0
 
@@ -75,6 +77,11 @@ def figures(ratio: FloatArray) -> dict[str, float]:
     }
 
 
+def by_chance(samples: int) -> tuple[float, float]:
+    """Return the limits of 95 % of the NEES of independent samples under honest standard deviations."""
+    return float(chi2.ppf(0.025, samples)) / samples, float(chi2.ppf(0.975, samples)) / samples
+
+
 def main() -> None:
     """Print a row of NEES per walk, and a row per quantity for all."""
     parser = ScriptParser("experiments.imu_sigmas", __doc__)
@@ -94,11 +101,13 @@ def main() -> None:
             nees = {name: figures(run[name])["nees"] for name in QUANTITIES}
             results.add(seed=seed, **{f"nees_{name}": value for name, value in nees.items()})
             walks.add(seed, *nees.values())
-        table = LiveTable("all walks", "NEES", "% within 3 sigma", "largest ratio", numbers=".2f")
-        for name in QUANTITIES:
+        names = "all walks", "NEES", "% within 3 sigma", "largest ratio", "by chance from", "to"
+        table = LiveTable(*names, numbers=".2f")
+        for name, axes in QUANTITIES.items():
             found = figures(np.concatenate([run[name] for run in runs]))
-            results.add(seed="all", quantity=name, **found)
-            table.add(name, *found.values())
+            limits = by_chance(axes * given.seeds)
+            results.add(seed="all", quantity=name, by_chance=limits, **found)
+            table.add(name, *found.values(), *limits)
 
 
 if __name__ == "__main__":

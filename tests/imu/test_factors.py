@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import gtsam
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from vgps.config import ImuConfig
 from vgps.imu.camera_imu import imu_at_camera
 from vgps.imu.factors import imu_graph, preintegrate
 from vgps.imu.states import as_bias, bias_key, first_states, velocity_key
+from vgps.model import ImuLog, ImuMount
+from vgps.solution import Trajectory
 
 MOTION, CONFIG = swinging_motion(), ImuConfig()
 PATH = path_of(MOTION)
@@ -62,3 +66,33 @@ def test_a_blow_to_the_sensor_pulls_less_than_its_square():
         struck.update(velocity_key(3), values.atVector(velocity_key(3)) + blow)
         errors.append(graph.error(struck))
     assert 1.8 < errors[1] / errors[0] < 2.2  # Huber: linear, not four times
+
+
+def test_the_gyros_bias_is_known_as_a_walk_seen_through_white_noise():
+    """With rotations known, its information is that of its walk and of the mean rate of each second."""
+    knots, noise = 11, ImuConfig(scale_error=1e-9)
+    t_s = np.arange(-0.5, 10.5, 0.005)
+    resting = ImuLog(
+        t_s=t_s,
+        rate_rad_s=np.zeros((len(t_s), 3)),
+        force_m_s2=np.tile([0.0, 0.0, GRAVITY_M_S2], (len(t_s), 1)),
+        saturated=np.zeros(len(t_s), dtype=bool),
+        source=Path("imu.csv"),
+    )
+    imu = imu_at_camera(resting, ImuMount(imu_R_camera=np.eye(3)), None, noise)
+    path = Trajectory(np.arange(float(knots)), np.tile(np.eye(4), (knots, 1, 1)))
+    states = first_states(path, np.ones(knots, dtype=bool), imu, noise)
+    graph, values = imu_graph(imu, states, path.t_s, noise), gtsam.Values()
+    known = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([3e-6, 1.0], 3))
+    for k in range(knots):
+        graph.addPriorPose3(X(k), gtsam.Pose3(), known)
+        values.insert(X(k), gtsam.Pose3())
+        values.insert(velocity_key(k), np.zeros(3))
+        values.insert(bias_key(k), as_bias(np.zeros(6)))
+    found = gtsam.Marginals(graph, values).marginalCovariance(bias_key(5))[3:, 3:]
+
+    information = np.diag([noise.gyro_bias_sigma**-2] + [0.0] * (knots - 1))
+    for k in range(knots - 1):
+        information[k, k] += imu.gyro_density**-2
+        information[k : k + 2, k : k + 2] += noise.gyro_bias_walk**-2 * np.array([[1, -1], [-1, 1]])
+    np.testing.assert_allclose(found, np.linalg.inv(information)[5, 5] * np.eye(3), rtol=0.01, atol=1e-12)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from solutions import make_solution
 
 from scripts.common.path_angles import motion_deg, tilt
-from scripts.experiments.imu_sigmas import bias_ratios, figures
+from scripts.experiments.imu_sigmas import bias_ratios, by_chance, figures
 from vgps.solution import Trajectory
 
 
@@ -64,3 +64,9 @@ def test_biases_are_compared_in_the_middle_of_the_walk(tmp_path):
         "within_3_sigma_percent": 75.0,
         "largest_ratio": 4.0,
     }
+
+
+def test_what_chance_gives_narrows_with_the_samples():
+    assert by_chance(10) == pytest.approx((3.247 / 10, 20.483 / 10), abs=1e-3)  # tables of chi squared
+    low, high = by_chance(60)
+    assert 0.67 < low < 0.68 and 1.38 < high < 1.39
