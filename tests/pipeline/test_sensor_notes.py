@@ -19,9 +19,9 @@ TOLD = replace(CERTAIN, poses_tell=True)
 LIKELY = HELD.with_time_offset(TimeOffset(0.2, 0.05), 0.8)
 
 
-def notes(before, after):
+def notes(before, after, speed_m_s=5.0):
     path = Trajectory(np.arange(4.0), np.tile(np.eye(4), (4, 1, 1)))
-    path.world_T_camera[:, 0, 3] = 5.0 * path.t_s
+    path.world_T_camera[:, 0, 3] = speed_m_s * path.t_s
     batch = SimpleNamespace(sensors=after, time_offset_sigma_s=np.array([0.02]), trajectory=path)
     return clock_notes(SimpleNamespace(sensors=before), batch, SensorsConfig())
 
@@ -36,6 +36,7 @@ def test_one_that_was_held_without_being_seen_is_told_with_what_it_may_move():
     (text,) = notes(HELD, replace(HELD, held_sigma_s=0.3))
     assert "held at 0 s, uncertain by 0.30 s or 1.5 m" in text
     assert notes(HELD, replace(HELD, held_sigma_s=0.1)) == ()
+    assert notes(HELD, replace(HELD, held_sigma_s=0.3), speed_m_s=0.1) == ()
 
 
 def test_one_that_stage_d_could_not_try_is_named_with_its_probability():

@@ -13,6 +13,7 @@ from vgps.solution import Solution
 
 _FAR_SIGMAS = 3.0  # of the roll that is assumed
 _UNKNOWN_SHARE = 0.25  # of the prior's sigma; 0.7 where nothing is seen, as clocks agree half of the time
+_LEAST_MOVED_M = 0.1  # a camera that hardly moves needs no clock
 _LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the scene
 
 
@@ -58,13 +59,14 @@ def antenna_notes(
 def clock_notes(front_end: FrontEnd, batch: BatchResult, config: SensorsConfig) -> tuple[str, ...]:
     """Return a warning if stage D shifted fixes by a time offset that was not certain before, or saw none."""
     before, after = front_end.sensors, batch.sensors
-    if after.held_sigma_s > _UNKNOWN_SHARE * config.time_offset_prior_s:
-        speed_m_s = batch.trajectory.length_m / max(float(np.ptp(batch.trajectory.t_s)), 1e-9)
+    speed_m_s = batch.trajectory.length_m / max(float(np.ptp(batch.trajectory.t_s)), 1e-9)
+    held_m = after.held_sigma_s * speed_m_s
+    if after.held_sigma_s > _UNKNOWN_SHARE * config.time_offset_prior_s and held_m >= _LEAST_MOVED_M:
         return (
             "the motion does not determine the time offset between video and GPS: it was held at "
-            f"{after.time_offset_s:g} s, uncertain by {after.held_sigma_s:.2f} s or "
-            f"{after.held_sigma_s * speed_m_s:.1f} m along the path, which the standard deviations cover. "
-            "Set sensors: {estimate_time_offset: 'no'} if the clocks agree, or record turns and braking",
+            f"{after.time_offset_s:g} s, uncertain by {after.held_sigma_s:.2f} s or {held_m:.1f} m along the "
+            "path, which the standard deviations cover. Set sensors: {estimate_time_offset: 'no'} if the "
+            "clocks agree, or record turns and braking",
         )
     if not after.prior_time_offset.sigma_s or (
         before.prior_time_offset.sigma_s and before.probability == 1.0
