@@ -164,5 +164,5 @@ def test_with_a_calibration_that_landmarks_contradict_all_frames_are_tracked_aga
     assert solution.sensors.camera_sigma == refined.sigma
     assert "fx 315.0 -> 300.0 px" in solution.warnings[0]
     held = with_tracker().model_copy(update={"intrinsics": IntrinsicsConfig(refine="no")})
-    lens = localize(recording, database, held)
-    assert lens.camera == wrong and not lens.warnings
+    kept = localize(recording, database, held)
+    assert kept.camera == wrong and not kept.warnings

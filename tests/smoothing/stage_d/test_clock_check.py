@@ -152,6 +152,17 @@ def test_the_configured_time_offset_is_the_one_that_is_doubted():
 
 
 @pytest.mark.slow
+def test_what_is_unknown_of_a_held_time_offset_is_in_the_standard_deviations():
+    """Along the path, by its speed; a clock that the settings trust is known."""
+    trusted = Config.model_validate({"sensors": {"estimate_time_offset": "no"}})
+    (unknown, _), (known, _) = result(0.0, config=Config()), result(0.0, config=trusted)
+    speed_m_s = unknown.trajectory.length_m / np.ptp(unknown.trajectory.t_s)
+    added = [np.trace(one.covariance[:, 3:, 3:].mean(axis=0)) for one in (unknown, known)]
+    assert unknown.sensors.held_sigma_s > 0.0 == known.sensors.held_sigma_s
+    assert added[0] - added[1] == pytest.approx((unknown.sensors.held_sigma_s * speed_m_s) ** 2, rel=0.3)
+
+
+@pytest.mark.slow
 def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
     """A gentle drive with a video that counts little."""
     assert decided(result(0.3, config=Config())[0].sensors) == HELD
