@@ -111,7 +111,7 @@ def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording
     posed = [e for e in estimates if e.posed]
     away = [np.linalg.norm(e.global_T_camera[:3, 3] - true[e.frame]) for e in posed]
     assert len(posed) > 25 and np.mean(away) < 0.3
-    assert abs(smoother._frame_pipeline.sensors.time_offset_s) < 0.1
+    assert abs(smoother._frame_pipeline.fix_buffer.sensors.time_offset_s) < 0.1
 
 
 def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):

@@ -96,7 +96,11 @@ def session_solution(session: SessionRecord) -> Solution:
         GeometryError: No frame has a pose.
     """
     poses, states, georeferenced = _every_pose(session)
-    camera, sensors, t_s = session.camera, session.frame_pipeline.sensors, session.frame_pipeline.t_s
+    camera, sensors, t_s = (
+        session.camera,
+        session.frame_pipeline.fix_buffer.sensors,
+        session.frame_pipeline.t_s,
+    )
     landmarks, observations = _kept_landmarks(session.frame_pipeline.current)
     log, table = _verdicts(session, poses) if georeferenced else (session.gps()[0], None)
     sigmas = session.frames.sigmas()
@@ -153,7 +157,7 @@ def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None,
     if log is None or session.origin is None or len(poses) < 2:
         return log, None
     position = to_enu(session.origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    sensors = session.frame_pipeline.sensors
+    sensors = session.frame_pipeline.fix_buffer.sensors
     fixes = fixes_in_world(log, position, session.config.gps).without_time_offset(sensors.time_offset_s)
     assessment, t_s = session.fixes.assessment(rows), session.frame_pipeline.t_s
     path = Trajectory(t_s, poses)

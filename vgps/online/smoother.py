@@ -9,7 +9,6 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import ConfigError
 from vgps.gps.fixes import Fixes
-from vgps.imu.camera_imu import used_imu
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FrameArchive
@@ -19,6 +18,7 @@ from vgps.online.fix_intake import FixIntake
 from vgps.online.fusion.live_fusion import LiveFusion
 from vgps.online.fusion.live_time_offset import video_alone
 from vgps.online.fusion.pose_sigmas import UNKNOWN_SIGMAS
+from vgps.online.live_imu import LiveImu
 from vgps.online.live_places import LivePlaces
 from vgps.online.pose_publisher import PosePublisher
 from vgps.online.session_result import SessionRecord, session_front_end, session_solution
@@ -71,18 +71,19 @@ class OnlineSmoother:
     ) -> None:
         self._config = config = config or Config()
         self._camera, self._rig, self._source, self._keep_all = camera, rig, source, keep_all
-        self._imu = imu
+        self._imu = LiveImu(imu, rig, config)
         retention = None if keep_all else RetentionPolicy.of(config)
         # stage C follows the video alone: a path bent to fixes no longer contradicts them
-        at_camera = used_imu(imu, rig.imu, rig.world_origin, config.imu)
         calibrates = config.intrinsics.refine != "no"
-        context = SmoothingContext(camera, video_alone(config), imu=at_camera, calibrates=calibrates)
+        context = SmoothingContext(
+            camera, video_alone(config), imu=self._imu.at_camera, calibrates=calibrates
+        )
         self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
         self._intake = FixIntake(self._frame_pipeline, config.gps, source, rig.world_origin)
         self._frames = FrameArchive()
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
-        self._fusion = LiveFusion(self._frame_pipeline, config, at_camera)
+        self._fusion = LiveFusion(self._frame_pipeline, config, self._imu.at_camera)
         self._places = LivePlaces(self._frame_pipeline, self._fusion, camera, config)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events: list[OnlineEvent] = []
@@ -161,6 +162,7 @@ class OnlineSmoother:
             self._frame_pipeline.map_frame()
             self._events += self._places.see(image)
             self._frame_pipeline.refine()
+            self._imu.check(self._frame_pipeline, self._fusion)
             self._fusion.refine()
         fix_buffer = self._frame_pipeline.fix_buffer
         self._intake.archive.set_assessment(fix_buffer.number, fix_buffer.assessment)
@@ -230,7 +232,7 @@ class OnlineSmoother:
             frames=self._frames,
             fixes=self._intake.archive,
             gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
-            imu=self._imu,
+            imu=self._imu.log,
             warnings=tuple(self._warnings),
         )
 

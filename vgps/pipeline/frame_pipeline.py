@@ -9,7 +9,6 @@ import numpy as np
 from vgps.errors import GeometryError
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
-from vgps.gps.sensors import Sensors
 from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
@@ -37,7 +36,7 @@ class FramePipeline:
         warnings: Warnings for the user.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
-        tracker: Stage A, which also finds what is to be left out of the picture.
+        tracker, gyro: Stage A, which also leaves things out of the picture; its prediction of rotations.
 
     Args:
         context: Camera, control points and settings.
@@ -57,7 +56,7 @@ class FramePipeline:
         self._context, self.config, self._retention = context, config, retention
         self._rng = np.random.default_rng(config.seed)
         self.tracker, self._mapper, self._starter = make_stages(camera, config, self._rng, retention)
-        self._gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
+        self.gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._current: MapBuilder | None = None
         self._next: MapBuilder | None = None
         self._times = GrowingArray()
@@ -77,11 +76,6 @@ class FramePipeline:
     def camera(self) -> Camera:
         """The camera, which stage C may have refined."""
         return self._context.camera
-
-    @property
-    def sensors(self) -> Sensors:
-        """Time offset of the fixes, as estimated so far, and lever arm."""
-        return self.fix_buffer.sensors
 
     @property
     def current(self) -> LocalMap | None:
@@ -146,6 +140,11 @@ class FramePipeline:
         if self._current is not None and self._worker.busy:
             self._attempt(self._current, self._worker.finish)
 
+    def start_anew(self) -> None:
+        """Begin a new map with the next frame."""
+        self.finish_window()
+        self._current = None
+
     def state(self) -> dict[str, Any] | None:
         """Return all that the next frames depend on; None while stage C runs or a lost camera is searched."""
         if self._worker.busy or any(one and one.relocaliser for one in (self._current, self._next)):
@@ -190,14 +189,14 @@ class FramePipeline:
     def _start_map(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
         """Add a frame to a map that has not started; stage C follows if it starts."""
         with self.timer.measure("start"):
-            builder = self._starter.add_frame(builder, frame, self._gyro)
+            builder = self._starter.add_frame(builder, frame, self.gyro)
         if builder is not None and builder.started:
             self._run_window(builder)
         return builder
 
     def _track(self, builder: MapBuilder, frame: Frame) -> None:
         local_map, sigma_scale = builder.local_map, self.config.batch.video_sigma_scale
-        predicted = builder.predict(frame.t_s, self._gyro, self.maps).beside(sigma_scale)
+        predicted = builder.predict(frame.t_s, self.gyro, self.maps).beside(sigma_scale)
         with self.timer.measure("track"):
             result = self.tracker.track(local_map, builder.view_image, frame, predicted)
             if result.world_T_camera is None:
@@ -224,12 +223,12 @@ class FramePipeline:
         with self.timer.measure("align"):
             result = align_to_control(local_map, self._control_poses, start.min_control_travel_m)
             if result is None and self.fix_buffer.has_new(float(self.t_s[-2]), float(self.t_s[-1])):
-                antenna = self.sensors.prior_antenna
+                antenna = self.fix_buffer.sensors.prior_antenna
                 result = align_to_fixes(local_map, self.fix_buffer.corrected, antenna, self.config)
             if result is None:
                 return
             local_map.apply(result.update)
-        if self._context.imu is None:  # else gravity shows the roll
+        if self.gyro is None:  # else gravity shows the roll
             self.warnings.extend(result.warnings)
         self._run_window(builder)
 

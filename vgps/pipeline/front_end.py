@@ -224,8 +224,8 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     """Return the sensors as estimated so far, for stage D with the uncertainty of an unknown lever arm."""
     config, fixes = frame_pipeline.config, frame_pipeline.fix_buffer.fixes
     if recording.rig.antenna_known or config.gps.model == "none" or not fixes.used.any():
-        return frame_pipeline.sensors
-    return frame_pipeline.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
+        return frame_pipeline.fix_buffer.sensors
+    return frame_pipeline.fix_buffer.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:

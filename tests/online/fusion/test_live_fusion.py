@@ -11,6 +11,7 @@ from vgps.gps.fixes import Fixes
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.model import FixClass
+from vgps.online.fusion import live_fusion
 from vgps.online.fusion.fit_job import FitJob
 from vgps.online.fusion.live_fusion import LiveFusion
 
@@ -29,10 +30,6 @@ class Pipeline:
         self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
         self.fusion = LiveFusion(self, config)
         self.begin()
-
-    @property
-    def sensors(self):
-        return self.fix_buffer.sensors
 
     def begin(self):
         self.current = LocalMap(len(self.t_s), 5)
@@ -144,10 +141,26 @@ def test_the_next_map_begins_with_the_time_offset_that_was_found():
     pipeline = Pipeline(LATE_S)
     for _ in range(400):
         pipeline.frame()
-    assert pipeline.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
+    assert pipeline.fix_buffer.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
     pipeline.begin()
     for _ in range(95):
         pipeline.frame()
-        assert pipeline.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
+        assert pipeline.fix_buffer.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
     assert not pipeline.fix_buffer.assessment.rejected.any()
     assert 1 <= len(pipeline.warnings) <= 3 and "older than their time stamps" in pipeline.warnings[-1]
+
+
+def test_a_path_is_fitted_anew_once_an_imu_is_left_out(monkeypatch):
+    pipeline, given = Pipeline(), []
+    for _ in range(25):
+        pipeline.frame()
+    before = pipeline.fusion.to_world(pipeline.current)
+    pipeline.fusion._gravity = "wrong"
+    pipeline.fusion.use_imu(None)
+    kept = pipeline.fusion.to_world(pipeline.current)  # until there is a fit without it
+    np.testing.assert_array_equal(kept.world_p_map, before.world_p_map)
+    begun = live_fusion.begin
+    monkeypatch.setattr(live_fusion, "begin", lambda *args: given.append(args[1]) or begun(*args))
+    pipeline.frame()
+    assert given[0].gravity is None and given[0].last is None  # which knew of it
+    assert pipeline.error_m() < 0.1

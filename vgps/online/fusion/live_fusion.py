@@ -39,12 +39,8 @@ class LiveFusion:
 
     def __init__(self, frame_pipeline: FramePipeline, config: Config, imu: CameraImu | None = None) -> None:
         self._frame_pipeline, self._config = frame_pipeline, config
-        self._gravity = None if imu is None else Gravity(imu, config.imu)
-        self._bridge = None if imu is None else InertialBridge(imu, config)
         self._map: LocalMap | None = None
         self._camera = frame_pipeline.camera  # of the newest fit
-        self._job: FitJob | None = None
-        self._latest: FitResult | None = None
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
@@ -52,6 +48,14 @@ class LiveFusion:
         self._seen: SeenByFit | None = None  # None if a fit is due
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
         self._told_s = self._time_offset_s  # the time offset that the user last heard of
+        self.use_imu(imu)
+
+    def use_imu(self, imu: CameraImu | None) -> None:
+        """Use another IMU, or none, from now on; what an earlier one said of the path is forgotten."""
+        self._gravity = None if imu is None else Gravity(imu, self._config.imu)
+        self._bridge = None if imu is None else InertialBridge(imu, self._config)
+        self._job: FitJob | None = None
+        self._latest: FitResult | None = None
 
     @property
     def _fused(self) -> FusedPath | None:
@@ -228,8 +232,7 @@ class LiveFusion:
         return path_of(current, self._config.online.keep_s, self._ties)
 
     def _given(self, current: LocalMap) -> FitInput:
-        pipeline, path = self._frame_pipeline, self._path(current)
-        fix_buffer, sensors = pipeline.fix_buffer, pipeline.sensors
+        fix_buffer, path = self._frame_pipeline.fix_buffer, self._path(current)
         fixes = fix_buffer.fixes.without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         return FitInput(
@@ -237,7 +240,7 @@ class LiveFusion:
             fixes=fixes.where(rows),
             number=fix_buffer.number[rows],
             assessment=fix_buffer.assessment.where(rows),
-            camera_p_antenna=sensors.prior_antenna,
+            camera_p_antenna=fix_buffer.sensors.prior_antenna,
             last=self._fused,
             gravity=self._gravity,
         )
