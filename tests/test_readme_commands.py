@@ -87,9 +87,9 @@ def desk(tmp_path, monkeypatch, data_dir):
     """What the README says a user has: a video and a log of it; receivers' logs from the real recordings."""
     walk = replace(
         SMALL,
-        width=1920,
-        height=1080,
-        focal_px=1400.0,
+        width=1280,
+        height=720,
+        focal_px=933.0,
         fps=8,
         max_samples=1,
         speed=((0.0, 1.5), (4.0, 1.5)),
