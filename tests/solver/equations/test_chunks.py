@@ -13,7 +13,7 @@ def test_square_of_a_group_is_subtracted_at_its_frames(frames: list[int]) -> Non
     band = BandMatrix.zeros(60, 61)
     group = LandmarkGroup(np.array(frames), 2, 5)
     buffer = np.append(np.full(5, np.nan), Z.ravel())
-    band.subtract_square(group.frames, group.matrix(buffer), np.empty(400))
+    band.subtract_square(group.frames, group.matrix(buffer))
     columns = (6 * np.array(frames)[:, None] + np.arange(6)).ravel()
     expected = np.zeros((60, 60))
     expected[np.ix_(columns, columns)] = -Z.T @ Z
@@ -66,7 +66,7 @@ def test_squares_of_the_groups_equal_those_of_their_landmarks(chunks: tuple[Chun
         for row, entry in zip(Z, chunk.entry, strict=True):
             buffer[entry[:, None] + np.arange(6)] = row
         for group in chunk.groups:
-            band.subtract_square(group.frames, group.matrix(buffer), np.empty(group.width**2))
+            band.subtract_square(group.frames, group.matrix(buffer))
         column = free[(chunk.first_frame + chunk.frame)[chunk.free_rows]]
         for landmark in range(len(chunk.landmarks)):
             rows = np.flatnonzero(chunk.landmark[chunk.free_rows] == landmark)

@@ -29,7 +29,7 @@ def matrix_over(
         J = rng.normal(size=(4, POSE_DIM * len(clique)))
         index = (POSE_DIM * clique[:, None] + np.arange(POSE_DIM)).ravel()
         dense[np.ix_(index, index)] += J.T @ J
-        blocks.subtract(clique, J.T @ J)
+        blocks.subtract_square(clique, J)
     np.negative(blocks.flat, out=blocks.flat)
     dense += np.diag(np.full(n, 0.5))
     blocks.add_diagonal(np.full(n, 0.5))

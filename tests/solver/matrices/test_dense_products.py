@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from vgps.solver.matrices.dense_products import divide_by_factor, square, subtract_product, subtract_square
+from vgps.solver.matrices.dense_products import (
+    block_of_square,
+    divide_by_factor,
+    subtract_blocks,
+    subtract_product,
+    subtract_square,
+)
 
 
 @pytest.mark.parametrize("rows", [1, 3, 200])
@@ -16,7 +22,6 @@ def test_a_square_is_subtracted_below_the_diagonal_and_nothing_else_is_touched(r
     subtract_square(Z, lower)
     np.testing.assert_allclose(lower[i, j], (1.0 - Z.T @ Z)[i, j], atol=1e-12)
     assert np.isfinite(whole).sum() == len(i)
-    np.testing.assert_allclose(square(Z, np.empty(1000)), Z.T @ Z, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +36,21 @@ def test_a_square_is_subtracted_below_the_diagonal_and_nothing_else_is_touched(r
 def test_other_layouts_are_refused(Z, lower):
     with pytest.raises(ValueError, match="order"):
         subtract_square(Z, lower)
+
+
+def test_blocks_of_a_square_are_subtracted_where_they_are_stored():
+    Z, stored = np.random.default_rng(0).normal(size=(5, 12)), np.ones(200)
+    on, off = slice(0, 4), slice(7, 12)
+    blocks = block_of_square(on, on, 3, 6), block_of_square(off, on, 50, 10)
+    subtract_blocks(Z, blocks, stored)
+    expected, squared = np.ones(200), Z.T @ Z
+    for i in range(4):
+        expected[3 + 6 * i : 4 + 7 * i] -= squared[i, : i + 1]
+    for i, row in enumerate(range(7, 12)):
+        expected[50 + 10 * i : 54 + 10 * i] -= squared[row, on]
+    np.testing.assert_allclose(stored, expected, atol=1e-12)
+    with pytest.raises(ValueError, match="order"):
+        subtract_blocks(Z.T, blocks, stored)
 
 
 @pytest.mark.parametrize(("m", "n", "k"), [(1, 1, 1), (7, 4, 5), (200, 96, 30)])

@@ -4,7 +4,7 @@ Observations of a group of landmarks form one dense matrix, and chunks of whole 
 the other, so that their arrays stay in the processor's cache.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -121,18 +121,6 @@ class Chunk:
     def size(self) -> int:
         """Number of entries of the buffer that holds the matrices of all groups."""
         return sum(group.size for group in self.groups)
-
-    @cached_property
-    def squares_size(self) -> int:
-        """Number of entries of the squares of all groups."""
-        return sum(group.width**2 for group in self.groups)
-
-    def squares(self, memory: FloatArray) -> Iterator[tuple[LandmarkGroup, FloatArray]]:
-        """Yield each group and (width^2,) its place among the squares of all groups."""
-        start = 0
-        for group in self.groups:
-            yield group, memory[start : start + group.width**2]
-            start += group.width**2
 
 
 def couple(problem: BundleProblem, landmark: IntArray) -> Coupling:

@@ -66,7 +66,7 @@ class SparsityStructure(Unknowns):
         matrix: float = POSE_DIM * places * (self.rows + self.half_bandwidth)
         if self.blocks is not None:
             matrix = 2.0 * self.blocks.size * places / self.n_free
-        return 8.0 * (matrix + max((chunk.size + chunk.squares_size for chunk in self.chunks), default=0))
+        return 8.0 * (matrix + max((chunk.size for chunk in self.chunks), default=0))
 
     def fits(self, max_flops: float, max_bytes: float) -> bool:
         """Return whether one iteration, of a submap if there are any, stays within these limits."""

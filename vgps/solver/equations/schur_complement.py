@@ -17,8 +17,6 @@ from vgps.solver.equations.elimination import PoseMatrix, SparsityStructure
 from vgps.solver.equations.linearised_chunk import LinearisedChunk
 from vgps.solver.equations.normal_equations import Linearisation
 from vgps.solver.matrices.band_matrix import POSE_DIM
-from vgps.solver.matrices.block_matrix import BlockSparseMatrix
-from vgps.solver.matrices.dense_products import square
 
 _MIN_DEPTH = 1e-14  # information along a single ray, relative to that across: what rounding errors leave
 
@@ -86,27 +84,20 @@ def reduce_to_poses(
     explained = np.zeros((POSE_DIM, len(structure.free)))
     spare: SimpleQueue[FloatArray] = SimpleQueue()  # memory to use again: new pages take time
     size = max((chunk.size for chunk in structure.chunks), default=0)
-    scratch = max((chunk.squares_size for chunk in structure.chunks), default=0)
 
     def filled(part: LinearisedChunk) -> tuple[Chunk, FloatArray, FloatArray]:
         coupling, r = _coupling(part, factorise_landmarks(part, damping))
         try:
             buffer = spare.get_nowait()
         except Empty:
-            buffer = np.empty(size + scratch)
+            buffer = np.empty(size)
         _fill_groups(part, coupling, buffer[: part.chunk.size])
-        if isinstance(matrix, BlockSparseMatrix):
-            for group, place in part.chunk.squares(buffer[size:]):
-                square(group.matrix(buffer), place)
         return part.chunk, part.pose_gradient(r), buffer
 
     for chunk, gradient, buffer in map_in_order(filled, linear.chunks):
         explained[:, chunk.first_frame : chunk.first_frame + chunk.frames] += gradient
-        for group, place in chunk.squares(buffer[size:]):
-            if isinstance(matrix, BlockSparseMatrix):
-                matrix.subtract(group.frames, place.reshape(group.width, group.width))
-            else:  # a band takes them up as they are computed
-                matrix.subtract_square(group.frames, group.matrix(buffer), place)
+        for group in chunk.groups:
+            matrix.subtract_square(group.frames, group.matrix(buffer))
         spare.put(buffer)
     return matrix, linear.gradient - structure.to_columns(explained.T)
 

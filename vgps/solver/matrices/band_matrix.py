@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from vgps.model import FloatArray, IntArray
-from vgps.solver.matrices.dense_products import square, subtract_square
+from vgps.solver.matrices.dense_products import subtract_square
 
 POSE_DIM = 6  # tangent of a pose
 
@@ -74,13 +74,13 @@ class BandMatrix:
         offset = step * (rows.start + columns.start * self.stride)
         return np.ndarray(shape, np.float64, self.flat, offset, (step, step * self.stride))
 
-    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
-        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
+    def subtract_square(self, frames: IntArray, Z: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,)."""
         if frames[-1] - frames[0] + 1 == len(frames):
             columns = slice(POSE_DIM * int(frames[0]), POSE_DIM * (int(frames[-1]) + 1))
             subtract_square(Z, self.block(columns, columns))
         else:
-            self.add_entries(*entries_in_band(frames, -square(Z, scratch), len(self.ab)))
+            self.add_entries(*entries_in_band(frames, -(Z.T @ Z), len(self.ab)))
 
     def add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal.

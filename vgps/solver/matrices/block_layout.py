@@ -10,24 +10,10 @@ import numpy as np
 
 from vgps.model import FloatArray, IntArray
 from vgps.solver.matrices.band_matrix import POSE_DIM
+from vgps.solver.matrices.dense_products import BlockOfSquare, block_of_square
 
 BLOCK_FRAMES = 16  # fastest of 8, 12, 16 and 24 on two and four laps around a city block
 _BLOCK_COLUMNS = POSE_DIM * BLOCK_FRAMES
-
-
-class Piece(NamedTuple):
-    """Part of a square over frames that lies in one block.
-
-    Attributes:
-        rows, columns: Its place in the square.
-        start: Index of its first entry among the stored ones.
-        strides: Entries between its rows, and between its columns, among the stored ones.
-    """
-
-    rows: slice
-    columns: slice
-    start: int
-    strides: tuple[int, int]
 
 
 class Contribution(NamedTuple):
@@ -68,16 +54,16 @@ class BlockLayout:
     below: tuple[IntArray, ...]
     start: IntArray
     size: int
-    pieces: dict[bytes, tuple[Piece, ...]] = field(default_factory=dict, compare=False, repr=False)
+    pieces: dict[bytes, tuple[BlockOfSquare, ...]] = field(default_factory=dict, compare=False, repr=False)
 
-    def pieces_of(self, frames: IntArray) -> tuple[Piece, ...]:
-        """Return the parts of a square over ascending frames (s,), of which it needs the lower triangle."""
+    def pieces_of(self, frames: IntArray) -> tuple[BlockOfSquare, ...]:
+        """Return the parts of a square over ascending frames (s,) that each lie in one block."""
         key = frames.tobytes()
         if key not in self.pieces:
             self.pieces[key] = tuple(self._cut(frames))
         return self.pieces[key]
 
-    def _cut(self, frames: IntArray) -> Iterator[Piece]:
+    def _cut(self, frames: IntArray) -> Iterator[BlockOfSquare]:
         """Yield the parts: runs of successive frames within a block against those before and themselves."""
         begin = np.flatnonzero((np.diff(frames, prepend=-2) != 1) | (frames % BLOCK_FRAMES == 0)).tolist()
         runs = [slice(POSE_DIM * a, POSE_DIM * b) for a, b in pairwise([*begin, len(frames)])]
@@ -86,10 +72,10 @@ class BlockLayout:
             for j, (column, c) in enumerate(at[: i + 1]):
                 if self.rank[row] >= self.rank[column]:
                     start, width = int(self.start[row, column]), self.width(column)
-                    yield Piece(runs[i], runs[j], start + POSE_DIM * (r * width + c), (width, 1))
+                    yield block_of_square(runs[i], runs[j], start + POSE_DIM * (r * width + c), width)
                 else:
                     start, width = int(self.start[column, row]), self.width(row)
-                    yield Piece(runs[i], runs[j], start + POSE_DIM * (c * width + r), (1, width))
+                    yield block_of_square(runs[j], runs[i], start + POSE_DIM * (c * width + r), width)
 
     def span(self, block: int) -> slice:
         """Return the columns of the matrix that a block covers."""

@@ -16,6 +16,7 @@ from vgps.solver.disk_arrays import DiskArrays
 from vgps.solver.matrices.band_matrix import POSE_DIM
 from vgps.solver.matrices.block_cholesky import factorise_blocks
 from vgps.solver.matrices.block_layout import BLOCK_FRAMES, BlockLayout
+from vgps.solver.matrices.dense_products import subtract_blocks
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,10 @@ class BlockSparseMatrix:
         """Return a view of a column of blocks below its diagonal block."""
         return self.layout.column(column, self.flat)[self.layout.width(column) :]
 
-    def subtract(self, frames: IntArray, squared: FloatArray) -> None:
-        """Subtract a symmetric matrix (6 s, 6 s) over ascending frames (s,)."""
-        for rows, columns, start, strides in self.layout.pieces_of(frames):
-            part = squared[rows, columns]
-            block = np.ndarray(part.shape, np.float64, self.flat, 8 * start, (8 * strides[0], 8 * strides[1]))
-            np.subtract(block, part, out=block)
-        self._passed(squared.nbytes)
+    def subtract_square(self, frames: IntArray, Z: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,)."""
+        subtract_blocks(Z, self.layout.pieces_of(frames), self.flat)
+        self._passed(8 * Z.shape[1] ** 2)
 
     def add_entries(self, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add to entries of the lower triangle, each of which is given once."""

@@ -1,6 +1,8 @@
 """Products of dense blocks, during which other threads run; SciPy's wrappers of BLAS hold them up."""
 
 import ctypes
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cython_blas
@@ -23,10 +25,25 @@ _dtrsm = _routine(cython_blas.__pyx_capi__["dtrsm"], 11)
 _MINUS, _PLUS = (ctypes.byref(ctypes.c_double(factor)) for factor in (-1.0, 1.0))
 
 
-def square(Z: FloatArray, scratch: FloatArray) -> FloatArray:
-    """Return Z^T Z, (n, n), for Z (k, n), in the scratch memory."""
-    n = Z.shape[1]
-    return np.matmul(Z.T, Z, out=scratch[: n * n].reshape(n, n))
+class BlockOfSquare(NamedTuple):
+    """A block of a square Z^T Z, and where it goes among stored entries, in C order.
+
+    Attributes:
+        row, column: Bytes from the first column of Z to those of its rows, and to those of its columns.
+        start: Bytes from the first stored entry to its own first.
+        sizes: Its rows and columns, and the stored entries from one row to the next, for BLAS.
+    """
+
+    row: int
+    column: int
+    start: int
+    sizes: tuple[object, ...]
+
+
+def block_of_square(rows: slice, columns: slice, start: int, stride: int) -> BlockOfSquare:
+    """Return the block of some rows and columns, whose first entry is stored at ``start``."""
+    sizes = _sizes(rows.stop - rows.start, columns.stop - columns.start, stride)
+    return BlockOfSquare(8 * rows.start, 8 * columns.start, 8 * start, sizes)
 
 
 def subtract_square(Z: FloatArray, lower: FloatArray) -> None:
@@ -45,6 +62,28 @@ def subtract_square(Z: FloatArray, lower: FloatArray) -> None:
     columns, rows, stride = _sizes(n, k, across // 8)
     a, c = Z.ctypes.data, lower.ctypes.data
     _dsyrk(b"L", b"N", columns, rows, _MINUS, a, columns, _PLUS, c, stride)
+
+
+def subtract_blocks(Z: FloatArray, blocks: Sequence[BlockOfSquare], target: FloatArray) -> None:
+    """Subtract blocks of Z^T Z in place; of one on the diagonal, what lies on it and below.
+
+    Args:
+        Z: (k, n) in C order.
+        blocks: Where they are, in a square of n columns.
+        target: Contiguous entries, which hold the places of all blocks.
+
+    Raises:
+        ValueError: They are not laid out in this way.
+    """
+    _check_order(Z, target)
+    (width, depth), z, to = _sizes(Z.shape[1], len(Z)), Z.ctypes.data, target.ctypes.data
+    for row, column, start, sizes in blocks:
+        m, n, stride = sizes
+        if row == column:
+            _dsyrk(b"U", b"N", n, depth, _MINUS, z + column, width, _PLUS, to + start, stride)
+        else:
+            arguments = b"N", b"T", n, m, depth, _MINUS, z + column, width, z + row, width, _PLUS
+            _dgemm(*arguments, to + start, stride)
 
 
 def subtract_product(A: FloatArray, B: FloatArray, C: FloatArray) -> None:

@@ -22,7 +22,6 @@ from vgps.solver.matrices.band_matrix import (
     entries_in_band,
     factorised,
 )
-from vgps.solver.matrices.dense_products import square
 
 
 @dataclass(frozen=True)
@@ -85,12 +84,12 @@ class SubmapMatrix:
         sizes = [span.stop - span.start for span in layout.columns]
         return cls(layout, tuple(BandMatrix(arrays.empty((rows, size))) for size in sizes), arrays)
 
-    def subtract_square(self, frames: IntArray, Z: FloatArray, scratch: FloatArray) -> None:
-        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,); the scratch memory has (6 s)^2."""
+    def subtract_square(self, frames: IntArray, Z: FloatArray) -> None:
+        """Subtract Z^T Z, for Z (k, 6 s), over ascending frames (s,)."""
         if frames[-1] - frames[0] + 1 == len(frames):
-            self._add_lower(POSE_DIM * int(frames[0]), -np.tril(square(Z, scratch)))
+            self._add_lower(POSE_DIM * int(frames[0]), -np.tril(Z.T @ Z))
         else:
-            self.add_entries(*entries_in_band(frames, -square(Z, scratch), len(self.parts[0].ab)))
+            self.add_entries(*entries_in_band(frames, -(Z.T @ Z), len(self.parts[0].ab)))
 
     def _add_lower(self, start: int, block: FloatArray) -> None:
         """Add a square block on the diagonal at ``start``, zero above its own diagonal."""
