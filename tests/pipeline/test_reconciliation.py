@@ -3,9 +3,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_map import CAMERA, away, map_of, moved, no_positions, scene
 
+from vgps.config import MappingConfig, TrackingConfig
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView, Positions, Similarity
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.pipeline.reconciliation import PosingLimits, reconcile
+from vgps.pipeline.later_frames import PosingLimits
+from vgps.pipeline.reconciliation import reconcile
 
 TO_WORLD = Similarity(1.1, Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix(), np.array([1.0, -2.0, 0.5]))
 MOVED = MapUpdate(similarity=TO_WORLD)
@@ -17,9 +19,13 @@ def grown():
     return map_of(problem, 0, 59), map_of(problem, 0, 39)
 
 
+def limits(inlier_px):
+    return PosingLimits(TrackingConfig(inlier_px=inlier_px), MappingConfig(), 12)
+
+
 def reconciled(refined, local_map, inlier_px=3.0):
     """The features that stage C did not refine, after the map was updated."""
-    found = reconcile(refined, local_map, CAMERA, PosingLimits(inlier_px, 12))
+    found = reconcile(refined, local_map, CAMERA, limits(inlier_px))
     local_map.apply(found.update)
     return found.unrefined
 
@@ -44,7 +50,7 @@ def test_the_map_itself_is_not_changed():
     local_map, refined = grown()
     before = local_map.poses.copy(), local_map.points.copy()
     refined.apply(MOVED)
-    reconcile(refined, local_map, CAMERA, PosingLimits(3.0, 12))
+    reconcile(refined, local_map, CAMERA, limits(3.0))
     np.testing.assert_array_equal(local_map.poses, before[0])
     np.testing.assert_array_equal(local_map.points, before[1])
 
@@ -62,6 +68,26 @@ def test_new_frames_are_posed_by_the_refined_positions():
     moved(local_map, 40, drifted)
     reconciled(refined, local_map, 30.0)
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
+
+
+def test_new_features_carry_on_what_the_refined_ones_show():
+    """The tracked scale slips more and more; hardly a refined feature is left in the end."""
+    problem, poses, _, _ = scene(60, disturbed=0.0)
+    local_map, refined = map_of(problem, 0, 59), map_of(problem, 0, 29)
+    seen = local_map.observations(59).landmark
+    assert (seen < refined.feature_count).sum() < 12
+    centres = poses[29:, :3, 3]
+    steps = np.diff(centres, axis=0) * np.linspace(1.0, 1.5, 30)[:, None]
+
+    def slipped(later):
+        later[:, :3, 3] = centres[0] + np.cumsum(steps, axis=0)
+        return later
+
+    moved(local_map, 30, slipped)
+    new = np.arange(refined.feature_count, local_map.feature_count)
+    remove(local_map, new[::2])
+    reconciled(refined, local_map)
+    assert away(local_map.poses[30:], poses[30:]) < 0.1
 
 
 def test_discarded_frames_and_removed_positions_stay_so():

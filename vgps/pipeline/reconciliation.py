@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.lens_jacobian import lens_jacobian
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.mapping.zero_motion import scaled_pose
-from vgps.model import BoolArray, Camera, FloatArray, IntArray
-from vgps.tracking.pose import Correspondences, Prediction, refine_pose
+from vgps.model import Camera, FloatArray, IntArray
+from vgps.pipeline.later_frames import Features, FramePoser, PosingLimits
 
 
 @dataclass(frozen=True)
@@ -20,60 +18,13 @@ class Reconciliation:
     unrefined: IntArray
 
 
-@dataclass(frozen=True)
-class PosingLimits:
-    """What frames after the window are posed by.
-
-    Attributes:
-        inlier_px: Limit of the reprojection error of observations that pose a frame.
-        min_features: A frame with fewer refined features keeps its tracked motion.
-        rotation_sigma_rad: Standard deviation of the tracked rotation from frame to frame, which counts as an
-            observation where it is a gyro's; else inf.
-    """
-
-    inlier_px: float
-    min_features: int
-    rotation_sigma_rad: float = np.inf
-
-
-@dataclass(frozen=True)
-class _Features:
-    """Positions (T, 3) and reliabilities (T,) of a map's features, and whether stage C refined each (T,)."""
-
-    points: FloatArray
-    sigma_px: FloatArray
-    refined: BoolArray
-
-
-@dataclass(frozen=True)
-class _FramePoser:
-    """Estimator of frame poses from the refined features."""
-
-    features: _Features
-    camera: Camera
-    limits: PosingLimits
-
-    def pose(self, ids: IntArray, uv_px: FloatArray, start: FloatArray) -> FloatArray:
-        """Return a frame's pose by its observations (n, 2) of features (n,), or ``start`` if they are too
-        few."""
-        refined = self.features.refined[ids]
-        ids, uv_px = ids[refined], uv_px[refined]
-        matches = Correspondences(self.features.points[ids], uv_px, lens_jacobian(self.camera, uv_px))
-        inliers = matches.inliers(self.camera.K, start, self.limits.inlier_px)
-        if inliers.sum() < self.limits.min_features:
-            return start
-        mu = 0.5 / self.features.sigma_px[ids[inliers]] ** 2
-        tracked = Prediction(start, self.limits.rotation_sigma_rad)
-        pose, _ = refine_pose(self.camera.K, start, matches.where(inliers), mu, prior=tracked)
-        return pose
-
-
 def reconcile(refined: LocalMap, local_map: LocalMap, camera: Camera, limits: PosingLimits) -> Reconciliation:
     """Return how a map changes so that it agrees with a refined snapshot of itself.
 
-    Frames added since the snapshot keep their motion, at the scale that the features have now, and are then
-    posed by the refined positions, Eq. (18), so that the next frames fit both. Positions added since move
-    with the snapshot's newest frame; positions removed since stay removed.
+    Frames added since the snapshot are posed again, one after the other, by what stage C refined and by
+    positions that follow from it; where features are too few they keep their motion, at the scale that the
+    features have now. Positions added since move with the snapshot's newest frame; positions removed since
+    stay removed.
 
     Args:
         refined: A :meth:`LocalMap.snapshot`, optimised.
@@ -91,7 +42,7 @@ def reconcile(refined: LocalMap, local_map: LocalMap, camera: Camera, limits: Po
     poses = local_map.poses.copy()
     count = newest + 1 - local_map.first_frame
     poses[:count] = refined.poses[local_map.first_frame - refined.first_frame :]
-    poses = _pose_later_frames(local_map, poses, count, scale, _FramePoser(features, camera, limits))
+    poses = FramePoser(features, camera, limits).posed_again(local_map, poses, count, scale)
     positioned = np.isfinite(local_map.points[:, 0])
     ids = np.flatnonzero(positioned)
     update = MapUpdate(
@@ -111,7 +62,7 @@ def _depth_ratio(before: FloatArray, after: FloatArray, old: FloatArray, new: Fl
     return float(np.median(depth_after[both] / depth_before[both])) if both.any() else 1.0
 
 
-def _moved_features(refined: LocalMap, local_map: LocalMap, newest: int, scale: float) -> _Features:
+def _moved_features(refined: LocalMap, local_map: LocalMap, newest: int, scale: float) -> Features:
     """Return the snapshot's positions, and where it has none the map's, moved with the newest frame."""
     discarded = local_map.discarded_features - refined.discarded_features
     before, after = local_map.pose(newest), refined.pose(newest)
@@ -125,18 +76,4 @@ def _moved_features(refined: LocalMap, local_map: LocalMap, newest: int, scale: 
     in_camera = (local_map.points[others] - before[:3, 3]) @ before[:3, :3]
     points[others] = scale * in_camera @ after[:3, :3].T + after[:3, 3]
     sigma_px[others] = local_map.sigma_px[others]
-    return _Features(points, sigma_px, is_refined)
-
-
-def _pose_later_frames(
-    local_map: LocalMap, poses: FloatArray, start: int, scale: float, poser: _FramePoser
-) -> FloatArray:
-    """Return poses (n, 4, 4) whose rows from ``start`` on are the tracked motion, scaled, refined by (18)."""
-    poses, tracked = poses.copy(), local_map.poses
-    observations = local_map.observations(local_map.first_frame + start)
-    for row in range(start, len(poses)):
-        step = np.linalg.inv(tracked[row - 1]) @ tracked[row]
-        moved = poses[row - 1] @ scaled_pose(step, scale)
-        rows = np.flatnonzero(observations.frame == local_map.first_frame + row)
-        poses[row] = poser.pose(observations.landmark[rows], observations.uv_px[rows], moved)
-    return poses
+    return Features(points, sigma_px, is_refined)

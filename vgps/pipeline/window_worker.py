@@ -10,7 +10,8 @@ from vgps.imu.rotation import rotation_sigma_rad
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate
 from vgps.model import Camera
-from vgps.pipeline.reconciliation import PosingLimits, Reconciliation, reconcile
+from vgps.pipeline.later_frames import PosingLimits
+from vgps.pipeline.reconciliation import Reconciliation, reconcile
 from vgps.pipeline.stage_c import StageC
 from vgps.runtime.threads import begin
 from vgps.runtime.timing import CONCURRENT, StageTimer
@@ -117,7 +118,7 @@ class WindowWorker:
 
     def _limits(self, local_map: LocalMap) -> PosingLimits:
         config, imu = self._context.config, self._context.imu
-        limits = PosingLimits(config.tracking.inlier_px, config.window.min_features)
+        limits = PosingLimits(config.tracking, config.mapping, config.window.min_features)
         if imu is None or len(local_map.t_s) < 2:
             return limits
         sigma_rad = rotation_sigma_rad(imu, float(np.median(np.diff(local_map.t_s))))

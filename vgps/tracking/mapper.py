@@ -13,7 +13,29 @@ from vgps.rolling_shutter import row_poses
 from vgps.tracking.corners import new_corners
 from vgps.tracking.moving_regions import MovingRegions
 
-_MIN_VIEWS = 2  # to triangulate a feature
+MIN_VIEWS = 2
+"""Views needed to triangulate a feature."""
+
+
+def agreed_positions(
+    camera: Camera, config: MappingConfig, of_row: FloatArray, uv_px: FloatArray, start: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the positions (M, 3) of features (19) and their reliabilities (M,), NaN where views disagree.
+
+    Args:
+        camera: Intrinsics.
+        config: How well the views have to agree.
+        of_row: (N, 4, 4) the pose of each observation.
+        uv_px: (N, 2) the observations, sorted by feature.
+        start: (M,) first row of each feature.
+    """
+    points, error = triangulate(camera.K, of_row, uv_px, start, lens=lens_jacobian(camera, uv_px))
+    count = np.diff(np.append(start, len(uv_px)))
+    sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / count)
+    largest = np.maximum.reduceat(error, start)
+    good = (largest < config.max_reprojection_px) & (sigma < config.max_sigma_px)
+    sigma = np.maximum(sigma, config.sigma_floor_px)
+    return np.where(good[:, None], points, np.nan), np.where(good, sigma, np.nan)
 
 
 class Mapper:
@@ -33,7 +55,7 @@ class Mapper:
         """
         view_count = np.isfinite(local_map.views[..., 0]).sum(axis=1)
         every = self._config.refine_every
-        unpositioned = ~local_map.positioned & (view_count >= _MIN_VIEWS)
+        unpositioned = ~local_map.positioned & (view_count >= MIN_VIEWS)
         due = local_map.positioned & (local_map.ids % every == local_map.view_frames[-1] % every)
         positions = self.triangulate(local_map, np.flatnonzero(unpositioned | due))
         more = self._more_moving_views(local_map, positions)
@@ -59,7 +81,7 @@ class Mapper:
         """
         poses, posed = local_map.view_poses()
         observed = np.isfinite(local_map.views[rows, :, 0]) & posed
-        enough = observed.sum(axis=1) >= _MIN_VIEWS
+        enough = observed.sum(axis=1) >= MIN_VIEWS
         rows, observed = self._with_parallax(local_map, rows[enough], observed[enough], poses)
         if len(rows) == 0:
             return None
@@ -67,13 +89,8 @@ class Mapper:
         start = np.searchsorted(feature, np.arange(len(rows)))
         uv_px = local_map.views[rows][observed]
         of_row = self._row_poses(local_map, view, uv_px)
-        points, error = triangulate(self._K, of_row, uv_px, start, lens=lens_jacobian(self._camera, uv_px))
-        sigma = np.sqrt(np.add.reduceat(np.minimum(error, 1e6) ** 2, start) / observed.sum(axis=1))
-        largest = np.maximum.reduceat(error, start)
-        good = (largest < self._config.max_reprojection_px) & (sigma < self._config.max_sigma_px)
-        sigma = np.maximum(sigma, self._config.sigma_floor_px)
         return Positions(
-            local_map.ids[rows], np.where(good[:, None], points, np.nan), np.where(good, sigma, np.nan)
+            local_map.ids[rows], *agreed_positions(self._camera, self._config, of_row, uv_px, start)
         )
 
     def _row_poses(self, local_map: LocalMap, view: IntArray, uv_px: FloatArray) -> FloatArray:
