@@ -8,7 +8,7 @@ from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import Config
 from vgps.gps.outlier_detection import FixAssessment
-from vgps.gps.verdicts import close_calls, contradictions, fix_table
+from vgps.gps.verdicts import close_calls, contradictions, fix_table, refusals
 from vgps.model import FixClass, GpsLog
 from vgps.solution import Verdict
 
@@ -77,6 +77,22 @@ def test_what_a_conflict_tells_is_not_told_again():
 def test_of_many_close_calls_three_are_named():
     (warning,) = close_calls(FixAssessment(np.full(9, 0.5), np.zeros(9)), np.arange(9.0))
     assert "6 more" in warning and warning.count("else rejected") == 3
+
+
+def test_fixes_refused_in_a_row_are_named_with_times_number_and_metres(table):
+    refused, used = [Verdict.REJECTED, Verdict.DOWN_CLASSED] * 2, Verdict.USED
+    verdict = (used, *refused, used, *refused[:2], used, *refused[:3])
+    residual_m = np.tile([3.0, 4.0, -1.5], (12, 1))
+    many = replace(table, residual_m=residual_m, verdict=verdict)
+    classes, t_s = [FixClass.RTK_FIX] * 12, np.arange(12.0)
+    (warning,) = refusals(many, classes, t_s)
+    places = "4 from 1.0 to 4.0 s (5.00 m in the plane, 1.50 m in height), 3 from 9.0 to 11.0 s (5.00 m"
+    assert warning.startswith("fixes of class rtk_fix in a row were refused") and places in warning
+    told = SimpleNamespace(right=np.array([0]), wrong=np.arange(8, 12))
+    (warning,) = refusals(many, classes, t_s, [told])
+    assert "9.0" not in warning
+    assert refusals(many, classes, 0.1 * t_s) == ()  # soon over
+    assert refusals(many, [FixClass.RTK_FLOAT] * 12, t_s) == ()  # single ones are
 
 
 def test_a_class_whose_fixes_mostly_lie_outside_its_region_is_contradicted(table):

@@ -8,7 +8,7 @@ from vgps.config import Config
 from vgps.gps.fix_conflict import FixConflict
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.outlier_detection import FixAssessment
-from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
+from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 from vgps.solution import FixTable, Trajectory, Verdict
 
 SURE = 0.9
@@ -16,6 +16,8 @@ SURE = 0.9
 _NAMED = 3  # such verdicts that a warning names
 _LEAST_FIXES = 10  # of a class, before their share beyond its region says anything
 _MOST_BEYOND = 0.5  # a region is to hold 95 %; a receiver that is worse than others may leave half of them
+_LEAST_REFUSED = 3  # in a row, and
+_LEAST_REFUSED_S = 2.0  # from the first to the last: less is soon over, whoever is right
 _WORDS = ("used", "down-classed", "rejected")
 
 
@@ -138,6 +140,50 @@ def contradictions(table: FixTable, fix_class: Sequence[FixClass]) -> tuple[str,
                 "--survey of the receiver"
             )
     return tuple(found)
+
+
+def refusals(
+    table: FixTable, fix_class: Sequence[FixClass], t_s: FloatArray, conflicts: Iterable[FixConflict] = ()
+) -> tuple[str, ...]:
+    """Return a warning for each class of which fixes in a row were refused: the video may be wrong instead.
+
+    An RTK-fix is refused where it counts as one of the class below, too.
+
+    Args:
+        table: Verdicts and residuals of the fixes (M,).
+        fix_class: (M,) their classes.
+        t_s: (M,) their times.
+        conflicts: Of fixes whose verdicts have warnings of their own.
+    """
+    names, verdicts = np.array(fix_class, dtype=str), np.array(table.verdict, dtype=str)
+    refused = verdicts == Verdict.REJECTED
+    refused |= (verdicts == Verdict.DOWN_CLASSED) & (names == FixClass.RTK_FIX)
+    for conflict in conflicts:
+        refused[conflict.wrong] = False
+    found = []
+    for name in np.unique(names).tolist():
+        rows = np.flatnonzero((names == name) & (verdicts != Verdict.NOT_USED))
+        ends = np.flatnonzero(np.diff(refused[rows])) + 1
+        runs = [run for run in np.split(rows, ends) if refused[run].any()]
+        long = [run for run in runs if len(run) >= _LEAST_REFUSED and np.ptp(t_s[run]) >= _LEAST_REFUSED_S]
+        if long:
+            found.append(_refusal(name, long, t_s, table.residual_m))
+    return tuple(found)
+
+
+def _refusal(name: str, runs: Sequence[IntArray], t_s: FloatArray, residual_m: FloatArray) -> str:
+    stretches = [
+        f"{len(run)} from {t_s[run[0]]:.1f} to {t_s[run[-1]]:.1f} s "
+        f"({np.median(np.hypot(*residual_m[run, :2].T)):.2f} m in the plane, "
+        f"{np.median(np.abs(residual_m[run, 2])):.2f} m in height)"
+        for run in runs
+    ]
+    stretches = stretches[:_NAMED] + ([f"{len(runs) - _NAMED} more stretches"] if len(runs) > _NAMED else [])
+    return (
+        f"fixes of class {name} in a row were refused, by the video and the other fixes: "
+        f"{', '.join(stretches)}. If the receiver was right there, the video went astray, and poses and "
+        "standard deviations are wrong: see what it shows there, and compare with outliers: {enabled: false}"
+    )
 
 
 def _repeats_error(residual: FloatArray, fixes: Fixes, rejected: BoolArray) -> BoolArray:

@@ -8,7 +8,7 @@ from vgps.config import Config
 from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
-from vgps.gps.verdicts import close_calls, contradictions, fix_table
+from vgps.gps.verdicts import close_calls, contradictions, fix_table, refusals
 from vgps.model import Recording
 from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
@@ -188,7 +188,10 @@ def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, confi
     landmarks, observations = solved_map(merged, batch)
     rotation_sigma, position_sigma = world_sigmas(poses, batch.covariance)
     table, log = _fix_table(front_end, batch, config), recording.gps
-    contradicted = () if table is None or log is None else contradictions(table, log.fix_class)
+    contradicted: tuple[str, ...] = ()
+    if table is not None and log is not None:
+        refused = refusals(table, log.fix_class, log.t_s, batch.conflicts)
+        contradicted = (*refused, *contradictions(table, log.fix_class))
     return Solution(
         recording=recording.path,
         world_origin=front_end.origin,
