@@ -13,6 +13,7 @@ from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutte
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView
 from vgps.tracking.bootstrap import TwoViewInitialiser
+from vgps.tracking.planar_motion import poses_over_plane
 
 POSES = path(6)
 
@@ -78,6 +79,28 @@ def test_a_camera_that_only_turns_starts_no_map():
     flow = np.linalg.norm(local_map.views[:, -1] - local_map.views[:, -6], axis=1)
     assert np.median(flow) > 2 * CONFIG.start.min_flow_px
     assert initialise(local_map) is None
+
+
+def test_two_views_whose_halves_disagree_start_no_map(monkeypatch):
+    """As wrong matches do while a camera turns on the spot, which show any direction."""
+    local_map, _, _ = views()
+    assert initialise(local_map, max_chance=1e-4) is not None
+    assert initialise(local_map, max_chance=0.0) is None
+    rng = np.random.default_rng(0)
+    any_direction = lambda self, first, last: (v := rng.normal(size=(1, 3))) / np.linalg.norm(v)  # noqa: E731
+    monkeypatch.setattr(TwoViewInitialiser, "_directions", any_direction)
+    assert initialise(local_map) is None
+    assert initialise(local_map, max_chance=1.0) is not None
+
+
+def test_a_turn_on_the_spot_shows_no_plane_whatever_the_focal_length():
+    rng = np.random.default_rng(0)
+    first = rng.uniform((30, 60), (290, 200), (200, 2))
+    turned = textured_room.rays(first) @ Rotation.from_euler("yx", (12.0, 4.0), degrees=True).as_matrix().T
+    last = turned[:, :2] / turned[:, 2:] * (CAMERA.fx, CAMERA.fy) + (CAMERA.cx, CAMERA.cy)
+    last += rng.normal(0.0, 0.2, last.shape)
+    for scale in (0.9, 1.0, 1.1):
+        assert not poses_over_plane(CAMERA.K @ np.diag([scale, scale, 1.0]), first, last, 1.0)
 
 
 def test_two_views_need_parallax():
@@ -160,20 +183,20 @@ def test_a_drone_above_flat_ground_is_not_taken_for_one_that_falls_along_a_wall(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_map_over_a_plane_waits_for_the_parallax_that_shows_its_motion(seed):
     """As a picture of 4K, which moves by many pixels before the views between the two tell their motions."""
     down = Rotation.from_euler("x", -35.0, degrees=True).as_matrix()
-    for ahead_m, count, starts in ((1.5, 6, False), (1.5, 10, True), (9.0, 6, True)):
+    for ahead_m, count, starts in ((1.5, 6, False), (1.5, 20, True), (9.0, 6, True)):
         share = np.linspace(0.0, 1.0, count)[:, None]
         poses = make_poses(np.array([0.0, 0.0, 25.0]) + share * (0.0, ahead_m, 0.0), NORTH_R_CAMERA @ down)
-        local_map = ground_map(poses, np.random.default_rng(seed), noise_px=0.1)
+        local_map = ground_map(poses, np.random.default_rng(seed))
         start = initialise(local_map, min_flow_px=2.0)
         assert (start is not None) == starts
     assert rotation_error_deg(start.poses[-1], np.eye(4)) < 1.0
 
 
-def ground_map(poses, rng, noise_px=0.2):
+def ground_map(poses, rng, noise_px=0.1):
     """A map without poses or positions of points of the plane z = 0, seen with some noise."""
     uv = rng.uniform((30, 60), (290, 200), (200, 2))
     ray = textured_room.rays(uv) @ poses[0][:3, :3].T

@@ -113,6 +113,9 @@ class StartConfig(SettingsModel):
     """Features needed that agree with the essential matrix of the two views and lie in front of both."""
     min_parallax_deg: PositiveFloat = Field(default=0.7, lt=180.0)
     """Median angle needed between the rays of the two views."""
+    max_chance: Share = 0.0027
+    """Probability that two views which show no motion start a map, that of three standard deviations: while a
+    camera turns on the spot wrong matches show any motion. 1 asks for none."""
     min_fixes: PositiveInt = 3
     """Usable fixes needed before GPS gives scale, heading and position."""
     scale_sigma: PositiveFloat = 0.05

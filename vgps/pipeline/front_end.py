@@ -125,6 +125,9 @@ def run_front_end(
     if recording.cameras:
         check_settings(config)
     found = _run_camera(recording, config, progress, checkpoint, probe)
+    if not found.maps and config.start.max_chance < 1.0:
+        start = config.start.model_copy(update={"max_chance": 1.0})  # a doubtful map is better than none
+        found = _run_camera(recording, config.model_copy(update={"start": start}), progress)
     for camera in recording.cameras:
         progress.stage(f"camera {camera.name}")
         alone = _run_camera(seen_by(camera, recording), settings_for(camera, config), progress)

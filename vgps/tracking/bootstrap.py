@@ -16,12 +16,12 @@ from vgps.model import BoolArray, Camera, FloatArray, IntArray
 from vgps.tracking.planar_motion import poses_over_plane
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
+from vgps.tracking.start_significance import fits_better, shows_motion
 from vgps.tracking.static_regions import still
 
 _MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
+_LEAST_OF_HALF = 8  # features that show an essential matrix of their own
 _SAME_DIRECTION = 0.9  # cosine of the angle between two motions, above which they are one
-_CLEAR_SHARE = 1.1  # of the least misfit, below which another motion over a plane is as likely
-_CLEAR_PARALLAX_DEG = 5.0  # beyond it the likeliest motion over a plane is taken
 
 
 @dataclass(frozen=True)
@@ -32,21 +32,14 @@ class _TwoViewMap:
     good: BoolArray
     view_poses: FloatArray
 
-    def misfit(self, K: FloatArray, uv_px: FloatArray, limit_px: float) -> float:
-        """Return the mean square of the errors of features (n, V, 2) [px^2], at the limit for all others."""
+    def misfit(self, K: FloatArray, uv_px: FloatArray, limit_px: float) -> FloatArray:
+        """Return (n,) the mean squared error of features (n, V, 2) [px^2], at the limit for all others."""
         squared = np.full(uv_px.shape[:2], limit_px**2)
         for view, pose in enumerate(self.view_poses):
             projected, depth = project(K, pose, self.points)
             error = np.sum((projected - uv_px[self.good, view]) ** 2, axis=1)
             squared[self.good, view] = np.where(depth > 0.0, np.fmin(error, limit_px**2), limit_px**2)
-        return float(np.mean(squared[np.isfinite(uv_px[..., 0])]))
-
-    def parallax_deg(self, pair: tuple[int, int]) -> float:
-        """Return the median angle between the rays of a pair of the views."""
-        rays = self.points - self.view_poses[list(pair), None, :3, 3]
-        rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-        by_feature = rays.transpose(1, 0, 2).reshape(-1, 3)
-        return float(np.degrees(np.median(largest_angle_rad(by_feature, np.arange(0, len(by_feature), 2)))))
+        return np.asarray(np.mean(squared, axis=1, where=np.isfinite(uv_px[..., 0])))
 
 
 class TwoViewInitialiser:
@@ -61,14 +54,14 @@ class TwoViewInitialiser:
     def initialise(self, local_map: LocalMap) -> MapUpdate | None:
         """Return the poses of all views and the first positions, or None if two views do not give them yet.
 
-        They are the newest and the oldest that shares enough features with it or, if those do not fit, twice
-        as many; under a rolling shutter those next to them, for which no row is extrapolated. The oldest
-        becomes the origin, and the distance of the two the unit of length; views before it get no pose.
+        They are the newest and the oldest that shares enough features with it or, if those do not fit, two or
+        four times as many; under a rolling shutter those next to them, for which no row is extrapolated. The
+        oldest becomes the origin, the distance of the two the unit of length; views before it get no pose.
         """
         frames = local_map.view_frames[local_map.view_frames >= 0]
         # the newest view shows every feature that is followed
         shared = np.isfinite(local_map.views[:, -len(frames) :, 0]).sum(axis=0)
-        enough = [shared >= least * self._start.min_inliers for least in (1, 2)]
+        enough = [shared >= least * self._start.min_inliers for least in (1, 2, 4)]
         oldest = sorted({int(np.argmax(views)) for views in enough if views.any()})
         starts = (self._start_from(local_map, frames[view:]) for view in oldest)
         return next((start for start in starts if start is not None), None)
@@ -86,13 +79,13 @@ class TwoViewInitialiser:
             return None
         fitting = self._fits_what_moves(views[common], first, last)
         common, uv_px, first, last = common[fitting], uv_px[fitting], first[fitting], last[fitting]
-        last_pose = self._relative_pose(first, last)
+        last_pose = self._relative_pose(first, last, self._start.min_inliers)
         if last_pose is None:
             return None
         found = self._two_view_map(uv_px, pair, last_pose, self._rng)
-        if found is None:
+        if found is None or not shows_motion(first, last, self._directions, self._start.max_chance):
             return None
-        may_wait = 2 * len(frames) < local_map.views.shape[1]
+        may_wait = len(frames) < local_map.views.shape[1] and self._start.max_chance < 1.0
         found = self._or_its_planar_twin(found, uv_px, pair, may_wait)
         if found is None:
             return None
@@ -120,23 +113,23 @@ class TwoViewInitialiser:
     ) -> _TwoViewMap | None:
         """Return the map, or one of the other motion that two views of a plane allow, if that fits better.
 
-        None if all views together do not show which, with little parallax so far and time to wait for more.
+        None if all views together do not show which, and there is time to wait for more.
         """
         first, last = pair
         limit_px = self._start.max_error_px
         direction = found.view_poses[last, :3, 3] - found.view_poses[first, :3, 3]
         rng = np.random.default_rng(0)  # other draws do not depend on whether there is a plane
+        fitting = uv_px[found.good]
         others = [
             self._two_view_map(uv_px, pair, pose, rng)
-            for pose in poses_over_plane(self._K, uv_px[:, first], uv_px[:, last], limit_px)
+            for pose in poses_over_plane(self._K, fitting[:, first], fitting[:, last], limit_px)
             if pose[:3, 3] @ direction < _SAME_DIRECTION
         ]
         possible = [found, *(other for other in others if other is not None)]
-        misfit = np.array([one.misfit(self._K, uv_px, limit_px) for one in possible])
-        best = possible[int(np.argmin(misfit))]
-        alike = np.sum(misfit < _CLEAR_SHARE * misfit.min()) > 1
-        waits = may_wait and alike and best.parallax_deg(pair) < _CLEAR_PARALLAX_DEG
-        return None if waits else best
+        misfits = [one.misfit(self._K, uv_px, limit_px) for one in possible]
+        best = int(np.argmin([misfit.mean() for misfit in misfits]))
+        clear = all(fits_better(misfits[best], misfits[k]) for k in range(len(possible)) if k != best)
+        return possible[best] if clear or not may_wait else None
 
     def _fits_what_moves(self, views: FloatArray, first: FloatArray, last: FloatArray) -> BoolArray:
         """Return (n,) which features move in the picture, or stay and fit the pose that the others give.
@@ -146,7 +139,7 @@ class TwoViewInitialiser:
         moves = ~still(self._camera, views, self._tracking.forward_backward_px)
         if moves.all():
             return moves
-        last_pose = self._relative_pose(first[moves], last[moves])
+        last_pose = self._relative_pose(first[moves], last[moves], self._start.min_inliers)
         if last_pose is None:
             return np.ones_like(moves)
         _, good = self._triangulate_pair(first, last, last_pose)
@@ -168,9 +161,12 @@ class TwoViewInitialiser:
         enough = np.degrees(np.median(angle[good])) >= self._start.min_parallax_deg
         return points[good] if enough else None, good
 
-    def _relative_pose(self, first: FloatArray, last: FloatArray) -> FloatArray | None:
-        """Return the pose (4, 4) of the last view in the first with a unit baseline, or None."""
-        if len(first) < self._start.min_inliers:
+    def _relative_pose(self, first: FloatArray, last: FloatArray, least: int) -> FloatArray | None:
+        """Return the pose (4, 4) of the last view in the first with a unit baseline, or None.
+
+        So many features at least have to agree with it.
+        """
+        if len(first) < least:
             return None
         essential, mask = cv2.findEssentialMat(
             first, last, self._K, method=cv2.USAC_MAGSAC, prob=0.9999, threshold=self._start.max_error_px
@@ -178,11 +174,19 @@ class TwoViewInitialiser:
         if essential is None or essential.shape != (3, 3):
             return None
         count, rotation, translation, _ = cv2.recoverPose(essential, first, last, self._K, mask=mask)
-        if count < self._start.min_inliers:
+        if count < least:
             return None
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation[:, 0]
         return pose
+
+    def _directions(self, first: FloatArray, last: FloatArray) -> FloatArray:
+        """Return directions (M, 3) of the last view in the first that features may show."""
+        poses = poses_over_plane(self._K, first, last, self._start.max_error_px)
+        pose = self._relative_pose(first, last, least=_LEAST_OF_HALF)
+        if pose is not None:
+            poses.append(pose)
+        return np.array([pose[:3, 3] for pose in poses]).reshape(-1, 3)
 
     def _view_poses(
         self,
