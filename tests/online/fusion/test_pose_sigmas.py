@@ -55,4 +55,5 @@ def walked_with_float_fixes(walk, frames, seed):
 @pytest.mark.slow
 def test_sigmas_are_of_the_order_of_the_errors(recording):
     nees = np.mean(walked_with_float_fixes(ToAndFro(recording), 270, seed=1) ** 2)
-    assert 0.2 < nees < 1.5  # 1 per axis if they are honest; the receiver is better than most
+    # 1 per axis if they are honest; the receiver is better than most, and rendered pictures drift less
+    assert 0.1 < nees < 1.5
