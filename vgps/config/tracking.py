@@ -114,8 +114,8 @@ class StartConfig(SettingsModel):
     min_parallax_deg: PositiveFloat = Field(default=0.7, lt=180.0)
     """Median angle needed between the rays of the two views."""
     max_chance: Share = 0.0027
-    """Probability that two views which show no motion start a map, that of three standard deviations: while a
-    camera turns on the spot wrong matches show any motion. 1 asks for none."""
+    """Probability that two views which show no motion start a map of a camera that flies, that of three
+    standard deviations: while it turns on the spot wrong matches show any motion. 1 asks for none."""
     min_fixes: PositiveInt = 3
     """Usable fixes needed before GPS gives scale, heading and position."""
     scale_sigma: PositiveFloat = 0.05
@@ -148,6 +148,11 @@ class StartConfig(SettingsModel):
         """Standard deviations of roll and pitch about level."""
         pitch_deg = max(self.pitch_sigma_deg, _ANY_PITCH_DEG) if self.flies else self.pitch_sigma_deg
         return self.level_sigma_deg, pitch_deg
+
+    @property
+    def chance_of_start(self) -> float:
+        """``max_chance`` of a camera that flies; in a room or street, where halves may show too little, 1."""
+        return self.max_chance if self.flies else 1.0
 
     @property
     def flies(self) -> bool:

@@ -125,7 +125,7 @@ def run_front_end(
     if recording.cameras:
         check_settings(config)
     found = _run_camera(recording, config, progress, checkpoint, probe)
-    if not found.maps and config.start.max_chance < 1.0:
+    if not found.maps and config.start.chance_of_start < 1.0:
         start = config.start.model_copy(update={"max_chance": 1.0})  # a doubtful map is better than none
         found = _run_camera(recording, config.model_copy(update={"start": start}), progress)
     for camera in recording.cameras:

@@ -83,7 +83,7 @@ class TwoViewInitialiser:
         if last_pose is None:
             return None
         found = self._two_view_map(uv_px, pair, last_pose, self._rng)
-        if found is None or not shows_motion(first, last, self._directions, self._start.max_chance):
+        if found is None or not shows_motion(first, last, self._directions, self._start.chance_of_start):
             return None
         may_wait = len(frames) < local_map.views.shape[1] and self._start.max_chance < 1.0
         found = self._or_its_planar_twin(found, uv_px, pair, may_wait)
