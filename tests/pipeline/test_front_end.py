@@ -42,6 +42,14 @@ def test_every_frame_is_in_an_aligned_map(front_end):
     assert front_end.origin == ROOM_ORIGIN
 
 
+@pytest.mark.slow
+def test_a_flight_whose_start_is_doubtful_is_followed_all_the_same():
+    start = CONFIG.start.model_copy(update={"airborne": "yes", "max_chance": 1e-12})
+    config = CONFIG.model_copy(update={"start": start})
+    found = run_front_end(room_recording(POSES[:12]), config, NoProgress())
+    assert len(found.maps) == 1 and np.isfinite(found.maps[0].poses).all()
+
+
 def test_fixes_lie_in_the_world_at_the_times_of_their_own_clock(front_end):
     np.testing.assert_allclose(front_end.fixes.t_s, 0.1 * np.arange(0, 24, 3))
     np.testing.assert_allclose(front_end.fixes.world_p_fix, POSES[::3, :3, 3], atol=1e-3)

@@ -113,9 +113,10 @@ class StartConfig(SettingsModel):
     """Features needed that agree with the essential matrix of the two views and lie in front of both."""
     min_parallax_deg: PositiveFloat = Field(default=0.7, lt=180.0)
     """Median angle needed between the rays of the two views."""
-    max_chance: Share = 0.0027
+    max_chance: PositiveFloat = Field(default=0.0027, le=1.0)
     """Probability that two views which show no motion start a map of a camera that flies, that of three
-    standard deviations: while it turns on the spot wrong matches show any motion. 1 asks for none."""
+    standard deviations: while it turns on the spot wrong matches show any motion. 1 asks for none, and lets
+    no map wait for the parallax that shows its motion over a plane."""
     min_fixes: PositiveInt = 3
     """Usable fixes needed before GPS gives scale, heading and position."""
     scale_sigma: PositiveFloat = 0.05

@@ -96,12 +96,9 @@ def session_solution(session: SessionRecord) -> Solution:
         GeometryError: No frame has a pose.
     """
     poses, states, georeferenced = _every_pose(session)
-    camera, sensors, t_s = (
-        session.camera,
-        session.frame_pipeline.fix_buffer.sensors,
-        session.frame_pipeline.t_s,
-    )
-    landmarks, observations = _kept_landmarks(session.frame_pipeline.current)
+    camera, pipeline = session.camera, session.frame_pipeline
+    sensors, t_s = pipeline.fix_buffer.sensors, pipeline.t_s
+    landmarks, observations = _kept_landmarks(pipeline.current)
     log, table = _verdicts(session, poses) if georeferenced else (session.gps()[0], None)
     sigmas = session.frames.sigmas()
     return Solution(

@@ -19,7 +19,7 @@ Directions = Callable[[FloatArray, FloatArray], FloatArray]
 def shows_motion(
     first_px: FloatArray, last_px: FloatArray, directions: Directions, max_chance: float
 ) -> bool:
-    """Return whether features show a motion more clearly than those that show none seem to, but by chance.
+    """Return whether features show a motion more clearly than chance lets features that show none.
 
     Disjoint halves show directions an angle ``a`` or less apart with a probability of ``(1 - cos a) / 2`` by
     chance, as often as there are pairs of them. Of several random splits a quantile over its order bounds
