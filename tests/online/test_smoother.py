@@ -55,8 +55,8 @@ def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online
 def test_the_result_has_the_refined_camera(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     assert smoother._session().camera is opened.camera
-    context, refined = smoother._frame_pipeline._context, replace(opened.camera, fx=500.0)
-    smoother._frame_pipeline._context = replace(context, camera=refined)
+    stages, refined = smoother._frame_pipeline._stages, replace(opened.camera, fx=500.0)
+    smoother._frame_pipeline._stages = stages.with_camera(refined, [])
     assert smoother._session().camera is refined
 
 

@@ -219,7 +219,8 @@ def test_all_maps_and_the_tracker_go_on_with_the_refined_camera():
     (seen,) = made.maps
     earlier, coming = seen.snapshot(), seen.snapshot()
     made.maps.append(earlier)
-    made._next = MapBuilder(local_map=coming, view_image=made._current.view_image)
+    maps = made._maps
+    maps.following = MapBuilder(local_map=coming, view_image=maps.current.view_image)
     views, before = seen.views, made.tracker.state([seen])
     refined = replace(ROOM_CAMERA, model="opencv", distortion=(0.05, 0.0, 0.0, 0.0))
     made._worker._context = replace(made._worker._context, camera=refined)

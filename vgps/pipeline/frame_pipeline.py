@@ -1,7 +1,6 @@
 """Stages A, B and C frame by frame, offline and live."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,17 @@ from vgps.imu.rotation import RotationPredictor
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate
-from vgps.mapping.retention import RetentionPolicy, RetiredPoses, retire_before, retire_map
+from vgps.mapping.retention import RetentionPolicy, RetiredPoses
 from vgps.model import Camera, FloatArray, Frame
+from vgps.pipeline.frame_stages import FrameStages
+from vgps.pipeline.map_aligner import MapAligner
 from vgps.pipeline.map_builder import MapBuilder
-from vgps.pipeline.map_starter import make_stages
+from vgps.pipeline.map_sequence import MapSequence
 from vgps.pipeline.window_worker import WindowOutcome, WindowWorker
 from vgps.runtime.timing import StageTimer
-from vgps.smoothing.alignment.map_alignment import align_to_control, align_to_fixes
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.other_calibration import undistorted_again
-from vgps.tracking.control_points import control_poses
+from vgps.tracking.frame_tracker import FrameTracker
 
 _MAX_REASON = 200  # characters of an error in a warning
 
@@ -32,11 +32,10 @@ class FramePipeline:
 
     Attributes:
         config: The settings.
-        maps: Finished and current maps in order of time; each holds the poses of its own frames.
         warnings: Warnings for the user.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
-        tracker, gyro: Stage A, which also leaves things out of the picture; its prediction of rotations.
+        gyro: The prediction of rotations between frames; None without a gyro.
 
     Args:
         context: Camera, control points and settings.
@@ -52,19 +51,16 @@ class FramePipeline:
         fixes: Fixes,
         retention: RetentionPolicy | None = None,
     ) -> None:
-        camera, config = context.camera, context.config
-        self._context, self.config, self._retention = context, config, retention
+        self.config, self._retention = (config := context.config), retention
         self._rng = np.random.default_rng(config.seed)
-        self.tracker, self._mapper, self._starter = make_stages(camera, config, self._rng, retention)
+        self._stages = FrameStages.of(context.camera, config, self._rng, retention)
         self.gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
-        self._current: MapBuilder | None = None
-        self._next: MapBuilder | None = None
+        self._maps = MapSequence()
         self._times = GrowingArray()
-        self.maps: list[LocalMap] = []
         self.warnings: list[str] = []
         self.timer = StageTimer()
         self.fix_buffer = FixBuffer(fixes, camera_p_antenna, config)
-        self._control_poses = control_poses(context.controls, camera.K)
+        self._aligner = MapAligner(context, self.fix_buffer)
         self._worker = WindowWorker(context, self.fix_buffer, self.timer)
 
     @property
@@ -75,12 +71,22 @@ class FramePipeline:
     @property
     def camera(self) -> Camera:
         """The camera, which stage C may have refined."""
-        return self._context.camera
+        return self._stages.camera
+
+    @property
+    def tracker(self) -> FrameTracker:
+        """Stage A, which also leaves things out of the picture."""
+        return self._stages.tracker
+
+    @property
+    def maps(self) -> list[LocalMap]:
+        """Finished and current maps in order of time; each holds the poses of its own frames."""
+        return self._maps.started
 
     @property
     def current(self) -> LocalMap | None:
         """The map that the newest frames belong to, once it has started."""
-        return self._current.local_map if self._current is not None and self._current.started else None
+        return self._maps.newest
 
     @property
     def window_failures(self) -> int:
@@ -100,23 +106,23 @@ class FramePipeline:
         """Run stage A on the next frame; call :meth:`refine` before the one after it."""
         self._times.append(frame.t_s)
         frame = self.tracker.static.masked(frame)
-        if self._current is None or not self._current.started:
-            self._current = self._start_map(self._current, frame)
+        maps = self._maps
+        if maps.current is None or not maps.current.started:
+            maps.current = self._start_map(maps.current, frame)
         else:
-            self._track(self._current, frame)
-        if self._current is not None and self._current.started and self._current.local_map not in self.maps:
-            self.maps.append(self._current.local_map)
+            self._track(maps.current, frame)
+        maps.list_newest()
 
     def map_frame(self) -> None:
         """Run stage B on the newest frame, whose pose does not need it; :meth:`refine` does, too."""
-        if self._current is not None:
+        if self._maps.current is not None:
             with self.timer.measure("map"):
-                self._current.map_view(self.tracker, self._mapper)
+                self._maps.current.map_view(self.tracker, self._stages.mapper)
 
     def refine(self) -> None:
         """Run stage B, align the map, and run stage C, beside the next frames, if moving frames are due."""
         self.map_frame()
-        builder = self._current
+        builder = self._maps.current
         if builder is None or not builder.started:
             return
         delay = self.config.window.delay_frames
@@ -137,23 +143,21 @@ class FramePipeline:
 
     def finish_window(self) -> None:
         """Wait for stage C, if it is running, and apply its result; call it after the last frame."""
-        if self._current is not None and self._worker.busy:
-            self._attempt(self._current, self._worker.finish)
+        if self._maps.current is not None and self._worker.busy:
+            self._attempt(self._maps.current, self._worker.finish)
 
     def start_anew(self) -> None:
         """Begin a new map with the next frame."""
         self.finish_window()
-        self._current = None
+        self._maps.current = None
 
     def state(self) -> dict[str, Any] | None:
         """Return all that the next frames depend on; None while stage C runs or a lost camera is searched."""
-        if self._worker.busy or any(one and one.relocaliser for one in (self._current, self._next)):
+        if self._worker.busy or self._maps.searching:
             return None
         return {
-            "current": self._current,
-            "next": self._next,
+            **self._maps.state(),
             "times": self._times,
-            "maps": self.maps,
             "warnings": self.warnings,
             "seconds": self.timer.by_stage,
             "fix_buffer": self.fix_buffer,
@@ -164,8 +168,8 @@ class FramePipeline:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over a state, before the first frame; see :meth:`state`."""
-        self._current, self._next = state["current"], state["next"]
-        self._times, self.maps, self.warnings = state["times"], state["maps"], state["warnings"]
+        self._maps.restore(state)
+        self._times, self.warnings = state["times"], state["warnings"]
         self.timer.by_stage.update(state["seconds"])
         vars(self.fix_buffer).update(vars(state["fix_buffer"]))
         self._worker.used_until_s = state["used_until_s"]
@@ -177,57 +181,39 @@ class FramePipeline:
         if self._retention is None or not len(self._times):
             return []
         horizon_s = float(self.t_s[-1]) - self._retention.path_s
-        retired = [retire_map(local_map) for local_map in self.maps if local_map is not self.current]
-        self.maps = [self.current] if self.current is not None else []
-        for builder in (self._current, self._next):
-            if builder is not None:
-                part = retire_before(builder.local_map, horizon_s, self._retention)
-                retired += [part] if builder.started else []
         self.fix_buffer.discard_before(horizon_s)
-        return [part for part in retired if len(part.poses)]
+        return self._maps.discard(horizon_s, self._retention)
 
     def _start_map(self, builder: MapBuilder | None, frame: Frame) -> MapBuilder | None:
         """Add a frame to a map that has not started; stage C follows if it starts."""
         with self.timer.measure("start"):
-            builder = self._starter.add_frame(builder, frame, self.gyro)
+            builder = self._stages.starter.add_frame(builder, frame, self.gyro)
         if builder is not None and builder.started:
             self._run_window(builder)
         return builder
 
     def _track(self, builder: MapBuilder, frame: Frame) -> None:
-        local_map, sigma_scale = builder.local_map, self.config.batch.video_sigma_scale
+        tracking, sigma_scale = self.config.tracking, self.config.batch.video_sigma_scale
         predicted = builder.predict(frame.t_s, self.gyro, self.maps).beside(sigma_scale)
         with self.timer.measure("track"):
-            result = self.tracker.track(local_map, builder.view_image, frame, predicted)
-            if result.world_T_camera is None:
-                searched = self.camera, self.config.tracking, self._rng
-                if (found := builder.located(frame, predicted.world_T_camera, *searched)) is not None:
-                    result = self.tracker.track(local_map, builder.view_image, frame, found)
-        result = builder.carried(frame, result, predicted, self.config.tracking)
+            result = self._stages.pose(builder, frame, predicted)
+        result = builder.carried(frame, result, predicted, tracking)
         if result.world_T_camera is None:
-            self._grow_next_map(frame)
+            self._grow_following_map(frame)
             return
-        builder.relocaliser, self._next = None, None
+        builder.relocaliser, self._maps.following = None, None
         self.warnings += builder.bridge(self.t_s, frame.index, result.world_T_camera)
-        builder.add_pose(frame.t_s, result.world_T_camera)
-        if builder.stands(frame, result, self.config.tracking, self._retention):
-            builder.add_zero_motion(frame.index, result)
-            return
-        builder.add_view(frame, result)
-        builder.unmapped = frame, result
-        builder.since_window, builder.moved = builder.since_window + 1, True
+        if builder.extend(frame, result, tracking, self._retention):
+            builder.unmapped = frame, result
+            builder.since_window, builder.moved = builder.since_window + 1, True
 
     def _align(self, builder: MapBuilder) -> None:
-        """Align the map with the world by control points or fixes, once they suffice."""
-        local_map, start = builder.local_map, self.config.start
+        """Align the map with the world, if that can be done yet."""
         with self.timer.measure("align"):
-            result = align_to_control(local_map, self._control_poses, start.min_control_travel_m)
-            if result is None and self.fix_buffer.has_new(float(self.t_s[-2]), float(self.t_s[-1])):
-                antenna = self.fix_buffer.sensors.prior_antenna
-                result = align_to_fixes(local_map, self.fix_buffer.corrected, antenna, self.config)
+            result = self._aligner.align(builder.local_map, self.t_s)
             if result is None:
                 return
-            local_map.apply(result.update)
+            builder.local_map.apply(result.update)
         if self.gyro is None:  # else gravity shows the roll
             self.warnings.extend(result.warnings)
         self._run_window(builder)
@@ -249,7 +235,7 @@ class FramePipeline:
             self._apply(outcome)
         if builder.failures >= self.config.window.max_failures:
             self.warnings.append(f"stage C failed {builder.failures} times in a row: a new map begins")
-            self._current = None
+            self._maps.current = None
         builder.relocaliser = None  # it has the positions before stage C
 
     def _apply(self, outcome: WindowOutcome | None) -> None:
@@ -261,29 +247,21 @@ class FramePipeline:
         local_map.apply(reconciliation.update)
         with self.timer.measure("map"):
             rows = np.flatnonzero(np.isin(local_map.ids, reconciliation.unrefined))
-            local_map.apply(MapUpdate(positions=self._mapper.triangulate(local_map, rows)))
+            local_map.apply(MapUpdate(positions=self._stages.mapper.triangulate(local_map, rows)))
         self.warnings.extend(outcome.warnings)
 
     def _use_camera(self, seen: LocalMap) -> None:
         """Go on with the refined camera, which one of the maps was optimised with."""
-        camera, state, config = self._worker.camera, self.tracker.state(self.maps), self.config
-        undistorted = undistorted_again(camera, self.camera)
-        self._context = replace(self._context, camera=camera)
-        self.tracker, self._mapper, self._starter = make_stages(camera, config, self._rng, self._retention)
-        self.tracker.restore(state)
-        for local_map in [*self.maps, *([] if self._next is None else [self._next.local_map])]:
-            if local_map is not seen:
-                local_map.apply(MapUpdate(undistorted=undistorted))
+        undistorted = undistorted_again(self._worker.camera, self.camera)
+        self._stages = self._stages.with_camera(self._worker.camera, self.maps)
+        self._maps.undistort_again(undistorted, seen)
 
-    def _grow_next_map(self, frame: Frame) -> None:
+    def _grow_following_map(self, frame: Frame) -> None:
         """Add a frame to a new map while tracking is lost; once it starts, it replaces the current map."""
-        self._next = self._start_map(self._next, frame)
-        if self._next is None or not self._next.started or self._current is None:
+        maps = self._maps
+        maps.following = self._start_map(maps.following, frame)
+        if maps.following is None or not maps.following.started or maps.current is None:
             return
-        last, first = self._current.local_map.next_frame - 1, self._next.local_map.first_posed
+        lost = maps.current.local_map
         self.finish_window()
-        self.warnings.append(
-            f"tracking was lost after frame {last} ({self.t_s[last]:.2f} s) and could not be resumed; "
-            f"a new map begins at frame {first} ({self.t_s[first]:.2f} s)"
-        )
-        self._current, self._next = self._next, None
+        self.warnings.append(maps.follow(lost, self.t_s))

@@ -22,6 +22,7 @@ from vgps.tracking.relocaliser import Relocaliser
 from vgps.tracking.tracking_result import TrackingResult
 
 _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before the map has poses
+_UNKNOWN = np.full((4, 4), np.nan)
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
 _LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
@@ -69,6 +70,21 @@ class MapBuilder:
         view = NewView(frame.index, result.raw_uv_px, result.uv_px, result.found)
         self.local_map.apply(MapUpdate(view=view))
         self.view_image = frame.gray
+
+    def extend(
+        self, frame: Frame, result: TrackingResult, config: TrackingConfig, retention: RetentionPolicy | None
+    ) -> bool:
+        """Append the next frame, whose pose is unknown before the map has started.
+
+        Returns:
+            Whether it became a view; a frame that stands is constrained to the newest one instead.
+        """
+        self.add_pose(frame.t_s, _UNKNOWN if result.world_T_camera is None else result.world_T_camera)
+        if self.stands(frame, result, config, retention):
+            self.add_zero_motion(frame.index, result)
+            return False
+        self.add_view(frame, result)
+        return True
 
     def map_view(self, tracker: FrameTracker, mapper: Mapper) -> None:
         """Run stage B on the newest view, unless it did: features found again, positions, new features."""

@@ -58,11 +58,8 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
-        builder.add_pose(frame.t_s, _UNKNOWN)
-        if builder.stands(frame, result, config.tracking, self._retention):
-            builder.add_zero_motion(frame.index, result)
+        if not builder.extend(frame, result, config.tracking, self._retention):
             return builder
-        builder.add_view(frame, result)
         start = self._initialiser.initialise(local_map)
         if start is not None:
             local_map.apply(start)
@@ -81,14 +78,3 @@ class MapStarter:
         if len(local_map.ids) < self._config.start.min_inliers:
             return None
         return MapBuilder(local_map=local_map, view_image=frame.gray)
-
-
-def make_stages(
-    camera: Camera, config: Config, rng: np.random.Generator, retention: RetentionPolicy | None
-) -> tuple[FrameTracker, Mapper, MapStarter]:
-    """Return stages A and B for a camera, and what starts maps with them."""
-    stages = (
-        FrameTracker(camera, config.tracking, config.mapping, rng),
-        Mapper(camera, config.tracking, config.mapping, rng),
-    )
-    return *stages, MapStarter(stages, camera, config, rng, retention)
