@@ -13,7 +13,8 @@ from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Camera, FloatArray, Frame, GrayImage, GyroLog, ImuLog, Rig
 from vgps.online.archive import FrameArchive
 from vgps.online.checked_frame import check_frame
-from vgps.online.estimate import OnlineEstimate, OnlineEvent
+from vgps.online.estimate import OnlineEstimate
+from vgps.online.event_queue import EventQueue
 from vgps.online.fix_intake import FixIntake
 from vgps.online.fusion.live_fusion import LiveFusion
 from vgps.online.fusion.live_time_offset import video_alone
@@ -33,7 +34,6 @@ from vgps.solution import Solution
 
 _DISCARD_EVERY = 15  # frames; discarding costs more than keeping a few frames
 _GIVE_BACK_EVERY = 300  # frames; returning memory to the system takes milliseconds
-_MAX_WARNINGS = 500  # kept for the result
 _LIVE = Path("live")
 
 
@@ -86,8 +86,7 @@ class OnlineSmoother:
         self._fusion = LiveFusion(self._frame_pipeline, config, self._imu.at_camera)
         self._places = LivePlaces(self._frame_pipeline, self._fusion, camera, config)
         self._verdicts = VerdictEvents(config.gps.model)
-        self._events: list[OnlineEvent] = []
-        self._warnings: list[str] = []
+        self._events = EventQueue()
         self._estimate: OnlineEstimate | None = None
         self._unrefined: GrayImage | None = None  # the newest frame
         self.video_start_utc = rig.video_start_utc
@@ -135,9 +134,8 @@ class OnlineSmoother:
         published = self._publisher.publish(frame, to_world, bridged)
         sigmas = self._fusion.sigmas(bridged) if published.posed else UNKNOWN_SIGMAS
         self._frames.append(published.global_T_camera, sigmas, tracked=published.state == "tracked")
-        self._note_warnings(t_s)
-        events = (*self._events, *published.events)
-        self._events = []
+        self._events.add_notes(t_s, self._frame_pipeline.warnings)
+        self._events.add(published.events)
         self._estimate = OnlineEstimate(
             frame,
             t_s,
@@ -147,7 +145,7 @@ class OnlineSmoother:
             sigmas.position_m,
             sigmas.rotation_rad,
             self._intake.origin,
-            events,
+            self._events.take(),
             time.perf_counter() - begun,
         )
         self._unrefined = image
@@ -160,7 +158,7 @@ class OnlineSmoother:
         image, self._unrefined, frames = self._unrefined, None, len(self._frame_pipeline.t_s)
         with one_blas_thread():
             self._frame_pipeline.map_frame()
-            self._events += self._places.see(image)
+            self._events.add(self._places.see(image))
             self._frame_pipeline.refine()
             self._imu.check(self._frame_pipeline, self._fusion)
             self._fusion.refine()
@@ -208,7 +206,7 @@ class OnlineSmoother:
         self._archive_path()
         self._fusion.place_map(self._frames.poses())
         if self._estimate is not None:
-            self._note_warnings(self._estimate.t_s)
+            self._events.add_notes(self._estimate.t_s, self._frame_pipeline.warnings)
         maps, session = self._frame_pipeline.maps, self._session()
         if stage_d and maps:
             return optimise_all(session_front_end(session), self._config)
@@ -233,7 +231,7 @@ class OnlineSmoother:
             fixes=self._intake.archive,
             gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
             imu=self._imu.log,
-            warnings=tuple(self._warnings),
+            warnings=tuple(self._events.warnings),
         )
 
     def _report_verdicts(self) -> None:
@@ -242,11 +240,5 @@ class OnlineSmoother:
             return
         t_s = self._frame_pipeline.t_s
         since_s, until_s = float(t_s[current.first_posed]), float(t_s[current.next_frame - 1])
-        self._events += self._verdicts.changes(fix_buffer, self._intake.archive.fix_class, since_s, until_s)
-
-    def _note_warnings(self, t_s: float) -> None:
-        """Add new warnings to the events, and up to ``_MAX_WARNINGS`` of them to the result."""
-        new = self._frame_pipeline.warnings[:]
-        self._frame_pipeline.warnings.clear()
-        self._events += [OnlineEvent(t_s, "note", text) for text in new]
-        self._warnings += new[: max(0, _MAX_WARNINGS - len(self._warnings))]
+        fix_class = self._intake.archive.fix_class
+        self._events.add(self._verdicts.changes(fix_buffer, fix_class, since_s, until_s))
