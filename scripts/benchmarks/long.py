@@ -23,7 +23,7 @@ from vgps.gps.time_offset import update_time_offset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.readers.run_folder import read_run
 from vgps.runtime.memory import peak_memory_mb
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.smoothing.stage_d.graph_arrays import batch_input

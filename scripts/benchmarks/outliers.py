@@ -30,7 +30,7 @@ from vgps.gps.sensors import Sensors
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Observations, Solution
 from vgps.solver.problem import BundleProblem

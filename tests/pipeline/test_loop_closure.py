@@ -25,7 +25,7 @@ from vgps.simulate import SCENES, simulate
 from vgps.simulate.camera_path import level_path
 from vgps.simulate.scene import on_path
 from vgps.smoothing.merging.merge_maps import MergedMaps
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 from vgps.writers.run_folder import write_run
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.mapping.map_update import Similarity
 from vgps.pipeline.gps_clock import _among, _seen
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations, Trajectory
 
 T_S = 0.125 * np.arange(41)

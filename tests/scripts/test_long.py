@@ -9,7 +9,8 @@ from vgps.config import Config
 from vgps.gps.fixes import antenna_at, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.scene.factor_graph import select_observations
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 
 

@@ -9,8 +9,8 @@ from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.rough_solution import is_tied
 from vgps.smoothing.merging.merge_maps import SCALE_UNKNOWN, MergedMaps
 from vgps.smoothing.scene.camera_heights import CameraHeights, measure_heights
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.height_ties import CAMERA_HEIGHT, HeightTies
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import Solution
 from vgps.solver.landmark_refinement import move_with_frames

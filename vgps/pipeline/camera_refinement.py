@@ -14,8 +14,8 @@ from vgps.pipeline.rough_solution import is_tied
 from vgps.runtime.progress import Progress
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.merging.merge_maps import MergedMaps
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.few_frames import MIN_VIEWS, for_few_frames, frame_step, held_frames, viewing_frames
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.intrinsics import refine_camera

@@ -20,7 +20,7 @@ from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
 from vgps.smoothing.alignment.similarity import align, similarity_of_poses
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %

@@ -16,7 +16,7 @@ from vgps.pipeline.imu_agreement import imu_agreement, pictures_agreement, with_
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.smoothing.alignment.inertial_path import inertial_path, strays
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
 from vgps.solution import Trajectory
 

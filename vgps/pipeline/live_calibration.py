@@ -21,9 +21,9 @@ from vgps.model import Camera, FloatArray, IntArray
 from vgps.runtime.threads import begin
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene, scene_of_map
 from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
 from vgps.smoothing.scene.other_calibration import seen_by, undistorted_again
+from vgps.smoothing.scene.scene import Scene, scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.intrinsics import estimate_camera

@@ -19,8 +19,8 @@ from vgps.places.loops import Loop, find_loops
 from vgps.places.revisits import PosedVideo
 from vgps.runtime.progress import Progress
 from vgps.smoothing.merging.merge_maps import MergedMaps
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.rig_views import RigViews
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solution import Observations
 

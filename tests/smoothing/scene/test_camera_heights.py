@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vgps.smoothing.scene.camera_heights import CameraHeights, measure_heights
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 
 HEIGHT, STEP, FRAMES = 1.5, 0.8, 200

@@ -6,7 +6,8 @@ from gtsam.symbol_shorthand import X
 from vgps.config import Config
 from vgps.gps.sensors import Sensors
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.smoothing.scene.factor_graph import Scene, other_pose_factors
+from vgps.smoothing.scene.factor_graph import other_pose_factors
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 
 SEEN = (0, 2, 3, 3, 3, 0, 3, 3)  # features in each frame

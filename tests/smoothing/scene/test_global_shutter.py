@@ -7,8 +7,8 @@ from synthetic_bundle import K
 from synthetic_rows import ROWS, rolling_drive
 
 from vgps.model import Camera
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.global_shutter import as_global_shutter
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 from vgps.solver.cost import reprojection_errors
 

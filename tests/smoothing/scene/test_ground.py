@@ -10,8 +10,8 @@ from synthetic_map import MATRIX, context
 from vgps.config import BatchConfig, Config, StartConfig
 from vgps.geometry import project
 from vgps.gps.sensors import Sensors
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.ground import find_ground, terrain
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Observations, Trajectory
 

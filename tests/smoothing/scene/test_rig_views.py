@@ -10,8 +10,8 @@ from vgps.config import Config
 from vgps.model import Camera, RigCamera
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.merging.merge_cameras import frames_of
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.rig_views import RigViews, observation_times
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
 from vgps.solution import Observations
 

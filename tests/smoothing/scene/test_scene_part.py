@@ -8,8 +8,8 @@ from synthetic_map import map_of, scene
 
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.smoothing.scene.factor_graph import scene_of_map
 from vgps.smoothing.scene.rig_views import RigViews
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.scene.scene_part import SceneParts
 
 FIRST, LAST = 10, 19

@@ -10,7 +10,8 @@ from synthetic_map import context, map_of, scene
 from vgps.config import Config
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.scene.factor_graph import select_observations
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_c.fixed_lag import FixedLagGraph, GraphChange
 from vgps.smoothing.stage_c.window_factors import WindowScene, frame_change, projection_change
 from vgps.solution import Observations

@@ -10,7 +10,7 @@ from vgps.config.submaps import SubmapsConfig
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.smoothing.scene.factor_graph import scene_of_map
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 
 CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"))

@@ -14,7 +14,7 @@ from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import FixClass
-from vgps.smoothing.scene.factor_graph import scene_of_map
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d import batch, clock_check
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step

@@ -16,7 +16,7 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import FixClass
-from vgps.smoothing.scene.factor_graph import scene_of_map
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d import batch, fix_conflicts
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Verdict

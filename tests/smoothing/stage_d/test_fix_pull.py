@@ -11,7 +11,8 @@ from vgps.config import Config
 from vgps.gps.fixes import gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors, scene_of_map
+from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.scene.scene_part import SceneParts
 from vgps.smoothing.stage_d import fix_pull as module
 from vgps.smoothing.stage_d.batch_problem import BatchInput

@@ -20,7 +20,8 @@ from vgps.imu.states import as_bias, bias_key, velocity_key
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.simulate import Motion
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene, joined, other_pose_factors
+from vgps.smoothing.scene.factor_graph import joined, other_pose_factors
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.imu_states import ImuBias, loose_frames, start_imu
 from vgps.solution import Observations, Trajectory
 

@@ -17,9 +17,10 @@ from vgps.smoothing.calibration.camera_equations import changed
 from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.calibration.refined_camera import prior_about
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.intrinsics import _after_step, refine_camera
 

@@ -11,7 +11,7 @@ from vgps.gps.sensors import Sensors
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import Camera, FixClass, FloatArray
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.smoothing.stage_d.joint_scene import joint_scene
 from vgps.solution import Observations

@@ -12,8 +12,8 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.smoothing.scene.factor_graph import scene_of_map
 from vgps.smoothing.scene.height_ties import HeightTies
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d import lever_arm_check
 from vgps.smoothing.stage_d.batch import optimise_batch
 

@@ -25,7 +25,7 @@ from vgps.imu.camera_imu import imu_at_camera
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.readers.run_folder import read_run
-from vgps.smoothing.scene.factor_graph import scene_of_map
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Observations, Trajectory
 from vgps.solver import gtsam_backend

@@ -19,8 +19,8 @@ from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.merging.merge_maps import MergedMaps, merge_maps
 from vgps.smoothing.merging.rig_paths import CameraPath, filled, metres_per_unit, relative_scale
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.rig_views import RigViews
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
 from vgps.solution import FrameState, Observations
 

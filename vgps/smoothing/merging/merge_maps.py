@@ -18,7 +18,7 @@ from vgps.model import FloatArray
 from vgps.smoothing.alignment.drift_correction import correct_drift
 from vgps.smoothing.alignment.map_alignment import Alignment, find_alignment
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_c.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 

@@ -16,8 +16,8 @@ from scipy.linalg import solveh_banded
 
 from vgps.geometry import travelled
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.passed_landmarks import Passed, Plane, commonest_plane, passed_landmarks
+from vgps.smoothing.scene.scene import Scene
 
 STRETCH = 6.0  # heights: a stretch is long enough for a dozen landmarks, short enough for one height
 _PASSED = 10.0  # heights between the last frame that observes a landmark and the frame that passes it

@@ -1,6 +1,6 @@
 """The energy (11) of Kume 2010 over a range of frames, as a bundle problem."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -10,111 +10,19 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes, gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.imu.states import ImuStates
-from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
-from vgps.mapping.local_map import LocalMap
-from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.control_factors import control_factors, control_sigma_px
 from vgps.smoothing.scene.frame_rates import turned_back
-from vgps.smoothing.scene.ground import Ground
-from vgps.smoothing.scene.height_ties import HeightTies
 from vgps.smoothing.scene.level_priors import level_priors
 from vgps.smoothing.scene.loop_ties import fitting_loops
 from vgps.smoothing.scene.motion_factors import motion_factors
-from vgps.smoothing.scene.rig_views import RigViews, observation_lenses, observation_times
-from vgps.solution import Observations, Trajectory
+from vgps.smoothing.scene.rig_views import observation_lenses, observation_times
+from vgps.smoothing.scene.scene import Scene
 from vgps.solver.cost import reprojection_errors, whitened_robust_k
-from vgps.solver.disk_arrays import DiskArrays
-from vgps.solver.integer_sets import numbered
 from vgps.solver.problem import BundleProblem
 
 _POSITION_LIMIT = 1e5  # map units; the depth of points farther away is rounding error
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Input of stages C and D: frames with times and poses, features, observations and constraints.
-
-    Attributes:
-        t_s: (F,) times of the frames.
-        poses: (F, 4, 4) world_T_camera.
-        points: (L, 3) positions of the features.
-        observations: Observations of these features in these frames.
-        zero_motions: Zero-motion constraints; frames counted from the first of the scene.
-        controls: Observations of control points.
-        loop: (N,) number of the loop by which a landmark of an earlier visit was found in a frame, -1 for
-            observations of a track; None without loops.
-        rates: (F, 3) angular rates of the frames beyond the path of a rolling shutter, rad/s; None for none.
-        ground: The ground under the path; None if it is not known.
-        heights: Stretches of known length by the camera's height above the ground; None without.
-        rig: Which camera observes each feature, if there are several; the poses are those of the first.
-    """
-
-    t_s: FloatArray
-    poses: FloatArray
-    points: FloatArray
-    observations: Observations
-    zero_motions: tuple[ZeroMotion, ...] = ()
-    controls: ControlObservations = NO_CONTROL_OBSERVATIONS
-    loop: IntArray | None = None
-    rates: FloatArray | None = None
-    ground: Ground | None = None
-    heights: HeightTies | None = None
-    rig: RigViews | None = None
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """Poses of the frames over time."""
-        return Trajectory(self.t_s, self.poses)
-
-    @property
-    def unseen(self) -> BoolArray:
-        """(F,) frames with too few observations for a pose that no zero motion holds."""
-        return self.hardly_seen(3)  # points determine a pose
-
-    def hardly_seen(self, fewest: int) -> BoolArray:
-        """Return the frames (F,) with fewer observations than that, which no zero motion holds."""
-        few = np.bincount(self.observations.frame, minlength=len(self.t_s)) < fewest
-        few[[constraint.frame for constraint in self.zero_motions]] = False
-        return np.asarray(few)
-
-    def with_observations(self, kept: BoolArray) -> "Scene":
-        """Return the scene with some of its observations (N,)."""
-        loop = None if self.loop is None else self.loop[kept]
-        return replace(self, observations=self.observations.rows(kept), loop=loop)
-
-    def on_disk(self) -> "Scene":
-        """Return the scene with its observations on disk."""
-        kept, seen = DiskArrays().kept, self.observations
-        observations = Observations(kept(seen.frame), kept(seen.landmark), kept(seen.uv_px))
-        return replace(self, observations=observations)
-
-
-def scene_of_map(local_map: LocalMap, first: int, controls: ControlObservations) -> tuple[Scene, IntArray]:
-    """Return the frames of a map from ``first`` on as a scene, and the feature ids (L,) of its points.
-
-    Args:
-        local_map: Map, all frames posed.
-        first: Index of the first frame.
-        controls: Observations of control points in all frames.
-    """
-    log = local_map.observations(first)
-    known = np.isfinite(local_map.points[log.landmark, 0])
-    known &= np.isfinite(local_map.poses[log.frame - local_map.first_frame, 0, 0])
-    ids, row = numbered(log.landmark[known])
-    observations = Observations(log.frame[known] - first, row, log.uv_px[known])
-    constraints = tuple(
-        ZeroMotion(held.frame - first, held.reference - first, held.reference_T_frame, held.sigma)
-        for held in local_map.zero_motions
-        if held.reference >= first
-    )
-    rows = slice(first - local_map.first_frame, None)
-    poses = local_map.poses[rows]
-    known_points = controls.between(first, first + len(poses) - 1)
-    return Scene(
-        local_map.t_s[rows], poses, local_map.points[ids], observations, constraints, known_points
-    ), ids
 
 
 def select_observations(

@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.model import BoolArray
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solver.integer_sets import distinct
 
 MIN_VIEWS = 20  # that are left of few frames

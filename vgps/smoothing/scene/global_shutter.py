@@ -6,8 +6,8 @@ import numpy as np
 
 from vgps.geometry import MIN_DEPTH, project
 from vgps.model import Camera
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.row_times import row_times
+from vgps.smoothing.scene.scene import Scene
 
 
 def as_global_shutter(scene: Scene, camera: Camera) -> Scene:

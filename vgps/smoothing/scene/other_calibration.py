@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from vgps.camera import distort, undistort
 from vgps.geometry import project, rays
 from vgps.model import Camera, FloatArray
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solver.equations.landmark_groups import track_ends
 
 _HALF_WIDTH = 2.0  # heights to either side of the path: a lane

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.model import IntArray
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.rig_views import RigViews
+from vgps.smoothing.scene.scene import Scene
 from vgps.solver.integer_sets import numbered
 
 

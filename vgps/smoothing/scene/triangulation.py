@@ -7,8 +7,8 @@ import numpy as np
 from vgps.geometry import triangulate
 from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.rig_views import observation_lenses, observation_times
+from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations
 
 

@@ -12,8 +12,9 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import FloatArray
 from vgps.smoothing.alignment.drift_correction import moved_points
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import scene_of_map, select_observations
+from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.level_priors import level_priors
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_c.fixed_lag import FixedLagGraph, GraphChange
 from vgps.smoothing.stage_c.window import WindowResult, optimise_window, start_priors
 from vgps.smoothing.stage_c.window_factors import WindowScene, fix_change, frame_change, projection_change

@@ -13,13 +13,9 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import (
-    build_problem,
-    gps_and_motion,
-    scene_of_map,
-    select_observations,
-)
+from vgps.smoothing.scene.factor_graph import build_problem, gps_and_motion, select_observations
 from vgps.smoothing.scene.motion_factors import motion_factors
+from vgps.smoothing.scene.scene import scene_of_map
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 

@@ -16,8 +16,8 @@ from vgps.lens_jacobian import lens_jacobian
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.control_factors import control_factors, control_sigma_px
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.motion_factors import motion_factors
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_c.fixed_lag import FixedLagGraph, GraphChange, Name
 
 _MIN_PARALLAX_RAD = np.radians(1.0)

@@ -18,9 +18,10 @@ from vgps.smoothing.calibration.mount_refinement import mount_notes, refine_moun
 from vgps.smoothing.calibration.readout import with_better_readout
 from vgps.smoothing.context import RigMount, SmoothingContext
 from vgps.smoothing.scene.control_factors import control_sigma_px
-from vgps.smoothing.scene.factor_graph import Scene, select_observations
+from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.frame_rates import frame_rates
 from vgps.smoothing.scene.ground import find_ground, terrain
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
 from vgps.smoothing.stage_d.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.stage_d.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings

@@ -15,7 +15,8 @@ from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FixClass, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.control_factors import control_factors
-from vgps.smoothing.scene.factor_graph import Scene, build_problem, joined, other_pose_factors
+from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.imu_states import imu_state_vectors
 from vgps.solver.problem import BundleProblem
 from vgps.solver.state_vectors import StateVector

@@ -16,7 +16,7 @@ from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import FixClass, FloatArray, IntArray
 from vgps.smoothing.context import RigMount, SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.sigmas.covariance import ErrorSources, drawn_covariances
 from vgps.smoothing.stage_d.batch_problem import BatchInput, BatchProblem
 from vgps.smoothing.stage_d.graph_arrays import graph_arrays

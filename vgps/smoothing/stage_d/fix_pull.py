@@ -10,7 +10,8 @@ from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
-from vgps.smoothing.scene.factor_graph import Scene, build_problem, joined, other_pose_factors
+from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.equations.normal_equations import linearise

@@ -21,10 +21,10 @@ from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FixClass
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.ground import Ground
 from vgps.smoothing.scene.height_ties import CAMERA_HEIGHT, HeightTies
 from vgps.smoothing.scene.rig_views import rig_of
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_problem import BatchInput, batch_problem
 from vgps.solution import Solution
 from vgps.solver.problem import BundleProblem

@@ -9,7 +9,7 @@ from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates, bias_key, velocity_key
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.solver.equations.landmark_groups import track_ends
 from vgps.solver.marginals import Covariances
 from vgps.solver.problem import BundleProblem

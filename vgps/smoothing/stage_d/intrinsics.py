@@ -17,10 +17,10 @@ from vgps.model import Camera, FloatArray
 from vgps.smoothing.calibration.camera_equations import changed, linearise_camera, parameter_count
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, moved_from, refined_with
-from vgps.smoothing.scene.factor_graph import Scene
 from vgps.smoothing.scene.few_frames import thinned
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.equations.normal_equations import linearise

@@ -10,7 +10,7 @@ from vgps.gps.fixes import Fixes, place
 from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import Camera, FloatArray, IntArray
-from vgps.smoothing.scene.factor_graph import Scene
+from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.solution import Observations
 
