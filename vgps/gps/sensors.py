@@ -21,6 +21,11 @@ class TimeOffset:
     time_offset_s: float
     sigma_s: float
 
+    @classmethod
+    def from_config(cls, config: SensorsConfig) -> "TimeOffset":
+        """Return the configured prior; with a sigma of 0 the time offset is not estimated."""
+        return cls(config.time_offset_s, config.time_offset_prior_s)
+
 
 @dataclass(frozen=True)
 class Sensors:

@@ -58,7 +58,7 @@ def update_time_offset(
         fixes: Fixes at the times of their time stamps, with their verdicts applied.
         config: Prior of the time offset, and limits of significance.
     """
-    prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
+    prior = TimeOffset.from_config(config)
     if not prior.sigma_s:
         return sensors, ()
     compared = spaced(fixes, spacing_s(fixes))
@@ -103,7 +103,7 @@ def likelier_time_offset(
     Args:
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
-    prior = TimeOffset(config.time_offset_s, config.time_offset_prior_s)
+    prior = TimeOffset.from_config(config)
     pairs = neighbour_pairs(
         path, spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
     )

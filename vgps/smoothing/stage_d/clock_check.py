@@ -46,7 +46,7 @@ def with_shown_clock(
     if shown_before and sensors.probability == 1.0:
         good = solved.given.fixes.fix_class[used] == CLASSES.index(FixClass.RTK_FIX)
         return replace(sensors, poses_tell=bool(np.mean(good) > 0.5)), solved
-    prior, held_sigma_s = TimeOffset(settings.time_offset_s, settings.time_offset_prior_s), 0.0
+    prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     try:
         shown = _shown(solved, prior)
         if (told := _tried(sensors, shown, settings, solve)) is not None:
@@ -77,7 +77,7 @@ def _tried(
     sensors: Sensors, shown: TimeOffset, settings: SensorsConfig, solve: Callable[[Sensors], BatchSolution]
 ) -> tuple[Sensors, BatchSolution] | None:
     """Return the round with a time offset that may be chance; None if there is none, or if it is."""
-    prior = TimeOffset(settings.time_offset_s, settings.time_offset_prior_s)
+    prior = TimeOffset.from_config(settings)
     start, before = sensors.prior_time_offset, sensors.probability
     if not start.sigma_s:
         start, before = shown, 0.5
