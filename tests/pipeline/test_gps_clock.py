@@ -116,7 +116,7 @@ def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(re
     late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 5.0))
     config = Config(sensors=SensorsConfig(time_offset_s=5.0, estimate_time_offset="no"))
     monkeypatch.setattr(
-        "vgps.pipeline.frame_pipeline.align_to_fixes", lambda _, fixes, *__: asked.append(fixes.t_s)
+        "vgps.pipeline.map_aligner.align_to_fixes", lambda _, fixes, *__: asked.append(fixes.t_s)
     )
     run_front_end(late, config, NoProgress())
     assert asked
