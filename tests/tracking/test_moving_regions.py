@@ -193,7 +193,7 @@ def test_a_group_is_known_by_map_and_after_older_features_are_discarded():
     again = regions()
     again.restore(moving.state([local_map]))
     local_map.discarded_features += 100
-    local_map.ids = local_map.ids - 100
+    local_map._followed.lower_ids(100)
     for one in (moving, again):
         np.testing.assert_array_equal(one.holds(local_map), held)
         np.testing.assert_array_equal(one.boxes, moving.boxes)

@@ -9,6 +9,7 @@ from room_pipeline import COUNT, errors_m, exact_fixes, fed, room
 from textured_room import CAMERA, CONFIG, FPS, followed_map, images, path
 
 from vgps.camera import undistort
+from vgps.mapping.map_update import MapUpdate
 from vgps.model import Frame
 from vgps.tracking.matching import Match
 from vgps.tracking.static_regions import StaticRegions, still
@@ -130,7 +131,9 @@ def test_errors_at_the_edge_of_a_fisheye_count_in_the_picture():
 
 def test_features_that_stay_under_a_camera_that_does_not_turn_may_be_far_away(scene):
     local_map, _ = scene
-    local_map._poses.values[:, :3, :3] = POSES[0][:3, :3]
+    poses = local_map.poses.copy()
+    poses[:, :3, :3] = POSES[0][:3, :3]
+    local_map.apply(MapUpdate(poses=poses))
     static, pose = regions(min_views=1), POSES[-1].copy()
     pose[:3, :3] = POSES[0][:3, :3]
     observe(static, scene, 5, pose=pose)

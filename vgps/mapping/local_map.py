@@ -5,8 +5,10 @@ import copy
 import numpy as np
 
 from vgps.mapping.feature_table import FeatureTable
-from vgps.mapping.growing_array import GrowingArray, read_only
-from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, ReturnedFeatures, Similarity
+from vgps.mapping.followed_features import FollowedFeatures
+from vgps.mapping.growing_array import read_only
+from vgps.mapping.map_path import MapPath
+from vgps.mapping.map_update import MapUpdate, NewFeatures, ReturnedFeatures, Similarity
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -24,43 +26,38 @@ class LocalMap:
     :meth:`discard_before` discards old ones.
 
     Attributes:
-        first_frame: Index of the frame of ``poses[0]``.
         discarded_features: Total by which feature ids were lowered.
         aligned: Whether the map's world is the world of the GPS fixes.
-        ids: (N,) followed features, ``raw_uv_px`` (N, 2) their last observation in the distorted image.
-        views: (N, H, 2) undistorted observations in the frames ``view_frames`` (H,), newest last; NaN where
-            a feature was not observed.
     """
 
     def __init__(self, first_frame: int, history: int) -> None:
-        self.first_frame = first_frame
         self.discarded_features = 0
         self.aligned = False
-        self.ids: IntArray = np.zeros(0, dtype=np.int64)
-        self.raw_uv_px = np.zeros((0, 2))
-        self.views = np.full((0, history, 2), np.nan)
-        self.view_frames: IntArray = np.full(history, -1, dtype=np.int64)
+        self._followed = FollowedFeatures(history)
         self._zero_motions: dict[int, ZeroMotion] = {}
-        self._bridged: set[int] = set()
-        self._poses, self._t_s = GrowingArray((4, 4)), GrowingArray()
-        self._odometry = GrowingArray((3,))
+        self._path = MapPath(first_frame)
         self._features = FeatureTable()
         self._log = ObservationLog()
 
     @property
+    def first_frame(self) -> int:
+        """Index of the frame of ``poses[0]``."""
+        return self._path.first_frame
+
+    @property
     def poses(self) -> FloatArray:
         """(n, 4, 4) world_T_camera of the frames from ``first_frame`` on, NaN where unknown; read-only."""
-        return read_only(self._poses.values)
+        return self._path.poses
 
     @property
     def t_s(self) -> FloatArray:
         """(n,) times of these frames; read-only."""
-        return read_only(self._t_s.values)
+        return self._path.t_s
 
     @property
     def odometry(self) -> FloatArray:
         """(n, 3) tracked displacement from the previous frame, in its axes, NaN where unknown; read-only."""
-        return read_only(self._odometry.values)
+        return self._path.odometry
 
     @property
     def zero_motions(self) -> tuple[ZeroMotion, ...]:
@@ -70,12 +67,12 @@ class LocalMap:
     @property
     def bridged(self) -> frozenset[int]:
         """Frames without observations, posed by interpolation."""
-        return frozenset(self._bridged)
+        return self._path.bridged
 
     @property
     def next_frame(self) -> int:
         """Index of the frame after the last one."""
-        return self.first_frame + len(self._poses)
+        return self._path.next_frame
 
     @property
     def first_posed(self) -> int:
@@ -109,6 +106,26 @@ class LocalMap:
         return self._features.moving_views
 
     @property
+    def ids(self) -> IntArray:
+        """(N,) ids of the followed features."""
+        return self._followed.ids
+
+    @property
+    def raw_uv_px(self) -> FloatArray:
+        """(N, 2) their last observations in the distorted image."""
+        return self._followed.raw_uv_px
+
+    @property
+    def views(self) -> FloatArray:
+        """(N, H, 2) their undistorted observations, newest last; NaN where one was not observed."""
+        return self._followed.views
+
+    @property
+    def view_frames(self) -> IntArray:
+        """(H,) frames of the views, -1 where there is none."""
+        return self._followed.view_frames
+
+    @property
     def positioned(self) -> BoolArray:
         """(N,) whether each followed feature has a position."""
         return np.asarray(np.isfinite(self.points[self.ids, 0]))
@@ -125,7 +142,7 @@ class LocalMap:
     def view_poses(self) -> tuple[FloatArray, BoolArray]:
         """Return the poses (H, 4, 4) of the views and whether each view exists and is posed (H,)."""
         row = self.view_frames - self.first_frame
-        poses = self.poses[np.clip(row, 0, len(self._poses) - 1)]
+        poses = self.poses[np.clip(row, 0, len(self._path) - 1)]
         valid = (self.view_frames >= 0) & np.isfinite(poses[:, 0, 0])
         return np.where(valid[:, None, None], poses, np.eye(4)), valid
 
@@ -136,27 +153,26 @@ class LocalMap:
     def snapshot(self) -> "LocalMap":
         """Return a copy that can be updated while this map grows."""
         twin = copy.copy(self)
-        twin._poses, twin._t_s = GrowingArray.of(self._poses.values), GrowingArray.of(self._t_s.values)
-        twin._odometry = GrowingArray.of(self._odometry.values)
+        twin._path, twin._followed = self._path.snapshot(), self._followed.snapshot()
         twin._features, twin._log = self._features.copy(), self._log.copy()
-        twin._zero_motions, twin._bridged = self._zero_motions.copy(), self._bridged.copy()
+        twin._zero_motions = self._zero_motions.copy()
         return twin
 
     def apply(self, update: MapUpdate) -> None:
         """Change the map; stages A to C write nowhere else."""
         if (seen := update.undistorted) is not None:
             self._log.move(seen)
-            self.views = seen(self.views.reshape(-1, 2)).reshape(self.views.shape)
+            self._followed.undistort_again(seen)
         if update.similarity is not None:
             self._transform(update.similarity)
         self.aligned = self.aligned or update.aligned
         for frame in update.frames:
-            self._append(frame)
+            self._path.append(frame)
         if update.poses is not None:
-            row = update.first_frame - self.first_frame
-            self._poses.values[row : row + len(update.poses)] = update.poses
-        if update.view is not None:
-            self._push(update.view)
+            self._path.replace(update.first_frame, update.poses)
+        if (view := update.view) is not None:
+            self._followed.push(view)
+            self._log.append(view.frame, self.ids, view.uv_px[view.found])
         if update.returned is not None:
             self._follow(update.returned, self._log.tracks(update.returned.ids, self.view_frames))
         if update.positions is not None:
@@ -170,50 +186,26 @@ class LocalMap:
         self._zero_motions |= {motion.frame: motion for motion in update.zero_motions}
 
     def _transform(self, to_world: Similarity) -> None:
-        scale = to_world.scale
-        self._poses.values[:] = to_world.poses(self._poses.values)
+        self._path.transform(to_world)
         self._features.transform(to_world)
-        self._odometry.values[:] *= scale
-        self._zero_motions = {frame: motion.scaled(scale) for frame, motion in self._zero_motions.items()}
-
-    def _append(self, frame: NewFrame) -> None:
-        previous = self._poses.values[-1] if len(self._poses) else np.full((4, 4), np.nan)
-        if frame.bridged:
-            self._bridged.add(self.next_frame)
-        self._odometry.append(previous[:3, :3].T @ (frame.world_T_camera[:3, 3] - previous[:3, 3]))
-        self._poses.append(frame.world_T_camera)
-        self._t_s.append(frame.t_s)
-
-    def _push(self, view: NewView) -> None:
-        found = view.found
-        self.ids, self.raw_uv_px = self.ids[found], view.raw_uv_px[found]
-        self.views = np.concatenate([self.views[found, 1:], view.uv_px[found, None]], axis=1)
-        self.view_frames = np.append(self.view_frames[1:], view.frame)
-        self._log.append(view.frame, self.ids, view.uv_px[found])
+        motions = self._zero_motions.items()
+        self._zero_motions = {frame: motion.scaled(to_world.scale) for frame, motion in motions}
 
     def _start(self, features: NewFeatures) -> None:
         ids = self._features.add(features.gray)
-        views = np.full((len(ids), self.views.shape[1], 2), np.nan)
-        self._follow(ReturnedFeatures(ids, features.raw_uv_px, features.uv_px), views)
+        self._follow(ReturnedFeatures(ids, features.raw_uv_px, features.uv_px))
 
-    def _follow(self, features: ReturnedFeatures, views: FloatArray) -> None:
-        """Follow features from the newest view on, which earlier views (n, H, 2) may have shown."""
-        views[:, -1] = features.uv_px
-        self.ids = np.append(self.ids, features.ids)
-        self.raw_uv_px = np.concatenate([self.raw_uv_px, features.raw_uv_px])
-        self.views = np.concatenate([self.views, views])
-        self._log.append(int(self.view_frames[-1]), features.ids, features.uv_px)
+    def _follow(self, features: ReturnedFeatures, views: FloatArray | None = None) -> None:
+        self._followed.follow(features, views)
+        self._log.append(self._followed.newest, features.ids, features.uv_px)
 
     def _renew_full_tracks(self) -> None:
         """Continue features whose history is full as new ones at the same position, from the newest view."""
-        full = np.isfinite(self.views[..., 0]).all(axis=1)
-        if not full.any():
-            return
-        new = self._features.add_copies(self.ids[full])
-        self.ids = self.ids.copy()
-        self.ids[full] = new
-        self.views[full, :-1] = np.nan
-        self._log.append(int(self.view_frames[-1]), new, self.views[full, -1])
+        full = self._followed.full
+        if full.any():
+            new = self._features.add_copies(self.ids[full])
+            self._followed.renew(full, new)
+            self._log.append(self._followed.newest, new, self.last_uv_px[full])
 
     def discard_before(self, frame: int, view_frame: int) -> FloatArray:
         """Discard poses before one frame and observations before another; the newest view always stays.
@@ -227,22 +219,15 @@ class LocalMap:
         Returns:
             (n, 4, 4) the discarded poses, from the previous ``first_frame`` on.
         """
-        view_frame = min(view_frame, int(self.view_frames[-1]))
+        view_frame = min(view_frame, self._followed.newest)
         frame = max(min(frame, view_frame), self.first_frame)
         self._log.discard_before(view_frame)
         kept = (m for m in self.zero_motions if m.frame >= view_frame and m.reference >= frame)
         self._zero_motions = {motion.frame: motion for motion in kept}
-        discarded = self.view_frames < frame
-        self.view_frames = np.where(discarded, -1, self.view_frames)
-        self.views[:, discarded] = np.nan
-        self._bridged = {bridged for bridged in self._bridged if bridged >= frame}
+        self._followed.discard_before(frame)
         self._discard_features()
-        count = frame - self.first_frame
-        old = self._poses.values[:count].copy()
-        self._poses, self._t_s, self._odometry = (
-            GrowingArray.of(rows.values[count:]) for rows in (self._poses, self._t_s, self._odometry)
-        )
-        self.first_frame = frame
+        old = self.poses[: frame - self.first_frame].copy()
+        self._path = self._path.since(frame)
         return old
 
     def _discard_features(self) -> None:
@@ -251,5 +236,5 @@ class LocalMap:
             return
         self._features.drop_first(count)
         self.discarded_features += count
-        self.ids = self.ids - count
+        self._followed.lower_ids(count)
         self._log.lower_ids(count)

@@ -19,8 +19,10 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.mapping.feature_table import FeatureTable
+from vgps.mapping.followed_features import FollowedFeatures
 from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.local_map import LocalMap
+from vgps.mapping.map_path import MapPath
 from vgps.mapping.observation_log import ObservationLog
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import ControlPoints, GpsLog, ImuLog, Recording, RigCamera
@@ -35,8 +37,8 @@ from vgps.writers.claim import claimed
 EVERY_S = 30.0  # between checkpoints
 _SHARE = 0.05  # of the time that may go into writing checkpoints
 _CLASSES = (
-    FeatureTable, FixAssessment, FixBuffer, Fixes, GrowingArray, LocalMap, MapBuilder, ObservationLog,
-    Patches, Sensors, StaticCells, TimeOffset, ZeroMotion,
+    FeatureTable, FixAssessment, FixBuffer, Fixes, FollowedFeatures, GrowingArray, LocalMap, MapBuilder,
+    MapPath, ObservationLog, Patches, Sensors, StaticCells, TimeOffset, ZeroMotion,
 )  # fmt: skip
 
 
