@@ -239,6 +239,12 @@ def test_fixes_that_say_nothing_leave_the_time_offset_alone():
     assert likelier(late(0.4, wander(0)).where(np.arange(4))) == (SENSORS, ())
 
 
+def test_a_camera_that_stands_says_nothing_either():
+    standing = trajectory(np.zeros((len(T_S), 3)))
+    walking = fixes_that_lie(np.arange(0.05, 19.0), wander(0))
+    assert likelier_time_offset(SENSORS, standing, walking, SensorsConfig()) == (SENSORS, ())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [8, 19])
 def test_no_time_offset_is_invented(count):
