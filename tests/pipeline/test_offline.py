@@ -260,7 +260,7 @@ def test_kitti03_with_outliers_finds_them_all_and_no_other(data_dir):
     wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
     rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
     assert rejected.tolist() == wrong
-    assert errors(solution, folder).camera_position_m.mean < 0.9
+    assert errors(solution, folder).camera_position_m.mean < 0.6  # twice what it is, as below
 
 
 @pytest.mark.slow
