@@ -71,6 +71,18 @@ def test_a_head_below_the_horizon_is_said_wherever_the_camera_looks(pitch_deg, r
     )
 
 
+@pytest.mark.parametrize(
+    ("pitch_deg", "airborne", "said"), [(90, "yes", 1), (90, "no", 0), (60, "yes", 0), (-90, "yes", 0)]
+)
+def test_a_drone_that_looks_at_the_sky_is_upside_down(pitch_deg, airborne, said):
+    """Its head is level then, as that of one that looks straight down."""
+    looks_north = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    poses = np.tile(np.eye(4), (9, 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("X", pitch_deg, degrees=True).as_matrix() @ looks_north
+    found = upright_notes(poses, StartConfig(airborne=airborne))
+    assert len(found) == said and all("up at the sky, 90 degrees" in text for text in found)
+
+
 def test_a_lorry_is_named_with_its_share_and_its_frames_but_nothing_small():
     width, height = PINHOLE.width, PINHOLE.height
     small, large = [4, 9, 0, 0, width // 4, height // 4], [2, 3, 0, 0, width // 2, height]

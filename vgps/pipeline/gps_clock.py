@@ -19,7 +19,8 @@ from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
-from vgps.smoothing.alignment.similarity import align, similarity_of_poses
+from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
+from vgps.smoothing.alignment.similarity import align
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Trajectory
 

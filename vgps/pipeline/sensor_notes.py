@@ -20,17 +20,25 @@ _LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the sc
 def upright_notes(world_T_camera: FloatArray, config: StartConfig) -> tuple[str, ...]:
     """Return a warning if the camera hangs upside down, against what was assumed of its roll.
 
+    One that flies and looks straight up at the sky is an upside-down one that looks straight down.
+
     Args:
         world_T_camera: (F, 4, 4) poses, z up; a camera that looks straight down has a level head.
         config: Standard deviation of the roll.
     """
-    head_deg = float(np.degrees(np.arcsin(np.clip(-np.median(world_T_camera[:, 2, 1]), -1.0, 1.0))))
-    if head_deg > -_FAR_SIGMAS * config.tilt_sigmas_deg[0]:
+    elevation = np.arcsin(np.clip(np.median(world_T_camera[:, 2, 1:3], axis=0), -1.0, 1.0))
+    below_deg, view_deg = np.degrees(elevation).tolist()
+    far_deg = _FAR_SIGMAS * config.tilt_sigmas_deg[0]
+    if below_deg >= far_deg:
+        found = f"the camera hangs upside down: its head points {below_deg:.0f} degrees below the horizon"
+    elif config.flies and view_deg > 90.0 - far_deg:
+        found = f"the camera looks up at the sky, {view_deg:.0f} degrees above the horizon"
+    else:
         return ()
     return (
-        f"the camera hangs upside down: its head points {-head_deg:.0f} degrees below the horizon in the "
-        "median frame. Unless it was mounted like that, all rotations are wrong, whatever their standard "
-        "deviations: a video that begins with a turn on the spot does that; leave that part out",
+        f"{found} in the median frame. Unless it was mounted like that, all rotations are wrong, whatever "
+        "their standard deviations: a video that begins with a turn on the spot does that; leave that part "
+        "out",
     )
 
 

@@ -103,6 +103,34 @@ def test_the_land_shows_the_pitch_of_a_straight_sideways_flight(down_deg, roll_d
     assert np.degrees(guessed.tilt_rad) > 45.0
 
 
+def flight_after_a_turn(rate_deg_s, down_deg, course_deg):
+    """A drone that turns on the spot for 10 s and flies off for 2 s, at 3 Hz."""
+    t_s = np.arange(36) / 3.0
+    yaw = np.radians(rate_deg_s) * np.minimum(t_s, 10.0)
+    along_m = 2.0 / 3.0 * np.maximum(t_s - 10.0, 0.0) ** 2
+    course = yaw[-1] + np.radians(course_deg)
+    world = np.tile(np.eye(4), (len(t_s), 1, 1))
+    world[:, :3, :3] = Rotation.from_euler("z", yaw[:, None]).as_matrix() @ LOOKS_NORTH
+    world[:, :3, :3] = world[:, :3, :3] @ Rotation.from_euler("x", -down_deg, degrees=True).as_matrix()
+    world[:, :3, 3] = along_m[:, None] * [-np.sin(course), np.cos(course), 0.0]
+    return world
+
+
+@pytest.mark.parametrize("land", [True, False])
+def test_a_turn_on_the_spot_before_a_flight_does_not_turn_it_over(land):
+    """Fixes that walk while it hovers give a start with any heading."""
+    over = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        world = flight_after_a_turn(*rng.uniform([5, 0, -180], [15, 60, 180]))
+        fixes = world[:, :3, 3] + np.cumsum(rng.normal(scale=0.03, size=(len(world), 3)), axis=0)
+        seen = replace(seen_by(world, fixes, 3.0), camera_p_antenna=np.zeros(3))
+        up = Rotation.from_rotvec(rng.normal(0, np.radians(4.0), 3)).apply([0.0, 0.0, 1.0])
+        found = align(replace(seen, map_up=up if land else None), StartConfig(airborne="yes"))
+        over.append(found.world_R_map[2, 2] < 0.0)
+    assert not any(over)
+
+
 def test_the_derivatives_are_those_of_the_residuals():
     world = drive(0.7)
     seen = seen_by(in_map(world, 2.0, np.eye(3), np.zeros(3)), antennas(world) + 0.05, 0.07)

@@ -15,7 +15,8 @@ from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
 from vgps.smoothing.alignment.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
 from vgps.smoothing.alignment.land import land_normal
-from vgps.smoothing.alignment.similarity import Correspondences, align, similarity_of_poses
+from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
+from vgps.smoothing.alignment.similarity import Correspondences, align
 from vgps.solution import Trajectory
 
 _JACKKNIFE = 4.0

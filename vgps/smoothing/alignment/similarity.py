@@ -98,9 +98,17 @@ def align(seen: Correspondences, config: StartConfig) -> Similarity | None:
     starts = _level_starts(seen)
     if not starts:
         return None
-    found = min(starts, key=lambda start: linearise(seen, start, config).cost)
+    start = min(starts, key=lambda start: linearise(seen, start, config).cost)
     if not np.ptp(seen.world_p_fix, axis=0).any():
-        return found
+        return start
+    found = _refined(seen, start, config)
+    if config.flies and _upside_down(seen, found):
+        return _refined(seen, _turned_over(seen, found), config)
+    return found
+
+
+def _refined(seen: Correspondences, found: Similarity, config: StartConfig) -> Similarity:
+    """Return the similarity of least cost near one, by Levenberg-Marquardt."""
     system, damping = linearise(seen, found, config), 1e-4
     for _ in range(_ITERATIONS):
         matrix = system.matrix
@@ -120,18 +128,17 @@ def align(seen: Correspondences, config: StartConfig) -> Similarity | None:
     return found
 
 
-def similarity_of_poses(world_T_camera: FloatArray, map_T_camera: FloatArray) -> Similarity:
-    """Return the similarity from map to world by cameras' poses (N, 4, 4) in both.
+def _upside_down(seen: Correspondences, at: Similarity) -> bool:
+    """Return whether the land hangs above the camera, or without land a camera that looks ahead or down."""
+    up = -seen.map_T_camera[:, :3, 1:3].sum(axis=2).mean(axis=0) if seen.map_up is None else seen.map_up
+    return bool(at.world_R_map[2] @ up < 0.0)
 
-    The rotation is the mean over these cameras, the scale the ratio of their spreads.
-    """
-    world_p_mean, map_p_mean = world_T_camera[:, :3, 3].mean(axis=0), map_T_camera[:, :3, 3].mean(axis=0)
-    world_spread = float(np.linalg.norm(world_T_camera[:, :3, 3] - world_p_mean))
-    map_spread = float(np.linalg.norm(map_T_camera[:, :3, 3] - map_p_mean))
-    turns = world_T_camera[:, :3, :3] @ map_T_camera[:, :3, :3].transpose(0, 2, 1)
-    rotation = np.asarray(Rotation.from_matrix(turns).mean().as_matrix(), np.float64)
-    scale = world_spread / max(map_spread, _NO_MOTION)
-    return Similarity(scale, rotation, world_p_mean - scale * rotation @ map_p_mean)
+
+def _turned_over(seen: Correspondences, at: Similarity) -> Similarity:
+    """Return a similarity after half a turn about the path: a line's fixes and the prior see no change."""
+    path = (seen.map_T_camera[:, :3, 3] - seen.map_T_camera[:, :3, 3].mean(axis=0)) @ at.world_R_map.T
+    main = np.linalg.svd(path, full_matrices=False)[2][0]
+    return _moved(seen, at, np.concatenate([[0.0], np.pi * main, np.zeros(3)]))
 
 
 def linearise(seen: Correspondences, at: Similarity, config: StartConfig) -> NormalEquations:
