@@ -26,12 +26,18 @@ class Shutter:
         hand_shake: Shaking of the hand that holds the camera; 1 is as measured with a GoPro's gyro.
         fisheye_deg: Diagonal field of view of an equidistant fisheye, which takes the place of the scene's
             pinhole.
+        panorama_deg: 360 for an equirectangular picture of the whole sphere, twice as wide as high; or the
+            angle that a circular fisheye sees across the shorter side, from 170.
+        width, height: Size of the picture in pixels.
     """
 
     fps: Annotated[int, Parameter(validator=Number(gte=1, lte=240))] | None = None
     readout_s: NotNegative | None = None
     hand_shake: NotNegative | None = None
     fisheye_deg: NotNegative | None = None
+    panorama_deg: NotNegative | None = None
+    width: Annotated[int, Parameter(validator=Number(gte=64, lte=8192))] | None = None
+    height: Annotated[int, Parameter(validator=Number(gte=64, lte=8192))] | None = None
 
     def changes(self) -> dict[str, Any]:
         """Return the fields of the scene that are given."""

@@ -40,7 +40,13 @@ def track(
     check_writable(out)
     settings = read_config(config).with_estimator(estimator)
     opened = open_recording(
-        recording, camera=files.camera, rig=files.rig, imu=files.imu, with_gps=False, guess_camera=False
+        recording,
+        camera=files.camera,
+        rig=files.rig,
+        imu=files.imu,
+        with_gps=False,
+        guess_camera=False,
+        views=False,
     )
     solution = localize(opened, landmarks, settings, TerminalProgress())
     write_run(solution, out)

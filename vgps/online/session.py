@@ -97,6 +97,7 @@ def pose_recording(
         camera=options.camera,
         rig=options.rig,
         guess_camera=False,
+        views=False,
     )
     refuse_several(opened, "vgps online")
     smoother = OnlineSmoother(

@@ -110,7 +110,8 @@ def _input(run: Run) -> BatchInput:
             f"a run of {1 + len(solution.cameras)} cameras",
             file=run.name,
             expected="runs of one camera each",
-            remedy="smooth this recording with a rig.yaml without the key cameras: --rig FILE",
+            remedy="smooth this recording with a rig.yaml without the key cameras: --rig FILE; a picture of "
+            "more than 180 degrees cannot be joined",
         )
     return replace(batch_input(solution, solution.graph), imu=None)
 

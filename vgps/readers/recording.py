@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from vgps.errors import GpsLogError, RecordingError
-from vgps.model import Camera, ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
+from vgps.model import ControlPoints, GpsLog, GyroLog, ImuLog, ImuMount, Recording, Rig, Video
 from vgps.readers.bag import BagVideo
-from vgps.readers.calibration.camera_file import read_camera_of
 from vgps.readers.calibration.camera_guess import guess_cameras
 from vgps.readers.calibration.projection_checks import check_flat, check_square_pixels, log_other_tracks
 from vgps.readers.calibration.rig_file import read_rig
@@ -34,6 +33,8 @@ from vgps.readers.video.images import ImageFolder
 from vgps.readers.video.masks import find_masks
 from vgps.readers.video.tags import stated_time
 from vgps.readers.video.video_file import VideoFile
+from vgps.readers.views.lenses import Equirectangular, WideFisheye
+from vgps.readers.views.wide_pictures import Lens, front_of, read_lens, with_views
 
 _CALIBRATE = (
     "give a calibration with --camera, such as the camera.yaml of a run or of vgps calibrate-camera, or one "
@@ -56,6 +57,7 @@ def open_recording(
     with_gps: bool = True,
     guess_camera: bool = True,
     cameras: bool = True,
+    views: bool = True,
 ) -> Recording:
     """Open a recording; the video is indexed, its frames are not decoded yet.
 
@@ -70,7 +72,8 @@ def open_recording(
         image_topic: Topic of the images of a bag that has several.
         with_gps: Whether to look for a GPS log.
         guess_camera: Whether a missing calibration is guessed; else it is an error.
-        cameras: Whether to open the other cameras that rig.yaml lists.
+        cameras: Whether to open the other cameras that rig.yaml lists, and the other views of a wide lens.
+        views: Whether a fisheye of more than 180 degrees is seen through several views; else its rim is lost.
 
     Returns:
         The recording, every stream on the video's clock. A GoPro's video supplies its GPS, gyro,
@@ -86,13 +89,16 @@ def open_recording(
     folder, source = place_of(path)
     video = opened(source, image_topic)
     telemetry = telemetry_of(video)
-    lens = _camera(_given(folder, camera, *_CAMERAS), video)
+    wide = read_lens(_given(folder, camera, *_CAMERAS), video)
+    if isinstance(wide, WideFisheye) and not views:
+        wide = wide.camera
+    lens = None if wide is None else front_of(wide)
     rig_file = _given(folder, rig, "rig.yaml")
     mount = _with_start(read_rig(rig_file) if rig_file else Rig(antenna_known=False), video)
-    others = open_cameras(rig_file, video, lens) if rig_file and cameras else ()
+    others = open_cameras(rig_file, video, wide) if rig_file and cameras else ()
     if lens is None and not guess_camera:
         raise RecordingError("no camera.yaml", file=folder, remedy=_CALIBRATE)
-    _check_picture(video, calibrated=lens is not None)
+    _check_picture(video, wide)
     guesses = guess_cameras(video, telemetry) if lens is None else ()
     lens = with_readout(lens or guesses[0].camera, telemetry, getattr(video, "quarter_turns", 0))
     gyro = _gyro(folder, mount, telemetry, video)
@@ -117,7 +123,7 @@ def open_recording(
         cameras=others,
         control_points=_control_points(points, video, control_system) if points else None,
     )
-    return with_picture_motion(found, telemetry)
+    return with_picture_motion(with_views(found, wide, all_views=cameras), telemetry)
 
 
 def _with_start(rig: Rig, video: Source) -> Rig:
@@ -131,12 +137,13 @@ def _with_start(rig: Rig, video: Source) -> Rig:
     return replace(rig, video_start_utc=video.start_utc) if isinstance(video, BagVideo) else rig
 
 
-def _check_picture(video: Source, *, calibrated: bool) -> None:
+def _check_picture(video: Source, lens: Lens | None) -> None:
     """Refuse pictures that no lens model describes; raises as `check_flat` and `check_square_pixels`."""
     if isinstance(video, VideoFile | ChapteredVideo):
-        check_flat(video.path)
+        if not isinstance(lens, Equirectangular):
+            check_flat(video.path)
         log_other_tracks(video.path)
-        if not calibrated:
+        if lens is None:
             check_square_pixels(video.path)
 
 
@@ -164,13 +171,6 @@ def _given(folder: Path, name: PathLike | None, *defaults: str) -> Path | None:
         if file.is_file():
             return file
     raise RecordingError("no such file", file=Path(name), remedy=f"give a path, or a name inside {folder}")
-
-
-def _camera(file: Path | None, video: Video) -> Camera | None:
-    """Return the camera of a calibration or of a bag; None without one."""
-    if file is None:
-        return video.camera() if isinstance(video, BagVideo) else None
-    return read_camera_of(video, file)
 
 
 def _gps(folder: Path, name: PathLike | None, video: Source, rig: Rig, telemetry: Telemetry) -> GpsLog | None:

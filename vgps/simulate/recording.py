@@ -12,8 +12,9 @@ from vgps.errors import ConfigError
 from vgps.model import Camera, FloatArray
 from vgps.runtime.threads import map_in_order
 from vgps.simulate.accelerometer import simulate_imu
-from vgps.simulate.fisheye import MAX_DEG
+from vgps.simulate.fisheye import MAX_DEG, Fisheye
 from vgps.simulate.motion import Motion, MountedMotion, build_motion
+from vgps.simulate.panorama import SPHERE_DEG, PanoramaRenderer, pixels_per_radian
 from vgps.simulate.render import Renderer
 from vgps.simulate.ring import MAX_CAMERAS, ring
 from vgps.simulate.scene import SceneConfig, scene_config
@@ -53,8 +54,8 @@ def simulate(out: Path, scene: str | SceneConfig = "walk", seed: int = 0) -> Non
     with new_folder(out, (*FILES, *_IMU_FILES, *_CAMERA_FILES), _MARK) as folder:
         motion = build_motion(config, np.random.default_rng([own, _MOTION]))
         world = build_world(config, np.random.default_rng([seed, _WORLD]))
-        renderer = Renderer(world, motion, config, own)
-        _write_camera(folder / "camera.yaml", config, renderer)
+        renderer = (PanoramaRenderer if config.panorama_deg else Renderer)(world, motion, config, own)
+        _write_camera(folder / "camera.yaml", config)
         _write_rig(folder / "rig.yaml", config)
         _write_sensors(folder, motion, config, own)
         t = np.arange(config.frames) / config.fps
@@ -83,6 +84,30 @@ def _check(config: SceneConfig) -> None:
             expected=f"0 (a pinhole) to {MAX_DEG:g}",
             place="fisheye_deg",
         )
+    if config.width % 2 or config.height % 2:
+        raise ConfigError(
+            f"a picture of {config.width} x {config.height}",
+            expected="even numbers of pixels, as H.264 has them",
+            place="width, height",
+        )
+    if not (config.panorama_deg == 0.0 or MAX_DEG <= config.panorama_deg <= SPHERE_DEG):
+        raise ConfigError(
+            f"a panorama of {config.panorama_deg:g} degrees",
+            expected=f"0 (none), {MAX_DEG:g} to {SPHERE_DEG:g}",
+            place="panorama_deg",
+        )
+    if config.panorama_deg and (config.readout_s or config.fisheye_deg or config.cameras > 1):
+        raise ConfigError(
+            "with a readout, a fisheye or several cameras",
+            expected="none of them",
+            place="panorama_deg",
+        )
+    if config.panorama_deg == SPHERE_DEG and config.width != 2 * config.height:
+        raise ConfigError(
+            f"a sphere of {config.width} x {config.height}",
+            expected="a picture twice as wide as high",
+            place="panorama_deg",
+        )
 
 
 def _write_sensors(folder: Path, motion: Motion, config: SceneConfig, seed: int) -> None:
@@ -102,7 +127,7 @@ def _write_sensors(folder: Path, motion: Motion, config: SceneConfig, seed: int)
     _write_samples(folder / "gyro.csv", gyro.t_s, gyro.rate_rad_s)
 
 
-def _write_video(path: Path, renderer: Renderer, config: SceneConfig) -> None:
+def _write_video(path: Path, renderer: Renderer | PanoramaRenderer, config: SceneConfig) -> None:
     """Render the frames and encode them as H.264, frame i at exactly ``i / fps`` seconds."""
     # neither x264's macroblock tree nor several threads reproduce the bytes
     options = {"crf": str(config.crf), "preset": "veryfast", "x264-params": "mbtree=0"}
@@ -118,20 +143,33 @@ def _write_video(path: Path, renderer: Renderer, config: SceneConfig) -> None:
         container.mux(stream.encode(None))
 
 
-def _write_camera(path: Path, config: SceneConfig, renderer: Renderer) -> None:
-    (fx, _, cx), (_, fy, cy), _ = renderer.K.tolist()
-    camera = Camera(
-        model="pinhole" if renderer.fisheye is None else "fisheye",
+def _write_camera(path: Path, config: SceneConfig) -> None:
+    if config.panorama_deg == SPHERE_DEG:
+        fields = {"model": "equirectangular", "width": config.width, "height": config.height}
+    else:
+        fields = camera_fields(_camera(config))
+    path.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+
+
+def _camera(config: SceneConfig) -> Camera:
+    """Return the calibration of the scene's camera."""
+    focal_px = config.focal_px
+    if config.fisheye_deg:
+        focal_px = Fisheye.of_diagonal(config.fisheye_deg, config.width, config.height).focal_px
+    elif config.panorama_deg:
+        focal_px = pixels_per_radian(config)
+    pinhole = not (config.fisheye_deg or config.panorama_deg)
+    return Camera(
+        model="pinhole" if pinhole else "fisheye",
         width=config.width,
         height=config.height,
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        distortion=() if renderer.fisheye is None else (0.0,) * 4,
+        fx=focal_px,
+        fy=focal_px,
+        cx=(config.width - 1) / 2,
+        cy=(config.height - 1) / 2,
+        distortion=() if pinhole else (0.0,) * 4,
         readout_s=config.readout_s,
     )
-    path.write_text(yaml.safe_dump(camera_fields(camera), sort_keys=False), encoding="utf-8")
 
 
 def _write_rig(path: Path, config: SceneConfig) -> None:

@@ -29,6 +29,8 @@ class SceneConfig:
         fps, width, height, focal_px, exposure_s: The camera, a pinhole with a central principal point.
         fisheye_deg: Diagonal field of view of an equidistant fisheye in place of the pinhole, at most 170;
             0 for the pinhole.
+        panorama_deg: 360 for an equirectangular picture of the whole sphere; else the angle that a circular
+            fisheye sees across the shorter side; 0 for none of them.
         readout_s: Time from the exposure of the first row to that of the last; 0 for a global shutter. The
             middle of the middle row's exposure is the frame's time stamp, and the time of its true pose.
         camera_p_antenna: Antenna in the camera frame, metres (x right, y down, z forward).
@@ -66,6 +68,7 @@ class SceneConfig:
     focal_px: float = 620.0
     exposure_s: float = 0.0025
     fisheye_deg: float = 0.0
+    panorama_deg: float = 0.0
     readout_s: float = 0.0
     camera_p_antenna: tuple[float, float, float] = (0.05, -0.42, -0.12)
     eye_m: float = 1.6

@@ -12,9 +12,11 @@ from vgps.crs import CoordinateSystem
 from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
-from vgps.model import FloatArray, GeodeticPoint, IntArray, RgbImage
-from vgps.readers.sources import Source, is_image_folder, open_video, place_of
+from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray, RgbImage
+from vgps.readers.posed_video import open_posed_video
+from vgps.readers.sources import Source, is_image_folder, place_of
 from vgps.readers.video.images import ImageFolder
+from vgps.readers.views.view import ViewVideo
 from vgps.solution import Solution
 from vgps.writers.colmap import IMAGE_NAME
 from vgps.writers.frame_choice import FrameChoice
@@ -117,7 +119,7 @@ class ExportJob:
     @cached_property
     def image_names(self) -> list[str]:
         """Names of the frames' images: those of a folder of images, else as FFmpeg numbers them."""
-        files = image_files(self.options.images or self.solution.recording)
+        files = image_files(self.options.images or self.solution.recording, self.solution.camera)
         if files is None or len(files) <= self.frame.max(initial=-1):
             return [IMAGE_NAME.format(number) for number in self.frame.tolist()]
         return [files[number].name for number in self.frame.tolist()]
@@ -131,7 +133,7 @@ class ExportJob:
         ]
 
     @cached_property
-    def video(self) -> Source:
+    def video(self) -> Source | ViewVideo:
         """The frames themselves.
 
         Raises:
@@ -147,16 +149,19 @@ class ExportJob:
             yield rows[number], picture
 
 
-def image_files(place: Path | None) -> list[Path] | None:
-    """Return the files of a recording whose frames are a folder of images; None for others."""
+def image_files(place: Path | None, camera: Camera) -> list[Path] | None:
+    """Return the files of a recording whose frames are a folder of images of this camera; None for others."""
     try:
         source = None if place is None else place_of(place)[1]
-        return ImageFolder(source).files if source is not None and is_image_folder(source) else None
+        if place is None or source is None or not is_image_folder(source):
+            return None
+        video = open_posed_video(place, camera)
+        return video.files if isinstance(video, ImageFolder) else None
     except VgpsError:
         return None
 
 
-def video_of(solution: Solution, images: Path | None, last: int) -> Source:
+def video_of(solution: Solution, images: Path | None, last: int) -> Source | ViewVideo:
     """Return the video of a run, which has at least the frame ``last``.
 
     Raises:
@@ -167,7 +172,7 @@ def video_of(solution: Solution, images: Path | None, last: int) -> Source:
     if place is None:
         raise RunFolderError("the run does not say where its recording is", remedy=remedy)
     try:
-        video = open_video(place)
+        video = open_posed_video(place, solution.camera)
     except VgpsError as error:
         raise RunFolderError(f"no frames to export ({error})", remedy=remedy) from error
     if last >= len(video.times_s):

@@ -5,7 +5,8 @@ in pixels, ``distortion`` (opencv: k1, k2, p1, p2[, k3[, k4, k5, k6]]; fisheye: 
 kappa2 [mm^-4]) and, for tsai, ``pixel_mm: [width, height]``. A tsai camera may instead give the parameters of
 Table 2, Kume 2010: ``focal_mm``, ``ccd_mm: [width, height]``, ``scale`` (s_x), ``cx``, ``cy`` and
 ``kappa: [kappa1, kappa2]``. ``readout_s`` (optional) is the time from the first row to the last of a rolling
-shutter, 0 for a global one, negative if the last row is read first.
+shutter, 0 for a global one, negative if the last row is read first. ``model: equirectangular`` (``width`` and
+``height``) is read by ``views/wide_pictures.py``: no single camera sees it.
 """
 
 from pathlib import Path

@@ -16,11 +16,14 @@ _OTHER_TRACKS = (
     "%s: has %d tracks of pictures, of which one is used; those of other lenses can be taken out "
     "(ffmpeg -i FILE -map 0:v:1 -c copy OTHER.mp4) and listed in rig.yaml"
 )
+CUT_A_VIEW = "ffmpeg -i FILE -vf v360=e:flat:h_fov=90:v_fov=90 OUT.mp4"
 _SQUARE = 0.01  # by which the sides of a pixel may differ, as after rounding a size
 
 
 def check_flat(file: Path) -> None:
     """Check that a video is not of the whole sphere, by the boxes of Spherical Video or a GoPro's settings.
+
+    An equirectangular one, which is seen through several views, is not checked.
 
     Raises:
         VideoError: It is.
@@ -37,8 +40,8 @@ def check_flat(file: Path) -> None:
             "a picture of the whole sphere",
             file=file,
             expected="that of one lens",
-            remedy="give the videos of the lenses, with a rig.yaml that lists the second, or cut an ordinary "
-            "view out of it (ffmpeg -i FILE -vf v360=e:flat:h_fov=90:v_fov=90 OUT.mp4)",
+            remedy="give the videos of the lenses, with a rig.yaml that lists the second, or export it as "
+            f"equirectangular, without a camera.yaml, or cut an ordinary view out of it ({CUT_A_VIEW})",
         )
 
 

@@ -1,0 +1,57 @@
+"""Pictures wider than a plane from end to end: the same walk, the sphere and a fisheye beside a pinhole."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import vgps
+from vgps.evaluation import evaluate
+from vgps.readers.run_folder import read_run
+from vgps.readers.trajectory import read_trajectory
+from vgps.simulate import SCENES, simulate
+from vgps.writers.export import export
+
+pytestmark = pytest.mark.slow
+WALK = replace(
+    SCENES["demo"],
+    speed=((0.0, 1.2), (5.0, 1.2)),
+    fps=10,
+    width=252,
+    height=168,
+    focal_px=150.0,  # 80 degrees, at the scale of the others
+    texture_scale=0.25,
+)
+SPHERE = replace(WALK, width=940, height=470, panorama_deg=360.0)
+CIRCLE = replace(WALK, width=510, height=510, panorama_deg=195.0)
+NO_GPS = vgps.Config.model_validate({"gps": {"model": "none"}})
+
+
+def drift_m(folder: Path) -> float:
+    """Mean error of the video alone after an alignment with scale."""
+    solution = vgps.smooth(vgps.open_recording(folder), NO_GPS)
+    error = evaluate(solution, read_trajectory(folder / "truth.tum")).camera_position_after_sim3_m
+    assert error is not None
+    return error.mean
+
+
+@pytest.fixture(scope="module")
+def pinhole_drift_m(tmp_path_factory: pytest.TempPathFactory) -> float:
+    folder = tmp_path_factory.mktemp("pinhole") / "walk"
+    simulate(folder, WALK)
+    return drift_m(folder)
+
+
+@pytest.mark.parametrize("scene", [SPHERE, CIRCLE], ids=["sphere", "circle"])
+def test_a_wide_picture_gives_a_better_path_than_a_pinhole(tmp_path, pinhole_drift_m, scene):
+    simulate(tmp_path / "walk", scene)
+    assert drift_m(tmp_path / "walk") < 0.7 * pinhole_drift_m
+    vgps.write_run(vgps.smooth(vgps.open_recording(tmp_path / "walk")), tmp_path / "run")
+    run, truth = read_run(tmp_path / "run"), read_trajectory(tmp_path / "walk" / "truth.tum")
+    error = evaluate(run, truth)
+    assert error.camera_position_m.mean < 0.05 and error.rotation_deg.mean < 1.0
+    export(tmp_path / "run", "exif", tmp_path / "images")
+    with Image.open(tmp_path / "images" / "frame_000000.jpg") as picture:
+        assert picture.size == (run.camera.width, run.camera.height)
+    assert all(len(view.landmarks.sigma_px) > 50 for view in run.cameras[:3])

@@ -1,0 +1,25 @@
+"""The video whose frames a run poses, for those who show or export its pictures."""
+
+from pathlib import Path
+
+from vgps.errors import VgpsError
+from vgps.model import Camera
+from vgps.readers.recording import open_recording
+from vgps.readers.sources import Source, open_video
+from vgps.readers.views.view import ViewVideo
+
+
+def open_posed_video(place: Path, camera: Camera) -> Source | ViewVideo:
+    """Return the video of a recording, or the view of this camera into its wide picture.
+
+    Raises:
+        RecordingError, VideoError: There is none, or it cannot be read.
+    """
+    video = open_video(place)
+    if (video.width, video.height) == (camera.width, camera.height):
+        return video
+    try:
+        posed = open_recording(place, with_gps=False, cameras=False).video
+    except VgpsError:
+        return video  # pictures of another size, without files that fit them
+    return posed if isinstance(posed, ViewVideo) else video

@@ -1,0 +1,1 @@
+"""Pictures wider than a plane can hold, seen through several pinhole views."""
