@@ -28,7 +28,8 @@ class Shutter:
             pinhole.
         panorama_deg: 360 for an equirectangular picture of the whole sphere, twice as wide as high; or the
             angle that a circular fisheye sees across the shorter side, from 170.
-        width, height: Size of the picture in pixels.
+        width: Width of the picture in pixels, instead of the scene's.
+        height: Its height.
     """
 
     fps: Annotated[int, Parameter(validator=Number(gte=1, lte=240))] | None = None
