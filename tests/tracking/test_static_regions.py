@@ -89,6 +89,12 @@ def test_features_that_stay_while_the_camera_turns_are_left_out_with_their_surro
     assert not shown[row, column].any() and 0.5 < shown.mean() < 1.0
 
 
+def test_features_that_stay_but_are_not_found_again_count_for_nothing(scene):
+    static = regions(min_views=1)
+    observe(static, scene, 5, pinned=False)
+    assert not (static.cells.since >= 0).any()
+
+
 def test_a_cell_in_which_more_features_move_is_kept(scene):
     local_map, match = scene
     uv = match.uv_px.copy()
@@ -137,6 +143,20 @@ def test_features_that_stay_under_a_camera_that_does_not_turn_may_be_far_away(sc
     static, pose = regions(min_views=1), POSES[-1].copy()
     pose[:3, :3] = POSES[0][:3, :3]
     observe(static, scene, 5, pose=pose)
+    assert not (static.cells.since >= 0).any()
+
+
+def test_each_feature_that_stays_is_judged_though_others_moved_before(scene):
+    """Under a camera that does not turn those that stay may be far away, as above."""
+    local_map, match = scene
+    poses = local_map.poses.copy()
+    poses[:, :3, :3] = POSES[0][:3, :3]
+    local_map.apply(MapUpdate(poses=poses))
+    static, pose = regions(min_views=1), POSES[-1].copy()
+    pose[:3, :3] = POSES[0][:3, :3]
+    static.masked(Frame(5, 5 / FPS, images(1)[0]))
+    assert match.found.all() and len(match.found) > PINNED
+    static.observe(local_map, match, local_map.last_uv_px, np.zeros(len(match.found), bool), pose)
     assert not (static.cells.since >= 0).any()
 
 
