@@ -19,6 +19,7 @@ from vgps.rolling_shutter import row_poses
 from vgps.solution import Observations
 from vgps.tracking.mapper import MIN_VIEWS, agreed_positions
 from vgps.tracking.pose import Correspondences, Prediction, refine_pose
+from vgps.tracking.row_motion import row_shifts
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,25 @@ class FramePoser:
             earlier = self._earlier_views(views, seen, poses[:row])
             points, sigma_px = self._positions(local_map.t_s, poses, seen.landmark, earlier)
             known = np.isfinite(points[:, 0])
-            uv_px = seen.uv_px[known]
-            matches = Correspondences(points[known], uv_px, lens_jacobian(self.camera, uv_px))
+            points, uv_px = points[known], seen.uv_px[known]
+            uv_px = uv_px - self._row_shifts(local_map.t_s[row - 1 : row + 1], poses[row - 1], moved, points)
+            matches = Correspondences(points, uv_px, lens_jacobian(self.camera, uv_px))
             poses[row] = self._pose(matches, sigma_px[known], moved)
         return poses
+
+    def _row_shifts(
+        self, t_s: FloatArray, before: FloatArray, moved: FloatArray, points: FloatArray
+    ) -> FloatArray | float:
+        """Return how far a rolling shutter shifts points (n, 3) in a frame, (n, 2) pixels.
+
+        Args:
+            t_s: (2,) times of the frame before and of this one.
+            before, moved: (4, 4) their poses, this one's by the tracked motion.
+            points: The points.
+        """
+        if not self.camera.readout_s:
+            return 0.0
+        return row_shifts(self.camera, t_s - t_s[1], np.stack([before, moved]), moved, points)
 
     def _earlier_views(self, views: Observations, seen: Observations, poses: FloatArray) -> Observations:
         """Return the views before a frame of features seen in it whose position is not refined.
