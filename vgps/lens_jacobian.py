@@ -27,7 +27,15 @@ def lens_jacobian(camera: Camera, uv_px: npt.ArrayLike) -> FloatArray | None:
     Returns:
         (N, 2, 2), rows by coordinates of the distorted pixel; None if it is nearly one all over the picture.
     """
-    return _jacobian(camera, np.asarray(uv_px, np.float64)) if _stretches(camera) else None
+    return distortion_jacobian(camera, np.asarray(uv_px, np.float64)) if _stretches(camera) else None
+
+
+def distortion_jacobian(camera: Camera, uv_px: FloatArray) -> FloatArray:
+    """Return the derivative (N, 2, 2) of the distorted by the undistorted pixels (N, 2), of any lens."""
+    steps = _STEP_PX * np.concatenate([np.eye(2), -np.eye(2)])
+    ends = distort(camera, uv_px + steps[:, None]).reshape(2, 2, -1, 2)  # by sign and axis of the step
+    # where the model ends, an observation counts for nothing
+    return np.asarray(np.nan_to_num((ends[0] - ends[1]).transpose(1, 2, 0) / (2.0 * _STEP_PX)))
 
 
 @lru_cache(maxsize=8)
@@ -39,11 +47,4 @@ def _stretches(camera: Camera) -> bool:
     uv = undistort(camera, np.column_stack([u.ravel(), v.ravel()]))
     if np.isnan(uv).any():  # the model ends within the picture
         return True
-    return bool(np.abs(_jacobian(camera, uv) - np.eye(2)).max() > _MILD)
-
-
-def _jacobian(camera: Camera, uv: FloatArray) -> FloatArray:
-    steps = _STEP_PX * np.concatenate([np.eye(2), -np.eye(2)])
-    ends = distort(camera, uv + steps[:, None]).reshape(2, 2, -1, 2)  # by sign and axis of the step
-    # where the model ends, an observation counts for nothing
-    return np.asarray(np.nan_to_num((ends[0] - ends[1]).transpose(1, 2, 0) / (2.0 * _STEP_PX)))
+    return bool(np.abs(distortion_jacobian(camera, uv) - np.eye(2)).max() > _MILD)

@@ -151,7 +151,7 @@ def _linearise(camera: Camera, poses: FloatArray, matches: _Matches, huber_px: f
     ]
     r, by_pose = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     rays = (r + uv_px - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-    by_camera = calibration_jacobian(camera, rays.T, matches.raw_px, parameter_count(camera))
+    by_camera = calibration_jacobian(camera, rays.T, uv_px, parameter_count(camera))
     weight = np.sqrt(np.minimum(1.0, huber_px / np.maximum(np.linalg.norm(r, axis=1), 1e-12)))
     J = np.concatenate([by_pose, by_camera.transpose(2, 1, 0), r[..., None]], axis=2)
     J *= (weight / matches.sigma_px)[:, None, None]
