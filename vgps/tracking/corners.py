@@ -20,6 +20,13 @@ def harris_maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, 
     Returns:
         Pixels (N, 2) and responses (N,).
     """
+    pixels, strength = _maxima(gray, config)
+    order = np.argsort(-strength, kind="stable")
+    return pixels[order], strength[order]
+
+
+def _maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, FloatArray]:
+    """Return all local maxima of the Harris response, pixels (N, 2) and responses (N,), row by row."""
     response = cv2.cornerHarris(gray, _BLOCK_PX, 3, config.harris_k)
     inner = slice(_MARGIN_PX, -_MARGIN_PX)
     threshold = max(config.harris_quality * cv2.minMaxLoc(response)[1], 1e-12)
@@ -27,9 +34,7 @@ def harris_maxima(gray: GrayImage, config: TrackingConfig) -> tuple[FloatArray, 
     peak = (response == largest)[inner, inner] & (response > threshold)[inner, inner]
     rows, columns = np.divmod(np.flatnonzero(peak), peak.shape[1])
     rows, columns = rows + _MARGIN_PX, columns + _MARGIN_PX
-    strength = response[rows, columns].astype(np.float64)
-    order = np.argsort(-strength, kind="stable")
-    return np.stack([columns, rows], axis=1)[order].astype(np.float64), strength[order]
+    return np.stack([columns, rows], axis=1).astype(np.float64), response[rows, columns].astype(np.float64)
 
 
 def new_corners(
@@ -55,8 +60,7 @@ def new_corners(
     """
     if count <= 0:
         return np.zeros((0, 2))
-    uv, _ = harris_maxima(gray, config)
-    uv = uv[is_shown(mask, uv)]
+    uv, strength = _maxima(gray, config)
     height, width = gray.shape
     cell = config.min_distance_px
     columns = int(np.ceil(width / cell))
@@ -65,10 +69,10 @@ def new_corners(
     inside = np.all((followed > 0) & (followed <= (columns, occupied.shape[0] - 2)), axis=1)
     occupied[followed[inside, 1], followed[inside, 0]] = True
     cells = (uv / cell).astype(int) + 1
-    free = ~occupied[cells[:, 1], cells[:, 0]]
-    uv, cells = uv[free], cells[free]
-    _, first = np.unique(cells[:, 1] * occupied.shape[1] + cells[:, 0], return_index=True)
-    candidates: FloatArray = uv[np.sort(first)]
+    free = np.flatnonzero(~occupied[cells[:, 1], cells[:, 0]] & is_shown(mask, uv))
+    free = free[np.argsort(-strength[free], kind="stable")]
+    _, first = np.unique(cells[free, 1] * occupied.shape[1] + cells[free, 0], return_index=True)
+    candidates: FloatArray = uv[free[np.sort(first)]]
     if len(candidates) <= count:
         return candidates
     drawn = np.sort(rng.choice(len(candidates), count, replace=False))
