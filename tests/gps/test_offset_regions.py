@@ -8,7 +8,7 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import GpsConfig, Region
 from vgps.gps.fixes import CLASSES
-from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_regions
+from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_bounds, with_offset_regions
 from vgps.model import FixClass
 
 CONFIG = GpsConfig()
@@ -47,6 +47,16 @@ def test_the_mean_region_is_the_root_mean_square_over_receivers_that_state_the_s
     assert mean.r_m[0] / PLANE == pytest.approx(np.sqrt(np.mean(size_m[alike] ** 2)), rel=0.05)
     unstated = with_mean_offset_regions(one_float(), CONFIG)
     assert unstated.r_m[0] / PLANE == pytest.approx(np.sqrt(np.mean(size_m**2)), rel=0.03)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_a_region_holds_95_percent_of_what_its_bound_allows(n):
+    mean, bound = with_mean_offset_regions(one_float(), CONFIG), with_offset_bounds(one_float(), CONFIG, n)
+    at = np.linspace(0.0, 20.0, 200_001)  # metres
+    plane = at * np.exp(-0.5 * (at / bound.r_m) ** (2 * n))  # the density of a radius, and of a height
+    line = np.exp(-0.5 * (at / bound.h_m) ** (2 * n))
+    assert plane[at < mean.r_m].sum() / plane.sum() == pytest.approx(0.95, abs=1e-3)
+    assert line[at < mean.h_m].sum() / line.sum() == pytest.approx(0.95, abs=1e-3)
 
 
 def test_a_region_that_was_set_bounds_the_offset_and_is_believed_more():

@@ -77,13 +77,20 @@ def test_a_stretch_counts_once_per_correlation_time():
     np.testing.assert_allclose(term(two).weight, 0.5)
 
 
-def test_an_offset_is_bounded_by_the_median_receiver_and_errs_as_the_mean_one():
+def test_an_offset_is_bounded_as_the_mean_receiver_errs():
     found, given, values = term(fixes([1.0])), fixes([1.0]), gtsam.Values()
-    median, mean = with_offset_regions(given, CONFIG), with_mean_offset_regions(given, CONFIG)
-    values.insert(offset_key(0), np.array([median.r_m[0], 0.0, 0.0]))
-    assert found.bounds.at(0).error(values) == pytest.approx(0.5)  # the wall, as a one-sigma residual
+    mean = with_mean_offset_regions(given, CONFIG)
+    values.insert(offset_key(0), np.array([mean.r_m[0] / 2.4477, 0.0, 0.0]))  # one sigma of a region of 95 %
+    assert found.bounds.at(0).error(values) == pytest.approx(0.5, rel=1e-4)
     np.testing.assert_allclose(found.bounded.r_m, mean.r_m)
     np.testing.assert_allclose(found.bounded.h_m, mean.h_m)
+
+
+def test_a_loose_bound_costs_one_sigma_at_the_wall_of_the_median_receiver():
+    given, values = fixes([1.0]), gtsam.Values()
+    found = gps_term(given, STANDING, Sensors.fixed(np.zeros(3)), CONFIG, loose=True)
+    values.insert(offset_key(0), np.array([with_offset_regions(given, CONFIG).r_m[0], 0.0, 0.0]))
+    assert found.bounds.at(0).error(values) == pytest.approx(0.5)
 
 
 def test_the_loss_is_the_density_of_students_t_in_space():

@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.offset_errors import errors_of
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
+
+_INSIDE = 0.95  # share of the errors that a region holds
 
 
 def with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
@@ -26,6 +29,17 @@ def with_mean_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
     log_size, variance = _log_sizes(fixes, config)
     r_m, h_m = np.exp(log_size + variance).T
     return replace(fixes, r_m=r_m, h_m=h_m)
+
+
+def with_offset_bounds(fixes: Fixes, config: GpsConfig, n: int) -> Fixes:
+    """Return fixes with the bounds of their offsets, at which these cost as much as a one-sigma residual.
+
+    The penalty (16), Kume 2010, is then that of the density of which the region of the mean receiver holds
+    95 %: with ``n = 1`` a Gaussian. A class whose size differs little between receivers is bounded closely.
+    """
+    mean = with_mean_offset_regions(fixes, config)
+    plane, line = ((2.0 * gammaincinv(axes / (2.0 * n), _INSIDE)) ** (0.5 / n) for axes in (2, 1))
+    return replace(mean, r_m=mean.r_m / plane, h_m=mean.h_m / line)
 
 
 def _log_sizes(fixes: Fixes, config: GpsConfig) -> tuple[FloatArray, FloatArray]:

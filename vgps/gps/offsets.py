@@ -23,7 +23,7 @@ from vgps.gps.fixes import (
     place,
 )
 from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
-from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_regions
+from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_bounds, with_offset_regions
 from vgps.gps.offset_start import smoothed_offsets
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -72,7 +72,12 @@ class OffsetChain:
 
 
 def gps_term(
-    fixes: Fixes, path: Trajectory, sensors: Sensors, config: GpsConfig, n: int | None = None
+    fixes: Fixes,
+    path: Trajectory,
+    sensors: Sensors,
+    config: GpsConfig,
+    n: int | None = None,
+    loose: bool = False,
 ) -> GpsTerm:
     """Return the GPS term for a path, with offsets if the error model has memory.
 
@@ -82,6 +87,7 @@ def gps_term(
         sensors: Lever arm, and whether it and the time offset are estimated with the poses.
         config: GPS model and error model.
         n: Exponent, if not the configured one.
+        loose: Whether an offset at the wall of its region costs no more than a one-sigma residual.
     """
     contributing = contributing_fixes(fixes, path.t_s, config)
     if not config.has_memory or not contributing.any():
@@ -91,9 +97,10 @@ def gps_term(
     chain = chain_offsets(fixes, contributing, config)
     rows = chain.rows[chain.first]
     first = fixes.where(rows)
-    bounded, weight = with_offset_regions(first, config), _weights(first, chain.starts)
-    bounds = gtsam.NonlinearFactorGraph()
     exponent = n or config.exponent
+    bounded = with_offset_regions(first, config) if loose else with_offset_bounds(first, config, exponent)
+    weight = _weights(first, chain.starts)
+    bounds = gtsam.NonlinearFactorGraph()
     for k in range(len(rows)):
         bounds.push_back(
             offset_factor(offset_key(k), penalty(bounded, k, config, exponent), float(weight[k]))

@@ -50,7 +50,7 @@ def optimise_batch(
 
     Between rounds, observations are selected and fixes assessed again, features without a valid position are
     triangulated again (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS
-    walls in stages; the noise and the walk of the fixes' errors are learned from its path.
+    walls in stages, and bounds offsets loosely; noise and walk of the fixes' errors are learned from its path.
 
     Args:
         scene: All frames, posed, and all features with their observations.
@@ -184,7 +184,7 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: St
         errors=state.errors,
         imu=state.imu,
     )
-    built = batch_problem(given, stage.n)
+    built = batch_problem(given, stage.n, loose=stage.first and not stage.last)
     result = solve_once(built.problem, _settings(batch, stage.last), batch.solver, context.journal)
     if result.stuck and stage.first:
         raise GeometryError(

@@ -63,16 +63,17 @@ class BatchProblem:
     other_factors: gtsam.NonlinearFactorGraph
 
 
-def batch_problem(given: BatchInput, n: int | None = None) -> BatchProblem:
+def batch_problem(given: BatchInput, n: int | None = None, loose: bool = False) -> BatchProblem:
     """Return the energy (11) of Kume 2010 over all frames.
 
     Args:
         given: Frames, features, fixes, sensors and settings.
         n: Exponent of the GPS walls, if not the configured one.
+        loose: Whether the offsets of fixes are bounded loosely, as in :func:`vgps.gps.offsets.gps_term`.
     """
     scene, sensors, context = given.scene, given.sensors, given.context
     config = with_errors(context.config.gps, given.errors)
-    term = gps_term(given.fixes, scene.trajectory, sensors, config, n)
+    term = gps_term(given.fixes, scene.trajectory, sensors, config, n, loose)
     others = other_pose_factors(scene, sensors, context.config, given.imu)
     others.push_back(control_factors(scene.controls, given.control_sigma_px, context.K))
     states = _offset_states(term)
