@@ -50,7 +50,7 @@ def optimise_batch(
 
     Between rounds, observations are selected and fixes assessed again, features without a valid position are
     triangulated again (19), and reliabilities (13) recomputed. The first round raises the exponent of the GPS
-    walls in stages, and bounds offsets loosely; noise and walk of the fixes' errors are learned from its path.
+    walls in stages, and bounds offsets loosely; noise and walk of the fixes' errors follow from its path.
 
     Args:
         scene: All frames, posed, and all features with their observations.
