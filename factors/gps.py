@@ -4,6 +4,8 @@ Poses are ``world_T_camera`` (``gtsam.Pose3``, tangent [rotation; translation]),
 antenna is a point in the camera frame, Eq. (17), Kume 2010. Penalties: :mod:`factors.penalties`.
 """
 
+from math import inf, isfinite
+
 import gtsam
 import numpy as np
 
@@ -133,27 +135,34 @@ def gps_factor_calibrating(
     return custom_factor(penalty.noise_model(), variables + _offset_variables(offset_key), error)
 
 
-def offset_factor(offset_key: int, penalty: Penalty, weight: float) -> gtsam.CustomFactor:
+def offset_factor(offset_key: int, penalty: Penalty, weight: float, tail: float = inf) -> gtsam.CustomFactor:
     """Return a factor that bounds the offset of a receiver's solution, as Eq. (16) bounds a fix's error.
 
-    Residual (3,): the penalty's residual at the offset, its cost times ``weight``. Jacobian: (3, 3).
+    Residual (3,): the penalty's residual at the offset, its cost ``omega Psi`` times ``weight``. Where the
+    size of the penalty is itself unknown, as that of Student's t with ``tail`` degrees of freedom, the cost
+    is ``weight (tail + 3) / 2 log(1 + 2 omega Psi / tail)``. Jacobian: (3, 3).
 
     Args:
         offset_key: Key of the offset, a vector (3,), ENU metres.
-        penalty: Penalty on the offset.
+        penalty: Penalty on the offset, without a loss of its own if there is a tail.
         weight: Share of an independent observation that the offset counts as.
+        tail: Degrees of freedom; infinite if the size is known.
 
     Raises:
-        ValueError: The weight is not positive.
+        ValueError: The weight or the tail is not positive.
     """
-    if not weight > 0.0:
-        raise ValueError(f"weight is {weight}, expected a positive number")
+    if not (weight > 0.0 and tail > 0.0):
+        raise ValueError(f"weight is {weight} and tail {tail}, expected positive numbers")
+    noise, factor = penalty.noise_model(), np.sqrt(weight)
+    if isfinite(tail):
+        loss = gtsam.noiseModel.mEstimator.Cauchy.Create(np.sqrt(weight * (tail + 3.0)))
+        noise, factor = gtsam.noiseModel.Robust.Create(loss, noise), factor * np.sqrt((tail + 3.0) / tail)
 
     def error(offset: FloatArray) -> Linearisation:
         residual, by_offset = penalty.residual(offset)
-        return np.sqrt(weight) * residual, [np.sqrt(weight) * by_offset]
+        return factor * residual, [factor * by_offset]
 
-    return custom_factor(penalty.noise_model(), [Variable(offset_key, VECTOR3)], error)
+    return custom_factor(noise, [Variable(offset_key, VECTOR3)], error)
 
 
 def _offset_variables(key: int | None) -> list[Variable]:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.stats import multivariate_t
 
 from factors import (
     Cylinder,
@@ -24,6 +25,7 @@ PENALTIES = [
     Ellipsoid(4.1, 11.4, 3, 1e-3),
     Gaussian((0.5, 0.7, 2.0)),
 ]
+SQUARES = np.array([0.25, 0.25, 4.0])  # of a cylinder's sizes
 small = st.floats(-1, 1)
 # rotations up to 1.7 rad from the origin and between the frames: clear of pi, where Log has a jump
 twists = st.tuples(arrays(np.float64, 3, elements=small), arrays(np.float64, 3, elements=st.floats(-20, 20)))
@@ -220,7 +222,22 @@ def test_the_bound_of_an_offset_is_its_penalty_times_the_weight(check_jacobians,
     check_jacobians(factor, values)
 
 
-@pytest.mark.parametrize("weight", [0.0, -1.0, float("nan")])
-def test_the_weight_of_a_bound_is_positive(weight):
-    with pytest.raises(ValueError, match="weight is"):
-        offset_factor(OFFSET, PENALTIES[0], weight)
+@given(arrays(np.float64, 3, elements=st.floats(-9, 9)), st.floats(0.01, 10.0), st.floats(0.5, 50.0))
+def test_a_bound_of_unknown_size_is_students_t_in_space(offset, weight, tail):
+    values = gtsam.Values()
+    values.insert(OFFSET, offset)
+    factor = offset_factor(OFFSET, Cylinder(0.5, 2.0, 1, 0.5), weight, tail)
+    density = multivariate_t(shape=np.diag(SQUARES), df=tail)
+    expected = weight * (density.logpdf(np.zeros(3)) - density.logpdf(offset))
+    assert factor.error(values) == pytest.approx(expected, rel=1e-7, abs=1e-9)
+    jacobian, right = factor.linearize(values).jacobian()  # reweighted: its gradient is that of the cost
+    gradient = weight * (tail + 3.0) / (tail + offset @ (offset / SQUARES)) * offset / SQUARES
+    np.testing.assert_allclose(-jacobian.T @ right, gradient, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [0.0, -1.0, float("nan")])
+def test_weight_and_tail_of_a_bound_are_positive(number):
+    with pytest.raises(ValueError, match=f"weight is {number}"):
+        offset_factor(OFFSET, PENALTIES[0], number)
+    with pytest.raises(ValueError, match=f"tail {number}"):
+        offset_factor(OFFSET, PENALTIES[0], 1.0, number)

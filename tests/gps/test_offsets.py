@@ -77,13 +77,27 @@ def test_a_stretch_counts_once_per_correlation_time():
     np.testing.assert_allclose(term(two).weight, 0.5)
 
 
-def test_an_offset_is_bounded_as_the_mean_receiver_errs():
-    found, given, values = term(fixes([1.0])), fixes([1.0]), gtsam.Values()
+def test_an_rtk_fix_is_bounded_as_the_mean_receiver_errs():
+    found, given, values = term(fixes([1.0], FIX)), fixes([1.0], FIX), gtsam.Values()
     mean = with_mean_offset_regions(given, CONFIG)
     values.insert(offset_key(0), np.array([mean.r_m[0] / 2.4477, 0.0, 0.0]))  # one sigma of a region of 95 %
     assert found.bounds.at(0).error(values) == pytest.approx(0.5, rel=1e-4)
     np.testing.assert_allclose(found.bounded.r_m, mean.r_m)
     np.testing.assert_allclose(found.bounded.h_m, mean.h_m)
+
+
+def test_an_rtk_float_is_bounded_as_receivers_of_all_sizes_err():
+    """Small offsets cost more than those of the mean receiver, large ones less."""
+
+    def cost(of_class, size_m):
+        values = gtsam.Values()
+        values.insert(offset_key(0), np.array([size_m, 0.0, 0.0]))
+        return term(fixes([1.0], of_class)).bounds.at(0).error(values)
+
+    mean = with_mean_offset_regions(fixes([1.0]), CONFIG).r_m[0] / 2.4477
+    assert cost(FLOAT, 0.2 * mean) > 4 * 0.5 * 0.2**2
+    assert cost(FLOAT, 10.0 * mean) < 0.5 * 0.5 * 10.0**2
+    assert cost(FIX, 0.1) == pytest.approx(100.0 * cost(FIX, 0.01))  # a wrong one is another state
 
 
 def test_a_loose_bound_costs_one_sigma_at_the_wall_of_the_median_receiver():

@@ -1,9 +1,12 @@
 """Regions of offsets: what classes and stated sigmas say about their size, and how sure both are of it."""
 
 from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.optimize import brentq
+from scipy.special import digamma, gammaincinv, polygamma
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES, Fixes
@@ -12,6 +15,7 @@ from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.model import FloatArray
 
 _INSIDE = 0.95  # share of the errors that a region holds
+_LIGHT_TAIL = 4.0  # degrees of freedom beyond which Student's t has a kurtosis
 
 
 def with_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
@@ -31,15 +35,43 @@ def with_mean_offset_regions(fixes: Fixes, config: GpsConfig) -> Fixes:
     return replace(fixes, r_m=r_m, h_m=h_m)
 
 
-def with_offset_bounds(fixes: Fixes, config: GpsConfig, n: int) -> Fixes:
-    """Return fixes with the bounds of their offsets, at which these cost as much as a one-sigma residual.
+class OffsetBounds(NamedTuple):
+    """Bounds (M,) of offsets: fixes with the regions of the penalty (16), and the tails of Student's t.
 
-    The penalty (16), Kume 2010, is then that of the density of which the region of the mean receiver holds
-    95 %: with ``n = 1`` a Gaussian. A class whose size differs little between receivers is bounded closely.
+    A tail is infinite where the bound has none; see :func:`factors.offset_factor`.
     """
-    mean = with_mean_offset_regions(fixes, config)
+
+    fixes: Fixes
+    tail: FloatArray
+
+
+def offset_bounds(fixes: Fixes, config: GpsConfig, n: int) -> OffsetBounds:
+    """Return the bounds of offsets of receivers whose size is log-normal.
+
+    Densities of different sizes mix to one with heavy tails, as Student's t, whose log of the size has the
+    variance ``trigamma(tail / 2) / 4``. So an offset well inside the region of its class is held closely, as
+    that of a good receiver, and one far outside loosely. Of the median receiver the region holds 95 % of what
+    the penalty (16), Kume 2010, allows, with ``n = 1`` a Gaussian.
+
+    Where the size is known so well that the tails would have a kurtosis, the bound is that of the mean
+    receiver without tails: what lies far outside then is no fix of its class, but a wrong one, which has
+    verdicts of its own.
+    """
+    log_size, variance = _log_sizes(fixes, config)
+    half = np.array([_half_tail(value) for value in variance[:, 0].tolist()])
+    heavy = 2.0 * half <= _LIGHT_TAIL
+    # of Student's t over the median of its mixture, or of the root mean square
+    scale = np.where(heavy, np.exp(0.5 * (digamma(half) - np.log(half))), np.exp(variance[:, 0]))
     plane, line = ((2.0 * gammaincinv(axes / (2.0 * n), _INSIDE)) ** (0.5 / n) for axes in (2, 1))
-    return replace(mean, r_m=mean.r_m / plane, h_m=mean.h_m / line)
+    r_m, h_m = np.exp(log_size).T * scale
+    tail = np.where(heavy, 2.0 * half, np.inf)
+    return OffsetBounds(replace(fixes, r_m=r_m / plane, h_m=h_m / line), tail)
+
+
+@cache
+def _half_tail(variance: float) -> float:
+    """Return half the degrees of freedom of the mixture whose log of the size has this variance."""
+    return float(brentq(lambda half: float(polygamma(1, half)) - 4.0 * variance, 1e-3, 1.0 + 1.0 / variance))
 
 
 def _log_sizes(fixes: Fixes, config: GpsConfig) -> tuple[FloatArray, FloatArray]:

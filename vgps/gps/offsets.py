@@ -23,7 +23,7 @@ from vgps.gps.fixes import (
     place,
 )
 from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
-from vgps.gps.offset_regions import with_mean_offset_regions, with_offset_bounds, with_offset_regions
+from vgps.gps.offset_regions import offset_bounds, with_mean_offset_regions, with_offset_regions
 from vgps.gps.offset_start import smoothed_offsets
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FloatArray, IntArray
@@ -87,7 +87,8 @@ def gps_term(
         sensors: Lever arm, and whether it and the time offset are estimated with the poses.
         config: GPS model and error model.
         n: Exponent, if not the configured one.
-        loose: Whether an offset at the wall of its region costs no more than a one-sigma residual.
+        loose: Whether an offset at the wall of its region costs no more than a one-sigma residual, without
+            heavy tails.
     """
     contributing = contributing_fixes(fixes, path.t_s, config)
     if not config.has_memory or not contributing.any():
@@ -98,13 +99,14 @@ def gps_term(
     rows = chain.rows[chain.first]
     first = fixes.where(rows)
     exponent = n or config.exponent
-    bounded = with_offset_regions(first, config) if loose else with_offset_bounds(first, config, exponent)
+    bounded, tail = offset_bounds(first, config, exponent)
+    if loose:
+        bounded, tail = with_offset_regions(first, config), np.full(len(rows), np.inf)
     weight = _weights(first, chain.starts)
     bounds = gtsam.NonlinearFactorGraph()
     for k in range(len(rows)):
-        bounds.push_back(
-            offset_factor(offset_key(k), penalty(bounded, k, config, exponent), float(weight[k]))
-        )
+        bound = penalty(bounded, k, config, exponent)
+        bounds.push_back(offset_factor(offset_key(k), bound, float(weight[k]), float(tail[k])))
     noise_losses, walk_losses = _noise_losses(fixes, chain, config), _walk_losses(fixes, chain, config)
     noise = _noise_factors(fixes, chain, path.t_s, sensors, noise_losses)
     noise.push_back(_walk_factors(walk_losses))
