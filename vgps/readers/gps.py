@@ -16,7 +16,7 @@ from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gps_formats.gpx import looks_like_gpx, read_gpx
 from vgps.readers.gps_formats.igc import looks_like_igc, read_igc
 from vgps.readers.gps_formats.mavlink import looks_like_mavlink, read_mavlink
-from vgps.readers.gps_formats.nmea import looks_like_nmea, read_nmea
+from vgps.readers.gps_formats.nmea import looks_like_nmea, looks_like_nmea_without_gga, read_nmea
 from vgps.readers.gps_formats.novatel import looks_like_novatel, read_novatel
 from vgps.readers.gps_formats.rtklib import looks_like_pos, read_pos
 from vgps.readers.gps_formats.sbf import looks_like_sbf, read_sbf
@@ -54,6 +54,7 @@ _FORMATS = (
     _Format("igc", looks_like_igc, read_igc),
     _Format("srt", looks_like_srt, read_dji_srt),
     _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
+    _Format("nmea", looks_like_nmea_without_gga, lambda data, _: read_nmea(data)),
 )
 
 
@@ -117,7 +118,7 @@ def _read(path: Path) -> RawLog:
         raise GpsLogError(
             "not a GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA with GGA, GPX, an RTKLIB .pos, IGC, "
+            expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA, GPX, an RTKLIB .pos, IGC, "
             "FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a video with GPS, or a CSV with latitude_deg and "
             "longitude_deg",
             remedy=_remedy(data),

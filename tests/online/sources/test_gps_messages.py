@@ -55,6 +55,28 @@ def test_a_fix_is_returned_by_the_next_epoch_or_by_flush():
     assert len(epochs.flush()) == 1 and epochs.flush() == []
 
 
+def flat(count: int) -> list[bytes]:
+    """Return epochs of RMC alone, a second apart, at noon."""
+    return [
+        checked(b"$GNRMC,1200%02d.00,A,4900.66,N,00824.99,E,0.1,,260911,,,A" % second)
+        for second in range(count)
+    ]
+
+
+def test_rmc_is_a_fix_when_for_seconds_no_heights_came():
+    epochs = Epochs()
+    found = [fix.fix for raw in flat(6) for fix in epochs.add(raw)] + [fix.fix for fix in epochs.flush()]
+    assert [fix.t_s % 60 for fix in found] == [3, 4, 5]
+    assert [fix.height_m for fix in found] == [0.0] * 3
+    assert epochs.notes[0] == "no GGA with a fix: positions are those of RMC" and len(epochs.notes) == 2
+
+
+def test_rmc_is_no_fix_of_a_receiver_that_sends_heights():
+    gga = checked(b"$GNGGA,115959.00,4900.6599756,N,00824.9900171,E,4,14,0.80,116.0689,M,47.9,M,1.0,0000")
+    found = fixes_in(b"".join([*flat(2), gga, *flat(30)]))
+    assert [fix.fix.fix_class for fix in found] == ["rtk_fix"]
+
+
 def test_without_a_date_only_the_time_of_day_is_known():
     found = fixes_in(checked(EPOCHS[1]))
     assert found[0].clock is Clock.TIME_OF_DAY and found[0].fix.t_s == 86399.0

@@ -8,7 +8,7 @@ from nmea_text import gga, gst, rmc, sentence, with_checksums, zda
 
 from vgps.model import FixClass
 from vgps.readers.gps_formats.fixes import Clock, unix_s
-from vgps.readers.gps_formats.nmea import looks_like_nmea, read_nmea
+from vgps.readers.gps_formats.nmea import looks_like_nmea, looks_like_nmea_without_gga, read_nmea
 
 
 def read(text: str):
@@ -177,6 +177,110 @@ def test_a_log_without_any_checksums_is_read():
     assert log.notes == ["1 damaged or truncated line skipped, first line 4"]
 
 
+# a Furuno Ai-T250, gpsd's test/daemon/ait250.log
+AIT250 = """$GPRMC,194907.00,A,5241.99815,N,00517.56525,E,0.005,,010809,,,A*7B\r
+$GPGBS,194907.00,3.0,1.9,4.2,,,,*4E\r
+$GPRMC,194908.00,A,5241.99805,N,00517.56503,E,0.003,,010809,,,A*77\r
+"""
+
+
+def test_rmc_alone_is_a_fix_without_a_height():
+    log = read(AIT250)
+    assert log.clock is Clock.UTC
+    assert [fix.t_s for fix in log.fixes] == [utc(2009, 8, 1, 19, 49, 7), utc(2009, 8, 1, 19, 49, 8)]
+    assert log.fixes[0].latitude_deg == pytest.approx(52.699969167, abs=1e-9)  # gpsd's
+    assert log.fixes[0].longitude_deg == pytest.approx(5.292754167, abs=1e-9)
+    assert [fix.height_m for fix in log.fixes] == [0.0, 0.0] and log.fixes[0].sigma_m[2] == 1000.0
+    assert log.fixes[0].fix_class is FixClass.SINGLE and [fix.line for fix in log.fixes] == [1, 3]
+    assert log.notes == [
+        "no GGA with a fix: positions are those of RMC",
+        "no heights: fixes are horizontal, at height 0 with a sigma of 1000 m",
+    ]
+
+
+def test_rmc_has_no_part_where_gga_has_a_fix():
+    with_rmc = read(rmc("115958", "260911") + gga("115959") + rmc("120000", "260911"))
+    assert [fix.line for fix in with_rmc.fixes] == [2] and with_rmc.notes == []
+
+
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [
+        (",,,A", FixClass.SINGLE),
+        (",,,D", FixClass.DGPS),
+        (",,,F,V", FixClass.RTK_FLOAT),
+        (",,,R,V", FixClass.RTK_FIX),
+        (",,,P", FixClass.SINGLE),
+        (",,", FixClass.SINGLE),  # before NMEA 2.3
+        (",,,", FixClass.SINGLE),
+        *[(f",,,{mode}", None) for mode in "NEMS"],
+    ],
+)
+def test_the_mode_is_the_class_of_rmc(end, expected):
+    log = read(sentence(f"GPRMC,120000,A,4900.66,N,00824.99,E,0.004,77.52,260911{end}"))
+    assert [fix.fix_class for fix in log.fixes] == ([] if expected is None else [expected])
+
+
+def test_rmc_with_a_warning_is_no_fix():
+    assert read(rmc("120000", "260911", "V") + rmc("120001", "260911")).notes[1] == (
+        "1 epoch without a fix skipped"
+    )
+
+
+@pytest.mark.parametrize(
+    ("modes", "expected"),
+    [("AN", FixClass.SINGLE), ("RRAN", FixClass.RTK_FIX), ("NDA", FixClass.DGPS), ("NN", None), ("", None)],
+)
+def test_gns_has_a_height_and_a_mode_of_each_constellation(modes, expected):
+    place = "4900.66,N,00824.99,E"
+    gns = sentence(f"GNGNS,120000.00,{place},{modes},14,0.80,116.0,47.9,1.5,0000")
+    log = read(gns + rmc("120000.00", "260911"))  # which RMC does not replace
+    if expected is None:
+        assert log.notes[0] == "no GGA with a fix: positions are those of RMC"
+    else:
+        (fix,) = log.fixes
+        assert (fix.fix_class, fix.hdop, fix.satellites, fix.correction_age_s) == (expected, 0.8, 14, 1.5)
+        assert fix.height_m == pytest.approx(163.9)
+        assert log.notes == ["no GGA with a fix: positions are those of GNS"]
+
+
+def test_gll_is_read_where_there_is_nothing_else():
+    place = "4900.66,N,00824.99,W"
+    log = read(sentence(f"INGLL,{place},194102,A") + sentence(f"INGLL,{place},194104,V"))
+    (fix,) = log.fixes
+    assert log.clock is Clock.TIME_OF_DAY and fix.t_s == 19 * 3600 + 41 * 60 + 2
+    assert fix.longitude_deg == pytest.approx(-8.4165) and fix.fix_class is FixClass.SINGLE
+    leap = read(sentence(f"GPGLL,{place},235960.5,A,D")).fixes[0]
+    assert (leap.t_s, leap.fix_class) == (86400.5, FixClass.DGPS)
+
+
+def test_gga_without_heights_is_horizontal():
+    bare = "GPGGA,112257.00,3844.24011,N,00908.43828,W,1,03,10.5,,,,,,"  # gpsd's test/daemon/polarx2.log
+    (fix,) = read(sentence(bare)).fixes
+    assert (fix.height_m, fix.sigma_m[2], fix.hdop) == (0.0, 1000.0, 10.5)
+
+
+def test_an_epoch_without_time_and_fix_is_one_without_a_fix():
+    assert read(gga("120000") + sentence("GPGGA,,,,,,0,,,,M,,M,,")).notes == ["1 epoch without a fix skipped"]
+    assert read(gga("120000") + gga("")).notes == ["1 fix without a time of day skipped"]
+
+
+def test_a_logger_may_write_times_around_a_sentence():
+    text = "".join(
+        f"2024-05-01 10:00:0{k}.123 {gga(f'12000{k}')}NMEA,{sentence('GPGSV,1,1,00').strip()},171455{k}\r\n"
+        f"NMEA,{zda(f'12000{k}', 1, 5, 2024).strip()},171455{k}\r\n"
+        for k in range(3)
+    )
+    log = read(text)
+    assert len(log.fixes) == 3 and log.clock is Clock.UTC and log.notes == []
+
+
+def test_a_place_that_is_cut_off_is_damage_even_without_checksums():
+    whole = "$GPRMC,120000,A,4900.66,N,00824.99,E,0.0,0.0,260911,,,A\n"
+    log = read(whole + "$GPRMC,120001,A,4900.66,N,0082")
+    assert len(log.fixes) == 1 and "1 damaged or truncated line skipped, first line 2" in log.notes
+
+
 @given(st.binary(max_size=300))
 def test_no_garbage_breaks_the_reader(data):
     assert read_nmea(data + b"\n" + gga("120000").encode()).fixes
@@ -210,6 +314,8 @@ def test_any_fields_under_a_right_checksum_are_survived(fields):
         + sentence("GNZDA," + fields)
         + sentence("GNRMC," + fields)
         + sentence("GNGSA," + fields)
+        + sentence("GNGNS," + fields)
+        + sentence("GNGLL," + fields)
     )
 
 
@@ -225,3 +331,4 @@ def test_absurd_numbers_are_damage():
 def test_what_looks_like_nmea():
     assert looks_like_nmea(gga("120000").encode())
     assert not looks_like_nmea(b"$GNGSV,1\nt_s,latitude_deg\n")
+    assert looks_like_nmea_without_gga(AIT250.encode()) and not looks_like_nmea(AIT250.encode())

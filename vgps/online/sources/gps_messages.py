@@ -6,14 +6,15 @@ from typing import Protocol
 
 from pyubx2 import NMEA_PROTOCOL, PARSE_NONE, UBX_PROTOCOL, UBXReader
 
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, has_height
 from vgps.readers.gps_formats.nmea import read_nmea
 from vgps.readers.gps_formats.ubx import read_ubx
 
 _NAV_TOW_AT = {b"\x07": 6, b"\x14": 10, b"\x04": 6}  # NAV-PVT, HPPOSLLH, DOP: offset of the time of week
-_TIMED = (b"GGA", b"GST", b"RMC", b"ZDA")
+_TIMED = {b"GGA": 1, b"GNS": 1, b"GST": 1, b"RMC": 1, b"ZDA": 1, b"GLL": 5}  # the field with the time
 _DATED = (b"RMC", b"ZDA")
 _COLLECTED = (*_TIMED, b"GSA")
+_NO_HEIGHTS_S = 3.0  # without heights, after which fixes are taken that have none: those of RMC or GLL
 
 
 class ByteStream(Protocol):
@@ -53,15 +54,21 @@ class StreamedFix:
 class Epochs:
     """Collector of the messages of one epoch, which a later message or :meth:`flush` ends.
 
-    As in a log, NMEA is used only before the first NAV-PVT. ``line`` of a fix is the number of its message.
+    As in a log, NMEA is used only before the first NAV-PVT, and RMC and GLL only of a receiver that sends no
+    fixes with heights. ``line`` of a fix is the number of its message.
+
+    Attributes:
+        notes: For the user; whoever reads them clears them.
     """
 
     def __init__(self) -> None:
         self._epoch: list[bytes] = []
         self._key = b""
         self._date = b""
-        self._binary = False
+        self._binary = self._has_heights = self._told = False
+        self._flat_since_s = float("inf")
         self._count = 0
+        self.notes: list[str] = []
 
     def add(self, raw: bytes) -> list[StreamedFix]:
         """Add a message, and return the fix of the previous epoch if the message ends it."""
@@ -69,11 +76,12 @@ class Epochs:
         if raw[:2] == b"\xb5\x62":
             return self._add_ubx(raw)
         kind = raw[3:6]
-        if self._binary or kind not in _COLLECTED:
+        if self._binary or kind not in _COLLECTED or (self._has_heights and kind == b"GLL"):
             return []
         done = []
         if kind in _TIMED:
-            key = b",".join(raw.split(b",", 2)[1:2])  # nothing in a sentence without fields
+            at = _TIMED[kind]
+            key = b",".join(raw.split(b",")[at : at + 1])  # nothing in a sentence without fields
             done = self.flush() if key != self._key else []
             self._key = key
         self._epoch.append(raw.strip() + b"\n")
@@ -97,7 +105,8 @@ class Epochs:
         if not epoch:
             return []
         found = read_ubx(b"".join(epoch)) if self._binary else self._read_nmea(epoch)
-        return [StreamedFix(found.clock, fix._replace(line=self._count)) for fix in found.fixes]
+        fixes = found.fixes if self._binary else self._usable(found)
+        return [StreamedFix(found.clock, fix._replace(line=self._count)) for fix in fixes]
 
     def _read_nmea(self, epoch: list[bytes]) -> RawLog:
         dated = [raw for raw in epoch if raw[3:6] in _DATED]
@@ -107,3 +116,20 @@ class Epochs:
         elif dated and self._date:
             found = read_nmea(b"".join([self._date, *epoch]))
         return found
+
+    def _usable(self, found: RawLog) -> list[Fix]:
+        """Return the fixes without those that have no heights, unless the receiver has sent no others."""
+        usable = []
+        for fix in found.fixes:
+            if has_height(fix):
+                self._has_heights = True
+                usable.append(fix)
+                continue
+            self._flat_since_s = min(self._flat_since_s, fix.t_s)
+            if self._has_heights or fix.t_s - self._flat_since_s < _NO_HEIGHTS_S:
+                continue
+            if not self._told:
+                self.notes += found.notes
+                self._told = True
+            usable.append(fix)
+        return usable

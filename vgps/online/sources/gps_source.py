@@ -79,7 +79,7 @@ class GpsSource:
             self._last_s = unix_s
         if time.time() - self._last_s > _QUIET_S:
             found += [ReceivedFix(fix, self._last_s) for fix in self._epochs.flush()]
-        notes = []
+        notes, self._epochs.notes = self._epochs.notes, []
         with contextlib.suppress(queue.Empty):
             while True:
                 notes.append(self._notes.get_nowait())

@@ -160,6 +160,11 @@ def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     return flat, [_NO_HEIGHTS]
 
 
+def has_height(fix: Fix) -> bool:
+    """Whether a fix has a height of its own, or the large sigma of `with_a_height`."""
+    return fix.sigma_m[2] != _NO_HEIGHT_SIGMA_M
+
+
 def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     """Return fixes whose heights are above the sea with ellipsoidal ones, by EGM96, and a note on it."""
     place = np.array([fix[1:4] for fix in fixes], float).reshape(-1, 3)
