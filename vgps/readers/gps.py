@@ -20,7 +20,7 @@ from vgps.readers.gps_formats.nmea import looks_like_nmea, looks_like_nmea_witho
 from vgps.readers.gps_formats.novatel import looks_like_novatel, read_novatel
 from vgps.readers.gps_formats.rtklib import looks_like_pos, read_pos
 from vgps.readers.gps_formats.sbf import looks_like_sbf, read_sbf
-from vgps.readers.gps_formats.ubx import looks_like_ubx, read_ubx
+from vgps.readers.gps_formats.ubx import looks_like_old_ubx, looks_like_ubx, read_old_ubx, read_ubx
 from vgps.readers.gps_formats.ulog import looks_like_ulog, read_ulog
 from vgps.readers.table import read_bytes
 from vgps.readers.video_gps.dji_srt import looks_like_srt, read_dji_srt
@@ -50,6 +50,7 @@ _FORMATS = (
     _Format("ubx", looks_like_ubx, lambda data, _: read_ubx(data)),
     _Format("gpx", looks_like_gpx, read_gpx),
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
+    _Format("ubx", looks_like_old_ubx, lambda data, _: read_old_ubx(data)),
     _Format("pos", looks_like_pos, read_pos),
     _Format("igc", looks_like_igc, read_igc),
     _Format("srt", looks_like_srt, read_dji_srt),

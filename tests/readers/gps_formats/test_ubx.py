@@ -10,7 +10,7 @@ from pyubx2 import GET, UBXMessage
 from vgps.errors import GpsLogError
 from vgps.model import FixClass, Rig
 from vgps.readers.gps import gps_format, read_gps_log
-from vgps.readers.gps_formats.ubx import read_ubx
+from vgps.readers.gps_formats.ubx import read_old_ubx, read_ubx
 
 MOMENT = {"year": 2024, "month": 12, "day": 31, "hour": 23, "min": 59, "second": 59, "nano": 500_000_000}
 NEXT = {"year": 2025, "month": 1, "day": 1, "hour": 0, "min": 0, "second": 0, "nano": 500_000_000}
@@ -215,3 +215,55 @@ def test_a_byte_that_is_wrong_never_gives_a_wrong_fix(place, change):
     data = bytearray(pvt())
     data[place] ^= change
     assert read_ubx(bytes(data)).fixes == []
+
+
+# a NEO-M8T: gpsd's test/daemon/ublox-neo-m8t.log, which it reads as below
+NAV_SOL = bytes.fromhex(
+    "b56201063400a06617190b110000e80703ddfe24c7f155369fe8a9c74f1aa500000001000000"
+    "01000000ffffffff02000000ad0002094a6403002f17"
+)
+SOL = {"iTOW": 421_000_500, "week": 2024, "gpsFix": 3, "gpsfixOK": 1, "wknSet": 1, "towSet": 1, "numSV": 9}
+AT_EQUATOR = {"ecefX": 637_813_700 + 10_000, "ecefY": 0, "ecefZ": 0}  # 100 m high
+
+
+def sol(**changes):
+    """A NAV-SOL message as an older receiver sends it."""
+    fields = {**SOL, **AT_EQUATOR, "pDOP": 1.5, **changes}
+    return UBXMessage("NAV", "NAV-SOL", GET, **fields).serialize()
+
+
+def test_an_older_receiver_has_nav_sol(tmp_path):
+    file = log(tmp_path, b"# Chipset: u-blox\n" + NAV_SOL)
+    assert gps_format(file) == "ubx"
+    (fix,) = read_old_ubx(file.read_bytes()).fixes
+    assert fix.t_s == pytest.approx(datetime(2018, 10, 25, 20, 55, 46, tzinfo=UTC).timestamp(), abs=1e-4)
+    assert fix[1:4] == pytest.approx((44.068809596, -121.314309171, 1110.6751), abs=1e-3)
+    assert (fix.fix_class, fix.hdop, fix.satellites) == (FixClass.SINGLE, 1.73, 9)
+
+
+def test_posllh_and_dop_of_the_epoch_refine_nav_sol():
+    fields = {"lon": 0.0, "lat": 1e-7, "height": 100_004, "hAcc": 2000, "vAcc": 3000}
+    place = UBXMessage("NAV", "NAV-POSLLH", GET, iTOW=SOL["iTOW"], **fields).serialize()
+    dop = UBXMessage("NAV", "NAV-DOP", GET, iTOW=SOL["iTOW"], hDOP=0.9).serialize()
+    first, second = read_old_ubx(place + sol() + dop + sol(iTOW=SOL["iTOW"] + 1000, diffSoln=1)).fixes
+    assert (first.latitude_deg, first.height_m, first.hdop) == (1e-7, 100.004, 0.9)
+    assert first.sigma_m == pytest.approx((2**0.5, 2**0.5, 3.0))
+    assert (second.height_m, second.hdop) == (pytest.approx(100.0), 1.5) and np.isnan(second.sigma_m).all()
+    assert second.t_s - first.t_s == pytest.approx(1.0) and second.fix_class is FixClass.DGPS
+
+
+@pytest.mark.parametrize("changes", [{"gpsfixOK": 0}, {"wknSet": 0}, {"towSet": 0}])
+def test_nav_sol_without_a_fix_or_time_is_none(changes):
+    assert read_old_ubx(sol(**changes)).fixes == []
+    assert read_old_ubx(sol(gpsFix=5)).fixes[0].fix_class is FixClass.UNKNOWN
+
+
+def test_nav_sol_has_no_part_where_nav_pvt_is(tmp_path):
+    assert read_gps_log(log(tmp_path, sol() + pvt())).satellites.tolist() == [17]
+
+
+@given(st.integers(0, 59), st.integers(1, 255))
+def test_a_nav_sol_with_a_wrong_byte_is_no_fix(place, change):
+    data = bytearray(NAV_SOL)
+    data[place] ^= change
+    assert read_old_ubx(bytes(data)).fixes == []
