@@ -39,6 +39,11 @@ TEXTS = {
     "<time>2024-12-31T23:59:59.5Z</time><sat>9</sat><hdop>1.2</hdop><ageofdgpsdata>3</ageofdgpsdata></trkpt>"
     '<trkpt lat="49.1" lon="8.4"><ele>101</ele><time>2025-01-01T00:00:00.5Z</time></trkpt>'
     "</trkseg></trk></gpx>",
+    "rmc": rmc("120000", "260911") + rmc("120001", "260911"),
+    "kml": '<kml xmlns:gx="g"><gx:Track><when>2011-09-26T12:00:00Z</when><when>2011-09-26T12:00:01Z</when>'
+    "<gx:coord>8.4 49.0 116.5</gx:coord><gx:coord>8.5 49.1 117.5</gx:coord></gx:Track></kml>",
+    "android": "# Fix,Provider,Latitude,Longitude,Altitude,Speed,Accuracy,(UTC)TimeInMs\n"
+    "Fix,gps,49.1,8.4,116.5,0.0,3.0,1317038400000\nFix,gps,49.1,8.5,116.5,0.0,3.0,1317038401000\n",
 }
 ABSURD = [
     "9" * 400,
@@ -173,7 +178,7 @@ def test_an_absurd_number_is_skipped_or_refused(tmp_path_factory, name, data):
     text, path = TEXTS[name], tmp_path_factory.getbasetemp() / "absurd.txt"
     number = data.draw(st.sampled_from(list(re.finditer(r"\d+(\.\d+)?", text))))
     text = text[: number.start()] + data.draw(st.sampled_from(ABSURD)) + text[number.end() :]
-    path.write_text(with_checksums(text) if name == "nmea" else text)
+    path.write_text(with_checksums(text) if name in {"nmea", "rmc"} else text)
     try:
         read = read_gps_log(path, data.draw(st.sampled_from([None, AT_NOON])))
         check_overlap(read, np.arange(2.0), AT_NOON)

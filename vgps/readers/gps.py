@@ -10,6 +10,7 @@ from vgps.errors import GpsLogError
 from vgps.model import FixClass, GpsLog, Rig
 from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.gopro.gpmf import Telemetry
+from vgps.readers.gps_formats.android import looks_like_android, read_android
 from vgps.readers.gps_formats.fit import looks_like_fit, read_fit
 from vgps.readers.gps_formats.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
 from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -22,6 +23,8 @@ from vgps.readers.gps_formats.rtklib import looks_like_pos, read_pos
 from vgps.readers.gps_formats.sbf import looks_like_sbf, read_sbf
 from vgps.readers.gps_formats.ubx import looks_like_old_ubx, looks_like_ubx, read_old_ubx, read_ubx
 from vgps.readers.gps_formats.ulog import looks_like_ulog, read_ulog
+from vgps.readers.gps_formats.unread import remedy
+from vgps.readers.gps_formats.xml_tracks import looks_like_xml_track, read_xml_track
 from vgps.readers.table import read_bytes
 from vgps.readers.video_gps.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.video_gps.find import looks_like_video, read_video_gps
@@ -54,6 +57,8 @@ _FORMATS = (
     _Format("pos", looks_like_pos, read_pos),
     _Format("igc", looks_like_igc, read_igc),
     _Format("srt", looks_like_srt, read_dji_srt),
+    _Format("track", looks_like_xml_track, read_xml_track),
+    _Format("android", looks_like_android, lambda data, _: read_android(data)),
     _Format("csv", looks_like_gps_csv, lambda _, path: read_gps_csv(path)),
     _Format("nmea", looks_like_nmea_without_gga, lambda data, _: read_nmea(data)),
 )
@@ -119,10 +124,10 @@ def _read(path: Path) -> RawLog:
         raise GpsLogError(
             "not a GPS log of a known format",
             file=path,
-            expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA, GPX, an RTKLIB .pos, IGC, "
-            "FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a video with GPS, or a CSV with latitude_deg and "
-            "longitude_deg",
-            remedy=_remedy(data),
+            expected="UBX with NAV-PVT, SBF, NovAtel with BESTPOS, NMEA, GPX, TCX, KML with gx:Track, an "
+            "RTKLIB .pos, IGC, FIT, MAVLink, ULog, a ROS bag, DJI subtitles, a log of GnssLogger, a video "
+            "with GPS, or a CSV with latitude_deg and longitude_deg",
+            remedy=remedy(data),
         )
     return form.read(data, path)
 
@@ -133,14 +138,6 @@ def _head(path: Path) -> bytes:
             return stream.read(16)
     except OSError:
         return b""  # reading the whole file raises the error
-
-
-def _remedy(data: bytes) -> str | None:
-    if b"<kml" in data[:2000]:
-        return "KML has no times; give the receiver's own log"
-    if data.count(b"\xb5\x62") > len(data) / 2000:
-        return "UBX without NAV-PVT; enable that message, or convert the log to .pos with RTKLIB"
-    return None
 
 
 def _with_notes(found: str, notes: list[str]) -> str:
