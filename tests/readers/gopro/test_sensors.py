@@ -70,19 +70,22 @@ def test_gps9_has_fix_and_dilution_of_its_own():
 def test_the_karma_drones_stream():
     """Its columns as ExifTool's GoPro.pm documents them; no stamps, spread over the payload."""
     rows = [
-        [1_000_000 + k, 331_267_000 + 10 * k, -1_173_273_000, 120_500, 90, 150, 430, 18_000, 3, 14]
-        for k in range(4)
+        [1_000_000 + k, 331_267_000 + 10 * k, -1_173_273_000, 120_500, 90, 150, 430, 18_000, fix, 14]
+        for k, fix in enumerate([3, 3, 3, 3, 1])  # MAVLink's: 1 is no fix
     ]
     scale = [[s] for s in (1_000_000, 10_000_000, 10_000_000, 1000, 100, 100, 100, 100, 1, 1)]
     gpri = stream(
         structures("GPRI", "JlllSSSSBB", rows), text("TYPE", "JlllSSSSBB"), encode("SCAL", "l", scale)
     )
-    found = telemetry(device("GoPro Karma v1.0", gpri), duration_s=2.0)
+    found = telemetry(device("GoPro Karma v1.0", gpri), duration_s=2.5)
     raw = read_gopro_gps(found)
     assert [fix.t_s for fix in raw.fixes] == [0.0, 0.5, 1.0, 1.5]
-    assert raw.fixes[1][1:4] == pytest.approx((33.126701, -117.3273, 120.5))
+    # 120.5 m above the sea, and EGM96's -34.66 m: as in GoPro's samples of a Karma and of a HERO5 beside it
+    assert raw.fixes[1][1:4] == pytest.approx((33.126701, -117.3273, 85.84), abs=0.01)
     assert raw.notes == [
-        "no time stamps (STMP): times are those of the payloads, accurate to some tenths of a second"
+        "1 of 5 GPS samples had no fix",
+        "no time stamps (STMP): times are those of the payloads, accurate to some tenths of a second",
+        "heights are above the sea: EGM96's -34.7 m were added, they may be wrong by some metres",
     ]
 
 

@@ -42,7 +42,7 @@ def read_gopro_gps(telemetry: Telemetry) -> RawLog:
     """Read GPS9, GPS5 or GPRI; ``line`` counts the samples, ``hdop`` is the camera's DOP.
 
     The class is single, the best of these receivers; samples without a fix are skipped. Heights are above the
-    ellipsoid, unless GPSA says above the sea (with a note).
+    ellipsoid; above the sea, with a note, if GPSA says so and in GPRI, which wraps MAVLink's GPS_RAW_INT.
 
     Raises:
         GpsLogError: The video has no GoPro metadata, or no GPS in it.
@@ -65,7 +65,7 @@ def read_gopro_gps(telemetry: Telemetry) -> RawLog:
         at, dilution = float(t_s[row]), float(dop[row])
         fixes.append(Fix(at, latitude, longitude, height, FixClass.SINGLE, row + 1, hdop=dilution))
     notes = _notes(telemetry, sensor, good, fix)
-    if any(b"MSLV" in block.about["GPSA"].data for block in sensor if "GPSA" in block.about):
+    if key == "GPRI" or any(b"MSLV" in block.about["GPSA"].data for block in sensor if "GPSA" in block.about):
         fixes, about_heights = from_sea_level(fixes)
         notes += about_heights
     return RawLog(Clock.VIDEO, fixes, notes)
@@ -185,9 +185,9 @@ def _times(telemetry: Telemetry, key: str) -> FloatArray:
 
 def _quality(sensor: list[Block], key: str) -> tuple[FloatArray, FloatArray]:
     """Return fix (2 or 3 dimensions, 0 none) and DOP of every sample; NaN where unknown."""
-    if key == "GPS9":
+    if key != "GPS5":
         values = np.concatenate([block.samples for block in sensor])
-        return values[:, 8], values[:, 7]
+        return values[:, 8], values[:, 7] if key == "GPS9" else np.full(len(values), np.nan)
     fix = [np.full(len(block.samples), first_number(block.about, "GPSF", _FIX_3D)) for block in sensor]
     dop = [np.full(len(block.samples), first_number(block.about, "GPSP", np.nan) / 100) for block in sensor]
     return np.concatenate(fix), np.concatenate(dop)
