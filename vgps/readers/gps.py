@@ -11,6 +11,7 @@ from vgps.model import FixClass, GpsLog, Rig
 from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.gopro.gpmf import Telemetry
 from vgps.readers.gps_formats.android import looks_like_android, read_android
+from vgps.readers.gps_formats.csrs import looks_like_csrs, read_csrs
 from vgps.readers.gps_formats.fit import looks_like_fit, read_fit
 from vgps.readers.gps_formats.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
 from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
@@ -55,6 +56,7 @@ _FORMATS = (
     _Format("nmea", looks_like_nmea, lambda data, _: read_nmea(data)),
     _Format("ubx", looks_like_old_ubx, lambda data, _: read_old_ubx(data)),
     _Format("pos", looks_like_pos, read_pos),
+    _Format("csrs", looks_like_csrs, lambda data, _: read_csrs(data)),
     _Format("igc", looks_like_igc, read_igc),
     _Format("srt", looks_like_srt, read_dji_srt),
     _Format("track", looks_like_xml_track, read_xml_track),

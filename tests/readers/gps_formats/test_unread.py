@@ -26,7 +26,7 @@ UBX_RAW = (b"\xb5\x62\x02\x15\x10\x00" + bytes(18)) * 5
         (b'<kml xmlns="http://www.opengis.net/kml/2.2"><LineString>', "this KML has no times"),
         (b'{"class":"TPV","mode":3}', "gpsd's JSON is not read; record NMEA"),
         (b'{"semanticSegments": []}', "Google's timeline"),
-        (b"PK\x03\x04\x00", "a zip archive"),
+        (b"PK\x03\x04\x00", "an archive (zip, KMZ, gz)"),
         (b"\xa0\xa2\x00\x29", "a binary file; if it is a receiver's"),
     ],
 )

@@ -5,7 +5,6 @@ AccuracyMeters,BearingDegrees,UnixTimeMillis,...,VerticalAccuracyMeters``; older
 after the accuracy. Altitudes of Android are above the ellipsoid.
 """
 
-import csv
 import math
 import re
 
@@ -37,17 +36,17 @@ def read_android(data: bytes) -> RawLog:
 
     Those of the receiver are read, without any the fused ones. Damaged lines are skipped and counted.
     """
-    lines = data.decode("utf-8", errors="replace").splitlines()
-    header = next(match[1] for line in lines if (match := _HEADER.match(line)))
-    columns = [name.strip() for name in header.split(",")]
+    text = data.decode("utf-8", errors="replace")
+    header = _HEADER.search(text)
+    columns = [name.strip() for name in header[1].split(",")] if header else []
     time_at = next((columns.index(name) for name in _TIMES if name in columns), len(columns))
     vertical_at = columns.index(_VERTICAL) if _VERTICAL in columns else len(columns)
     fixes: dict[str, list[Fix]] = {}
     damaged = []
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(text.split("\n"), 1):
         if not line.startswith("Fix,"):
             continue
-        row = next(csv.reader([line]))
+        row = line.rstrip("\r").split(",")
         try:
             fix = _fix(row, number, time_at, vertical_at)
         except (ValueError, IndexError):

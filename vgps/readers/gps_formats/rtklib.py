@@ -146,7 +146,7 @@ def _origin(comments: list[str], path: Path) -> GeodeticPoint:
     text = next((match[1] for line in comments if (match := _REF_POS.match(line))), "")
     try:
         numbers = [float(part) for part in _SEPARATOR.split(text.strip())]
-        place = _degrees(np.array([numbers])) if len(numbers) == 7 else np.array([numbers])
+        place = degrees_of(np.array([numbers])) if len(numbers) == 7 else np.array([numbers])
         latitude, longitude, height = place[0].tolist()
         if not (abs(latitude) <= 90 and abs(longitude) <= 360 and abs(height) <= HIGHEST_M):
             raise ValueError("no place on the Earth")
@@ -204,7 +204,7 @@ def _time(first: str, second: str) -> float:
 def _positions(values: FloatArray, header: _Header) -> FloatArray:
     place = values[:, : header.position_columns]
     if header.sexagesimal:
-        return _degrees(place)
+        return degrees_of(place)
     if header.frame == "ecef":
         return ecef_to_geodetic(place)
     if header.frame == "enu" and header.origin is not None:
@@ -212,8 +212,11 @@ def _positions(values: FloatArray, header: _Header) -> FloatArray:
     return place
 
 
-def _degrees(place: FloatArray) -> FloatArray:
-    """Return decimal degrees of degrees, minutes, seconds; the sign (of -0 too) is that of the degrees."""
+def degrees_of(place: FloatArray) -> FloatArray:
+    """Return (N, 3) decimal degrees and heights of degrees, minutes, seconds (N, 7).
+
+    The sign, of -0 too, is that of the degrees.
+    """
     angle = np.abs(place[:, [0, 3]]) + place[:, [1, 4]] / 60 + place[:, [2, 5]] / 3600
     return np.column_stack([np.copysign(angle, place[:, [0, 3]]), place[:, 6]])
 

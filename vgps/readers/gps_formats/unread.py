@@ -16,7 +16,7 @@ _KINDS = (
         rb'"(semanticSegments|timelineObjects|timelinePath)"',
         "Google's timeline has a place every few minutes; record a track with an app that writes GPX",
     ),
-    (rb"\APK\x03\x04", "a zip archive (KMZ too); give the file in it"),
+    (rb"\A(PK\x03\x04|\x1f\x8b)", "an archive (zip, KMZ, gz); give the file in it"),
 )
 _UBX_HEAD = b"\xb5\x62"
 _UBX_RAW = _UBX_HEAD + b"\x02\x15"  # RXM-RAWX
