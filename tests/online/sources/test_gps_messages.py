@@ -77,6 +77,18 @@ def test_rmc_is_no_fix_of_a_receiver_that_sends_heights():
     assert [fix.fix.fix_class for fix in found] == ["rtk_fix"]
 
 
+def test_the_sentence_of_the_last_date_is_no_second_fix():
+    gll = checked(b"$GNGLL,4900.66,N,00824.99,E,120010.00,A,A")
+    found = [fix.fix for fix in fixes_in(b"".join([*flat(6), gll]))]
+    assert [fix.t_s % 60 for fix in found] == [3, 4, 5]  # RMC is preferred, as in a log
+
+
+def test_gll_alone_is_read():
+    gll = b"$GNGLL,4900.66,N,00824.99,E,1200%02d.00,A,A"
+    found = fixes_in(b"".join(checked(gll % second) for second in range(5)))
+    assert [fix.fix.t_s for fix in found] == [43203.0, 43204.0] and found[0].clock is Clock.TIME_OF_DAY
+
+
 def test_without_a_date_only_the_time_of_day_is_known():
     found = fixes_in(checked(EPOCHS[1]))
     assert found[0].clock is Clock.TIME_OF_DAY and found[0].fix.t_s == 86399.0

@@ -192,10 +192,8 @@ def test_rmc_alone_is_a_fix_without_a_height():
     assert log.fixes[0].longitude_deg == pytest.approx(5.292754167, abs=1e-9)
     assert [fix.height_m for fix in log.fixes] == [0.0, 0.0] and log.fixes[0].sigma_m[2] == 1000.0
     assert log.fixes[0].fix_class is FixClass.SINGLE and [fix.line for fix in log.fixes] == [1, 3]
-    assert log.notes == [
-        "no GGA with a fix: positions are those of RMC",
-        "no heights: fixes are horizontal, at height 0 with a sigma of 1000 m",
-    ]
+    assert log.notes == ["no GGA with a fix: positions are those of RMC"]
+    assert log.doubts == ["no heights: fixes are horizontal, at height 0 with a sigma of 1000 m"]
 
 
 def test_rmc_has_no_part_where_gga_has_a_fix():

@@ -46,7 +46,7 @@ def test_a_track_with_times_is_read(tmp_path: Path, text: str, last: int, step_s
 def test_a_track_on_the_ground_has_no_heights():
     raw = read_xml_track(KML.replace("116.0", "0").replace("117.0", "0").encode(), HERE)
     assert [fix.sigma_m[2] for fix in raw.fixes] == [1000.0, 1000.0]
-    assert raw.notes[1].startswith("no heights")
+    assert raw.doubts[0].startswith("no heights")
 
 
 def test_a_kml_without_a_track_is_none():

@@ -1,7 +1,7 @@
 """Fixes from a receiver's stream of messages, epoch by epoch, parsed by the readers of logs."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from pyubx2 import NMEA_PROTOCOL, PARSE_NONE, UBX_PROTOCOL, UBXReader
@@ -66,7 +66,7 @@ class Epochs:
         self._key = b""
         self._date = b""
         self._binary = self._has_heights = self._told = False
-        self._flat_since_s = float("inf")
+        self._since_s = float("inf")
         self._count = 0
         self.notes: list[str] = []
 
@@ -110,26 +110,29 @@ class Epochs:
 
     def _read_nmea(self, epoch: list[bytes]) -> RawLog:
         dated = [raw for raw in epoch if raw[3:6] in _DATED]
-        found = read_nmea(b"".join(epoch if dated else [self._date, *epoch]))
+        found = read_nmea(b"".join(epoch)) if dated else self._read_with_date(epoch)
         if dated and found.clock is Clock.UTC:
             self._date = dated[-1]
         elif dated and self._date:
-            found = read_nmea(b"".join([self._date, *epoch]))
+            found = self._read_with_date(epoch)
         return found
+
+    def _read_with_date(self, epoch: list[bytes]) -> RawLog:
+        """Read an epoch behind the sentence that had the last date, which may have a place, too."""
+        found = read_nmea(b"".join([self._date, *epoch]))
+        first_line = 2 if self._date else 1
+        return replace(found, fixes=[fix for fix in found.fixes if fix.line >= first_line])
 
     def _usable(self, found: RawLog) -> list[Fix]:
         """Return the fixes without those that have no heights, unless the receiver has sent no others."""
         usable = []
         for fix in found.fixes:
-            if has_height(fix):
-                self._has_heights = True
+            self._has_heights |= has_height(fix)
+            self._since_s = min(self._since_s, fix.t_s)
+            waited = fix.t_s - self._since_s >= _NO_HEIGHTS_S
+            if has_height(fix) or (waited and not self._has_heights):
                 usable.append(fix)
-                continue
-            self._flat_since_s = min(self._flat_since_s, fix.t_s)
-            if self._has_heights or fix.t_s - self._flat_since_s < _NO_HEIGHTS_S:
-                continue
-            if not self._told:
-                self.notes += found.notes
-                self._told = True
-            usable.append(fix)
+        if usable and not self._has_heights and not self._told:
+            self.notes += [*found.notes, *found.doubts]
+            self._told = True
         return usable

@@ -57,8 +57,8 @@ def read_android(data: bytes) -> RawLog:
     chosen = next((rows for rows in found if rows), [])
     others = sum(map(len, fixes.values())) - len(chosen)
     placed, about_heights = with_a_height(chosen) if chosen else ([], [])
-    notes = [*damaged_lines(damaged), *skipped(others, "fix", "of other providers"), *about_heights]
-    return RawLog(Clock.UTC, placed, notes)
+    notes = [*damaged_lines(damaged), *skipped(others, "fix", "of other providers")]
+    return RawLog(Clock.UTC, placed, notes, doubts=about_heights)
 
 
 def _fix(row: list[str], number: int, time_at: int, vertical_at: int) -> Fix:

@@ -107,7 +107,7 @@ def log_of(reading: Reading) -> RawLog:
         *skipped(reading.untimed, "fix", "without a time of day"),
     ]
     clock = Clock.UTC if reading.anchors else Clock.TIME_OF_DAY
-    return RawLog(clock, fixes, [*notes, *about_none, *about_heights])
+    return RawLog(clock, fixes, [*notes, *about_heights], doubts=about_none)
 
 
 def _separations(epochs: list[Epoch]) -> tuple[FloatArray, list[str]]:

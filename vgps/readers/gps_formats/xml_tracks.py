@@ -54,7 +54,7 @@ def read_xml_track(data: bytes, path: Path) -> RawLog:
         fixes = [fix._replace(height_m=math.nan) for fix in fixes]
     flat, about_none = with_a_height(fixes)
     raised, about_heights = (flat, []) if about_none else from_sea_level(flat)
-    return RawLog(Clock.UTC, raised, [*lost, *about_none, *about_heights])
+    return RawLog(Clock.UTC, raised, [*lost, *about_heights], doubts=about_none)
 
 
 def _tcx(root: ElementTree.Element) -> Iterator[_Point]:
