@@ -209,6 +209,13 @@ def test_assumptions_without_a_header_are_noted():
     assert "assumed GPST" in log.notes[0]
 
 
+def test_ecef_coordinates_without_a_header_are_told_by_their_size():
+    x, y, z = pymap3d.geodetic2ecef(*PLACE)
+    log = read(f"2020/12/24 21:28:42.500 {x:.4f} {y:.4f} {z:.4f} {REST}\n" * 2)
+    assert log.fixes[0][1:4] == pytest.approx(PLACE, abs=1e-3)
+    assert log.notes == ["no line of column names: assumed GPST and ECEF coordinates"]
+
+
 def test_heights_above_the_geoid_are_noted():
     log = read("% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n" + HEADER.format(time="GPST") + ROW)
     assert "heights are above the sea: EGM96's -16.2 m were added" in log.notes[0]

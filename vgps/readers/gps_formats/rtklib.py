@@ -44,6 +44,7 @@ _TIME_COLUMNS = 2
 _LAST_WEEK = 9999  # GPS weeks have at most four digits
 _LARGEST = 1e12  # no column of a solution has larger numbers
 _JST_S = 9 * 3600.0
+_INSIDE_M = 6e6  # from the Earth's centre: the ground is farther, and no height is as large
 
 Frame = Literal["geodetic", "ecef", "enu"]
 
@@ -64,6 +65,10 @@ class _Header:
         return 7 if self.sexagesimal else 3
 
 
+_UNNAMED = _Header(notes=("no line of column names: assumed GPST, latitude and longitude in degrees",))
+_UNNAMED_ECEF = _Header(frame="ecef", notes=("no line of column names: assumed GPST and ECEF coordinates",))
+
+
 def looks_like_pos(data: bytes) -> bool:
     """Whether a comment line names RTKLIB's time column, or the first row starts with RTKLIB's time."""
     head = data[:20000].decode("ascii", errors="replace")
@@ -78,8 +83,9 @@ def read_pos(data: bytes, path: Path) -> RawLog:
 
     Times are calendar times or GPS weeks and times of week, in GPST, UTC or JST. Positions are latitude,
     longitude (degrees, or degrees, minutes and seconds) and height, ECEF coordinates, or a baseline east,
-    north, up from the header's ``ref pos``. Columns are separated by blanks, commas, semicolons or tabs. Rows
-    with fewer columns than the others (a truncated end) or absurd numbers are skipped and counted.
+    north, up from the header's ``ref pos``. Without a header (``out-outhead=off``) they are degrees or ECEF,
+    which their size tells. Columns are separated by blanks, commas, semicolons or tabs. Rows with fewer
+    columns than the others (a truncated end) or absurd numbers are skipped and counted.
 
     Raises:
         GpsLogError: A baseline has no ``ref pos``.
@@ -87,6 +93,8 @@ def read_pos(data: bytes, path: Path) -> RawLog:
     lines = data.decode("ascii", errors="replace").splitlines()
     header = _header([line for line in lines if line.startswith("%")], path)
     t_s, values, line, damaged = _rows(lines, header)
+    if header == _UNNAMED and len(values) and np.median(np.linalg.norm(values[:, :3], axis=1)) > _INSIDE_M:
+        header = _UNNAMED_ECEF
     if header.time_system == "GPST":
         t_s = utc_from_gps(t_s)
     elif header.time_system == "JST":
@@ -132,7 +140,7 @@ def _column(rest: FloatArray, index: int) -> FloatArray:
 def _header(comments: list[str], path: Path) -> _Header:
     named = next((match for line in comments if (match := _HEADER.match(line))), None)
     if named is None:
-        return _Header(notes=("no line of column names: assumed GPST, latitude and longitude in degrees",))
+        return _UNNAMED
     columns = named[2]
     if "x-ecef" in columns:
         return _Header(time_system=named[1], frame="ecef")
