@@ -26,7 +26,7 @@ from vgps.readers.gps_formats.nmea_epochs import (
 
 _PLACES = (b"GGA", b"GNS", b"RMC", b"GLL")  # sentences with a place, the preferred first
 _SENTENCE = rb"\$[A-Z]{2}(%s|GST|GSA|ZDA|RMC),[^$*\r\n]*(?:\*[0-9A-Fa-f]{2}|\*[^$\r\n]*)?"
-_OTHER = re.compile(rb"[\t -#%-~]*[$!][A-Z][A-Z0-9]{2,},[^$]*\s*")  # a logger may write its time before it
+_OTHER = re.compile(rb"[\t \"#%-~]*[$!][A-Z][A-Z0-9]{2,},[^$]*\s*")  # a logger may write its time before it
 _LEAP_SECOND = re.compile(rb"235960(\.\d*)?")
 _ERRORS = (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, ValueError, IndexError, KeyError)
 _LEAST_COMMAS = {b"GGA": 14, b"GNS": 12, b"RMC": 10, b"GLL": 6}  # a shorter one is cut off
