@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_rotations import MOUNT, NOISE, apart_deg, noisy, rich
+from angles import apart_deg
+from synthetic_rotations import MOUNT, NOISE, noisy, rich
 
 from vgps.config import GyroCalibrationConfig
 from vgps.errors import GeometryError, GyroLogError

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from angles import apart_deg
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, rich
+from synthetic_rotations import MOUNT, camera_rotations, gyro_log, rich
 
 from vgps.config import GyroCalibrationConfig
 from vgps.geometry.angular_rates import GyroIntegral

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from synthetic_rotations import apart_deg
+from angles import apart_deg
 
 from vgps.gyro_calibration import calibrate_gyro
 from vgps.readers.calibration.rig_file import read_rig

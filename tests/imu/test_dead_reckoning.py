@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from angles import apart_deg
 from inertial import MOUNT, exact_log, path_of, swinging_motion
-from scipy.spatial.transform import Rotation
 
 from vgps.config import ImuConfig
 from vgps.imu.camera_imu import imu_at_camera
@@ -32,10 +32,6 @@ def true_pose(t_s):
     return swinging_motion().poses(np.array([t_s]))[0]
 
 
-def angle_deg(a, b):
-    return np.degrees(Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).magnitude())
-
-
 @pytest.mark.parametrize(("away_s", "tolerance_m"), [(0.1, 0.002), (1.0, 0.02), (3.0, 0.1)])
 def test_an_exact_imu_with_biases_goes_on_along_the_true_path(away_s, tolerance_m):
     true, found = true_pose(END_S + away_s), reckoned(PATH, away_s, **BIASES)
@@ -45,7 +41,7 @@ def test_an_exact_imu_with_biases_goes_on_along_the_true_path(away_s, tolerance_
     away_m = np.linalg.norm(found.world_T_camera[:3, 3] - true[:3, 3])
     assert away_m < tolerance_m < 0.25 * np.linalg.norm(straight - true[:3, 3])
     assert away_m < 3.0 * np.sqrt(np.trace(found.covariance_m2))
-    assert angle_deg(found.world_T_camera, true) < 3.0 * np.degrees(found.sigma_rad)
+    assert apart_deg(found.world_T_camera, true) < 3.0 * np.degrees(found.sigma_rad)
 
 
 def test_errors_grow_with_the_time_since_the_path_ended():

@@ -2,8 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from angles import apart_deg
 from scipy.spatial.transform import Rotation
-from synthetic_rotations import MOUNT, apart_deg, camera_rotations, gyro_log, rich
+from synthetic_rotations import MOUNT, camera_rotations, gyro_log, rich
 
 from vgps.geometry.angular_rates import GyroIntegral
 from vgps.imu.mount_fit import Mount, fit_mount, residuals

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from angles import apart_deg
 from inertial import MOUNT, exact_log, path_of, swinging_motion
 from scipy.spatial.transform import Rotation
 
@@ -23,16 +24,12 @@ def until(frame):
     return Trajectory(PATH.t_s[:frame], PATH.world_T_camera[:frame].copy())
 
 
-def angle_deg(a, b):
-    return np.degrees(Rotation.from_matrix(a.T @ b).magnitude())
-
-
 def test_the_path_shows_the_bias():
     gyro = predictor(gyro_bias=np.array([0.05, -0.04, 0.03]))
     true = PATH.world_T_camera[59, :3, :3].T @ PATH.world_T_camera[60, :3, :3]
-    assert angle_deg(gyro.between(5.9, 6.0), true) > 0.3
+    assert apart_deg(gyro.between(5.9, 6.0), true) > 0.3
     found = gyro.predict(until(60), 6.0)
-    assert angle_deg(found.rotation, true) < 0.01
+    assert apart_deg(found.rotation, true) < 0.01
     assert np.degrees(found.sigma_rad) == pytest.approx(0.033, abs=0.01)
 
 
@@ -43,7 +40,7 @@ def test_the_first_frames_of_a_map_show_no_bias():
     )
     true = PATH.world_T_camera[4, :3, :3].T @ PATH.world_T_camera[5, :3, :3]
     found = predictor().predict(rough, 0.5)
-    assert angle_deg(found.rotation, true) < 0.01
+    assert apart_deg(found.rotation, true) < 0.01
     assert np.degrees(found.sigma_rad) == pytest.approx(
         np.degrees(ImuConfig().gyro_bias_sigma * 0.1), rel=0.1
     )
@@ -52,7 +49,7 @@ def test_the_first_frames_of_a_map_show_no_bias():
 def test_a_lost_camera_keeps_its_orientation():
     true = PATH.world_T_camera[59, :3, :3].T @ PATH.world_T_camera[80, :3, :3]
     found = predictor().predict(until(60), 8.0)
-    assert angle_deg(found.rotation, true) < 0.1
+    assert apart_deg(found.rotation, true) < 0.1
     assert found.sigma_rad > rotation_sigma_rad(predictor()._imu, 2.1)
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from angles import apart_deg
 from landmark_matches import matched
 from scipy.spatial.transform import Rotation
 from textured_wall import GYRO_R_CAMERA, gyro, pose_at
@@ -25,10 +26,6 @@ def matches_at(pose, seed, count=25):
     return matched(np.arange(count), points, noisy, np.full(count, NOISE_PX))
 
 
-def angle_deg(a, b):
-    return np.degrees(Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).magnitude())
-
-
 def run(bias, times, **changes):
     """The estimator after frames at times, and errors of each pose alone and from the graph."""
     mount = GYRO_R_CAMERA
@@ -39,8 +36,8 @@ def run(bias, times, **changes):
         matches = matches_at(true, k)
         estimate = pose_from_matches(K, matches, 3.0, CONFIG, true)
         final = estimator.add(t_s, estimate, matches, restart=k == 0)
-        alone.append(angle_deg(estimate.world_T_camera, true))
-        graph.append(angle_deg(final.world_T_camera, true))
+        alone.append(apart_deg(estimate.world_T_camera, true))
+        graph.append(apart_deg(final.world_T_camera, true))
     return estimator, np.array(alone), np.array(graph)
 
 
@@ -76,6 +73,6 @@ def test_a_jump_resets_the_graph_and_keeps_the_bias(restart):
     true[:3, :3] = true[:3, :3] @ Rotation.from_euler("y", 20, degrees=True).as_matrix()
     matches = matches_at(true, 99)
     final = estimator.add(2.5, pose_from_matches(K, matches, 3.0, CONFIG, true), matches, restart=restart)
-    assert angle_deg(final.world_T_camera, true) < 0.5
+    assert apart_deg(final.world_T_camera, true) < 0.5
     assert list(estimator.revised()) == [2.5]
     np.testing.assert_allclose(estimator.motion.gyro_bias_rad_s, bias, atol=1e-6)

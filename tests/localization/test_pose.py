@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from angles import apart_deg
 from landmark_matches import matched
 from scipy.spatial.transform import Rotation
 
@@ -25,8 +26,7 @@ def scene(count=60, seed=1):
 
 
 def off(pose):
-    angle = Rotation.from_matrix(POSE[:3, :3].T @ pose[:3, :3]).magnitude()
-    return np.degrees(angle), np.linalg.norm(pose[:3, 3] - POSE[:3, 3])
+    return apart_deg(POSE, pose), np.linalg.norm(pose[:3, 3] - POSE[:3, 3])
 
 
 def solve(points, uv, initial=None, inlier_px=3.0, config=CONFIG):

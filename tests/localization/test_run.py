@@ -3,7 +3,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from angles import apart_deg
 from textured_wall import CAMERA, ORIGIN, WallVideo, picture, pose_at, recording_of
 
 from vgps.config import Config, IntrinsicsConfig, LocalizationConfig
@@ -28,8 +28,7 @@ def with_tracker(**changes):
 
 def errors(poses, t_s):
     true = np.array([pose_at(t) for t in t_s])
-    angle = Rotation.from_matrix(poses[:, :3, :3].transpose(0, 2, 1) @ true[:, :3, :3]).magnitude()
-    return np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1), np.degrees(angle)
+    return np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1), apart_deg(poses, true)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from angles import apart_deg
 from room_pipeline import COUNT, POSES, another_room, errors_m, exact_fixes, fed, pipeline, room
 from textured_room import (
     FPS,
@@ -11,7 +12,6 @@ from textured_room import (
     moved,
     pixels,
     points_at,
-    rotation_error_deg,
 )
 
 from vgps.mapping.control_observations import ControlObservations
@@ -30,7 +30,7 @@ def test_every_frame_is_posed_in_the_world(aligned):
     assert (local_map.first_frame, local_map.next_frame) == (0, COUNT)
     assert errors_m(local_map).max() < 0.05
     # a path as straight as this hardly shows the roll
-    assert max(rotation_error_deg(a, b) for a, b in zip(local_map.poses, POSES, strict=True)) < 1.5
+    assert max(apart_deg(a, b) for a, b in zip(local_map.poses, POSES, strict=True)) < 1.5
     np.testing.assert_allclose(aligned.t_s, np.arange(COUNT) / FPS)
     assert set(aligned.timer.by_stage) >= {"start", "track", "map", "align", "drift", "window"}
 
@@ -125,7 +125,7 @@ def test_a_camera_that_turned_in_the_dark_is_found_again():
     (local_map,) = made.maps
     assert local_map.bridged == {20, 21, 22, 23} and local_map.next_frame == 28
     assert max(distance_m(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 0.2
-    assert max(rotation_error_deg(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 2.0
+    assert max(apart_deg(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 2.0
 
 
 @pytest.mark.slow

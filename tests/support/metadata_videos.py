@@ -46,6 +46,14 @@ def box(name: str | bytes, content: bytes) -> bytes:
     return struct.pack(">I4s", 8 + len(content), name) + content
 
 
+def with_box(file: Path, *names: str | bytes, content: bytes) -> Path:
+    """Append a box inside boxes of other names to a video; FFmpeg skips a second ``moov``."""
+    for name in reversed(names):
+        content = box(name, content)
+    file.write_bytes(file.read_bytes() + content)
+    return file
+
+
 def write_timed_metadata_video(
     path: Path, packets: list[tuple[float, bytes]], keys: dict[str, bytes]
 ) -> Path:

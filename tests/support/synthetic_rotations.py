@@ -64,11 +64,6 @@ def gyro_log(
     return GyroLog(t_s - mount.time_offset_s, rate, Path("gyro.csv"))
 
 
-def apart_deg(a: FloatArray, b: FloatArray) -> float:
-    """Angle between two rotations, degrees."""
-    return float(np.degrees(Rotation.from_matrix(a.T @ b).magnitude()))
-
-
 NOISE = 1e-3  # rad, of a rotation from the image
 
 

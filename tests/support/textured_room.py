@@ -192,11 +192,6 @@ def followed_map(poses, camera=CAMERA, positions=True, count=120):
     return made, points
 
 
-def rotation_error_deg(a, b):
-    """Angle between two poses."""
-    return float(np.degrees(Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).magnitude()))
-
-
 def distance_m(a, b):
     """Distance between two poses."""
     return float(np.linalg.norm(a[:3, 3] - b[:3, 3]))

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import textured_room
+from angles import apart_deg
 from scipy.spatial.transform import Rotation
 from solutions import NORTH_R_CAMERA, make_poses
-from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutter, rotation_error_deg
+from textured_room import CAMERA, CONFIG, followed_map, moved, path, roll_shutter
 
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView
@@ -179,7 +180,7 @@ def test_a_drone_above_flat_ground_is_not_taken_for_one_that_falls_along_a_wall(
     local_map = ground_map(poses, np.random.default_rng(seed))
     local_map.apply(initialise(local_map))
     true = (np.linalg.inv(poses[0]) @ poses)[-1]
-    assert rotation_error_deg(local_map.poses[-1], true) < 1.0
+    assert apart_deg(local_map.poses[-1], true) < 1.0
     assert local_map.positioned.mean() > 0.9
 
 
@@ -194,7 +195,7 @@ def test_a_map_over_a_plane_waits_for_the_parallax_that_shows_its_motion(seed):
         local_map = ground_map(poses, np.random.default_rng(seed))
         start = initialise(local_map, min_flow_px=2.0)
         assert (start is not None) == starts
-    assert rotation_error_deg(start.poses[-1], np.eye(4)) < 1.0
+    assert apart_deg(start.poses[-1], np.eye(4)) < 1.0
 
 
 def ground_map(poses, rng, noise_px=0.1):

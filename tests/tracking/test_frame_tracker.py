@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from angles import apart_deg
 from scipy.spatial.transform import Rotation
 from textured_room import (
     CAMERA,
@@ -16,7 +17,6 @@ from textured_room import (
     moved,
     path,
     pixels,
-    rotation_error_deg,
 )
 
 from vgps.mapping.map_update import MapUpdate, Positions
@@ -77,7 +77,7 @@ def test_a_frame_is_posed_and_its_observations_fit(scene):
     result = track(scene)
     assert result.world_T_camera is not None
     assert distance_m(result.world_T_camera, TRUE[-1]) < 0.01
-    assert rotation_error_deg(result.world_T_camera, TRUE[-1]) < 0.05
+    assert apart_deg(result.world_T_camera, TRUE[-1]) < 0.05
     assert result.found.mean() > 0.9 and np.quantile(errors_px(result, scene[1]), 0.95) < 0.5
 
 

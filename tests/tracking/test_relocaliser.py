@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from angles import apart_deg
 from textured_room import (
     CAMERA,
     CONFIG,
@@ -12,7 +13,6 @@ from textured_room import (
     images,
     moved,
     path,
-    rotation_error_deg,
 )
 
 from vgps.mapping.map_update import MapUpdate, Positions
@@ -39,7 +39,7 @@ def test_a_camera_is_found_after_a_gap(camera):
     local_map, _ = followed_map(POSES, camera)
     pose = relocaliser(local_map, camera).locate(image(LATER, camera), POSES[-1])
     assert pose is not None
-    assert distance_m(pose, LATER) < 0.1 and rotation_error_deg(pose, LATER) < 1.0
+    assert distance_m(pose, LATER) < 0.1 and apart_deg(pose, LATER) < 1.0
     assert distance_m(POSES[-1], LATER) > 0.5
 
 

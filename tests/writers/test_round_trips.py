@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 import jsonschema
 import numpy as np
 import pytest
+from angles import apart_deg
 from distinct_solution import distinct_values
 from exports import exported
 from scipy.spatial.transform import Rotation
@@ -53,10 +54,6 @@ def local_rotations(solution):
     return here @ origin.T @ solution.world_T_camera[:, :3, :3]
 
 
-def angle_deg(a, b):
-    return np.degrees(Rotation.from_matrix(np.swapaxes(a, 1, 2) @ b).magnitude())
-
-
 def test_csv_in_a_projected_system(near, tmp_path):
     file = exported(near, tmp_path, "csv", "a.csv", crs="EPSG:32632", geoid="egm96")
     with file.open(newline="") as stream:
@@ -68,7 +65,7 @@ def test_csv_in_a_projected_system(near, tmp_path):
     # heading, pitch, roll put together again: from a level camera that looks north
     turned = Rotation.from_euler("ZXY", angles * [-1, 1, 1], degrees=True).as_matrix()
     level = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    assert angle_deg(turned @ level, local_rotations(near)).max() < ANGLE_DEG
+    assert apart_deg(turned @ level, local_rotations(near)).max() < ANGLE_DEG
     assert rows[0]["crs"] == "WGS 84 / UTM zone 32N (EPSG:32632)" and rows[0]["image"] == "frame_000000.jpg"
     offset = timedelta(seconds=near.sensors.time_offset_s)
     assert abs(datetime.fromisoformat(rows[0]["utc"]) - START - offset) < timedelta(microseconds=2)
@@ -157,7 +154,7 @@ def test_geopose_by_the_standard_s_schema(near, tmp_path):
     turned = Rotation.from_quat([[pose["quaternion"][k] for k in "xyzw"] for pose in poses]).as_matrix()
     # x forward, y left, z up
     camera_axes = np.stack([-turned[:, :, 1], -turned[:, :, 2], turned[:, :, 0]], axis=2)
-    assert angle_deg(camera_axes, local_rotations(near)).max() < ANGLE_DEG
+    assert apart_deg(camera_axes, local_rotations(near)).max() < ANGLE_DEG
     offset_ms = round(1000 * near.sensors.time_offset_s)
     assert poses[0]["validTime"] == round(START.timestamp() * 1000) + offset_ms
 

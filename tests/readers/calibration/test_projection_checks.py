@@ -1,26 +1,13 @@
-import struct
-
 import av
 import pytest
 from clips import write_clip
 from gpmf_bytes import device, text
+from metadata_videos import box, with_box
 
 from vgps.errors import VideoError
 from vgps.readers.recording import open_recording
 
 CAMERA = "model: pinhole\nwidth: 64\nheight: 48\nfx: 60\nfy: 80\ncx: 31.5\ncy: 23.5\n"
-
-
-def box(name, content):
-    return struct.pack(">I4s", 8 + len(content), name) + content
-
-
-def with_box(file, *names, content):
-    """The clip with one more ``moov``, which FFmpeg skips, around a box."""
-    for name in reversed(names):
-        content = box(name.encode(), content)
-    file.write_bytes(file.read_bytes() + content)
-    return file
 
 
 @pytest.mark.parametrize(

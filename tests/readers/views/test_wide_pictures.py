@@ -1,12 +1,12 @@
 """Recordings whose picture is wider than a plane, as they are opened."""
 
-import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from clips import picture, write_clip
+from metadata_videos import box, with_box
 from PIL import Image
 
 from vgps.errors import CalibrationError, RecordingError, VideoError
@@ -26,18 +26,6 @@ def clip(path: Path, width: int, height: int) -> Path:
     return write_clip(path, frames=3, draw=lambda index: picture(index, width, height))
 
 
-def box(name: bytes, content: bytes) -> bytes:
-    return struct.pack(">I4s", 8 + len(content), name) + content
-
-
-def marked(file: Path, *names: bytes, content: bytes) -> Path:
-    """The clip with one more ``moov``, which FFmpeg skips, around a box."""
-    for name in reversed(names):
-        content = box(name, content)
-    file.write_bytes(file.read_bytes() + content)
-    return file
-
-
 SAMPLE = (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd")
 EQUI = box(b"sv3d", box(b"proj", box(b"equi", bytes(20))))
 RDF = b"<GSpherical:ProjectionType>equirectangular</GSpherical:ProjectionType>"
@@ -51,7 +39,7 @@ def test_the_whole_sphere_becomes_four_views_with_one_centre_and_a_note_says_so(
         (tmp_path / "camera.yaml").write_text(SPHERE)
     else:
         names, content = MARKS[kind]
-        marked(file, *names, content=content)
+        with_box(file, *names, content=content)
     recording = open_recording(file)
     assert isinstance(recording.video, ViewVideo) and recording.guesses == ()
     assert recording.camera.model == "pinhole" and recording.camera.readout_s == 0.0
@@ -80,18 +68,18 @@ def test_photo_sphere_xmp_marks_a_folder_of_images(tmp_path):
     [box(b"st3d", bytes(4) + b"\1") + EQUI, box(b"sv3d", box(b"proj", box(b"cbmp", bytes(12))))],
 )
 def test_stereo_and_other_projections_are_refused(tmp_path, content):
-    file = marked(clip(tmp_path / "360.mp4", 128, 64), *SAMPLE, content=bytes(16) + content)
+    file = with_box(clip(tmp_path / "360.mp4", 128, 64), *SAMPLE, content=bytes(16) + content)
     with pytest.raises(VideoError, match=r"the whole sphere; expected that of one lens.*equirectangular"):
         open_recording(file)
 
 
 def test_a_flat_stereo_box_is_one_picture(tmp_path):
     content = bytes(16) + box(b"st3d", bytes(5)) + EQUI
-    assert open_recording(marked(clip(tmp_path / "a.mp4", 128, 64), *SAMPLE, content=content)).cameras
+    assert open_recording(with_box(clip(tmp_path / "a.mp4", 128, 64), *SAMPLE, content=content)).cameras
 
 
 def test_a_part_of_the_sphere_is_refused(tmp_path):
-    file = marked(clip(tmp_path / "180.mp4", 64, 64), *SAMPLE, content=bytes(16) + EQUI)
+    file = with_box(clip(tmp_path / "180.mp4", 64, 64), *SAMPLE, content=bytes(16) + EQUI)
     with pytest.raises(VideoError, match="equirectangular picture of 64 x 64; expected one twice as wide"):
         open_recording(file)
 
