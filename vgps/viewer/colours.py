@@ -51,8 +51,3 @@ def green_to_red(values: FloatArray, good: float, bad: float) -> Colours:
     mixed = [np.interp(np.nan_to_num(share), [0.0, 0.5, 1.0], channel) for channel in _SCALE.T]
     known = np.isfinite(share)[:, None]
     return np.rint(np.where(known, np.stack(mixed, axis=-1), 128.0)).astype(np.uint8)
-
-
-def translucent(colour: Colour, alpha: int) -> Colour:
-    """Return the same colour with another alpha."""
-    return (*colour[:3], alpha)

@@ -144,7 +144,7 @@ def _log_fixes(
                 centers=table.world_p_fix[sized],
                 radii=table.r_m[sized],
                 lengths=2.0 * table.h_m[sized],  # h is half the height, Eq. (16)
-                colors=[colours.translucent(colour, _REGION_ALPHA)],
+                colors=[(*colour[:3], _REGION_ALPHA)],
                 fill_mode="solid",
                 labels=[fix_title(solution, int(row)) for row in sized],
                 show_labels=False,

@@ -120,15 +120,12 @@ def build_problem(
 
 
 def gps_and_motion(
-    scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext, n: int | None = None
+    scene: Scene, fixes: Fixes, sensors: Sensors, context: SmoothingContext
 ) -> gtsam.NonlinearFactorGraph:
-    """Return all factors on the poses of an aligned scene, errors of the fixes taken as independent.
-
-    Other arguments as for :func:`gps_graph`.
-    """
+    """Return all factors on the poses of an aligned scene, errors of the fixes taken as independent."""
     config, controls, K = context.config, scene.controls, context.K
     sigma_px = control_sigma_px(controls, scene.poses, K, config.start.control_sigma_px)
-    graph = gps_graph(fixes, scene.t_s, sensors, config.gps, n)
+    graph = gps_graph(fixes, scene.t_s, sensors, config.gps)
     return joined(graph, other_pose_factors(scene, sensors, config), control_factors(controls, sigma_px, K))
 
 

@@ -19,6 +19,7 @@ from vgps.smoothing.scene.scene import scene_of_map
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
+_FIRST_VIEWS = 10  # of a map, among which the one is held that gives the scale
 _HELD_SIGMA = 1e-4  # rad and map units: a frame that iSAM2 holds
 
 
@@ -122,8 +123,8 @@ def contradicts(
     return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
 
-def _farthest_of_first_views(poses: FloatArray, views: int = 10) -> int:
-    away = np.linalg.norm(poses[:views, :3, 3] - poses[0, :3, 3], axis=1)
+def _farthest_of_first_views(poses: FloatArray) -> int:
+    away = np.linalg.norm(poses[:_FIRST_VIEWS, :3, 3] - poses[0, :3, 3], axis=1)
     return int(np.argmax(away))
 
 
