@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.gps.error_steps import Pull
+from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, gps_graph, place
-from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
@@ -52,22 +52,16 @@ def fix_pull(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> Pu
         follow = factor.solve(np.column_stack([J.T.toarray(), gradient]))
     remaining = np.eye(J.shape[0]) - J @ follow[:, :-1]
     residual = -minus_residual - J @ follow[:, -1]
-    weight = (1.0 / _sigmas(fixes)).ravel()
+    weight = (1.0 / region_sigmas(fixes)).ravel()
     n = len(fixes)
     pull = Pull((weight[:, None] * remaining * weight).reshape(n, 3, n, 3), (weight * residual).reshape(n, 3))
     sigma = np.array([_CLOCK_SIGMA_S, *[_ANTENNA_SIGMA_M] * 3])
     return pull.without(_by_sensors(scene, fixes), sigma**-2.0)
 
 
-def _sigmas(fixes: Fixes) -> FloatArray:
-    """Return standard deviations (n, 3) of fixes whose regions hold 95 % of them."""
-    plane, line = fixes.r_m / INSIDE_PLANE, fixes.h_m / INSIDE_LINE
-    return np.stack([plane, plane, line], axis=1)
-
-
 def _as_sure_as_regions(fixes: Fixes) -> Fixes:
     """Return the fixes with Gaussian errors of the size of their regions."""
-    return replace(fixes, sigma_m=_sigmas(fixes), correlation=np.zeros((len(fixes), 3)))
+    return replace(fixes, sigma_m=region_sigmas(fixes), correlation=np.zeros((len(fixes), 3)))
 
 
 def _by_sensors(scene: Scene, fixes: Fixes) -> FloatArray:
