@@ -15,7 +15,7 @@ from vgps.solution import Trajectory
 
 HELD = Sensors.fixed(np.zeros(3))
 CERTAIN = HELD.with_time_offset(TimeOffset(0.2, 0.02))
-TOLD = replace(CERTAIN, poses_tell=True)
+TOLD = replace(CERTAIN, shown_by_poses=True)
 LIKELY = HELD.with_time_offset(TimeOffset(0.2, 0.05), 0.8)
 
 

@@ -43,7 +43,7 @@ class FixConflict:
         plane, height = np.nanmedian(np.hypot(east, north)), np.nanmedian(np.abs(up))
         begin_s, end_s = self.wrong_s
         return (
-            "RTK-fixes contradict each other, as the video sees the way between them: "
+            "RTK-fixes contradict each other, as the video sees the path between them: "
             f"{len(self.wrong)} from {begin_s:.1f} to {end_s:.1f} s lie {plane:.2f} m in the plane and "
             f"{height:.2f} m in height off the others near them, and count as wrong; with p = "
             f"{self.probability:.2g} it is the other way round, which the standard deviations cover"

@@ -38,8 +38,8 @@ class Sensors:
         prior_antenna: (3,) prior of the lever arm.
         antenna_sigma_m: Its standard deviation; with 0 the lever arm is not estimated.
         probability: That the prior time offset is not chance; below 1 stage D decides.
-        poses_tell: Whether the poses of stage D tell the time offset though errors have memory.
-        held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D tells.
+        shown_by_poses: Whether the poses of stage D determine the time offset although errors have memory.
+        held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
     """
 
     time_offset_s: float
@@ -48,7 +48,7 @@ class Sensors:
     prior_antenna: FloatArray
     antenna_sigma_m: float = 0.0
     probability: float = 1.0
-    poses_tell: bool = False
+    shown_by_poses: bool = False
     held_sigma_s: float = 0.0
 
     @classmethod

@@ -93,12 +93,12 @@ def close_calls(
         t_s: (M,) their times.
         conflicts: Of fixes whose verdicts have warnings of their own.
     """
-    told = np.zeros(len(t_s), dtype=bool)
+    in_conflict = np.zeros(len(t_s), dtype=bool)
     for conflict in conflicts:
-        told[conflict.right] = told[conflict.wrong] = True
+        in_conflict[conflict.right] = in_conflict[conflict.wrong] = True
     nominal, lower = np.nan_to_num(assessment.nominal, nan=1.0), np.nan_to_num(assessment.lower)
     states = np.stack([nominal, lower, 1.0 - nominal - lower])  # in the order of _WORDS
-    rows = np.flatnonzero((states.max(axis=0) < SURE) & ~told)
+    rows = np.flatnonzero((states.max(axis=0) < SURE) & ~in_conflict)
     if not len(rows):
         return ()
     ranked = np.argsort(-states[:, rows], axis=0)

@@ -1,7 +1,7 @@
 """Whether an accelerometer's axes are those of its gyro, and it is where the rig has it; else it is named.
 
 The specific force, turned into the world and integrated twice, has the second differences of the path, with
-gravity. So it tells which way the axes point: by gravity, by what the path does from moment to moment, and by
+gravity. So it shows where the axes point: by gravity, by what the path does from moment to moment, and by
 how the axes turn. All orders and signs of the three axes are compared, and a sensor that is metres away from
 where it should be; the gyro's axes are checked by rotations.
 """

@@ -61,7 +61,7 @@ def with_gps_clock(front_end: FrontEnd, config: Config) -> FrontEnd:
 def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
     """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again.
 
-    A path that was torn to the fixes may show nothing. Then one that has never met them tells the offset.
+    A path that was torn to the fixes may show nothing. Then one that was built without them shows the offset.
     """
     compared = with_gps_clock(front_end, config)
     clock = compared.clock
@@ -103,7 +103,7 @@ def _far(clock: ClockCheck | None, config: Config) -> float | None:
 
 
 def _with_far_clock(recording: Recording, config: Config, time_offset_s: float) -> tuple[Recording, Config]:
-    """Return recording and settings of a run that begins with a time offset, which a note tells."""
+    """Return recording and settings of a run that begins with a time offset, which a note states."""
     changes = {"time_offset_s": time_offset_s, "estimate_time_offset": "yes"}  # from a coarse grid
     sensors = config.sensors.model_copy(update=changes)
     noted = replace(recording, notes=(*recording.notes, _FOUND.format(time_offset_s)))

@@ -1,4 +1,4 @@
-"""The rotations of a path against those of its gyro, which tell whether the focal length is right.
+"""The rotations of a path against those of its gyro, which show whether the focal length is right.
 
 A focal length that is too long by a share makes rotations about the image's axes too small by that share.
 """

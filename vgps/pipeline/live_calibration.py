@@ -28,8 +28,8 @@ from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.intrinsics import estimate_camera
 
-# What more frames tell of a lens is in proportion to those before, so they come in geometric steps: half as
-# many again is soon after an early, coarse calibration, but not by nearly the same frames.
+# A calibration improves with the ratio of its frames to those of the one before, so the numbers grow
+# geometrically: by half is soon after an early, coarse calibration, yet with enough new frames.
 _NEXT = 1.5  # times the frames of one calibration are those of the next
 _STEP_ITERATIONS = 2  # of the rough solution before each step of the calibration
 

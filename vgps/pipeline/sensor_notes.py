@@ -82,7 +82,9 @@ def clock_notes(front_end: FrontEnd, batch: BatchResult, config: SensorsConfig) 
         return ()
     late = f"{after.time_offset_s:.3f} s (standard deviation {batch.time_offset_sigma_s[0]:.3f} s)"
     why = (
-        "as all poses together show" if after.poses_tell else f"with a probability of {after.probability:.0%}"
+        "as all poses together show"
+        if after.shown_by_poses
+        else f"with a probability of {after.probability:.0%}"
     )
     text = f"the GPS positions are {late} older than their time stamps, {why}"
     return (f"{text}; the fixes were shifted accordingly",)

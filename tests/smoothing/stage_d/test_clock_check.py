@@ -50,7 +50,7 @@ def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
     found, error = result(late_s)
     sigma_s = float(found.time_offset_sigma_s[0])
     assert abs(found.sensors.time_offset_s - late_s) < 3.0 * sigma_s < 0.1
-    assert found.sensors.poses_tell
+    assert found.sensors.shown_by_poses
     assert error < 0.2 * result(late_s, config=settings(sensors={"estimate_time_offset": "no"}))[1]
 
 
@@ -97,7 +97,7 @@ def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certai
     monkeypatch, good, improved
 ):
     certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
-    assert trial(monkeypatch, [], certain, good) == (replace(certain, poses_tell=improved), [])
+    assert trial(monkeypatch, [], certain, good) == (replace(certain, shown_by_poses=improved), [])
 
 
 def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):

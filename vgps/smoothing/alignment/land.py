@@ -1,7 +1,7 @@
 """The land under a camera that flies: the plane of most landmarks, seen from above, is roughly level.
 
 A straight path does not show the rotation about itself, and a drone's camera may look anywhere from ahead to
-straight down, so no prior of its pitch tells it either.
+straight down, so no prior of its pitch determines it either.
 """
 
 import numpy as np

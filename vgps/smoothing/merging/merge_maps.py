@@ -23,7 +23,7 @@ from vgps.smoothing.stage_c.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 
 SCALE_UNKNOWN = "position, heading and scale are arbitrary", "position and heading are arbitrary"
-"""What nothing tells of a video by itself, and what is left of it once the scale is known."""
+"""What a video alone leaves open, without and with a known scale."""
 
 
 @dataclass(frozen=True, kw_only=True)

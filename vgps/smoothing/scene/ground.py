@@ -2,8 +2,8 @@
 
 A straight path does not show the camera's roll, however good the fixes: the rotation about the path leaves it
 where it is. Roads and footpaths fall to the side by 1.5 to 2.5 % so that water runs off (AASHTO, A Policy on
-Geometric Design of Highways and Streets, 2018, 4.2.2), which tells the roll better than the prior of a level
-camera, and of a camera that is held askew, too. Where no plane lies under the path nothing is said.
+Geometric Design of Highways and Streets, 2018, 4.2.2), which shows the roll better than the prior of a level
+camera, and of a camera that is held askew, too. Where no plane lies under the path there is no ground.
 """
 
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ def terrain(config: StartConfig) -> Terrain:
 
 @dataclass(frozen=True)
 class Ground:
-    """What the ground under a path says of the vertical.
+    """The vertical as the ground under a path shows it.
 
     Attributes:
         frame: (S,) a frame on each stretch of the path.

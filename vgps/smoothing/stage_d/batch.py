@@ -169,7 +169,7 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: St
     if context.config.submaps.frames_of(len(scene.t_s)) is not None:
         scene = scene.on_disk()
     sensors = state.sensors
-    if context.config.gps.has_memory and not sensors.poses_tell:
+    if context.config.gps.has_memory and not sensors.shown_by_poses:
         sensors = sensors.holding_time_offset()
     given = BatchInput(
         scene=scene,
@@ -197,7 +197,7 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: St
 def _solve_with_clock(
     state: _State, fixes: Fixes, fixed: BoolArray | None, stage: Stage
 ) -> tuple[_State, BatchSolution]:
-    """Solve a stage; the end of the first round decides whether the poses tell the time offset."""
+    """Solve a stage; the end of the first round decides whether the poses determine the time offset."""
     solved = _solve_stage(state, fixes, fixed, stage)
     if not (stage.first and stage.ends_round):
         return state, solved

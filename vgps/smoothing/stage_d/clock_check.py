@@ -27,7 +27,7 @@ _SUSPECT = 2.0  # standard deviations from the configured time offset that make 
 def with_shown_clock(
     sensors: Sensors, solved: BatchSolution, solve: Callable[[Sensors], BatchSolution]
 ) -> tuple[Sensors, BatchSolution]:
-    """Return whether the poses tell the time offset, and the first round with it.
+    """Return the sensors with the verdict whether the poses determine the time offset, and the first round.
 
     What displacements have shown they improve if most fixes are RTK-fixes. Where that might be chance, or the
     places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
@@ -45,12 +45,12 @@ def with_shown_clock(
     shown_before = sensors.prior_time_offset.sigma_s > 0.0
     if shown_before and sensors.probability == 1.0:
         good = solved.given.fixes.fix_class[used] == CLASSES.index(FixClass.RTK_FIX)
-        return replace(sensors, poses_tell=bool(np.mean(good) > 0.5)), solved
+        return replace(sensors, shown_by_poses=bool(np.mean(good) > 0.5)), solved
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     try:
         shown = _shown(solved, prior)
-        if (told := _tried(sensors, shown, settings, solve)) is not None:
-            return told
+        if (accepted := _tried(sensors, shown, settings, solve)) is not None:
+            return accepted
         held_sigma_s = _held_sigma(shown, prior, settings.trusted_time_offset_s)
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         pass
@@ -64,7 +64,7 @@ def _held_sigma(shown: TimeOffset, prior: TimeOffset, trusted_s: float) -> float
     """Return the root mean square error of the prior's mean: clocks agree, or any time offset is as likely.
 
     Args:
-        shown: What the poses say under the prior.
+        shown: That of the poses, under the prior.
         prior: Any time offset.
         trusted_s: To which clocks agree where nothing is wrong.
     """
@@ -84,7 +84,7 @@ def _tried(
         chance_s = float(np.hypot(settings.trusted_time_offset_s, start.sigma_s))
         if abs(start.time_offset_s - prior.time_offset_s) < _SUSPECT * chance_s:
             return None
-    trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, poses_tell=True)
+    trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
     found = _shown(tried, prior)
     _, probability = weighed(found, prior, settings.trusted_time_offset_s)

@@ -2,9 +2,9 @@
 
 Outlier detection judges fixes by a path that may deform as visual odometry drifts, before stage D; a wrong
 integer ambiguity of a few decimetres passes for such a drift, and the walls of RTK-fixes then bend the path
-of stage D. Its landmarks know better: within a stretch of RTK-fixes they tell where the error of the fixes
-changes by more than regions explain (:mod:`vgps.gps.error_steps`). They do not tell which side of such a
-step is right (:mod:`vgps.gps.fix_conflict`).
+of stage D. Its landmarks are more accurate: within a stretch of RTK-fixes they show where the error of the
+fixes changes by more than regions explain (:mod:`vgps.gps.error_steps`), but not which side of such a step is
+right (:mod:`vgps.gps.fix_conflict`).
 """
 
 from collections.abc import Iterator
@@ -85,9 +85,9 @@ def _stretches(given: BatchInput, fixes: Fixes) -> Iterator[tuple[IntArray, tupl
 def _conflict(
     video: "_Video", good: BoolArray, stretch: IntArray, frames: tuple[int, int]
 ) -> FixConflict | None:
-    """Return the conflict within a stretch of RTK-fixes, unless ``good`` (M,) knows of it for certain.
+    """Return the conflict within a stretch of RTK-fixes; None if the verdicts ``good`` (M,) settle it.
 
-    What verdicts refuse by other fixes than these is refused.
+    Fixes that are refused because of others than these do not take part.
     """
     fixes = video.fixes
     if good.sum() > good[stretch].sum():

@@ -32,7 +32,7 @@ def factorise_blocks(
         matrix: (layout.size,) entries of A.
         factor: (layout.size,) those of L, for the result.
         least: (n,) what the squared pivots must exceed.
-        passed: Is told how many bytes of both were in use, and may leave the memory.
+        passed: Called with how many bytes of both were in use and may leave the memory.
 
     Raises:
         NotPositiveDefiniteError: There is no factor, or a squared pivot is not above its least value.
