@@ -66,14 +66,9 @@ def localize(
             expected=f"{settings.min_inliers} that agree on a pose",
             remedy=f"check camera.yaml, and that the video was taken where {database.path} was built",
         )
-    bridged = bridge_gaps(
-        t_s,
-        np.array(list(poses.values())),
-        tracked,
-        localizer.rotations,
-        localizer.gyro_bias_rad_s,
-        settings.coast_s,
-    )
+    gyro, bias_rad_s = localizer.rotations, localizer.gyro_bias_rad_s
+    found = np.array(list(poses.values()))
+    bridged = bridge_gaps(t_s, found, tracked, gyro, bias_rad_s, settings.coast_s)
     warnings = (
         *recording.notes,
         *getattr(recording.video, "warnings", ()),

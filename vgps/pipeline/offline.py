@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.config import Config
-from vgps.geometry import world_sigmas
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
-from vgps.gps.verdicts import close_calls, contradictions, fix_table, refusals
 from vgps.model import Recording
 from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
@@ -23,14 +21,14 @@ from vgps.pipeline.loop_closure import optimise_loops
 from vgps.pipeline.readout_estimation import with_contradicted_readout, with_readout
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.pipeline.rough_solution import is_tied
-from vgps.pipeline.sensor_notes import antenna_notes, clock_notes, upright_notes, with_moving_note
-from vgps.pipeline.solved_maps import merged_maps, solved_cameras, solved_map
+from vgps.pipeline.run_result import solution_of
+from vgps.pipeline.sensor_notes import with_moving_note
+from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.merging.merge_maps import MergedMaps
-from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.solution import FixTable, SensorReport, Solution
+from vgps.solution import Solution
 
 
 def smooth(
@@ -138,7 +136,7 @@ def optimise_all(front_end: FrontEnd, config: Config, progress: Progress | None 
             front_end, merged, fixes, config, progress or NoProgress()
         )
     finished = replace(front_end, fixes=fixes, seconds=timer.by_stage)
-    solution = replace(_solution(finished, merged, batch, config), loops=loops)
+    solution = replace(solution_of(finished, merged, batch, config), loops=loops)
     solution = with_camera_height(solution, merged, batch)
     if refined is not None:
         solution = with_camera(solution, refined, front_end.recording)
@@ -181,70 +179,3 @@ def _under_sky(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Fixes
     return under_sky(
         front_end.fixes, scene.trajectory, scene.points, front_end.sensors, log.satellites, config.gps
     )
-
-
-def _solution(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config) -> Solution:
-    recording, sensors, poses = front_end.recording, batch.sensors, batch.trajectory.world_T_camera
-    landmarks, observations = solved_map(merged, batch)
-    rotation_sigma, position_sigma = world_sigmas(poses, batch.covariance)
-    table, log = _fix_table(front_end, batch, config), recording.gps
-    contradicted: tuple[str, ...] = ()
-    if table is not None and log is not None:
-        refused = refusals(table, log.fix_class, log.t_s, batch.conflicts)
-        contradicted = (*refused, *contradictions(table, log.fix_class))
-    return Solution(
-        recording=recording.path,
-        world_origin=front_end.origin,
-        georeferenced=merged.georeferenced,
-        t_s=merged.scene.t_s,
-        world_T_camera=poses,
-        sigma_rotation_rad=rotation_sigma,
-        sigma_position_m=position_sigma,
-        state=merged.state,
-        camera=recording.camera,
-        camera_p_antenna=sensors.camera_p_antenna,
-        landmarks=landmarks,
-        observations=observations,
-        gps=log,
-        fixes=table,
-        sensors=SensorReport(
-            sensors.time_offset_s,
-            float(batch.time_offset_sigma_s[0]),
-            tuple(batch.antenna_sigma_m.tolist()),
-            fix_errors={str(name): vars(errors) for name, errors in batch.errors.items()},
-            imu=_imu_report(front_end, batch),
-        ),
-        report=batch.report,
-        seconds=front_end.seconds,
-        warnings=(
-            *contradicted,
-            *(upright_notes(poses, config.start) if merged.georeferenced else ()),
-            *front_end.warnings,
-            *merged.warnings,
-            *batch.warnings,
-            *close_calls(batch.assessment, front_end.fixes.t_s, batch.conflicts),
-            *clock_notes(front_end, batch, config.sensors),
-            *antenna_notes(front_end, merged, batch, config),
-        ),
-        config=config.model_dump(mode="json"),
-        video_start_utc=recording.rig.video_start_utc,
-        world_p_before=merged.scene.poses[:, :3, 3].copy(),
-        control_points=recording.control_points,
-        graph=batch.graph,
-        static_regions=front_end.static_regions,
-        moving_regions=front_end.moving_regions,
-        cameras=solved_cameras(front_end, merged, batch),
-    )
-
-
-def _imu_report(front_end: FrontEnd, batch: BatchResult) -> dict[str, list[float]]:
-    mount = front_end.recording.rig.imu
-    return {} if batch.imu_bias is None or mount is None else batch.imu_bias.report(mount.imu_R_camera)
-
-
-def _fix_table(front_end: FrontEnd, batch: BatchResult, config: Config) -> FixTable | None:
-    log, sensors = front_end.recording.gps, batch.sensors
-    if log is None:
-        return None
-    corrected = front_end.fixes.without_time_offset(sensors.time_offset_s)
-    return fix_table(log, corrected, batch.assessment, batch.trajectory, sensors.camera_p_antenna, config)
