@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import is_mirrored, laid_flat, search_time_offset
+from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -129,7 +129,7 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
     poses[:, :3, 3] = place
     turned = np.eye(4)
     turned[:3, :3] = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    flat = laid_flat(Trajectory(VIDEO_S, turned @ poses))
+    flat = levelled(Trajectory(VIDEO_S, turned @ poses))
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
     np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)  # not upside down
     # the street but for its heading, and clocks are found whatever that is
@@ -138,7 +138,7 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
 
 
 def test_a_path_of_two_places_is_laid_flat():
-    flat = laid_flat(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]))
+    flat = levelled(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]))
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
 
 

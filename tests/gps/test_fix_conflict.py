@@ -5,7 +5,7 @@ import pytest
 from synthetic_fixes import fixes_at
 
 from vgps.config import Config
-from vgps.gps.fix_conflict import FixConflict, settled, sides
+from vgps.gps.fix_conflict import FixConflict, sides, with_conflict_verdicts
 from vgps.gps.outlier_detection import FixAssessment
 
 CONFIG = Config().outliers
@@ -79,7 +79,7 @@ TAKEN = FixAssessment(np.array([0.1, 1.0, 1.0, 1.0, 1.0]), np.array([0.9, 0.0, 0
 
 @pytest.mark.parametrize("probability", [0.1, 0.5])
 def test_wrong_fixes_have_the_class_below_and_right_ones_their_own(probability):
-    after = settled(TAKEN, [conflict([[0.3, 0.0, 0.1]] * 2, probability)], FIXES)
+    after = with_conflict_verdicts(TAKEN, [conflict([[0.3, 0.0, 0.1]] * 2, probability)], FIXES)
     np.testing.assert_array_equal(after.down_classed, [False, False, True, True, False])
     assert not after.rejected.any()
     np.testing.assert_allclose(after.nominal[[0, 1, 4]], 1.0 - probability)
@@ -87,20 +87,20 @@ def test_wrong_fixes_have_the_class_below_and_right_ones_their_own(probability):
 
 def test_what_was_rejected_and_is_wrong_stays_rejected():
     taken = FixAssessment(np.where(np.arange(5) == 3, 0.0, TAKEN.nominal), TAKEN.lower)
-    after = settled(taken, [conflict([[0.3, 0.0, 0.1]] * 2)], FIXES)
+    after = with_conflict_verdicts(taken, [conflict([[0.3, 0.0, 0.1]] * 2)], FIXES)
     np.testing.assert_array_equal(after.rejected, [False, False, False, True, False])
     np.testing.assert_array_equal(after.down_classed, [False, False, True, False, False])
 
 
 @pytest.mark.parametrize("error", [[3.0, 0.0, 0.0], [0.0, 0.0, 9.0], [np.nan] * 3])
 def test_what_is_too_far_off_for_that_class_or_unclear_is_rejected(error):
-    after = settled(TAKEN, [conflict([[0.3, 0.0, 0.1], error])], FIXES)
+    after = with_conflict_verdicts(TAKEN, [conflict([[0.3, 0.0, 0.1], error])], FIXES)
     np.testing.assert_array_equal(after.down_classed, [False, False, True, False, False])
     np.testing.assert_array_equal(after.rejected, [False, False, False, True, False])
 
 
 def test_without_conflicts_nothing_changes():
-    after = settled(TAKEN, [], FIXES)
+    after = with_conflict_verdicts(TAKEN, [], FIXES)
     np.testing.assert_array_equal(after.nominal, TAKEN.nominal)
     np.testing.assert_array_equal(after.lower, TAKEN.lower)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
-from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trials
+from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trial_masks
 
 ALL = np.ones(19, dtype=bool)
 ONE = Stretches(1, np.zeros(19, dtype=int), np.zeros(13, dtype=int))
@@ -36,8 +36,8 @@ def test_the_largest_jumps_of_each_stretch_count():
 
 def test_a_trial_leaves_out_one_run_of_each_stretch():
     runs = [[np.array([0, 1]), np.array([4, 5])], [], [np.array([8, 9])]]
-    assert [np.flatnonzero(mask).tolist() for mask in trials(runs, 12)] == [[0, 1, 8, 9], [4, 5]]
-    assert trials([[], []], 12) == []
+    assert [np.flatnonzero(mask).tolist() for mask in trial_masks(runs, 12)] == [[0, 1, 8, 9], [4, 5]]
+    assert trial_masks([[], []], 12) == []
 
 
 def test_each_stretch_keeps_its_own_outcome():

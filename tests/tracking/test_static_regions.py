@@ -12,7 +12,7 @@ from vgps.camera import undistort
 from vgps.mapping.map_update import MapUpdate
 from vgps.model import Frame
 from vgps.tracking.matching import Match
-from vgps.tracking.static_regions import StaticRegions, still
+from vgps.tracking.static_regions import StaticRegions, stays_in_picture
 
 BONNET = 170  # its first row: 29 % of the picture
 SIDE = CONFIG.tracking.min_distance_px
@@ -189,7 +189,7 @@ def test_a_pixel_that_stays():
             [none, none, [3.0, 3.0], none],
         ]
     )
-    np.testing.assert_array_equal(still(CAMERA, views, 1.0), [True, False, True])
+    np.testing.assert_array_equal(stays_in_picture(CAMERA, views, 1.0), [True, False, True])
     edge = np.array([[[300.0, 220.0], [301.2, 220.0]]])  # of a lens that undistorting stretches twice
     barrel = replace(CAMERA, model="fisheye", distortion=(0.0,) * 4)
-    assert still(barrel, edge, 1.0) and not still(CAMERA, edge, 1.0)
+    assert stays_in_picture(barrel, edge, 1.0) and not stays_in_picture(CAMERA, edge, 1.0)

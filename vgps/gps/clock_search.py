@@ -111,7 +111,7 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
     return worse * freedom > min_gain(config.significance_sigmas, freedom, float(len(offsets_s)))
 
 
-def laid_flat(path: Trajectory) -> Trajectory:
+def levelled(path: Trajectory) -> Trajectory:
     """Return a path in any frame, turned so that the plane of its motion is level.
 
     A camera looks ahead or down, upright, which tells above from below.

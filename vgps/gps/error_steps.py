@@ -1,9 +1,9 @@
 """Steps of the error from fix to fix: what no path that fits the video explains.
 
-An RTK receiver that settles on wrong integers is off by decimetres, says so nowhere, and stays so for seconds
-to minutes. Between neighbouring fixes the video knows better. Each hypothesis is a shift that the fixes of a
-run have in common (detection, identification and adaptation of biases; Teunissen, Quality control in
-integrated navigation systems, 1990): with it the least-squares cost falls, by more than regions explain.
+An RTK receiver that settles on wrong integers is off by decimetres for seconds to minutes, without reporting
+it. Between neighbouring fixes the video is more accurate. Each hypothesis is a shift that the fixes of a run
+have in common (detection, identification and adaptation of biases; Teunissen, Quality control in integrated
+navigation systems, 1990): with it the least-squares cost falls, by more than regions explain.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ _WEAK = 1e-6  # relative: what nearly no observation determines
 
 
 @dataclass(frozen=True)
-class Pull:
-    """What a least-squares fit says of an error (3,) of each of n fixes, all others taken as they are.
+class FixErrorEquations:
+    """Normal equations of errors (3,), one of each of n fixes, in a least-squares fit to them and the video.
 
     Attributes:
         information: (n, 3, n, 3) of the errors, metres^-2.
@@ -28,7 +28,7 @@ class Pull:
     information: FloatArray
     gradient: FloatArray
 
-    def without(self, directions: FloatArray, information: FloatArray | float = 0.0) -> "Pull":
+    def without(self, directions: FloatArray, information: FloatArray | float = 0.0) -> "FixErrorEquations":
         """Return it with combinations of errors taken as unknown.
 
         Args:
@@ -39,7 +39,7 @@ class Pull:
         gain = self._solved(U, U.T @ M, information)
         left = M - M @ U @ gain
         gradient = self.gradient.ravel() - gain.T @ (U.T @ self.gradient.ravel())
-        return Pull(left.reshape(self.information.shape), gradient.reshape(-1, 3))
+        return FixErrorEquations(left.reshape(self.information.shape), gradient.reshape(-1, 3))
 
     def errors(self, directions: FloatArray) -> FloatArray:
         """Return the combination (n, 3) of errors (n, 3, k) that costs least."""
@@ -67,27 +67,27 @@ class _Run(NamedTuple):
     gain: float
 
 
-def error_steps(pull: Pull, tolerance_m: FloatArray, least_gain: float) -> FloatArray:
+def error_steps(equations: FixErrorEquations, tolerance_m: FloatArray, least_gain: float) -> FloatArray:
     """Return the steps (n, 3) [m] of the error to each fix from the one before; zero where none is certain.
 
     Runs of fixes that share an error are found one after the other, the most certain one first; then the
     errors of all are estimated together.
 
     Args:
-        pull: Of n fixes in order of time.
+        equations: Of n fixes in order of time.
         tolerance_m: (n - 1, 2) in the plane and in height: differences between neighbours that are no error.
         least_gain: Least gain of a run.
     """
-    n = len(pull.gradient)
+    n = len(equations.gradient)
     runs: list[FloatArray] = []
-    left = pull
+    left = equations
     while len(runs) < n // 2:
         run = _likeliest_run(left, tolerance_m)
         if run.gain < least_gain:
             break
         runs.append(_shared_by(n, run.begin, run.end))
         left = left.without(runs[-1])
-    error = pull.errors(np.concatenate(runs, axis=2)) if runs else np.zeros((n, 3))
+    error = equations.errors(np.concatenate(runs, axis=2)) if runs else np.zeros((n, 3))
     return np.diff(error, axis=0, prepend=error[:1])
 
 
@@ -98,10 +98,10 @@ def _shared_by(n: int, begin: int, end: int) -> FloatArray:
     return run
 
 
-def _likeliest_run(pull: Pull, tolerance_m: FloatArray) -> _Run:
+def _likeliest_run(equations: FixErrorEquations, tolerance_m: FloatArray) -> _Run:
     """Return the run of at most half the fixes whose shared error lowers the cost most."""
-    begin, end = _runs(len(pull.gradient))
-    information, gradient = _sums(pull, begin, end)
+    begin, end = _runs(len(equations.gradient))
+    information, gradient = _sums(equations, begin, end)
     information = information + _WEAK * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     shift = -np.linalg.solve(information, gradient[:, :, None])[:, :, 0]
     gain = -0.5 * np.sum(shift * gradient, axis=1)
@@ -121,12 +121,12 @@ def _runs(n: int) -> tuple[IntArray, IntArray]:
     return begin[rows], end[rows]
 
 
-def _sums(pull: Pull, begin: IntArray, end: IntArray) -> tuple[FloatArray, FloatArray]:
+def _sums(equations: FixErrorEquations, begin: IntArray, end: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return information (R, 3, 3) and gradient (R, 3) of a common shift of each run."""
-    n = len(pull.gradient)
+    n = len(equations.gradient)
     total = np.zeros((n + 1, 3, n + 1, 3))
-    total[1:, :, 1:] = pull.information.cumsum(axis=0).cumsum(axis=2)
-    gradient = np.concatenate([np.zeros((1, 3)), pull.gradient.cumsum(axis=0)])
+    total[1:, :, 1:] = equations.information.cumsum(axis=0).cumsum(axis=2)
+    gradient = np.concatenate([np.zeros((1, 3)), equations.gradient.cumsum(axis=0)])
 
     def corner(a: IntArray, b: IntArray) -> FloatArray:
         return np.asarray(total[a, :, b])

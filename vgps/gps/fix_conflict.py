@@ -79,7 +79,9 @@ def sides(alike: BoolArray, fixes: IntArray, interval_s: float, config: OutlierC
     return Sides(alike[best], alike[other], float(expit(score[other] - score[best])))
 
 
-def settled(assessment: FixAssessment, conflicts: Sequence[FixConflict], fixes: Fixes) -> FixAssessment:
+def with_conflict_verdicts(
+    assessment: FixAssessment, conflicts: Sequence[FixConflict], fixes: Fixes
+) -> FixAssessment:
     """Return the assessment (M,) with the verdicts of conflicts.
 
     Wrong fixes get the class below if it explains their error; what was rejected and is not right stays so.

@@ -19,7 +19,7 @@ from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, REPEATED_NOMINAL, state_probabilities
 from vgps.gps.fixes import CLASSES, Fixes, place
 from vgps.gps.regions import lower_class
-from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trials
+from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trial_masks
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import Trajectory
 
@@ -155,13 +155,13 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
     accepted = ~assess_offsets(best.offset, fixes, config, tolerance_m).rejected
     beyond = _jumps(models[0].offsets(models[0].start)[accepted], fixes.where(accepted), tolerance_m)
     runs = suspect_runs(beyond, accepted, stretches, config.outliers.max_jumps)
-    if left_out := trials(runs, len(fixes)):
+    if left_out := trial_masks(runs, len(fixes)):
         ends = fits_without(left_out)
         energies = np.reshape([end.energy for end in ends], (len(models), len(left_out), -1))
         without = better_without(runs, energies.min(axis=0), best.energy)
         best = _likeliest([best, *ends])
         if len(without) > 1:
-            best = _likeliest([best, *fits_without(trials([[run] for run in without], len(fixes)))])
+            best = _likeliest([best, *fits_without(trial_masks([[run] for run in without], len(fixes)))])
     return assess_offsets(best.offset, fixes, config, tolerance_m)
 
 

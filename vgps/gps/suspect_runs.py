@@ -72,7 +72,7 @@ def suspect_runs(
     return runs
 
 
-def trials(runs: list[list[IntArray]], count: int) -> list[BoolArray]:
+def trial_masks(runs: list[list[IntArray]], count: int) -> list[BoolArray]:
     """Return masks (M,) of ``count`` fixes, each of one run in every stretch that has as many."""
     masks = [np.zeros(count, dtype=bool) for _ in range(max(map(len, runs)))]
     for of_stretch in runs:

@@ -18,7 +18,7 @@ from vgps.config import Config
 from vgps.geometry import linearise_projection
 from vgps.localization.tracker import TrackedFrame
 from vgps.model import Camera, CameraGuess, FloatArray, IntArray
-from vgps.smoothing.calibration.camera_equations import calibration_jacobian, changed, parameter_count
+from vgps.smoothing.calibration.camera_equations import calibration_jacobian, changed_camera, parameter_count
 from vgps.smoothing.calibration.refined_camera import (
     CameraPrior,
     RefinedCamera,
@@ -119,7 +119,7 @@ def refine_by_landmarks(
             delta, sigma, moves = _solved(equations, prior, moved_from(camera, prior.mean))
         except np.linalg.LinAlgError:
             return None
-        camera = changed(camera, delta)
+        camera = changed_camera(camera, delta)
         poses = poses @ np.array([gtsam.Pose3.Expmap(move).matrix() for move in moves])
         converged = bool(np.all(np.abs(delta) < settings.tolerance_sigmas * sigma))
     return refined_with(camera, sigma, step, converged)

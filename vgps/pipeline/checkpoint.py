@@ -126,8 +126,8 @@ def fingerprint(recording: Recording, config: Config) -> str:
         "rig": repr(recording.rig),
         "cameras": [_camera_parts(camera) for camera in recording.cameras],
         "times": _digest(recording.video.times_s),
-        "video": stamp(recording.video.path),
-        "masks": None if recording.masks is None else [stamp(file) for file in recording.masks.files],
+        "video": file_stamp(recording.video.path),
+        "masks": None if recording.masks is None else [file_stamp(file) for file in recording.masks.files],
         "gps": None if gps is None else _digest_fields(gps),
         "imu": None if recording.imu is None else _digest_fields(recording.imu),
         "points": None if points is None else _digest_fields(points),
@@ -138,9 +138,9 @@ def fingerprint(recording: Recording, config: Config) -> str:
 def _camera_parts(camera: RigCamera) -> list[Any]:
     """Return what decides the part of another camera of the rig."""
     mount = np.concatenate([camera.reference_T_camera.ravel(), camera.sigma])
-    masks = None if camera.masks is None else [stamp(file) for file in camera.masks.files]
+    masks = None if camera.masks is None else [file_stamp(file) for file in camera.masks.files]
     times = _digest(camera.video.times_s)
-    return [camera.name, repr(camera.camera), _digest(mount), times, stamp(camera.video.path), masks]
+    return [camera.name, repr(camera.camera), _digest(mount), times, file_stamp(camera.video.path), masks]
 
 
 def digest(parts: Mapping[str, Any]) -> str:
@@ -157,7 +157,7 @@ def _digest(values: np.ndarray | tuple[str, ...]) -> str:
     return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
 
 
-def stamp(path: Path) -> list[Any]:
+def file_stamp(path: Path) -> list[Any]:
     """Return what changes when a file does: name, size and time of change."""
     try:
         about = path.stat()

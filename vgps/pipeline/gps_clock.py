@@ -7,7 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
-from vgps.gps.clock_search import ClockCheck, is_mirrored, laid_flat, search_time_offset
+from vgps.gps.clock_search import ClockCheck, is_mirrored, levelled, search_time_offset
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import estimate_time_offset
@@ -89,7 +89,7 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
         fixes: At the times of their time stamps.
         config: Settings.
     """
-    path = laid_flat(merged_maps(alone, alone.context(config)).scene.trajectory)
+    path = levelled(merged_maps(alone, alone.context(config)).scene.trajectory)
     return ClockCheck(search_time_offset(path, fixes, alone.sensors.camera_p_antenna, config.sensors))
 
 

@@ -14,7 +14,7 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.pipeline.front_end import FrontEnd, camera_imu
 from vgps.pipeline.imu_agreement import imu_agreement, pictures_agreement, with_imu_clock
 from vgps.pipeline.solved_maps import merged_maps
-from vgps.smoothing.alignment.inertial_path import inertial_path, strays
+from vgps.smoothing.alignment.inertial_path import contradicted_intervals, inertial_path
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
@@ -34,21 +34,21 @@ class _Lost:
         path: Of the video.
         fixes: With the time offset of the sensors removed.
         sensors: With the time offset of the settings: the path shows none.
-        strays: Number of movements from fix to fix that the path contradicts.
+        contradicted: Number of movements from fix to fix that the path contradicts.
         movements: Number of all of them.
     """
 
     path: Trajectory
     fixes: Fixes
     sensors: Sensors
-    strays: int
+    contradicted: int
     movements: int
 
     def path_by(self, imu: CameraImu | None, config: Config) -> Trajectory | None:
         """Return the path of an IMU and the fixes; None if it strays more than half as often."""
         antenna = self.sensors.camera_p_antenna
         found = None if imu is None else inertial_path(self.path, imu, self.fixes, antenna, config)
-        if found is None or 2 * strays(found, self.fixes, antenna).sum() > self.strays:
+        if found is None or 2 * contradicted_intervals(found, self.fixes, antenna).sum() > self.contradicted:
             return None
         return found
 
@@ -82,7 +82,7 @@ def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
         sensors=lost.sensors,
         clock=ClockCheck(None),  # what the lost path showed of the fixes' clock is wrong, too
         inertial=True,
-        warnings=(*front_end.warnings, *notes, _NOTE.format(lost.strays, lost.movements)),
+        warnings=(*front_end.warnings, *notes, _NOTE.format(lost.contradicted, lost.movements)),
     )
 
 
@@ -94,14 +94,14 @@ def _lost(front_end: FrontEnd, config: Config) -> _Lost | None:
     sensors = front_end.sensors.with_time_offset(TimeOffset(config.sensors.time_offset_s, 0.0))
     corrected = fixes.without_time_offset(sensors.time_offset_s)
     path = merged_maps(replace(front_end, sensors=sensors), context).scene.trajectory
-    contradicted = strays(path, corrected, sensors.camera_p_antenna)
+    contradicted = contradicted_intervals(path, corrected, sensors.camera_p_antenna)
     if not contradicted.any():
         return None
     return _Lost(
         path=path,
         fixes=corrected,
         sensors=sensors,
-        strays=int(contradicted.sum()),
+        contradicted=int(contradicted.sum()),
         movements=len(contradicted),
     )
 

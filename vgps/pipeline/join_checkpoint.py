@@ -6,7 +6,7 @@ from pathlib import Path
 
 from vgps.config import Config
 from vgps.errors import RunFolderError
-from vgps.pipeline.checkpoint import checkpoint_folder, digest, stamp
+from vgps.pipeline.checkpoint import checkpoint_folder, digest, file_stamp
 from vgps.places.loops import Loop
 from vgps.runtime.journal import Journal
 from vgps.runtime.state_file import read_state, write_checkpoint
@@ -58,6 +58,6 @@ def _fingerprint(runs: Sequence[Path], config: Config | None) -> str:
     """Return a digest of what decides the places that runs share."""
     parts = {
         "config": None if config is None else config.model_dump(mode="json"),
-        "runs": [stamp(path.resolve() / "measurements.npz") for path in runs],
+        "runs": [file_stamp(path.resolve() / "measurements.npz") for path in runs],
     }
     return digest(parts)

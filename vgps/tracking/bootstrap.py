@@ -17,7 +17,7 @@ from vgps.tracking.planar_motion import poses_over_plane
 from vgps.tracking.pose import Correspondences, lmeds_pose, refine_pose
 from vgps.tracking.row_motion import at_middle_rows
 from vgps.tracking.start_significance import fits_better, shows_motion
-from vgps.tracking.static_regions import still
+from vgps.tracking.static_regions import stays_in_picture
 
 _MIN_ROLLING_VIEWS = 4  # so that two of them have others on either side
 _LEAST_OF_HALF = 8  # features that show an essential matrix of their own
@@ -136,7 +136,7 @@ class TwoViewInitialiser:
 
         Many that never move would be inliers of a camera that does not turn.
         """
-        moves = ~still(self._camera, views, self._tracking.forward_backward_px)
+        moves = ~stays_in_picture(self._camera, views, self._tracking.forward_backward_px)
         if moves.all():
             return moves
         last_pose = self._relative_pose(first[moves], last[moves], self._start.min_inliers)

@@ -126,7 +126,7 @@ class StaticRegions:
         poses, posed = np.concatenate([poses, world_T_camera[None]]), np.append(posed, True)
         views = np.concatenate([local_map.views[rows], uv_px[:, None]], axis=1)[:, posed]
         stays = np.isfinite(views[..., 0]).sum(axis=1) >= self._min_views
-        stays &= still(self._camera, views, self._still_px)
+        stays &= stays_in_picture(self._camera, views, self._still_px)
         if stays.any():
             views = views[stays]
             feature, view = np.nonzero(np.isfinite(views[..., 0]))
@@ -152,7 +152,7 @@ class StaticRegions:
         cells.since[new], cells.since[old] = cells.frame + 1, -1
 
 
-def still(camera: Camera, views: FloatArray, limit_px: float) -> BoolArray:
+def stays_in_picture(camera: Camera, views: FloatArray, limit_px: float) -> BoolArray:
     """Return (N,) whether features stay where the picture first shows them.
 
     Args:

@@ -11,7 +11,7 @@ from synthetic_fixes import fixes_of_size
 from vgps.config import Config
 from vgps.imu.camera_imu import imu_at_camera
 from vgps.imu.factors import imu_graph
-from vgps.smoothing.alignment.inertial_path import inertial_path, strays
+from vgps.smoothing.alignment.inertial_path import contradicted_intervals, inertial_path
 from vgps.solution import Trajectory
 
 ANTENNA = np.array([0.3, -0.8, 0.2])
@@ -46,16 +46,16 @@ def away(found):
 
 
 def test_a_path_strays_where_it_moves_otherwise_than_the_fixes():
-    assert not strays(PATH, fixes(), ANTENNA).any()
-    assert strays(lost(), fixes(), ANTENNA).all()
+    assert not contradicted_intervals(PATH, fixes(), ANTENNA).any()
+    assert contradicted_intervals(lost(), fixes(), ANTENNA).all()
     poses = PATH.world_T_camera.copy()
     poses[35:, :3, 3] += [0.0, 9.0, 0.0]
     jumping = Trajectory(PATH.t_s, poses)
-    assert np.flatnonzero(strays(jumping, fixes(), ANTENNA)).tolist() == [3]
+    assert np.flatnonzero(contradicted_intervals(jumping, fixes(), ANTENNA)).tolist() == [3]
     coarse = replace(fixes(), r_m=np.full(10, 10.0))
-    assert not strays(jumping, coarse, ANTENNA).any()
+    assert not contradicted_intervals(jumping, coarse, ANTENNA).any()
     unused = replace(fixes(), used=np.arange(10) < 3)
-    assert len(strays(jumping, unused, ANTENNA)) == 2
+    assert len(contradicted_intervals(jumping, unused, ANTENNA)) == 2
 
 
 def test_imu_and_fixes_give_the_path_of_a_video_without_scale():

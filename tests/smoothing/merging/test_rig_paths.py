@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vgps.smoothing.merging.rig_paths import CameraPath, filled, metres_per_unit, relative_scale
+from vgps.smoothing.merging.rig_paths import (
+    CameraPath,
+    fill_from_other_camera,
+    metres_per_unit,
+    relative_scale,
+)
 
 MOUNT = np.eye(4)
 MOUNT[:3, :3] = Rotation.from_euler("y", 180, degrees=True).as_matrix()
@@ -93,6 +98,6 @@ def test_where_one_camera_is_lost_the_other_gives_the_motion(lost: slice) -> Non
     known[lost] = False
     poses[lost] = np.eye(4)
     moved = CameraPath(np.linalg.inv(rig_poses()[20]) @ path_of(MOUNT).poses, known | True, MOUNT)
-    found, tracked = filled(poses, known, moved)
+    found, tracked = fill_from_other_camera(poses, known, moved)
     np.testing.assert_allclose(found, rig_poses(), atol=1e-9)
     assert tracked.all()

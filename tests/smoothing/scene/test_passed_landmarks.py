@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from vgps.smoothing.scene.passed_landmarks import Passed, commonest_plane
+from vgps.smoothing.scene.passed_landmarks import PassedLandmarks, commonest_plane
 
 HEIGHT = 1.5
 
 
-def section(across: np.ndarray, down: np.ndarray) -> Passed:
-    return Passed(np.zeros(len(across), dtype=int), across, down)
+def section(across: np.ndarray, down: np.ndarray) -> PassedLandmarks:
+    return PassedLandmarks(np.zeros(len(across), dtype=int), across, down)
 
 
 def test_a_section_is_turned_so_that_a_slope_becomes_level():

@@ -22,7 +22,7 @@ from vgps.simulate import Motion
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import joined, other_pose_factors
 from vgps.smoothing.scene.scene import Scene
-from vgps.smoothing.stage_d.imu_states import ImuBias, loose_frames, start_imu
+from vgps.smoothing.stage_d.imu_states import ImuBias, start_imu, weakly_held_frames
 from vgps.solution import Observations, Trajectory
 
 
@@ -51,16 +51,16 @@ def test_the_imu_holds_frames_that_few_features_show_and_both_sides_of_a_seam_be
     spans = [(0, 2), (0, 2), (4, 6), (4, 6), (7, 8), (7, 8), (7, 11), (10, 11), (0, 3)]
     scene = Scene(np.arange(12.0), poses, np.zeros((len(spans), 3)), tracks(*spans), (standing,))
     # frame 3 shows one feature; no track leads from 6 to 7; one leads over the standing frame 9
-    assert np.flatnonzero(loose_frames(scene, 2)).tolist() == [2, 3, 4, 6, 7, 8, 9, 10]
-    assert np.flatnonzero(loose_frames(scene, 1)).tolist() == [3, 4, 6, 7]
+    assert np.flatnonzero(weakly_held_frames(scene, 2)).tolist() == [2, 3, 4, 6, 7, 8, 9, 10]
+    assert np.flatnonzero(weakly_held_frames(scene, 1)).tolist() == [3, 4, 6, 7]
     looped = replace(scene, loop=np.where(scene.observations.landmark == 8, 0, -1))
-    assert np.flatnonzero(loose_frames(looped, 1)).tolist() == [2, 3, 4, 6, 7]
+    assert np.flatnonzero(weakly_held_frames(looped, 1)).tolist() == [2, 3, 4, 6, 7]
 
 
 def test_the_imu_holds_a_frame_between_observations_of_tracks_and_its_neighbours():
     interrupted = Observations(np.array([0, 1, 2, 4, 5, 6]), np.zeros(6, dtype=int), np.zeros((6, 2)))
     scene = Scene(np.arange(7.0), np.tile(np.eye(4), (7, 1, 1)), np.zeros((1, 3)), interrupted)
-    assert np.flatnonzero(loose_frames(scene, 1)).tolist() == [2, 3, 4]
+    assert np.flatnonzero(weakly_held_frames(scene, 1)).tolist() == [2, 3, 4]
 
 
 def two_maps(config):

@@ -13,7 +13,7 @@ from vgps.config import BatchConfig, Config, IntrinsicsConfig, SensorsConfig
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera
-from vgps.smoothing.calibration.camera_equations import changed
+from vgps.smoothing.calibration.camera_equations import changed_camera
 from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.calibration.refined_camera import prior_about
 from vgps.smoothing.context import SmoothingContext
@@ -36,7 +36,7 @@ def refined(camera, wrong, **believed):
     """Stage D with a calibration that is wrong by ``wrong``, and where it ends."""
     problem, poses, _, fixes = scene(disturbed=0.1)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    start = changed(camera, np.array(wrong))
+    start = changed_camera(camera, np.array(wrong))
 
     def optimise(scene, camera, every=None, sigma=None):
         if sigma is not None:  # all frames: their poses follow the centre
@@ -81,7 +81,7 @@ def test_a_tight_prior_holds_the_calibration():
 def test_observations_are_undistorted_by_the_new_lens():
     problem, poses, _, _ = scene(frames=12)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    other = changed(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
+    other = changed_camera(LENS, np.array([0.01, 2.0, 0.0, 0.02, 0.0]))
     seen = undistorted_by(other, LENS, made).observations.uv_px
     np.testing.assert_allclose(distort(other, seen), distort(LENS, made.observations.uv_px), atol=1e-6)
     np.testing.assert_allclose(undistort(other, distort(LENS, made.observations.uv_px)), seen, atol=1e-9)
@@ -94,7 +94,7 @@ def true_scene():
 
 def test_a_centre_that_moves_far_leaves_all_observations():
     """An offset of 19 pixels is beyond the tolerance of stage D's first round, unless the poses turn."""
-    before, made = changed(TRUE, np.array([0.0, 8.0, -17.0])), true_scene()
+    before, made = changed_camera(TRUE, np.array([0.0, 8.0, -17.0])), true_scene()
     found = seen_by(before, TRUE, made)  # about what stages A to C find with a wrong centre
     assert misfit_px(found, before) < 2.0
     assert misfit_px(undistorted_by(TRUE, before, found), TRUE) > 15.0

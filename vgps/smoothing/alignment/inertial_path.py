@@ -29,7 +29,7 @@ _MOST_COST = 3.0  # per fix: twice that of three normal errors; where fixes have
 _START_SIGMAS = np.array([0.2, 0.2, 0.2, 1e3, 1e3, 1e3])  # rad, m: what fixes and gravity improve
 
 
-def strays(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> BoolArray:
+def contradicted_intervals(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> BoolArray:
     """Return between which fixes (n,) and the ones after them a path moves otherwise than they do.
 
     That is by more than half of their movement, and by more than five standard deviations.

@@ -134,7 +134,7 @@ def mount_jacobian(part: LinearisedChunk) -> FloatArray:
     return J.reshape(-1, *part.r.shape)
 
 
-def changed(camera: Camera, delta: FloatArray) -> Camera:
+def changed_camera(camera: Camera, delta: FloatArray) -> Camera:
     """Return the camera with a change of log focal length, principal point and first two coefficients."""
     scale, coefficients = float(np.exp(delta[0])), np.array(camera.distortion)
     coefficients[: len(delta) - 3] += delta[3:]
@@ -185,7 +185,7 @@ def calibration_jacobian(
     inverse = np.array([[d, -b], [-c, a]]) / np.where(determinant == 0.0, np.nan, determinant)
 
     def residual(delta: FloatArray) -> FloatArray:
-        other = changed(camera, delta)
+        other = changed_camera(camera, delta)
         predicted = rays * [[other.fx], [other.fy]] + [[other.cx], [other.cy]]
         return np.asarray(predicted + np.einsum("ijn,nj->in", inverse, distort(other, uv_px)))
 

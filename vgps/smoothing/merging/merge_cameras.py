@@ -18,7 +18,12 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.merging.merge_maps import MergedMaps, merge_maps
-from vgps.smoothing.merging.rig_paths import CameraPath, filled, metres_per_unit, relative_scale
+from vgps.smoothing.merging.rig_paths import (
+    CameraPath,
+    fill_from_other_camera,
+    metres_per_unit,
+    relative_scale,
+)
 from vgps.smoothing.scene.rig_views import RigViews
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
@@ -75,7 +80,7 @@ def merge_cameras(found: Sequence[CameraMaps], fixes: Fixes, context: SmoothingC
         own = 1.0 if one.merged.georeferenced else relative_scale(best.path, one.path)
         scales[one.number] = scale * own
         before = int(tracked.sum())
-        poses, tracked = filled(poses, tracked, one.path.scaled(scale * own))
+        poses, tracked = fill_from_other_camera(poses, tracked, one.path.scaled(scale * own))
         if tracked.sum() > before:
             notes.append(f"camera {one.found.name} gives the path in {tracked.sum() - before} frames")
     return replace(

@@ -92,7 +92,9 @@ def _across(path: CameraPath, other: CameraPath) -> tuple[FloatArray, FloatArray
     return own, lever
 
 
-def filled(poses: FloatArray, tracked: BoolArray, other: CameraPath) -> tuple[FloatArray, BoolArray]:
+def fill_from_other_camera(
+    poses: FloatArray, tracked: BoolArray, other: CameraPath
+) -> tuple[FloatArray, BoolArray]:
     """Return poses with the motion of another camera where only that one was tracked.
 
     Args:

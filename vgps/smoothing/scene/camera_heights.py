@@ -16,7 +16,7 @@ from scipy.linalg import solveh_banded
 
 from vgps.geometry import travelled
 from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.smoothing.scene.passed_landmarks import Passed, Plane, commonest_plane, passed_landmarks
+from vgps.smoothing.scene.passed_landmarks import PassedLandmarks, Plane, commonest_plane, passed_landmarks
 from vgps.smoothing.scene.scene import Scene
 
 STRETCH = 6.0  # heights: a stretch is long enough for a dozen landmarks, short enough for one height
@@ -114,7 +114,7 @@ def _stretches(length: FloatArray, height: float) -> IntArray:
     return np.unique(np.searchsorted(length, np.arange(0.0, length[-1], STRETCH * height)))
 
 
-def _fit(passed: Passed, frames: IntArray, height: float) -> _Fit:
+def _fit(passed: PassedLandmarks, frames: IntArray, height: float) -> _Fit:
     """Return the heights and slopes of all stretches, from that of the whole path on."""
     stretch = np.searchsorted(frames, passed.foot, side="right") - 1
     stretch = np.where(stretch >= len(frames) - 1, -1, stretch)
@@ -126,14 +126,14 @@ def _fit(passed: Passed, frames: IntArray, height: float) -> _Fit:
     return fit
 
 
-def _with_errors(fit: _Fit, passed: Passed) -> _Fit:
+def _with_errors(fit: _Fit, passed: PassedLandmarks) -> _Fit:
     """Return a fit with the error of each landmark, as a share of the height; infinite beside the lane."""
     height = np.exp(fit.log_height[fit.stretch])
     error = (passed.down - fit.slope[fit.stretch] * passed.across) / height - 1.0
     return fit._replace(error=np.where(passed.in_lane(height) & (fit.stretch >= 0), error, np.inf))
 
 
-def _step(fit: _Fit, passed: Passed, weight: FloatArray) -> _Fit:
+def _step(fit: _Fit, passed: PassedLandmarks, weight: FloatArray) -> _Fit:
     """Return the fit after a step of weighted least squares; heights walk, slopes differ from their mean."""
     normal, right = _normal_equations(fit, passed, weight)
     mean = float(np.median(fit.slope))
@@ -151,7 +151,9 @@ def _step(fit: _Fit, passed: Passed, weight: FloatArray) -> _Fit:
     return fit._replace(log_height=fit.log_height + by_height, slope=fit.slope + by_slope)
 
 
-def _normal_equations(fit: _Fit, passed: Passed, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _normal_equations(
+    fit: _Fit, passed: PassedLandmarks, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the normal equations (K, 2, 2), (K, 2) of log height and slope, by stretch."""
     used = np.flatnonzero(weight)
     k, error = fit.stretch[used], fit.error[used]
@@ -179,7 +181,7 @@ def _is_flat(fit: _Fit, stretches: int) -> BoolArray:
     return np.asarray(many & (inside >= _MIN_LANDMARKS))
 
 
-def _by_stretch(fit: _Fit, passed: Passed, flat: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _by_stretch(fit: _Fit, passed: PassedLandmarks, flat: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return log heights and their standard deviations of the stretches with a plane, each by its own."""
     weight = np.maximum(0.0, 1.0 - (fit.error / _BANDS[-1]) ** 2) ** 2
     normal, right = _normal_equations(fit, passed, np.where(np.isfinite(weight), weight, 0.0))

@@ -19,21 +19,23 @@ _MANY = 0.7  # of the landmarks of the plane with the most: the more level one i
 _MOST = 4_000  # landmarks that are asked
 
 
-class Passed(NamedTuple):
+class PassedLandmarks(NamedTuple):
     """Landmarks that the path passes: ``foot`` (n,) the frames, ``across``, ``down`` (n,) map units."""
 
     foot: IntArray
     across: FloatArray
     down: FloatArray
 
-    def rolled(self, roll_rad: float) -> "Passed":
+    def rolled(self, roll_rad: float) -> "PassedLandmarks":
         """Return the landmarks in a section whose ``down`` is turned by an angle, against ``across``."""
         cos, sin = np.cos(roll_rad), np.sin(roll_rad)
-        return Passed(self.foot, cos * self.across + sin * self.down, cos * self.down - sin * self.across)
+        return PassedLandmarks(
+            self.foot, cos * self.across + sin * self.down, cos * self.down - sin * self.across
+        )
 
-    def chosen(self, rows: BoolArray | slice) -> "Passed":
+    def chosen(self, rows: BoolArray | slice) -> "PassedLandmarks":
         """Return some of the landmarks."""
-        return Passed(self.foot[rows], self.across[rows], self.down[rows])
+        return PassedLandmarks(self.foot[rows], self.across[rows], self.down[rows])
 
     def in_lane(self, height: FloatArray) -> BoolArray:
         """Return which landmarks (n,) are on the lane below a camera of a height, or of heights (K, 1)."""
@@ -47,7 +49,7 @@ class Plane(NamedTuple):
     roll_rad: float
 
 
-def passed_landmarks(scene: Scene, length: FloatArray, reach: float, gap: float) -> Passed:
+def passed_landmarks(scene: Scene, length: FloatArray, reach: float, gap: float) -> PassedLandmarks:
     """Return the landmarks that the path passes soon after it has observed them.
 
     Args:
@@ -72,10 +74,12 @@ def passed_landmarks(scene: Scene, length: FloatArray, reach: float, gap: float)
     down = down - np.sum(down * forward, axis=1, keepdims=True) * forward
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     offset = scene.points[rows] - centre[foot]
-    return Passed(foot, np.sum(offset * np.cross(down, forward), axis=1), np.sum(offset * down, axis=1))
+    return PassedLandmarks(
+        foot, np.sum(offset * np.cross(down, forward), axis=1), np.sum(offset * down, axis=1)
+    )
 
 
-def commonest_plane(passed: Passed) -> Plane | None:
+def commonest_plane(passed: PassedLandmarks) -> Plane | None:
     """Return the most level plane of those with many landmarks in them, less those below; None without."""
     few = passed.chosen(slice(None, None, 1 + len(passed.foot) // _MOST))
     if np.sum(few.down > 0.0) < _MIN_LANDMARKS:
@@ -87,7 +91,7 @@ def commonest_plane(passed: Passed) -> Plane | None:
     return Plane(float(heights[best]), float(_ROLLS_RAD[best]))
 
 
-def _height(passed: Passed) -> tuple[float, float]:
+def _height(passed: PassedLandmarks) -> tuple[float, float]:
     """Return the height at which most landmarks lie, less those below it, and that number."""
     under = passed.chosen(passed.down > 0.0)
     if len(under.down) < _MIN_LANDMARKS:

@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
-from vgps.gps.fix_conflict import settled
+from vgps.gps.fix_conflict import with_conflict_verdicts
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
@@ -85,7 +85,7 @@ def optimise_batch(
     solved = _solve_stage(state, fixes, fixed, last)
     state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     if conflicts := find_conflicts(solved, fixes, state.assessment):
-        state = replace(state, assessment=settled(state.assessment, conflicts, fixes))
+        state = replace(state, assessment=with_conflict_verdicts(state.assessment, conflicts, fixes))
         solved = _solve_stage(state, fixes, fixed, last)
         state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     report, warnings = report_with_warnings(scene, solved.result, iterations)

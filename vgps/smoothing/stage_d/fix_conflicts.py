@@ -24,7 +24,7 @@ from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.smoothing.scene.scene_part import SceneParts
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.smoothing.stage_d.batch_result import BatchResult, BatchSolution
-from vgps.smoothing.stage_d.fix_pull import fix_pull
+from vgps.smoothing.stage_d.fix_error_equations import fix_error_equations
 
 _LEAST_FIXES = 3
 _INTERVAL_S = 1.0  # between the fixes compared: closer ones err alike
@@ -173,7 +173,7 @@ def _alike(level: FloatArray, fixes: Fixes) -> BoolArray:
 
 @dataclass(frozen=True)
 class _Video:
-    """What the video says of fixes (M,), by the scene of a solution and its parts."""
+    """Steps of the errors of fixes (M,) as the scene of a solution shows them, part by part."""
 
     given: BatchInput
     parts: SceneParts
@@ -198,7 +198,7 @@ class _Video:
         frame = place(scene.t_s, fixes.t_s).frame
         part, ids = self.parts.between(int(frame[0]), int(frame[-1]) + 1)
         try:
-            pull = fix_pull(self.given, part, ids, fixes)
+            equations = fix_error_equations(self.given, part, ids, fixes)
         except GeometryError:  # what the video does not hold together contradicts nothing
             return np.zeros((len(fixes), 3))
         length = np.linalg.norm(np.diff(scene.poses[frame, :3, 3], axis=0), axis=1)
@@ -206,4 +206,4 @@ class _Video:
         size = np.stack([fixes.r_m, fixes.h_m], axis=1)
         tolerance = np.sqrt(size[1:] ** 2 + size[:-1] ** 2 + path[:, None] ** 2)
         share = config.outliers.lower_share
-        return error_steps(pull, tolerance, float(logit(SURE) - logit(share)))
+        return error_steps(equations, tolerance, float(logit(SURE) - logit(share)))

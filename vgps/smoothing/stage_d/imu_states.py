@@ -20,11 +20,11 @@ def start_imu(scene: Scene, context: SmoothingContext) -> ImuStates | None:
     """Return velocities and biases that fit a scene; None without an IMU, or where it has no samples."""
     if context.imu is None:
         return None
-    loose = loose_frames(scene, context.config.tracking.min_inliers)
+    loose = weakly_held_frames(scene, context.config.tracking.min_inliers)
     return start_states(scene.trajectory, loose, context.imu, context.config.imu)
 
 
-def loose_frames(scene: Scene, fewest: int) -> BoolArray:
+def weakly_held_frames(scene: Scene, fewest: int) -> BoolArray:
     """Return the frames (F,) that the IMU has to hold.
 
     These are frames with fewer than ``fewest`` observations that do not stand still, with their neighbours,

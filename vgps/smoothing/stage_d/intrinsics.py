@@ -14,7 +14,7 @@ import numpy as np
 from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray
-from vgps.smoothing.calibration.camera_equations import changed, linearise_camera, parameter_count
+from vgps.smoothing.calibration.camera_equations import changed_camera, linearise_camera, parameter_count
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, moved_from, refined_with
 from vgps.smoothing.scene.few_frames import thinned
@@ -85,7 +85,7 @@ def estimate_camera(
     while step < config.iterations and not converged:
         step += 1
         found = _step(result.problem, camera, prior)
-        delta, sigma, moved = found.delta, found.sigma, changed(camera, found.delta)
+        delta, sigma, moved = found.delta, found.sigma, changed_camera(camera, found.delta)
         few = replace(few, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark)
         few = _after_step(moved, camera, few, found)
         camera = moved

@@ -14,9 +14,9 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors
 from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.scene.scene_part import SceneParts
-from vgps.smoothing.stage_d import fix_pull as module
+from vgps.smoothing.stage_d import fix_error_equations as module
 from vgps.smoothing.stage_d.batch_problem import BatchInput
-from vgps.smoothing.stage_d.fix_pull import fix_pull
+from vgps.smoothing.stage_d.fix_error_equations import fix_error_equations
 from vgps.solver.bundle_adjustment import solve
 
 HELD = Sensors.fixed(ANTENNA)
@@ -52,9 +52,9 @@ def wrong(begin, end, shift):
     return replace(fixes, world_p_fix=at)
 
 
-def pull_of(fixes):
+def equations_of(fixes):
     given = given_with(fixes)
-    return fix_pull(given, *SceneParts(given.scene).between(0, len(given.scene.t_s) - 1), fixes)
+    return fix_error_equations(given, *SceneParts(given.scene).between(0, len(given.scene.t_s) - 1), fixes)
 
 
 def least_cost(fixes):
@@ -72,9 +72,9 @@ def least_cost(fixes):
 def test_the_gain_of_a_shift_is_what_the_solver_finds_without_it(known_sensors):
     """Oracle: the difference of two minima; the shift is small, so that a linearisation says both."""
     shift = np.array([0.02, -0.03, 0.01])
-    pull = pull_of(wrong(5, 9, shift))
-    by_shift = pull.gradient[5:9].sum(axis=0) @ shift
-    squared = shift @ pull.information[5:9, :, 5:9].sum(axis=(0, 2)) @ shift
+    equations = equations_of(wrong(5, 9, shift))
+    by_shift = equations.gradient[5:9].sum(axis=0) @ shift
+    squared = shift @ equations.information[5:9, :, 5:9].sum(axis=(0, 2)) @ shift
     assert -by_shift - 0.5 * squared == pytest.approx(
         least_cost(wrong(5, 9, shift)) - least_cost(wrong(5, 9, 0.0)), rel=0.02
     )
@@ -93,10 +93,10 @@ def with_other_antenna():
 
 def gain(fixes):
     """How much the cost falls if every fix may have its error."""
-    pull = pull_of(fixes)
+    equations = equations_of(fixes)
     size = 3 * len(fixes)
-    regular = pull.information.reshape(size, size) + 1e-6 * np.eye(size)
-    return 0.5 * pull.gradient.ravel() @ np.linalg.solve(regular, pull.gradient.ravel())
+    regular = equations.information.reshape(size, size) + 1e-6 * np.eye(size)
+    return 0.5 * equations.gradient.ravel() @ np.linalg.solve(regular, equations.gradient.ravel())
 
 
 @pytest.mark.slow

@@ -1,10 +1,10 @@
-"""What the video says of errors of fixes: the cost of stage D by them, poses and landmarks adapting."""
+"""Normal equations of errors of fixes in stage D, poses and landmarks eliminated: what the video allows."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from vgps.gps.error_steps import Pull
+from vgps.gps.error_steps import FixErrorEquations
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, gps_graph, place
 from vgps.gps.sensors import Sensors
@@ -23,8 +23,8 @@ from vgps.solver.marginals import factorise_pose_system
 _CLOCK_SIGMA_S, _ANTENNA_SIGMA_M = 0.5, 1.0
 
 
-def fix_pull(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> Pull:
-    """Return what the video says of errors of fixes that are otherwise as good as their regions.
+def fix_error_equations(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> FixErrorEquations:
+    """Return normal equations of errors of fixes that are otherwise as good as their regions.
 
     Time offset and lever arm are taken as unknown.
 
@@ -54,9 +54,11 @@ def fix_pull(given: BatchInput, scene: Scene, ids: IntArray, fixes: Fixes) -> Pu
     residual = -minus_residual - J @ follow[:, -1]
     weight = (1.0 / region_sigmas(fixes)).ravel()
     n = len(fixes)
-    pull = Pull((weight[:, None] * remaining * weight).reshape(n, 3, n, 3), (weight * residual).reshape(n, 3))
+    equations = FixErrorEquations(
+        (weight[:, None] * remaining * weight).reshape(n, 3, n, 3), (weight * residual).reshape(n, 3)
+    )
     sigma = np.array([_CLOCK_SIGMA_S, *[_ANTENNA_SIGMA_M] * 3])
-    return pull.without(_by_sensors(scene, fixes), sigma**-2.0)
+    return equations.without(_by_sensors(scene, fixes), sigma**-2.0)
 
 
 def _as_sure_as_regions(fixes: Fixes) -> Fixes:
