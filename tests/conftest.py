@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
-from shared_runs import SharedFolder, SharedRun, folder_sharing, run_sharing
+from shared_runs import (
+    SharedFolder,
+    SharedRun,
+    folder_sharing,
+    run_sharing,
+    smooth_by_command,
+    written_by_command,
+)
 from threadpoolctl import threadpool_limits
 
 # pytest-xdist's own process reads this file before it starts the workers: vgps is imported when it is used
@@ -69,11 +76,15 @@ def recording(shared_folder: SharedFolder) -> Path:
 
 
 @pytest.fixture(scope="session")
-def smoothed_walk(recording: Path, shared_run: SharedRun) -> "Solution":
-    """The run of the small recording as vgps is configured by default."""
-    import vgps
+def smoothed(recording: Path, shared_folder: SharedFolder) -> Path:
+    """The run folder of the small recording, made by the command as vgps is configured by default."""
+    return shared_folder("run", lambda out: smooth_by_command(recording, out))
 
-    return shared_run("smoothed_walk", lambda: vgps.smooth(vgps.open_recording(recording)))
+
+@pytest.fixture(scope="session")
+def smoothed_walk(smoothed: Path) -> "Solution":
+    """The run of the small recording that the command wrote."""
+    return written_by_command(smoothed)
 
 
 @pytest.fixture(scope="session")

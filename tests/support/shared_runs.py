@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pickle
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,6 +46,30 @@ def folder_sharing(factory: pytest.TempPathFactory) -> SharedFolder:
         return folder / name
 
     return shared
+
+
+def smooth_by_command(recording: Path, out: Path) -> None:
+    """Run ``vgps smooth``, and keep what it wrote for :func:`written_by_command`."""
+    from vgps.cli import main
+    from vgps.cluster import job
+
+    def write(solution: "Solution", folder: Path) -> None:
+        out.with_suffix(".pickle").write_bytes(pickle.dumps(solution))
+        write_run(solution, folder)
+
+    write_run = job.write_run
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sys, "argv", ["vgps", "smooth", str(recording), "--out", str(out)])
+        patched.setattr(job, "write_run", write)
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert not ended.value.code
+
+
+def written_by_command(out: Path) -> "Solution":
+    """Return the solution of a run folder of :func:`smooth_by_command`, all of it and to the last digit."""
+    solution: Solution = pickle.loads(out.with_suffix(".pickle").read_bytes())
+    return solution
 
 
 def _of_all_workers(factory: pytest.TempPathFactory) -> Path:
