@@ -62,7 +62,7 @@ def test_verdicts_that_hang_by_a_hair_are_named_with_their_alternatives():
     lower = np.array([0.0, 0.0, 0.55, 0.12, np.nan, 0.1])
     (warning,) = close_calls(FixAssessment(nominal, lower), np.arange(6.0))
     assert warning.startswith(
-        "verdicts on fixes that hang by a hair: used at 1.0 s (p = 0.60; else rejected), "
+        "uncertain verdicts on fixes: used at 1.0 s (p = 0.60; else rejected), "
         "down-classed at 2.0 s (p = 0.55; else rejected), rejected at 3.0 s (p = 0.86; else down-classed); "
     )
     assert close_calls(FixAssessment(nominal[:1], lower[:1]), np.zeros(1)) == ()

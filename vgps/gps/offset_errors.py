@@ -26,7 +26,7 @@ def between_receivers(errors: OffsetErrors) -> float:
 
 
 def in_the_mean(errors: OffsetErrors) -> OffsetErrors:
-    """Return the errors with noise and walk in the mean over receivers, whose scales are log-normal."""
+    """Return the errors with noise and walk averaged over receivers, whose scales are log-normal."""
     means = {
         "noise_m": errors.noise_m * float(np.exp(errors.noise_spread**2 / 2.0)),
         "walk_m": errors.walk_m * float(np.exp(errors.walk_spread**2 / 2.0)),
@@ -46,7 +46,7 @@ class FixErrors:
 
 
 def mean_errors(fixes: Fixes, config: GpsConfig) -> FixErrors:
-    """Return noise and walk of fixes, in the mean over receivers."""
+    """Return noise and walk of fixes, averaged over receivers."""
     kinds, which = np.unique(fixes.fix_class, return_inverse=True)
     means = [in_the_mean(config.offset_errors(CLASSES[k])) for k in kinds.tolist()]
     columns = {one.name: np.array([getattr(mean, one.name) for mean in means]) for one in fields(FixErrors)}

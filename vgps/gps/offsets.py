@@ -37,7 +37,7 @@ class GpsTerm:
     Attributes:
         bounds: Penalties by the regions of the classes, one per fix or per offset.
         bounded: (B,) the fix of each bound, the first of an offset's fixes, with the region of its errors; of
-            offsets in the mean over receivers.
+            offsets averaged over receivers.
         weight: (B,) number of independent errors, at most 1, that each bound counts as.
         noise: Factors of the noise about the offsets and of their walk.
         noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`in_the_mean`.

@@ -12,7 +12,7 @@ from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 from vgps.solution import FixTable, Trajectory, Verdict
 
 SURE = 0.9
-"""Probability of a verdict below which it hangs by a hair."""
+"""Probability of a verdict below which it is uncertain."""
 _NAMED = 3  # such verdicts that a warning names
 _LEAST_FIXES = 10  # of a class, before their share beyond its region says anything
 _MOST_BEYOND = 0.5  # a region is to hold 95 %; a receiver that is worse than others may leave half of them
@@ -86,7 +86,7 @@ def verdicts_of(assessment: FixAssessment) -> list[Verdict]:
 def close_calls(
     assessment: FixAssessment, t_s: FloatArray, conflicts: Iterable[FixConflict] = ()
 ) -> tuple[str, ...]:
-    """Return a warning if verdicts hang by a hair: which, with their probabilities and the alternatives.
+    """Return a warning if verdicts are uncertain: which, with their probabilities and the alternatives.
 
     Args:
         assessment: Assessment of the fixes (M,).
@@ -108,7 +108,7 @@ def close_calls(
     ]
     named = named[:_NAMED] + ([f"{len(named) - _NAMED} more"] if len(named) > _NAMED else [])
     return (
-        f"verdicts on fixes that hang by a hair: {', '.join(named)}; the poses near them depend on these, "
+        f"uncertain verdicts on fixes: {', '.join(named)}; the poses near them depend on these, "
         "and their sigmas do not cover it: compare with outliers: {enabled: false}",
     )
 

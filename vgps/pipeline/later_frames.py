@@ -132,7 +132,7 @@ class FramePoser:
     def _pose(self, matches: Correspondences, sigma_px: FloatArray, start: FloatArray) -> FloatArray:
         """Return a frame's pose by features of these reliabilities (n,), or ``start`` if too few fit it.
 
-        The tracked motion may be wrong: all features are asked first, not those that fit it.
+        The tracked motion may be wrong, so all features count first, not only those that fit it.
         """
         K, tracking = self.camera.K, self.limits.tracking
         least = max(self.limits.min_features, tracking.min_inlier_share * len(matches))

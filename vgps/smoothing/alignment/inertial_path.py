@@ -30,9 +30,9 @@ _START_SIGMAS = np.array([0.2, 0.2, 0.2, 1e3, 1e3, 1e3])  # rad, m: what fixes a
 
 
 def contradicted_intervals(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray) -> BoolArray:
-    """Return between which fixes (n,) and the ones after them a path moves otherwise than they do.
+    """Return between which of n fixes and their successors (n - 1,) a path moves differently.
 
-    That is by more than half of their movement, and by more than five standard deviations.
+    It does if it differs by more than half of their movement, and by more than five standard deviations.
 
     Args:
         path: All frames.

@@ -16,7 +16,7 @@ _HEIGHTS = 100
 _BAND = 0.1  # share of the height within which a landmark may lie in the plane
 _DEEPER = 1.2, 3.0  # heights: below the plane, and not yet a mistake
 _MANY = 0.7  # of the landmarks of the plane with the most: the more level one is the ground
-_MOST = 4_000  # landmarks that are asked
+_MOST = 4_000  # landmarks that are examined
 
 
 class PassedLandmarks(NamedTuple):

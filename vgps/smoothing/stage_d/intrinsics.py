@@ -58,7 +58,7 @@ def refine_camera(
         prior: Of the calibration.
         optimise: Stage D.
         config: Stopping criteria.
-        every: Step between the frames from which the calibration is estimated, as of a global shutter.
+        every: Step between the frames from which the calibration is estimated, as for a global shutter.
 
     Raises:
         GeometryError: The video does not determine the calibration.
