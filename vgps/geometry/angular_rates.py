@@ -32,6 +32,11 @@ class RelativeRotations:
     def __len__(self) -> int:
         return len(self.start_s)
 
+    def mean_rates(self) -> FloatArray:
+        """Return the mean angular rate (P, 3) of each interval, in the camera's axes, rad/s."""
+        vectors = Rotation.from_matrix(self.start_R_end).as_rotvec()
+        return np.asarray(vectors / (self.end_s - self.start_s)[:, None])
+
     def where(self, kept: BoolArray) -> "RelativeRotations":
         """Return the intervals that a mask (P,) keeps; the others count as missed."""
         return RelativeRotations(

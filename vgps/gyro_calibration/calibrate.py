@@ -117,7 +117,7 @@ def calibrate_from_rotations(
         found = f"{len(rotations)} intervals have a rotation from the image, {rotations.missed} have none"
         raise GeometryError(found, expected=f"at least {config.min_intervals}", remedy="give a longer video")
     integral = GyroIntegral(gyro)
-    rates = _rates(rotations)
+    rates = rotations.mean_rates()
     guess = guess_offset(rotations, rates, integral, config)
     if guess is None:
         raise GyroLogError(
@@ -135,11 +135,6 @@ def calibrate_from_rotations(
     alignment = align_rates(by_gyro, rates, fit.weight)
     check_axes(fit, alignment, rotations, config)
     return _result(rotations, fit, guess, alignment, _scale(by_gyro, rates, fit), config)
-
-
-def _rates(rotations: RelativeRotations) -> FloatArray:
-    vectors = Rotation.from_matrix(rotations.start_R_end).as_rotvec()
-    return np.asarray(vectors / (rotations.end_s - rotations.start_s)[:, None])
 
 
 def _gyro_rates(rotations: RelativeRotations, gyro: GyroIntegral, offset_s: float) -> FloatArray:

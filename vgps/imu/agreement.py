@@ -107,9 +107,7 @@ def _rates(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean rates (n, 3) of path and gyro over the intervals that samples cover, rad/s."""
     shown = _covered(rotations, imu, lag_s)
-    by_path = Rotation.from_matrix(shown.start_R_end).as_rotvec()
-    by_path /= (shown.end_s - shown.start_s)[:, None]
-    return by_path, integral.mean_rates(shown.start_s - lag_s, shown.end_s - lag_s)
+    return shown.mean_rates(), integral.mean_rates(shown.start_s - lag_s, shown.end_s - lag_s)
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:
