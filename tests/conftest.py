@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import compiled_modules  # noqa: F401, as the first one
 import pytest
 from hypothesis import settings
 from shared_runs import (

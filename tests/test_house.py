@@ -41,17 +41,23 @@ def imported(source: str) -> Iterator[str]:
 
 
 @cache
+def source_of(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+@cache
 def imported_by(file: Path) -> frozenset[str]:
-    return frozenset(imported(file.read_text(encoding="utf-8")))
+    return frozenset(imported(source_of(file)))
 
 
 def rooms_that_use(*names: str) -> set[str]:
     """Return the rooms (``vgps.geodesy``, ``factors``) that use one of the dotted names."""
     found = set()
+    roots = {name.split(".")[0] for name in names}  # what does not stand in a file need not be parsed for
     for package in (vgps, factors):
         home = Path(next(iter(package.__path__)))
         for file in home.rglob("*.py"):
-            used = imported_by(file)
+            used = imported_by(file) if any(root in source_of(file) for root in roots) else ()
             if any(one == name or one.startswith(f"{name}.") for one in used for name in names):
                 room = file.relative_to(home).parts[0].removesuffix(".py")
                 found.add("factors" if package is factors else f"vgps.{room}")
