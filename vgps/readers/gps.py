@@ -13,7 +13,16 @@ from vgps.readers.gopro.gpmf import Telemetry
 from vgps.readers.gps_formats.android import looks_like_android, read_android
 from vgps.readers.gps_formats.csrs import looks_like_csrs, read_csrs
 from vgps.readers.gps_formats.fit import looks_like_fit, read_fit
-from vgps.readers.gps_formats.fixes import DAY_S, HIGHEST_M, Clock, Fix, RawLog, counted, unix_s
+from vgps.readers.gps_formats.fixes import (
+    DAY_S,
+    HIGHEST_M,
+    Clock,
+    Fix,
+    RawLog,
+    counted,
+    unix_s,
+    without_held,
+)
 from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gps_formats.gpx import looks_like_gpx, read_gpx
 from vgps.readers.gps_formats.igc import looks_like_igc, read_igc
@@ -173,7 +182,9 @@ def _in_order(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     once = [fix for fix, gap in zip(ordered, gaps, strict=True) if gap > _SAME_TIME_S]
     if len(once) < len(ordered):
         notes.append(f"{counted(len(ordered) - len(once), 'fix')} at the time of another dropped")
-    return once
+    current, about_held = without_held(once)
+    notes += about_held
+    return current
 
 
 def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float:

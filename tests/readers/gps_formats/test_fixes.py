@@ -2,7 +2,17 @@ from datetime import UTC, date, datetime, timedelta, timezone
 
 import pytest
 
-from vgps.readers.gps_formats.fixes import axis_sigmas, counted, damaged_lines, skipped, unix_day_s, unix_s
+from vgps.model import FixClass
+from vgps.readers.gps_formats.fixes import (
+    Fix,
+    axis_sigmas,
+    counted,
+    damaged_lines,
+    skipped,
+    unix_day_s,
+    unix_s,
+    without_held,
+)
 
 
 @pytest.mark.parametrize(
@@ -42,3 +52,30 @@ def test_seconds_from_1970_whatever_the_time_zone():
     assert unix_s(datetime(1970, 1, 2)) == unix_s(datetime(1970, 1, 2, tzinfo=UTC)) == 86400.0
     assert unix_s(datetime(1970, 1, 2, 9, tzinfo=timezone(timedelta(hours=9)))) == 86400.0
     assert unix_day_s(date(1969, 12, 31)) == -86400.0
+
+
+def fixes_at(north_m: list[float], step_s: float, decimals: int = 9) -> list[Fix]:
+    """Fixes along a meridian, with so many decimals of their degrees."""
+    return [
+        Fix(n * step_s, round(49.0 + metres / 111_000.0, decimals), 8.4, 150.0, FixClass.SINGLE, n + 1)
+        for n, metres in enumerate(north_m)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("north_m", "step_s", "decimals", "lines"),
+    [
+        ([0.0, 0.0, 1.4, 1.4, 2.9, 2.9], 0.1, 9, [1, 3, 5]),  # a walk: 5 positions a second, logged at 10 Hz
+        ([0.0, 8.0, 8.0, 8.0, 32.0, 40.0], 1.0, 9, [1, 2, 5, 6]),  # a receiver that hung for two seconds
+        ([0.0, 0.0, 0.0, 0.04, 0.2], 0.1, 9, [1, 2, 3, 4, 5]),  # stands, then drives off at 8 m/s^2
+        ([0.0, 0.0, 0.0, 1.2, 2.4], 0.1, 5, [1, 2, 3, 4, 5]),  # stands, then moves one step of the digits
+        ([0.0, 0.0, 0.0], 1.0, 9, [1, 2, 3]),
+        ([0.0, 8.0, 16.0], 1.0, 9, [1, 2, 3]),
+        ([], 1.0, 9, []),
+    ],
+)
+def test_a_position_held_until_the_next_is_no_fix_but_that_of_a_stand_is(north_m, step_s, decimals, lines):
+    kept, notes = without_held(fixes_at(north_m, step_s, decimals))
+    assert [fix.line for fix in kept] == lines
+    dropped = len(north_m) - len(lines)
+    assert notes == skipped(dropped, "fix", "that repeated a position out of date")

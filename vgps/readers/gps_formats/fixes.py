@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vgps.crs import egm96
-from vgps.model import FixClass, FloatArray
+from vgps.geodesy import to_enu
+from vgps.model import FixClass, FloatArray, GeodeticPoint
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
@@ -19,6 +20,12 @@ _SHARE_OF_AN_AXIS = 2.0**-0.5  # of a horizontal accuracy
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
 _STILL_S = 1.0  # a position repeated for longer than this is a new fix
+_STANDING_START_M_S2 = (
+    10.0  # nothing that carries a camera drives off faster: tyres and rotors lift about 1 g
+)
+_DIGITS_DEG = np.outer([1.0, 1.0 / 60.0], 10.0 ** -np.arange(3.0, 9.0)).ravel()
+_ROUNDING = 1e-3  # of a step: that of 64-bit degrees is smaller
+_DEGREE_M = 111_000.0
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -150,6 +157,41 @@ def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
         if not same or fix.t_s - kept[-1].t_s >= _STILL_S:
             kept.append(fix)
     return kept, skipped(len(fixes) - len(kept), what, "with a repeated position")
+
+
+def without_held(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
+    """Return the fixes without repeats of a position that was out of date, and a note on these.
+
+    A log with more epochs than its receiver has positions, as a phone's or one of a receiver that hangs,
+    repeats each position until the next. So does one that stands, but its next position is no farther than
+    it can have driven since the last repeat, and a step of the log's last digits. Repeats that end the log
+    are judged as the others.
+
+    Args:
+        fixes: In order of time.
+    """
+    t_s, *place = np.array([fix[:4] for fix in fixes], float).reshape(-1, 4).T
+    leaves = np.flatnonzero(
+        np.any(np.diff(place) != 0.0, axis=0)
+    )  # the last fix at each position but the last
+    if len(leaves) in (0, len(fixes) - 1):
+        return fixes, []
+    move_m = np.linalg.norm(np.diff(to_enu(GeodeticPoint(*fixes[0][1:4]), *place), axis=0)[leaves], axis=1)
+    possible_m = 0.5 * _STANDING_START_M_S2 * np.diff(t_s)[leaves] ** 2 + _last_digits_m(place[0], place[1])
+    position = np.searchsorted(leaves, np.arange(len(fixes)))
+    repeats = np.diff(position, prepend=-1) == 0
+    held = repeats & np.append(move_m > possible_m, False)[position]
+    held |= repeats & (position == len(leaves)) & held.any()
+    kept = [fix for fix, old in zip(fixes, held.tolist(), strict=True) if not old]
+    return kept, skipped(int(held.sum()), "fix", "that repeated a position out of date")
+
+
+def _last_digits_m(latitude_deg: FloatArray, longitude_deg: FloatArray) -> float:
+    """Return the step of the last digits of a log, in degrees or minutes, along both axes together [m]."""
+    whole = np.concatenate([latitude_deg, longitude_deg])[:, None] / _DIGITS_DEG
+    rounded = (np.abs(whole - np.round(whole)) < _ROUNDING).all(axis=0)
+    step_m = _DEGREE_M * float(_DIGITS_DEG[rounded].max(initial=0.0))
+    return step_m * float(np.hypot(1.0, np.cos(np.radians(latitude_deg[0]))))
 
 
 def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
