@@ -117,6 +117,8 @@ class SensorsConfig(SettingsModel):
     unknown_antenna_sigma_m: NonNegativeFloat = 0.1
     """Prior standard deviation of a lever arm that no rig gives, such as that of a camera's own receiver; it
     is then estimated about zero, and 0 holds it there."""
+    separate_antenna_sigma_m: PositiveFloat = 1.0
+    """The same where the fixes contradict it: the receiver has an antenna of its own, on a roof or a pole."""
     antenna_sigma_m: PositiveFloat = 0.5
     """Prior standard deviation of the lever arm, on each axis."""
 

@@ -37,6 +37,7 @@ class Sensors:
         prior_time_offset: Prior of the time offset; with a sigma of 0 it is not estimated.
         prior_antenna: (3,) prior of the lever arm.
         antenna_sigma_m: Its standard deviation; with 0 the lever arm is not estimated.
+        separate_antenna_sigma_m: That of an antenna of its own, if the prior assumes the camera's; else 0.
         probability: That the prior time offset is not chance; below 1 stage D decides.
         shown_by_poses: Whether the poses of stage D determine the time offset although errors have memory.
         held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
@@ -47,6 +48,7 @@ class Sensors:
     prior_time_offset: TimeOffset
     prior_antenna: FloatArray
     antenna_sigma_m: float = 0.0
+    separate_antenna_sigma_m: float = 0.0
     probability: float = 1.0
     shown_by_poses: bool = False
     held_sigma_s: float = 0.0
@@ -63,9 +65,19 @@ class Sensors:
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
         return replace(cls.fixed(camera_p_antenna, config.time_offset_s), antenna_sigma_m=antenna_sigma_m)
 
-    def with_antenna_prior(self, sigma_m: float) -> "Sensors":
-        """Return sensors with a prior of this standard deviation of the lever arm, unless it has one."""
-        return replace(self, antenna_sigma_m=self.antenna_sigma_m or sigma_m)
+    def with_unknown_antenna(self, config: SensorsConfig) -> "Sensors":
+        """Return sensors with a prior of a lever arm that nobody gave, unless it is estimated anyway."""
+        if self.antenna_sigma_m or not config.unknown_antenna_sigma_m:
+            return self
+        return replace(
+            self,
+            antenna_sigma_m=config.unknown_antenna_sigma_m,
+            separate_antenna_sigma_m=config.separate_antenna_sigma_m,
+        )
+
+    def with_separate_antenna(self) -> "Sensors":
+        """Return sensors with the prior of an antenna that is not the camera's."""
+        return replace(self, antenna_sigma_m=self.separate_antenna_sigma_m, separate_antenna_sigma_m=0.0)
 
     def with_time_offset(self, prior: TimeOffset, probability: float = 1.0) -> "Sensors":
         """Return sensors with another prior of the time offset, starting from it."""

@@ -228,7 +228,7 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     config, fixes = frame_pipeline.config, frame_pipeline.fix_buffer.fixes
     if recording.rig.antenna_known or config.gps.model == "none" or not fixes.used.any():
         return frame_pipeline.fix_buffer.sensors
-    return frame_pipeline.fix_buffer.sensors.with_antenna_prior(config.sensors.unknown_antenna_sigma_m)
+    return frame_pipeline.fix_buffer.sensors.with_unknown_antenna(config.sensors)
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:

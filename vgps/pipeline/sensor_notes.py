@@ -46,7 +46,7 @@ def antenna_notes(
     front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, config: Config
 ) -> tuple[str, ...]:
     """Return a warning if the lever arm is not known: what the motion says of it."""
-    sigma_m, prior_m = batch.antenna_sigma_m, front_end.sensors.antenna_sigma_m
+    sigma_m, prior_m = batch.antenna_sigma_m, batch.sensors.antenna_sigma_m
     if front_end.recording.rig.antenna_known or not merged.georeferenced or not np.isfinite(sigma_m).all():
         return ()
     shown = [

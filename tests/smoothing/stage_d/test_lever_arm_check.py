@@ -63,3 +63,21 @@ def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: P
     (text,) = doubts(vgps.smooth(replace(recording, rig=rig), settings).warnings)
     assert "m right" in text and "camera_p_antenna in rig.yaml" in text
     assert doubts(kitti07_fixed.warnings) == []
+
+
+@pytest.mark.slow
+def test_an_antenna_far_from_the_camera_gets_the_prior_of_a_separate_one(monkeypatch) -> None:
+    """The synthetic drive's antenna is 0.68 m from the camera; its turns are gentle."""
+    problem, true, _, exact = scene(disturbed=0.2)
+    made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    unknown = Sensors.fixed(np.zeros(3)).with_unknown_antenna(Config().sensors)
+
+    def found(contradiction: float) -> Sensors:
+        monkeypatch.setattr(lever_arm_check, "_CONTRADICTION", contradiction)
+        return optimise_batch(made, exact, unknown, context(Config())).sensors
+
+    near, separate = found(np.inf), found(1.0)
+    assert (near.antenna_sigma_m, separate.antenna_sigma_m) == (0.1, 1.0)
+    assert np.linalg.norm(separate.camera_p_antenna - ANTENNA) < np.linalg.norm(
+        near.camera_p_antenna - ANTENNA
+    )

@@ -28,6 +28,7 @@ from vgps.smoothing.stage_d.batch_result import BatchResult, BatchSolution, batc
 from vgps.smoothing.stage_d.clock_check import with_shown_clock
 from vgps.smoothing.stage_d.fix_conflicts import find_conflicts, with_conflicts
 from vgps.smoothing.stage_d.imu_states import start_imu
+from vgps.smoothing.stage_d.lever_arm_check import with_possible_antenna
 from vgps.smoothing.stage_d.long_steps import solve_once
 from vgps.smoothing.stage_d.rounds import Stage, stages
 from vgps.smoothing.stage_d.variance_components import balanced_sigma_scale
@@ -86,6 +87,11 @@ def optimise_batch(
     state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     if conflicts := find_conflicts(solved, fixes, state.assessment):
         state = replace(state, assessment=with_conflict_verdicts(state.assessment, conflicts, fixes))
+        solved = _solve_stage(state, fixes, fixed, last)
+        state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
+    sensors = with_possible_antenna(state.sensors, solved.given, solved.result.problem)
+    if sensors is not state.sensors:
+        state = _reassess(replace(state, sensors=sensors), fixes, solved.given.sigma_px, context)
         solved = _solve_stage(state, fixes, fixed, last)
         state, iterations = state.after(solved.result), iterations + solved.result.report.iterations
     report, warnings = report_with_warnings(scene, solved.result, iterations)
