@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Generator
 
+import numpy  # noqa: F401  # brings a BLAS
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -27,6 +28,16 @@ def test_blas_has_one_thread_inside_and_as_many_as_before_after_it() -> None:
         with one_blas_thread():
             assert set(blas_threads()) == {1}
         assert set(blas_threads()) == {2}
+
+
+def test_blas_keeps_one_thread_to_the_end_of_the_outermost_context() -> None:
+    with threadpool_limits(limits=2, user_api="blas"):
+        for _ in range(2):
+            with one_blas_thread():
+                with one_blas_thread():
+                    pass
+                assert set(blas_threads()) == {1}
+            assert set(blas_threads()) == {2}
 
 
 def test_what_is_begun_runs_while_the_caller_goes_on() -> None:

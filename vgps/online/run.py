@@ -12,7 +12,7 @@ from vgps.model import FloatArray, GrayImage
 from vgps.online.estimate import OnlineEstimate
 from vgps.online.smoother import OnlineSmoother
 from vgps.readers.gps_formats.fixes import Fix
-from vgps.runtime.threads import prompt_threads
+from vgps.runtime.threads import one_blas_thread, prompt_threads
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ Sink = Callable[[OnlineEstimate, float], None]
 
 
 @prompt_threads()
+@one_blas_thread()
 def run_online(feed: Iterable[FeedItem], smoother: OnlineSmoother, sink: Sink, stop: threading.Event) -> int:
     """Feed all items to a smoother in order of arrival, and return the number of frames.
 

@@ -29,6 +29,7 @@ from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.recording import open_recording
 from vgps.readers.rig_cameras import refuse_several
+from vgps.runtime.threads import one_blas_thread
 from vgps.writers.run_folder import check_writable, write_run
 
 
@@ -208,6 +209,7 @@ def _shown(feed: Iterable[FeedItem], outputs: Outputs) -> Iterator[FeedItem]:
             outputs.show(item.t_s, item.gray)
 
 
+@one_blas_thread()  # to the end, since stage C may still work after the last frame
 def _run(
     feed: Iterable[FeedItem],
     smoother: OnlineSmoother,

@@ -12,7 +12,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager
 from functools import cache
 from itertools import islice
 from typing import ParamSpec, TypeVar
@@ -35,10 +34,31 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def one_blas_thread() -> AbstractContextManager[object]:
-    """Return a context in which BLAS uses one thread."""
-    limits: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
-    return limits
+class _Held(threading.local):
+    """Whether this thread holds BLAS to one thread."""
+
+    already = False
+
+
+_held = _Held()
+
+
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let BLAS use one thread; inside another such context of the same thread that costs nothing.
+
+    The number is one for the whole process: whoever begins functions beside holds it until they end, else it
+    changes under them, and with it their last digits.
+    """
+    if _held.already:
+        yield
+        return
+    with _controller().limit(limits=1, user_api="blas"):
+        _held.already = True
+        try:
+            yield
+        finally:
+            _held.already = False
 
 
 def begin(
