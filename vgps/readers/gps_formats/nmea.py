@@ -52,12 +52,17 @@ def read_nmea(data: bytes) -> RawLog:
     the receiver's separations contradict EGM96. If no GGA has a fix, the first of GNS, RMC and GLL that has
     is read instead. Without any height fixes are horizontal. Notes say this, too.
     """
-    raw = _read(data, _PLACES[0])
-    for kind in _PLACES[1:]:
-        if not raw.fixes and (instead := _read(data, kind)).fixes:
-            instead.notes.insert(0, f"no GGA with a fix: positions are those of {kind.decode()}")
-            return instead
-    return raw
+    empty = None
+    for kind in _PLACES:
+        if re.search(rb"\$[A-Z]{2}%s," % kind, data) is None:
+            continue
+        raw = _read(data, kind)
+        if raw.fixes:
+            if kind != _PLACES[0]:
+                raw.notes.insert(0, f"no GGA with a fix: positions are those of {kind.decode()}")
+            return raw
+        empty = empty or raw
+    return empty or _read(data, _PLACES[0])
 
 
 def _read(data: bytes, place: bytes) -> RawLog:
