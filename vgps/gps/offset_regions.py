@@ -58,12 +58,12 @@ def offset_bounds(fixes: Fixes, config: GpsConfig, n: int) -> OffsetBounds:
     verdicts of its own.
     """
     log_size, variance = _log_sizes(fixes, config)
-    half = np.array([_half_tail(value) for value in variance[:, 0].tolist()])
+    half = np.array([_half_tail(value) for value in variance[:, 0].tolist()])  # by what is known in the plane
     heavy = 2.0 * half <= _LIGHT_TAIL
-    # of Student's t over the median of its mixture, or of the root mean square
-    scale = np.where(heavy, np.exp(0.5 * (digamma(half) - np.log(half))), np.exp(variance[:, 0]))
+    of_mixture = 0.5 * (digamma(half) - np.log(half))  # log of the scale of Student's t over the median size
+    scale = np.exp(np.where(heavy[:, None], of_mixture[:, None], variance))
     plane, line = ((2.0 * gammaincinv(axes / (2.0 * n), _INSIDE)) ** (0.5 / n) for axes in (2, 1))
-    r_m, h_m = np.exp(log_size).T * scale
+    r_m, h_m = (np.exp(log_size) * scale).T
     tail = np.where(heavy, 2.0 * half, np.inf)
     return OffsetBounds(replace(fixes, r_m=r_m / plane, h_m=h_m / line), tail)
 

@@ -99,9 +99,10 @@ def gps_term(
     rows = chain.rows[chain.first]
     first = fixes.where(rows)
     exponent = n or config.exponent
-    bounded, tail = offset_bounds(first, config, exponent)
     if loose:
         bounded, tail = with_offset_regions(first, config), np.full(len(rows), np.inf)
+    else:
+        bounded, tail = offset_bounds(first, config, exponent)
     weight = _weights(first, chain.starts)
     bounds = gtsam.NonlinearFactorGraph()
     for k in range(len(rows)):
