@@ -1,5 +1,7 @@
 """Stages A, B and C frame by frame, on images of a room with exact truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from angles import apart_deg
@@ -106,6 +108,22 @@ def test_standing_frames_get_a_constraint_and_no_view():
     assert not set(range(13, 20)) & set(local_map.observations().frame.tolist())
     step = np.linalg.norm(np.diff(local_map.poses[:, :3, 3], axis=0), axis=1)
     assert step[12:19].max() < 0.05 * np.median(step) and step[20:].min() > 0.5 * np.median(step)
+
+
+def test_frames_whose_picture_hangs_are_bridged():
+    """From frame 12 to 19 while the camera moves on."""
+    order = [*range(12), *[12] * 8, *range(20, COUNT)]
+    made = fed([Frame(i, i / FPS, images(COUNT)[k]) for i, k in enumerate(order)], exact_fixes())
+    (local_map,) = made.maps
+    assert local_map.bridged == set(made.repeats) == set(range(13, 20)) and not local_map.zero_motions
+    assert errors_m(local_map).max() < 0.1
+
+
+def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand():
+    seen = list(room(14))
+    hung = [replace(seen[-1], index=i, t_s=i / FPS) for i in (14, 15)]
+    made = fed([*seen, *hung, *another_room(16)])
+    assert made.repeats == [14, 15] and made.maps[0].next_frame == 14
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ def test_a_gyro_carries_a_map_on_for_half_a_second_after_features_posed_a_frame(
 
 def stands(moved_px, found=(True, True, True), frame=3, retention=None):
     made = builder(pose(0.0), pose(0.5))
-    return made.stands(Frame(frame, 0.1 * frame, image()), result(moved_px, found), CONFIG, retention)
+    return not made.extend(Frame(frame, 0.1 * frame, image()), result(moved_px, found), CONFIG, retention)
 
 
 def test_a_frame_stands_if_its_median_feature_does():
@@ -135,6 +135,40 @@ def test_a_frame_stands_if_its_median_feature_does():
 
 def test_a_frame_that_shows_no_feature_does_not_stand():
     assert not stands((0.0, 0.0, 0.0), (False, False, False))
+
+
+def shown_again(last_px, moved_px=(0.0, 0.0, 0.0)):
+    """A map of a camera at half a metre and 5 px a frame, whose picture stays for three frames."""
+    made = builder(pose(0.0), pose(0.5))
+    made.speed_px_s = 50.0
+    for index, px, x in (
+        (2, moved_px, 0.5),
+        (3, moved_px, 0.5),
+        (4, moved_px, 0.5),
+        (5, (last_px,) * 3, 2.5),
+    ):
+        frame = Frame(index, 0.1 * index, image())
+        seen = result(px, world_T_camera=pose(x), pose_sigma=np.ones(6))
+        if made.repeats(frame, seen, CONFIG):
+            made.bridge(made.let_repeats_go(), frame.t_s, seen.world_T_camera)
+        made.extend(frame, seen, CONFIG, None)
+    return made.local_map
+
+
+def test_a_picture_that_stays_while_the_camera_moves_on_is_left_out():
+    local_map = shown_again(20.0)
+    assert local_map.bridged == {2, 3, 4} and not local_map.zero_motions
+    np.testing.assert_allclose(local_map.poses[:, 0, 3], 0.5 * np.arange(6), atol=1e-12)
+    np.testing.assert_allclose(local_map.odometry[1:, 0], 0.5, atol=1e-12)
+
+
+def test_a_camera_that_goes_on_from_where_it_was_stood():
+    assert [motion.frame for motion in shown_again(5.0).zero_motions] == [2, 3, 4]
+
+
+def test_a_camera_that_creeps_is_where_its_features_say():
+    local_map = shown_again(20.0, (0.1, 0.1, 0.1))
+    assert not local_map.bridged and len(local_map.zero_motions) == 3
 
 
 def test_a_long_stop_gets_a_view_before_the_last_one_is_discarded():
@@ -165,19 +199,17 @@ def test_before_the_map_has_poses_a_standing_frame_is_constrained_to_no_motion()
 
 def test_frames_of_a_gap_are_posed_between_its_ends():
     made = builder(pose(0.0), pose(1.0), first=7)
-    t_s = np.array([*np.arange(9) * 0.1, 0.9, 1.0, 1.2])
-    warning = made.bridge(t_s, 11, pose(3.0, 0.4))
+    made.bridge(np.array([0.9, 1.0]), 1.2, pose(3.0, 0.4))
     assert made.local_map.next_frame == 11 and made.local_map.bridged == {9, 10}
     # frame 8 at 0.8 s, frame 11 at 1.2 s: a quarter and a half of the way
     expected = [pose(1.5, 0.1), pose(2.0, 0.2)]
     np.testing.assert_allclose(made.local_map.poses[2:], expected, atol=1e-12)
     np.testing.assert_allclose(made.local_map.t_s[2:], [0.9, 1.0])
-    assert len(warning) == 1 and "from frame 9 to 10" in warning[0]
 
 
 def test_without_a_gap_nothing_is_bridged():
     made = builder(pose(0.0), pose(1.0))
-    assert made.bridge(np.array([0.0, 0.1, 0.2]), 2, pose(2.0)) == ()
+    made.bridge(np.zeros(0), 0.2, pose(2.0))
     assert made.local_map.next_frame == 2 and not made.local_map.bridged
 
 

@@ -166,6 +166,9 @@ class LocalMap:
         if update.similarity is not None:
             self._transform(update.similarity)
         self.aligned = self.aligned or update.aligned
+        if update.end is not None:
+            self._path = self._path.part(self.first_frame, update.end)
+            self._zero_motions = {f: motion for f, motion in self._zero_motions.items() if f < update.end}
         for frame in update.frames:
             self._path.append(frame)
         if update.poses is not None:
@@ -227,7 +230,7 @@ class LocalMap:
         self._followed.discard_before(frame)
         self._discard_features()
         old = self.poses[: frame - self.first_frame].copy()
-        self._path = self._path.since(frame)
+        self._path = self._path.part(frame, self.next_frame)
         return old
 
     def _discard_features(self) -> None:

@@ -45,7 +45,7 @@ class MapPath:
 
     def snapshot(self) -> "MapPath":
         """Return a copy."""
-        return self.since(self.first_frame)
+        return self.part(self.first_frame, self.next_frame)
 
     def append(self, frame: NewFrame) -> None:
         """Append a frame."""
@@ -66,12 +66,12 @@ class MapPath:
         self._poses.values[:] = to_world.poses(self._poses.values)
         self._odometry.values[:] *= to_world.scale
 
-    def since(self, frame: int) -> "MapPath":
-        """Return a copy from a frame on."""
-        copied = MapPath(frame)
-        copied.bridged = frozenset(bridged for bridged in self.bridged if bridged >= frame)
-        count = frame - self.first_frame
+    def part(self, first: int, end: int) -> "MapPath":
+        """Return a copy of the frames from one on to before another."""
+        copied = MapPath(first)
+        copied.bridged = frozenset(bridged for bridged in self.bridged if first <= bridged < end)
+        rows = slice(first - self.first_frame, end - self.first_frame)
         copied._poses, copied._t_s, copied._odometry = (
-            GrowingArray.of(rows.values[count:]) for rows in (self._poses, self._t_s, self._odometry)
+            GrowingArray.of(values.values[rows]) for values in (self._poses, self._t_s, self._odometry)
         )
         return copied

@@ -101,6 +101,7 @@ class MapUpdate:
         undistorted: Gives where another calibration sees undistorted pixels (n, 2), for all observations.
         similarity: Similarity to apply to the whole map.
         aligned: Whether the map's world is the world of the GPS fixes from now on.
+        end: Frames from this one on leave the map, which has no view of them; None for none.
         frames: New frames, in order.
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
         view: Observations of the newest frame.
@@ -115,6 +116,7 @@ class MapUpdate:
     undistorted: Callable[[FloatArray], FloatArray] | None = None
     similarity: Similarity | None = None
     aligned: bool = False
+    end: int | None = None
     frames: tuple[NewFrame, ...] = ()
     first_frame: int = 0
     poses: FloatArray | None = None

@@ -33,6 +33,7 @@ class FramePipeline:
     Attributes:
         config: The settings.
         warnings: Warnings for the user.
+        repeats: Frames that showed the picture before them again, while the camera moved on.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
         gyro: The prediction of rotations between frames; None without a gyro.
@@ -58,6 +59,7 @@ class FramePipeline:
         self._maps = MapSequence()
         self._times = GrowingArray()
         self.warnings: list[str] = []
+        self.repeats: list[int] = []
         self.timer = StageTimer()
         self.fix_buffer = FixBuffer(fixes, camera_p_antenna, config)
         self._aligner = MapAligner(context, self.fix_buffer)
@@ -159,6 +161,7 @@ class FramePipeline:
             **self._maps.state(),
             "times": self._times,
             "warnings": self.warnings,
+            "repeats": self.repeats,
             "seconds": self.timer.by_stage,
             "fix_buffer": self.fix_buffer,
             "used_until_s": self._worker.used_until_s,
@@ -169,7 +172,7 @@ class FramePipeline:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over a state, before the first frame; see :meth:`state`."""
         self._maps.restore(state)
-        self._times, self.warnings = state["times"], state["warnings"]
+        self._times, self.warnings, self.repeats = state["times"], state["warnings"], state["repeats"]
         self.timer.by_stage.update(state["seconds"])
         vars(self.fix_buffer).update(vars(state["fix_buffer"]))
         self._worker.used_until_s = state["used_until_s"]
@@ -189,6 +192,7 @@ class FramePipeline:
         with self.timer.measure("start"):
             builder = self._stages.starter.add_frame(builder, frame, self.gyro)
         if builder is not None and builder.started:
+            self.repeats += sorted(builder.local_map.bridged)
             self._run_window(builder)
         return builder
 
@@ -198,14 +202,29 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
+        repeats = builder.repeats(frame, result, tracking)
+        if repeats and result.world_T_camera is None:
+            self.finish_window()  # it may have these frames
+        if repeats:
+            last = builder.local_map.next_frame
+            builder.let_repeats_go()
+            self.repeats += range(builder.local_map.next_frame, last)
         if result.world_T_camera is None:
             self._grow_following_map(frame)
             return
         builder.relocaliser, self._maps.following = None, None
-        self.warnings += builder.bridge(self.t_s, frame.index, result.world_T_camera)
+        self._bridge(builder, frame, result.world_T_camera, repeats)
         if builder.extend(frame, result, tracking, self._retention):
             builder.unmapped = frame, result
             builder.since_window, builder.moved = builder.since_window + 1, True
+
+    def _bridge(self, builder: MapBuilder, frame: Frame, world_T_camera: FloatArray, repeats: bool) -> None:
+        """Pose the frames between the newest one and a tracked one: repeated pictures, or a lost camera."""
+        first = builder.local_map.next_frame
+        builder.bridge(self.t_s[first : frame.index], frame.t_s, world_T_camera)
+        if first < frame.index and not repeats:
+            lost = f"tracking was lost from frame {first} to {frame.index - 1}; they are bridged"
+            self.warnings.append(lost)
 
     def _align(self, builder: MapBuilder) -> None:
         """Align the map with the world, if that can be done yet."""

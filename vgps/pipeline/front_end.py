@@ -199,6 +199,7 @@ def front_end_of(
             *recording.notes,
             *getattr(recording.video, "warnings", ()),
             *frame_pipeline.warnings,
+            *_repeats(frame_pipeline),
             *_failures(frame_pipeline),
             *_unused(recording.camera),
         ),
@@ -211,6 +212,16 @@ def _failures(frame_pipeline: FramePipeline) -> tuple[str, ...]:
     if not count:
         return ()
     return (f"windows that iSAM2 could not solve: {count}; window.solver schur took their place",)
+
+
+def _repeats(frame_pipeline: FramePipeline) -> tuple[str, ...]:
+    repeats, t_s = frame_pipeline.repeats, frame_pipeline.t_s
+    if not repeats:
+        return ()
+    return (
+        f"{len(repeats)} of {len(t_s)} frames repeat the picture before them while the camera moves on, the "
+        f"first at {t_s[repeats[0]]:.2f} s: they have poses between those of their neighbours",
+    )
 
 
 def _unused(camera: Camera) -> tuple[str, ...]:

@@ -25,6 +25,8 @@ _STANDING_SIGMA = np.array([1e-3] * 3 + [1e-2] * 3)  # rad and map units, before
 _UNKNOWN = np.full((4, 4), np.nan)
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
+_SAME_PICTURE_PX = 0.05  # features of the same picture, encoded again, move by less
+_LEAP = 0.5  # of what the camera would move at the speed before
 _LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
 
 
@@ -43,6 +45,8 @@ class MapBuilder:
         moved: Whether a moving frame was added since stage C was last considered.
         relocaliser: Searches for the map's features while tracking is lost.
         unmapped: The newest view and its result, if stage B has not run on it.
+        speed_px_s: Speed of the median feature between the last two views; NaN before there are two.
+        strayed_px: How far the median feature was from where the newest view shows it, in any frame since.
     """
 
     local_map: LocalMap
@@ -55,6 +59,8 @@ class MapBuilder:
     moved: bool = False
     relocaliser: Relocaliser | None = None
     unmapped: tuple[Frame, TrackingResult] | None = None
+    speed_px_s: float = np.nan
+    strayed_px: float = 0.0
 
     @property
     def view_s(self) -> float:
@@ -80,9 +86,11 @@ class MapBuilder:
             Whether it became a view; a frame that stands is constrained to the newest one instead.
         """
         self.add_pose(frame.t_s, _UNKNOWN if result.world_T_camera is None else result.world_T_camera)
-        if self.stands(frame, result, config, retention):
+        if self._stands(frame, result, config, retention):
+            self.strayed_px = max(self.strayed_px, self._moved_px(result))
             self.add_zero_motion(frame.index, result)
             return False
+        self.speed_px_s, self.strayed_px = self._moved_px(result) / (frame.t_s - self.view_s), 0.0
         self.add_view(frame, result)
         return True
 
@@ -96,7 +104,7 @@ class MapBuilder:
         local_map.apply(tracker.moving.leave_out(local_map))
         local_map.apply(mapper.new_features(local_map, frame, tracker.moving))
 
-    def stands(
+    def _stands(
         self, frame: Frame, result: TrackingResult, config: TrackingConfig, retention: RetentionPolicy | None
     ) -> bool:
         """Return whether a frame needs no view: its median feature hardly moved since the newest view.
@@ -106,8 +114,34 @@ class MapBuilder:
         newest = int(self.local_map.view_frames[-1])
         if retention is not None and frame.index - newest > retention.view_frames // 2:
             return False
+        return self._moved_px(result) < config.static_px
+
+    def _moved_px(self, result: TrackingResult) -> float:
+        """Return how far the median feature moved since the newest view; NaN if none was found."""
         moved = np.linalg.norm(result.raw_uv_px - self.local_map.raw_uv_px, axis=1)[result.found]
-        return len(moved) > 0 and float(np.median(moved)) < config.static_px
+        return float(np.median(moved)) if len(moved) else np.nan
+
+    def repeats(self, frame: Frame, result: TrackingResult, config: TrackingConfig) -> bool:
+        """Return whether the frames since the newest view show its picture again, though the camera moved on.
+
+        Nothing moves in them, and this frame is as far away as the camera went meanwhile, or lost.
+        """
+        newest, end = int(self.local_map.view_frames[-1]), self.local_map.next_frame
+        held = {motion.frame for motion in self.local_map.zero_motions}
+        stood = end > newest + 1 and held.issuperset(range(newest + 1, end))
+        if not stood or self.strayed_px > _SAME_PICTURE_PX:
+            return False
+        if self.started and result.world_T_camera is None:
+            return True
+        moved_px, at_speed_px = self._moved_px(result), self.speed_px_s * (frame.t_s - self.view_s)
+        return moved_px >= config.static_px and moved_px > _LEAP * at_speed_px
+
+    def let_repeats_go(self) -> FloatArray:
+        """Remove the frames since the newest view, and return their times (n,)."""
+        newest = int(self.local_map.view_frames[-1])
+        times_s = self.local_map.t_s[newest + 1 - self.local_map.first_frame :].copy()
+        self.local_map.apply(MapUpdate(end=newest + 1))
+        return times_s
 
     def add_zero_motion(self, frame: int, result: TrackingResult) -> None:
         """Constrain a standing frame to the newest view: by its tracked pose, or to no motion without one.
@@ -192,26 +226,20 @@ class MapBuilder:
         pose = self.relocaliser.locate(frame.gray, predicted)
         return None if pose is None else Prediction(pose)
 
-    def bridge(self, t_s: FloatArray, frame: int, world_T_camera: FloatArray) -> tuple[str, ...]:
-        """Pose the frames between the newest one and ``frame`` by interpolation.
+    def bridge(self, times_s: FloatArray, t_s: float, world_T_camera: FloatArray | None = None) -> None:
+        """Append frames after the newest one, posed by interpolation.
 
         Args:
-            t_s: Times of all frames of the video so far.
-            frame: First frame that was tracked again.
-            world_T_camera: (4, 4) its pose.
-
-        Returns:
-            A warning if there are such frames.
+            times_s: (n,) their times.
+            t_s: Time of the frame after them.
+            world_T_camera: (4, 4) its pose; None before the map starts, which leaves them without one.
         """
-        last = self.local_map.next_frame - 1
-        if frame == last + 1:
-            return ()
-        times = t_s[last : frame + 1]
-        ends = np.stack([self.local_map.poses[-1], world_T_camera])
-        between = interpolate_poses(times[[0, -1]], ends, times[1:-1])
-        frames = (NewFrame(float(t), pose, True) for t, pose in zip(times[1:-1], between, strict=True))
+        poses = np.full((len(times_s), 4, 4), np.nan)
+        if len(times_s) and world_T_camera is not None:
+            ends = np.stack([self.local_map.poses[-1], world_T_camera])
+            poses = interpolate_poses(np.array([self.local_map.t_s[-1], t_s]), ends, times_s)
+        frames = (NewFrame(float(t), pose, True) for t, pose in zip(times_s, poses, strict=True))
         self.local_map.apply(MapUpdate(frames=tuple(frames)))
-        return (f"tracking was lost from frame {last + 1} to {frame - 1}; they are bridged",)
 
 
 def _joined(maps: Sequence[LocalMap]) -> Trajectory:

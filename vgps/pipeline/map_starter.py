@@ -4,10 +4,10 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.imu.rotation import RotationPredictor
+from vgps.mapping.between_views import pose_between_views
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame, NewView
 from vgps.mapping.retention import RetentionPolicy
-from vgps.mapping.standing_frames import pose_standing_frames
 from vgps.model import Camera, Frame
 from vgps.pipeline.map_builder import MapBuilder
 from vgps.tracking.bootstrap import TwoViewInitialiser
@@ -58,6 +58,8 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
+        if builder.repeats(frame, result, config.tracking):
+            builder.bridge(builder.let_repeats_go(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder
         start = self._initialiser.initialise(local_map)
@@ -66,7 +68,7 @@ class MapStarter:
         local_map.apply(self._mapper.new_features(local_map, frame))
         if start is not None:
             builder.started = True
-            local_map.apply(pose_standing_frames(local_map))
+            local_map.apply(pose_between_views(local_map))
         return builder
 
     def _first_view(self, frame: Frame) -> MapBuilder | None:

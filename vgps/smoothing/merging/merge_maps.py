@@ -10,9 +10,9 @@ from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.sensors import Sensors
+from vgps.mapping.between_views import pose_between_views
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
-from vgps.mapping.standing_frames import pose_standing_frames
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import FloatArray
 from vgps.smoothing.alignment.drift_correction import correct_drift
@@ -94,7 +94,7 @@ def _align_maps(
     """
     uncertain: list[tuple[LocalMap, Alignment]] = []
     for local_map in maps:
-        local_map.apply(pose_standing_frames(local_map))
+        local_map.apply(pose_between_views(local_map))
         found = None if local_map.aligned else find_alignment(local_map, fixes, camera_p_antenna, config)
         if found is not None and found.determined:
             local_map.apply(MapUpdate(similarity=found.to_world, aligned=True))
