@@ -260,16 +260,8 @@ def test_kitti03_with_outliers_finds_them_all_and_no_other(data_dir):
     wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
     rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
     assert rejected.tolist() == wrong
-    assert errors(solution, folder).camera_position_m.mean < 0.6  # twice what it is, as below
-
-
-@pytest.mark.slow
-def test_kitti03_with_float_fixes_is_no_worse_than_it_was(data_dir):
-    folder = data_dir / "kitti03"
-    solution = vgps.smooth(vgps.open_recording(folder, gps="gps_float_b.nmea"))
     # twice what it is on the machines measured so far, whose linear algebra rounds differently
-    assert errors(solution, folder).camera_position_m.mean < 0.5
-    assert Verdict.REJECTED not in solution.fixes.verdict
+    assert errors(solution, folder).camera_position_m.mean < 0.6
     sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated
     assert abs(solution.sensors.time_offset_s) <= 3.0 * sigma_s < 0.09
 
