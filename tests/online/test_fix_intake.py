@@ -22,7 +22,7 @@ def make_intake(origin: GeodeticPoint | None) -> tuple[FixIntake, FramePipeline]
 
 
 def fix(t_s: float, kind: FixClass = FixClass.RTK_FIX) -> Fix:
-    return Fix(t_s, 49.0, 8.4, 121.0, kind, line=1)
+    return Fix(t_s, 49.0, 8.4 + 1e-13 * t_s, 121.0, kind, line=1)
 
 
 def test_fixes_are_placed_about_a_given_origin() -> None:
@@ -47,6 +47,18 @@ def test_fixes_wait_for_a_usable_one_within_the_video() -> None:
 def test_a_fix_at_the_time_of_another_is_refused(origin: GeodeticPoint | None) -> None:
     intake, _ = make_intake(origin)
     assert intake.add(fix(0.5)) and not intake.add(fix(0.5 + 1e-9)) and intake.add(fix(0.6))
+
+
+def test_a_position_that_the_receiver_repeats_is_one_fix_a_second() -> None:
+    """A receiver of 1 Hz that is asked ten times a second, which then stands."""
+    intake, _ = make_intake(ORIGIN)
+    positions = [0.0] * 10 + [1e-5] * 25
+    taken = [
+        intake.add(Fix(0.1 * k, 49.0 + at, 8.4, 121.0, FixClass.SINGLE, line=1))
+        for k, at in enumerate(positions)
+    ]
+    assert np.flatnonzero(taken).tolist() == [0, 10, 20, 30]
+    assert intake.add(Fix(3.5, 49.0 + 1e-5, 8.4, 121.0, FixClass.DGPS, line=1))
 
 
 def test_a_clock_that_jumped_is_noted() -> None:

@@ -54,6 +54,8 @@ class FixIntake:
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self.archive.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < SAME_TIME_S).any():
             return False
+        if self.archive.repeats(fix):
+            return False
         self.archive.append(fix)
         self.place()
         return True

@@ -98,8 +98,8 @@ class OnlineSmoother:
             fix: ``t_s`` on the video's clock, heights ellipsoidal.
 
         Returns:
-            Whether it was accepted; a fix without a position, at the time of another, or an hour ahead of the
-            newest frame is not.
+            Whether it was accepted; a fix without a position, at the time of another, with the same position
+            as the one before it within a second, or an hour ahead of the newest frame is not.
         """
         return self._intake.add(fix)
 
