@@ -5,7 +5,7 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES
-from vgps.gps.offset_errors import in_the_mean, mean_errors, step_scale
+from vgps.gps.offset_errors import averaged_over_receivers, mean_errors, step_scale
 from vgps.model import FixClass
 
 KINDS = [FixClass.RTK_FLOAT, FixClass.RTK_FIX, FixClass.SINGLE, FixClass.RTK_FLOAT]
@@ -16,7 +16,7 @@ def test_each_fix_has_the_mean_errors_of_its_class():
     fixes = fixes_of_size(np.arange(count) * 1.0, np.zeros((count, 3)), np.ones(count), np.ones(count))
     fixes = replace(fixes, fix_class=np.array([CLASSES.index(kind) for kind in KINDS]))
     found, since_s = mean_errors(fixes, config), np.array([0.0, 1.0, 2.0, 7.0])
-    each = [in_the_mean(config.offset_errors(kind)) for kind in KINDS]
+    each = [averaged_over_receivers(config.offset_errors(kind)) for kind in KINDS]
     for name in ("noise_m", "walk_m", "rate_lasts_s", "tail", "vertical"):
         np.testing.assert_array_equal(getattr(found, name), [getattr(one, name) for one in each])
     steps = [step_scale(one, dt) for one, dt in zip(each, since_s, strict=True)]

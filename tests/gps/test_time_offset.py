@@ -16,8 +16,8 @@ from vgps.gps.time_offset import (
     estimate_time_offset,
     likelier_time_offset,
     min_gain,
+    model_average,
     update_time_offset,
-    weighed,
 )
 
 BELIEVED = TimeOffset(0.0, 0.5)
@@ -220,7 +220,7 @@ def test_weights_of_knots_are_those_of_linear_interpolation(knots, at_s):
 
 
 def test_hypotheses_are_weighed_by_their_evidence():
-    likely, probability = weighed(TimeOffset(0.104, 0.1), TimeOffset(0.0, 0.5), 0.1)
+    likely, probability = model_average(TimeOffset(0.104, 0.1), TimeOffset(0.0, 0.5), 0.1)
     variance = np.array([0.02, 0.26])  # of 0.104 under either hypothesis
     evidence = np.exp(-0.5 * 0.104**2 / variance) / np.sqrt(variance)
     assert probability == pytest.approx(evidence[1] / evidence.sum())

@@ -4,7 +4,7 @@ import numpy as np
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES, Fixes
-from vgps.gps.offset_errors import in_the_mean, one_sigma, walk_scale
+from vgps.gps.offset_errors import averaged_over_receivers, one_sigma, walk_scale
 from vgps.gps.offset_regions import with_offset_regions
 from vgps.gps.offsets import chain_offsets
 from vgps.gps.regions import INSIDE_LINE, INSIDE_PLANE
@@ -29,7 +29,7 @@ def error_covariances(fixes: Fixes, config: GpsConfig) -> FloatArray:
     result = np.zeros((3, len(fixes), len(fixes)))
     for name in np.unique(stretch).tolist():
         rows = np.flatnonzero(stretch == name)
-        errors = in_the_mean(config.offset_errors(CLASSES[int(fixes.fix_class[rows[0]])]))
+        errors = averaged_over_receivers(config.offset_errors(CLASSES[int(fixes.fix_class[rows[0]])]))
         one = one_sigma(errors)
         walked = (one * walk_scale(errors, apart_s[np.ix_(rows, rows)])) ** 2
         noise = np.eye(len(rows)) * (one * errors.noise_m) ** 2

@@ -25,7 +25,7 @@ def between_receivers(errors: OffsetErrors) -> float:
     return float(np.exp(errors.between_receivers**2))
 
 
-def in_the_mean(errors: OffsetErrors) -> OffsetErrors:
+def averaged_over_receivers(errors: OffsetErrors) -> OffsetErrors:
     """Return the errors with noise and walk averaged over receivers, whose scales are log-normal."""
     means = {
         "noise_m": errors.noise_m * float(np.exp(errors.noise_spread**2 / 2.0)),
@@ -48,7 +48,7 @@ class FixErrors:
 def mean_errors(fixes: Fixes, config: GpsConfig) -> FixErrors:
     """Return noise and walk of fixes, averaged over receivers."""
     kinds, which = np.unique(fixes.fix_class, return_inverse=True)
-    means = [in_the_mean(config.offset_errors(CLASSES[k])) for k in kinds.tolist()]
+    means = [averaged_over_receivers(config.offset_errors(CLASSES[k])) for k in kinds.tolist()]
     columns = {one.name: np.array([getattr(mean, one.name) for mean in means]) for one in fields(FixErrors)}
     return FixErrors(**{name: column[which] for name, column in columns.items()})
 

@@ -22,7 +22,7 @@ from vgps.gps.fixes import (
     penalty,
     place,
 )
-from vgps.gps.offset_errors import errors_of, in_the_mean, step_scale, student, walk_scale
+from vgps.gps.offset_errors import averaged_over_receivers, errors_of, step_scale, student, walk_scale
 from vgps.gps.offset_regions import offset_bounds, with_mean_offset_regions, with_offset_regions
 from vgps.gps.offset_start import smoothed_offsets
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
@@ -40,7 +40,8 @@ class GpsTerm:
             offsets averaged over receivers.
         weight: (B,) number of independent errors, at most 1, that each bound counts as.
         noise: Factors of the noise about the offsets and of their walk.
-        noise_ratio: (N,) errors of these over the sigmas of their losses, see :func:`in_the_mean`.
+        noise_ratio: (N,) errors of these over the sigmas of their losses, see
+            :func:`averaged_over_receivers`.
         offsets: (K, 3) initial values of the offsets, metres, with keys ``o0..``.
         offset_frames: (K,) frame before the first fix of each offset.
     """
@@ -167,7 +168,7 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
     showed what its receiver does.
     """
     errors = errors_of(fixes.where(chain.rows), config)
-    means = [in_the_mean(one) for one in errors]
+    means = [averaged_over_receivers(one) for one in errors]
     noise = np.array([mean.noise_m / one.noise_m for mean, one in zip(means, errors, strict=True)])
     walk = np.array([mean.walk_m / one.walk_m for mean, one in zip(means, errors, strict=True)])
     return np.concatenate([noise, walk[chain.first][~chain.starts]])

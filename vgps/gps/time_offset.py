@@ -114,7 +114,7 @@ def likelier_time_offset(
     # a sigma from few pairs is itself uncertain: what the fixes prefer counts, by Student's t
     sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
     sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
-    likely, probability = weighed(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
+    likely, probability = model_average(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
     shift_m = path.length_m / float(np.ptp(path.t_s)) * abs(likely.time_offset_s - prior.time_offset_s)
     clear = likely.sigma_s <= config.time_offset.shown_share * prior.sigma_s
     if not (probability >= 0.5 and clear):
@@ -140,7 +140,7 @@ def spaced(fixes: Fixes, interval_s: float) -> Fixes:
     return fixes.where(np.flatnonzero(np.diff(number, prepend=-1.0)))
 
 
-def weighed(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
+def model_average(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
     """Return the mean over both hypotheses with its standard deviation, and the probability of an offset.
 
     Args:

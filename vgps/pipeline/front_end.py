@@ -134,7 +134,8 @@ def run_front_end(
         found = found.with_camera(camera.name, alone)
     if not any((found.maps, *(one.maps for one in found.others))):
         raise GeometryError(
-            "no map could be started: the camera hardly moves, or too few features are visible",
+            "no map could be started: the camera hardly moves, too few features are visible, or they cannot "
+            "be followed from frame to frame (an exposure that jumps, frames far apart)",
             file=recording.video.path,
             expected=f"two views with {config.start.min_inliers} common features that move by "
             f"{config.start.min_flow_px:g} px",

@@ -6,7 +6,7 @@ from fused_drives import DrivingCamera, fit_input
 
 import vgps
 from vgps.gps.learned_errors import LearnedErrors
-from vgps.gps.offset_errors import between_receivers, in_the_mean
+from vgps.gps.offset_errors import averaged_over_receivers, between_receivers
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_fit import fit, newest_fit
 
@@ -68,7 +68,7 @@ def test_few_fixes_leave_the_class_as_it_is():
     drive = DrivingCamera(FRAMES)
     fixes = drive.fixes([FixClass.SINGLE] * 40, offsets(0.01, 0.01, 0))
     learned = fit(fit_input(drive.seen(), 12, fixes), CONFIG).fused.learned[FixClass.SINGLE]
-    mean = in_the_mean(SINGLE)
+    mean = averaged_over_receivers(SINGLE)
     assert learned.walk_m == pytest.approx(mean.walk_m, rel=0.4)
     assert learned.noise_m == pytest.approx(mean.noise_m, rel=0.4)
 
@@ -80,7 +80,7 @@ def test_a_walk_from_before_the_path_is_not_learned_from():
     now = fit_input(path.since(10.0), 5, fixes.where(fixes.t_s >= 10.0), last)
     again = fit(now, CONFIG).fused
     assert again.nodes.fixes.node.tolist() == [0] and not again.nodes.starts[0]
-    assert again.learned[FixClass.SINGLE].walk_m == pytest.approx(in_the_mean(SINGLE).walk_m)
+    assert again.learned[FixClass.SINGLE].walk_m == pytest.approx(averaged_over_receivers(SINGLE).walk_m)
 
 
 def test_fixes_without_any_error_are_fused_again_and_again():

@@ -4,7 +4,7 @@ from fused_drives import ANTENNA
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
-from vgps.gps.offset_errors import errors_of, in_the_mean
+from vgps.gps.offset_errors import averaged_over_receivers, errors_of
 from vgps.gps.sensors import TimeOffset
 from vgps.online.fusion.node_fixes import node_fixes, seen_fixes
 from vgps.online.fusion.video_path import VideoPath
@@ -67,7 +67,7 @@ def test_the_walk_of_an_offset_since_its_first_fix_is_part_of_the_noise_of_the_o
     path, node = straight_path(), np.array([0, 0, 0, 1])
     seen = seen_fixes(path, fixes_at(0.1, 0.2, 0.3, 0.4), TimeOffset(0.0, 0.0))
     tied = node_fixes(seen, ANTENNA, path.at(np.array([0.1, 0.4])), node, Config())
-    errors = in_the_mean(errors_of(seen.fixes, Config().gps)[0])
+    errors = averaged_over_receivers(errors_of(seen.fixes, Config().gps)[0])
     walked_m = errors.walk_m * np.sqrt(errors.rate_lasts_s * np.array([0.0, 0.1, 0.2, 0.0]))
     np.testing.assert_allclose(tied.noise_m[:, 0], np.hypot(errors.noise_m, walked_m))
     np.testing.assert_allclose(tied.noise_m[:, 2], errors.vertical * tied.noise_m[:, 0])

@@ -20,7 +20,7 @@ import numpy as np
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES
 from vgps.gps.learned_errors import LearnedErrors
-from vgps.gps.offset_errors import between_receivers, in_the_mean
+from vgps.gps.offset_errors import averaged_over_receivers, between_receivers
 from vgps.model import FixClass, FloatArray
 from vgps.online.fusion.block_system import BlockSystem
 from vgps.online.fusion.fusion_equations import OFFSET, POSITION, FusionState, squared_deviations
@@ -55,7 +55,7 @@ def errors_in_fit(
     walk_shown = _shown(walk[step], covariance, nodes.walk_m[at], nodes.walk_tail[at])
     for k in np.unique(fix_class).tolist():
         name = CLASSES[k]
-        prior, now = config.offset_errors(name), in_the_mean(used.offset_errors(name))
+        prior, now = config.offset_errors(name), averaged_over_receivers(used.offset_errors(name))
         if name is FixClass.RTK_FIX or prior.rate_lasts_s > _STEADY_S:
             continue
         noise_k, walk_k = noise_shown[:, fix_class == k], walk_shown[:, fix_class[walks] == k]

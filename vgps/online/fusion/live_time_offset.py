@@ -1,19 +1,19 @@
 """What is believed of the time offset while the video runs, and what that means for the poses.
 
 A fit holds the time offset at what was believed before, and its normal equations tell what the fixes prefer.
-Two hypotheses are weighed by that (:func:`vgps.gps.time_offset.weighed`): clocks that agree, and any time
-offset. The video's scale drifts in spells, which look like a time offset while a vehicle speeds up; so what
-the fixes prefer counts with ``significance_sigmas`` times its standard deviation, and no better than clocks
-agree. Fixes are shifted once an offset is likelier than none. The uncertainty of the time offset is added to
-that of the poses (Schmidt's considered parameter: Jazwinski, Stochastic Processes and Filtering Theory, 1970,
-section 8.4).
+Two hypotheses are weighed by that (:func:`vgps.gps.time_offset.model_average`): clocks that agree, and any
+time offset. The video's scale drifts in spells, which look like a time offset while a vehicle speeds up; so
+what the fixes prefer counts with ``significance_sigmas`` times its standard deviation, and no better than
+clocks agree. Fixes are shifted once an offset is likelier than none. The uncertainty of the time offset is
+added to that of the poses (Schmidt's considered parameter: Jazwinski, Stochastic Processes and Filtering
+Theory, 1970, section 8.4).
 """
 
 import numpy as np
 
 from vgps.config import Config, SensorsConfig
 from vgps.gps.sensors import TimeOffset
-from vgps.gps.time_offset import weighed, without_prior
+from vgps.gps.time_offset import model_average, without_prior
 from vgps.model import FloatArray
 
 HELD_S = 1e-4  # standard deviation with which a fit holds the time offset
@@ -53,7 +53,7 @@ def believed_time_offset(found: TimeOffset, config: SensorsConfig) -> TimeOffset
     said = without_prior(found, prior)
     sigma_s = float(np.hypot(config.significance_sigmas * said.sigma_s, config.trusted_time_offset_s))
     agree_s = _AGREE_S if config.estimate_time_offset == "auto" else prior.sigma_s
-    likely, probability = weighed(TimeOffset(said.time_offset_s, sigma_s), prior, agree_s)
+    likely, probability = model_average(TimeOffset(said.time_offset_s, sigma_s), prior, agree_s)
     if config.estimate_time_offset == "auto" and probability < 0.5:  # fixes are shifted by what is likely
         return TimeOffset(0.0, float(np.hypot(likely.sigma_s, likely.time_offset_s)))
     return likely

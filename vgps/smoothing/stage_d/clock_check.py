@@ -16,7 +16,7 @@ from vgps.config import SensorsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
-from vgps.gps.time_offset import weighed, without_prior
+from vgps.gps.time_offset import model_average, without_prior
 from vgps.model import FixClass
 from vgps.smoothing.stage_d.batch_result import BatchSolution
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step
@@ -68,7 +68,7 @@ def _held_sigma(shown: TimeOffset, prior: TimeOffset, trusted_s: float) -> float
         prior: Any time offset.
         trusted_s: To which clocks agree where nothing is wrong.
     """
-    _, probability = weighed(without_prior(shown, prior), prior, trusted_s)
+    _, probability = model_average(without_prior(shown, prior), prior, trusted_s)
     error_s = float(np.hypot(shown.sigma_s, shown.time_offset_s - prior.time_offset_s))
     return float(np.sqrt(probability)) * error_s
 
@@ -87,7 +87,7 @@ def _tried(
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
     found = _shown(tried, prior)
-    _, probability = weighed(found, prior, settings.trusted_time_offset_s)
+    _, probability = model_average(found, prior, settings.trusted_time_offset_s)
     likelier = probability * before >= (1.0 - probability) * (1.0 - before)
     return (trial, tried) if likelier and _same_side(start, found, prior) else None
 
