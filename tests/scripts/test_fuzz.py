@@ -36,8 +36,9 @@ def test_the_corpus_is_read_or_refused_in_one_line(target, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS, ids=NAMES)
-def test_a_few_hundred_damaged_files_of_every_reader(target):
-    count = 100 if target.name in FEW else 300
+def test_a_hundred_damaged_files_of_every_reader(target):
+    """A campaign damages many more: ``python -m scripts.experiments.fuzz``."""
+    count = 40 if target.name in FEW else 100
     tally = fuzz(target, range(count), seed=23)
     assert tally.findings == [] and tally.inputs == count
     assert tally.refused + tally.accepted == count
