@@ -119,11 +119,13 @@ def test_frames_whose_picture_hangs_are_bridged():
     assert errors_m(local_map).max() < 0.1
 
 
-def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand():
+@pytest.mark.parametrize(("live", "repeats", "end"), [(False, [14, 15], 14), (True, [], 16)])
+def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats, end):
+    """Live its frames have had their poses."""
     seen = list(room(14))
     hung = [replace(seen[-1], index=i, t_s=i / FPS) for i in (14, 15)]
-    made = fed([*seen, *hung, *another_room(16)])
-    assert made.repeats == [14, 15] and made.maps[0].next_frame == 14
+    made = fed([*seen, *hung, *another_room(16)], live=live)
+    assert made.repeats == repeats and made.maps[0].next_frame == end
 
 
 @pytest.mark.slow

@@ -21,9 +21,9 @@ def exact_fixes(until=COUNT):
     return fixes_of_size(frame / FPS, POSES[frame, :3, 3], size, size)
 
 
-def pipeline(fixes=None, config=CONFIG, retention=None, controls=NO_CONTROL_OBSERVATIONS):
+def pipeline(fixes=None, config=CONFIG, retention=None, controls=NO_CONTROL_OBSERVATIONS, live=False):
     fixes = Fixes.empty() if fixes is None else fixes
-    return FramePipeline(SmoothingContext(CAMERA, config, controls), np.zeros(3), fixes, retention)
+    return FramePipeline(SmoothingContext(CAMERA, config, controls), np.zeros(3), fixes, retention, live)
 
 
 def room(count=COUNT, black=()):

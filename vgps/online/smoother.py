@@ -78,7 +78,9 @@ class OnlineSmoother:
         context = SmoothingContext(
             camera, video_alone(config), imu=self._imu.at_camera, calibrates=calibrates
         )
-        self._frame_pipeline = FramePipeline(context, rig.camera_p_antenna, Fixes.empty(), retention)
+        self._frame_pipeline = FramePipeline(
+            context, rig.camera_p_antenna, Fixes.empty(), retention, live=True
+        )
         self._intake = FixIntake(self._frame_pipeline, config.gps, source, rig.world_origin)
         self._frames = FrameArchive()
         self._gyro: list[tuple[float, float, float, float]] = []

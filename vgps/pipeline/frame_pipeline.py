@@ -43,6 +43,7 @@ class FramePipeline:
         camera_p_antenna: (3,) metres.
         fixes: Fixes available from the start; more may be added at any time.
         retention: How much of the past to keep; everything if none is given.
+        live: Whether poses are given out frame by frame: frames that repeat a picture then stay as they were.
     """
 
     def __init__(
@@ -51,10 +52,11 @@ class FramePipeline:
         camera_p_antenna: FloatArray,
         fixes: Fixes,
         retention: RetentionPolicy | None = None,
+        live: bool = False,
     ) -> None:
         self.config, self._retention = (config := context.config), retention
         self._rng = np.random.default_rng(config.seed)
-        self._stages = FrameStages.of(context.camera, config, self._rng, retention)
+        self._stages = FrameStages.of(context.camera, config, self._rng, retention, live)
         self.gyro = None if context.imu is None else RotationPredictor(context.imu, config.imu)
         self._maps = MapSequence()
         self._times = GrowingArray()
@@ -202,7 +204,7 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
-        repeats = builder.repeats(frame, result, tracking)
+        repeats = not self._stages.live and builder.repeats(frame, result, tracking)
         if repeats and result.world_T_camera is None:
             self.finish_window()  # it may have these frames
         if repeats:

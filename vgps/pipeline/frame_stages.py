@@ -26,6 +26,7 @@ class FrameStages:
         config: Settings.
         rng: Random generator of the stages.
         retention: Policy that limits how long a frame may go without a view, if any.
+        live: Whether poses are given out frame by frame, so that frames stay in the map as they were.
         tracker, mapper: Stage A, stage B.
         starter: What starts maps with them.
     """
@@ -34,23 +35,30 @@ class FrameStages:
     config: Config
     rng: np.random.Generator
     retention: RetentionPolicy | None
+    live: bool
     tracker: FrameTracker
     mapper: Mapper
     starter: MapStarter
 
     @classmethod
     def of(
-        cls, camera: Camera, config: Config, rng: np.random.Generator, retention: RetentionPolicy | None
+        cls,
+        camera: Camera,
+        config: Config,
+        rng: np.random.Generator,
+        retention: RetentionPolicy | None,
+        live: bool = False,
     ) -> "FrameStages":
         """Return the stages for a camera."""
         tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        starter = MapStarter((tracker, mapper), camera, config, rng, retention)
+        starter = MapStarter((tracker, mapper), camera, config, rng, retention, live)
         return cls(
             camera=camera,
             config=config,
             rng=rng,
             retention=retention,
+            live=live,
             tracker=tracker,
             mapper=mapper,
             starter=starter,
@@ -58,7 +66,7 @@ class FrameStages:
 
     def with_camera(self, camera: Camera, maps: Sequence[LocalMap]) -> "FrameStages":
         """Return the stages for a refined camera, which go on with what the tracker knows of the maps."""
-        stages = FrameStages.of(camera, self.config, self.rng, self.retention)
+        stages = FrameStages.of(camera, self.config, self.rng, self.retention, self.live)
         stages.tracker.restore(self.tracker.state(maps))
         return stages
 

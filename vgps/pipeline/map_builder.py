@@ -127,14 +127,13 @@ class MapBuilder:
         Nothing moves in them, and this frame is as far away as the camera went meanwhile, or lost.
         """
         newest, end = int(self.local_map.view_frames[-1]), self.local_map.next_frame
-        held = {motion.frame for motion in self.local_map.zero_motions}
-        stood = end > newest + 1 and held.issuperset(range(newest + 1, end))
-        if not stood or self.strayed_px > _SAME_PICTURE_PX:
+        if end == newest + 1 or self.strayed_px > _SAME_PICTURE_PX:
             return False
-        if self.started and result.world_T_camera is None:
-            return True
+        lost = self.started and result.world_T_camera is None
         moved_px, at_speed_px = self._moved_px(result), self.speed_px_s * (frame.t_s - self.view_s)
-        return moved_px >= config.static_px and moved_px > _LEAP * at_speed_px
+        if not lost and not (moved_px >= config.static_px and moved_px > _LEAP * at_speed_px):
+            return False
+        return {motion.frame for motion in self.local_map.zero_motions}.issuperset(range(newest + 1, end))
 
     def let_repeats_go(self) -> FloatArray:
         """Remove the frames since the newest view, and return their times (n,)."""

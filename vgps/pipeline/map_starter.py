@@ -26,6 +26,7 @@ class MapStarter:
         config: Settings.
         rng: Random generator, the one of the stages.
         retention: Policy that limits how long a frame may go without a view, if any.
+        live: Whether frames stay in the map as they were.
     """
 
     def __init__(
@@ -35,9 +36,10 @@ class MapStarter:
         config: Config,
         rng: np.random.Generator,
         retention: RetentionPolicy | None,
+        live: bool = False,
     ) -> None:
         self._tracker, self._mapper = stages
-        self._config, self._retention = config, retention
+        self._config, self._retention, self._live = config, retention, live
         self._initialiser = TwoViewInitialiser(camera, config.start, config.tracking, rng)
 
     def add_frame(
@@ -58,7 +60,7 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
-        if builder.repeats(frame, result, config.tracking):
+        if not self._live and builder.repeats(frame, result, config.tracking):
             builder.bridge(builder.let_repeats_go(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder
