@@ -86,6 +86,18 @@ def test_fixes_that_come_late_align_the_map_and_the_frames_before():
     assert errors_m(made.maps[0]).max() < 0.05
 
 
+def test_fixes_between_pictures_that_are_shown_twice_align_the_map():
+    """Twice as many frames a second as pictures; each fix lies between the two frames of a picture."""
+    fixes = exact_fixes()
+    twice = [
+        replace(frame, index=2 * frame.index + half, t_s=(frame.index + half / 2) / FPS)
+        for frame in room(24)
+        for half in (0, 1)
+    ]
+    made = fed(twice, replace(fixes, t_s=fixes.t_s + 0.2 / FPS), live=True)
+    assert made.maps[0].aligned
+
+
 def test_control_points_align_a_map_without_fixes():
     """Ten corners of the room, seen in the frames 2 and 14."""
     uv = np.random.default_rng(0).uniform((30, 30), (290, 210), (10, 2))

@@ -25,11 +25,12 @@ class MapAligner:
 
         Args:
             local_map: The map.
-            t_s: Times of all frames of the video so far; fixes count once, at the frame after them.
+            t_s: Times of all frames of the video so far; fixes count once, at the view after them.
         """
         config, fix_buffer = self._config, self._fix_buffer
         result = align_to_control(local_map, self._control_poses, config.start.min_control_travel_m)
-        if result is None and fix_buffer.has_new(float(t_s[-2]), float(t_s[-1])):
+        view_before = max(int(local_map.view_frames[-2]), 0)  # frames that stand add no view
+        if result is None and fix_buffer.has_new(float(t_s[view_before]), float(t_s[-1])):
             antenna = fix_buffer.sensors.prior_antenna
             return align_to_fixes(local_map, fix_buffer.corrected, antenna, config)
         return result
