@@ -127,17 +127,17 @@ def test_frames_whose_picture_hangs_are_bridged():
     order = [*range(12), *[12] * 8, *range(20, COUNT)]
     made = fed([Frame(i, i / FPS, images(COUNT)[k]) for i, k in enumerate(order)], exact_fixes())
     (local_map,) = made.maps
-    assert local_map.bridged == set(made.repeats) == set(range(13, 20)) and not local_map.zero_motions
+    assert local_map.bridged == set(made.repeated_frames) == set(range(13, 20)) and not local_map.zero_motions
     assert errors_m(local_map).max() < 0.1
 
 
 @pytest.mark.parametrize(("live", "repeats", "end"), [(False, [14, 15], 14), (True, [], 16)])
 def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats, end):
-    """Live its frames have had their poses."""
+    """Live, the poses of these frames have been given out."""
     seen = list(room(14))
     hung = [replace(seen[-1], index=i, t_s=i / FPS) for i in (14, 15)]
     made = fed([*seen, *hung, *another_room(16)], live=live)
-    assert made.repeats == repeats and made.maps[0].next_frame == end
+    assert made.repeated_frames == repeats and made.maps[0].next_frame == end
 
 
 @pytest.mark.slow

@@ -149,8 +149,8 @@ def shown_again(last_px, moved_px=(0.0, 0.0, 0.0)):
     ):
         frame = Frame(index, 0.1 * index, image())
         seen = result(px, world_T_camera=pose(x), pose_sigma=np.ones(6))
-        if made.repeats(frame, seen, CONFIG):
-            made.bridge(made.let_repeats_go(), frame.t_s, seen.world_T_camera)
+        if made.shows_repeats(frame, seen, CONFIG):
+            made.bridge(made.discard_repeats(), frame.t_s, seen.world_T_camera)
         made.extend(frame, seen, CONFIG, None)
     return made.local_map
 

@@ -9,7 +9,7 @@ from vgps.mapping.growing_array import GrowingArray
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.online.fusion.pose_sigmas import Sigmas
-from vgps.readers.gps_formats.fixes import STILL_S, Fix
+from vgps.readers.gps_formats.fixes import Fix
 from vgps.solution import FrameState
 
 _CLASSES = tuple(FixClass)
@@ -77,17 +77,6 @@ class FixArchive:
         numbers = (fix.hdop, fix.satellites, fix.correction_age_s, fix.line, _CLASSES.index(fix.fix_class))
         self._rows.append([*fix[:4], *fix.sigma_m, *numbers])
         self._assessed.append(np.nan)
-
-    def repeats(self, fix: Fix) -> bool:
-        """Return whether a fix has position and class of the newest one again, within a second of it.
-
-        Receivers that are asked more often than they have positions repeat them: these are out of date.
-        """
-        if not len(self):
-            return False
-        t_s, *place = self._rows.values[-1, :4].tolist()
-        same = place == list(fix[1:4]) and fix.fix_class is self.fix_class(-1)
-        return same and 0.0 <= fix.t_s - t_s < STILL_S
 
     def times_s(self, since: int) -> FloatArray:
         """Return the times of the fixes from row ``since`` on."""

@@ -14,7 +14,7 @@ from vgps.online.archive import FixArchive
 from vgps.online.estimate import counts_as_news
 from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.pipeline.frame_pipeline import FramePipeline
-from vgps.readers.gps_formats.fixes import Fix, counted
+from vgps.readers.gps_formats.fixes import Fix, counted, repeats
 
 _FURTHEST_AHEAD_S = 3600.0  # of the newest frame; later fixes are those of a clock that jumped
 
@@ -38,6 +38,7 @@ class FixIntake:
     ) -> None:
         self._frame_pipeline, self._config, self._source = frame_pipeline, config, source
         self._placed = self._ahead = 0
+        self._newest: Fix | None = None
         self.archive, self.origin = FixArchive(), origin
 
     def add(self, fix: Fix) -> bool:
@@ -54,8 +55,10 @@ class FixIntake:
         taken = np.append(self._frame_pipeline.fix_buffer.fixes.t_s, self.archive.times_s(self._placed))
         if not np.isfinite(fix[:4]).all() or (np.abs(taken - fix.t_s) < SAME_TIME_S).any():
             return False
-        if self.archive.repeats(fix):
+        newest = self._newest
+        if newest is not None and newest.fix_class is fix.fix_class and repeats(fix, newest):
             return False
+        self._newest = fix
         self.archive.append(fix)
         self.place()
         return True

@@ -33,7 +33,7 @@ class FramePipeline:
     Attributes:
         config: The settings.
         warnings: Warnings for the user.
-        repeats: Frames that showed the picture before them again, while the camera moved on.
+        repeated_frames: Frames that showed the picture before them again, while the camera moved on.
         timer: Seconds by stage.
         fix_buffer: The fixes so far, their verdicts and their time offset.
         gyro: The prediction of rotations between frames; None without a gyro.
@@ -61,7 +61,7 @@ class FramePipeline:
         self._maps = MapSequence()
         self._times = GrowingArray()
         self.warnings: list[str] = []
-        self.repeats: list[int] = []
+        self.repeated_frames: list[int] = []
         self.timer = StageTimer()
         self.fix_buffer = FixBuffer(fixes, camera_p_antenna, config)
         self._aligner = MapAligner(context, self.fix_buffer)
@@ -163,7 +163,7 @@ class FramePipeline:
             **self._maps.state(),
             "times": self._times,
             "warnings": self.warnings,
-            "repeats": self.repeats,
+            "repeated_frames": self.repeated_frames,
             "seconds": self.timer.by_stage,
             "fix_buffer": self.fix_buffer,
             "used_until_s": self._worker.used_until_s,
@@ -174,7 +174,11 @@ class FramePipeline:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take over a state, before the first frame; see :meth:`state`."""
         self._maps.restore(state)
-        self._times, self.warnings, self.repeats = state["times"], state["warnings"], state["repeats"]
+        self._times, self.warnings, self.repeated_frames = (
+            state["times"],
+            state["warnings"],
+            state["repeated_frames"],
+        )
         self.timer.by_stage.update(state["seconds"])
         vars(self.fix_buffer).update(vars(state["fix_buffer"]))
         self._worker.used_until_s = state["used_until_s"]
@@ -194,7 +198,7 @@ class FramePipeline:
         with self.timer.measure("start"):
             builder = self._stages.starter.add_frame(builder, frame, self.gyro)
         if builder is not None and builder.started:
-            self.repeats += sorted(builder.local_map.bridged)
+            self.repeated_frames += sorted(builder.local_map.bridged)
             self._run_window(builder)
         return builder
 
@@ -204,13 +208,9 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
-        repeats = not self._stages.live and builder.repeats(frame, result, tracking)
-        if repeats and result.world_T_camera is None:
-            self.finish_window()  # it may have these frames
+        repeats = not self._stages.live and builder.shows_repeats(frame, result, tracking)
         if repeats:
-            last = builder.local_map.next_frame
-            builder.let_repeats_go()
-            self.repeats += range(builder.local_map.next_frame, last)
+            self._discard_repeats(builder, lost=result.world_T_camera is None)
         if result.world_T_camera is None:
             self._grow_following_map(frame)
             return
@@ -219,6 +219,12 @@ class FramePipeline:
         if builder.extend(frame, result, tracking, self._retention):
             builder.unmapped = frame, result
             builder.since_window, builder.moved = builder.since_window + 1, True
+
+    def _discard_repeats(self, builder: MapBuilder, lost: bool) -> None:
+        if lost:
+            self.finish_window()  # it may have these frames, which nothing will replace
+        times_s, first = builder.discard_repeats(), builder.local_map.next_frame
+        self.repeated_frames += range(first, first + len(times_s))
 
     def _bridge(self, builder: MapBuilder, frame: Frame, world_T_camera: FloatArray, repeats: bool) -> None:
         """Pose the frames between the newest one and a tracked one: repeated pictures, or a lost camera."""

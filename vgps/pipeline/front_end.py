@@ -216,7 +216,7 @@ def _failures(frame_pipeline: FramePipeline) -> tuple[str, ...]:
 
 
 def _repeats(frame_pipeline: FramePipeline) -> tuple[str, ...]:
-    repeats, t_s = frame_pipeline.repeats, frame_pipeline.t_s
+    repeats, t_s = frame_pipeline.repeated_frames, frame_pipeline.t_s
     if not repeats:
         return ()
     return (

@@ -26,7 +26,8 @@ _UNKNOWN = np.full((4, 4), np.nan)
 _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
 _SAME_PICTURE_PX = 0.05  # features of the same picture, encoded again, move by less
-_LEAP = 0.5  # of what the camera would move at the speed before
+_LEAP = 1.5  # steps at the speed before: one that stood goes on by one at most, after a repeat it is two
+_LEAST_LEAP_PX = 2.0  # more than a vehicle moves in the first frame of a start
 _LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
 
 
@@ -46,7 +47,7 @@ class MapBuilder:
         relocaliser: Searches for the map's features while tracking is lost.
         unmapped: The newest view and its result, if stage B has not run on it.
         speed_px_s: Speed of the median feature between the last two views; NaN before there are two.
-        strayed_px: How far the median feature was from where the newest view shows it, in any frame since.
+        largest_motion_px: Of the median feature since the newest view, in frames that add no view.
     """
 
     local_map: LocalMap
@@ -60,7 +61,7 @@ class MapBuilder:
     relocaliser: Relocaliser | None = None
     unmapped: tuple[Frame, TrackingResult] | None = None
     speed_px_s: float = np.nan
-    strayed_px: float = 0.0
+    largest_motion_px: float = 0.0
 
     @property
     def view_s(self) -> float:
@@ -87,10 +88,10 @@ class MapBuilder:
         """
         self.add_pose(frame.t_s, _UNKNOWN if result.world_T_camera is None else result.world_T_camera)
         if self._stands(frame, result, config, retention):
-            self.strayed_px = max(self.strayed_px, self._moved_px(result))
+            self.largest_motion_px = max(self.largest_motion_px, self._moved_px(result))
             self.add_zero_motion(frame.index, result)
             return False
-        self.speed_px_s, self.strayed_px = self._moved_px(result) / (frame.t_s - self.view_s), 0.0
+        self.speed_px_s, self.largest_motion_px = self._moved_px(result) / (frame.t_s - self.view_s), 0.0
         self.add_view(frame, result)
         return True
 
@@ -121,21 +122,22 @@ class MapBuilder:
         moved = np.linalg.norm(result.raw_uv_px - self.local_map.raw_uv_px, axis=1)[result.found]
         return float(np.median(moved)) if len(moved) else np.nan
 
-    def repeats(self, frame: Frame, result: TrackingResult, config: TrackingConfig) -> bool:
-        """Return whether the frames since the newest view show its picture again, though the camera moved on.
+    def shows_repeats(self, frame: Frame, result: TrackingResult, config: TrackingConfig) -> bool:
+        """Return whether frames since the newest view repeat its picture, by the frame after them.
 
-        Nothing moves in them, and this frame is as far away as the camera went meanwhile, or lost.
+        Nothing moves in them, and this frame is further from the view than one step, or lost: a camera that
+        stood would go on from where it was.
         """
         newest, end = int(self.local_map.view_frames[-1]), self.local_map.next_frame
-        if end == newest + 1 or self.strayed_px > _SAME_PICTURE_PX:
+        if end == newest + 1 or self.largest_motion_px > _SAME_PICTURE_PX:
             return False
-        lost = self.started and result.world_T_camera is None
-        moved_px, at_speed_px = self._moved_px(result), self.speed_px_s * (frame.t_s - self.view_s)
-        if not lost and not (moved_px >= config.static_px and moved_px > _LEAP * at_speed_px):
+        step_px = self.speed_px_s * (frame.t_s - float(self.local_map.t_s[-1]))
+        leapt = self._moved_px(result) > max(_LEAST_LEAP_PX, config.static_px, _LEAP * step_px)
+        if not (leapt and step_px > 0.0) and not (self.started and result.world_T_camera is None):
             return False
         return {motion.frame for motion in self.local_map.zero_motions}.issuperset(range(newest + 1, end))
 
-    def let_repeats_go(self) -> FloatArray:
+    def discard_repeats(self) -> FloatArray:
         """Remove the frames since the newest view, and return their times (n,)."""
         newest = int(self.local_map.view_frames[-1])
         times_s = self.local_map.t_s[newest + 1 - self.local_map.first_frame :].copy()

@@ -60,8 +60,8 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
-        if not self._live and builder.repeats(frame, result, config.tracking):
-            builder.bridge(builder.let_repeats_go(), frame.t_s)
+        if not self._live and builder.shows_repeats(frame, result, config.tracking):
+            builder.bridge(builder.discard_repeats(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder
         start = self._initialiser.initialise(local_map)

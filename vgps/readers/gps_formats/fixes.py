@@ -19,7 +19,7 @@ _ABOVE_SEA = "heights are above the sea: EGM96's {:.1f} m were added, they may b
 _SHARE_OF_AN_AXIS = 2.0**-0.5  # of a horizontal accuracy
 _PAIRS = (0, 0, 1), (1, 2, 2)  # of axes that have a correlation
 _LEAST_SHARE = 1e-3  # of the largest, below which an eigenvalue of correlations is rounding or damage
-STILL_S = 1.0  # a position repeated for longer than this is a new fix
+_STILL_S = 1.0  # a position repeated for longer than this is a new fix
 _STANDING_START_M_S2 = (
     10.0  # nothing that carries a camera drives off faster: tyres and rotors lift about 1 g
 )
@@ -142,6 +142,11 @@ def skipped(number: int, noun: str, why: str = "") -> list[str]:
     return [f"{counted(number, noun)}{why and ' ' + why} skipped"] if number else []
 
 
+def repeats(fix: Fix, before: Fix) -> bool:
+    """Return whether a fix states the place of the one before it again, in less than a second."""
+    return before[1:3] == fix[1:3] and fix.t_s - before.t_s < _STILL_S
+
+
 def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
     """Return the fixes with a new position, or the same one for another second, and a note on the others.
 
@@ -153,8 +158,7 @@ def without_repeats(fixes: list[Fix], what: str) -> tuple[list[Fix], list[str]]:
     """
     kept: list[Fix] = []
     for fix in fixes:
-        same = bool(kept) and kept[-1][1:3] == fix[1:3]
-        if not same or fix.t_s - kept[-1].t_s >= STILL_S:
+        if not kept or not repeats(fix, kept[-1]):
             kept.append(fix)
     return kept, skipped(len(fixes) - len(kept), what, "with a repeated position")
 
