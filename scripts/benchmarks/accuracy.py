@@ -2,12 +2,14 @@
 
 Unaligned errors of the camera centre, fixes rejected, and the time offset found, for each log and seed.
 --reencode runs all of it with the video encoded again, too: a result that such a disturbance flips is chance.
---late runs all of it with the times of the fixes moved, as a receiver with another clock would give them.
+--late and --faster run all of it with the time stamps of another clock, too: moved, or of another rate, as
+those of a video whose frame rate nobody measured.
 """
 
 import tempfile
 from dataclasses import replace
 from itertools import product
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -19,18 +21,21 @@ from scripts.common.reencoded import reencoded
 from vgps.cli.terminal import TerminalProgress
 from vgps.evaluation import evaluate
 from vgps.model import Recording
-from vgps.solution import Verdict
+from vgps.solution import GpsClock, Verdict
 
 COLUMNS = [
     "video",
     "log",
     "late by [s]",
+    "clock rate",
     "seed",
     "frames posed",
     "mean [m]",
     "max [m]",
     "fixes rejected",
     "time offset [s]",
+    "rate found",
+    "NEES",
 ]
 
 
@@ -41,7 +46,8 @@ def one_run(opened: Recording, seed: int) -> dict[str, str | int | float]:
         VgpsError: The recording cannot be smoothed.
     """
     solution = vgps.smooth(opened, vgps.Config(seed=seed), TerminalProgress())
-    error = evaluate(solution, opened.path / "truth.tum").camera_position_m
+    found = evaluate(solution, opened.path / "truth.tum")
+    error = found.camera_position_m
     verdicts = solution.fixes.verdict if solution.fixes else ()
     return {
         "seed": seed,
@@ -50,13 +56,15 @@ def one_run(opened: Recording, seed: int) -> dict[str, str | int | float]:
         "max_m": error.max,
         "rejected": verdicts.count(Verdict.REJECTED),
         "time_offset_s": solution.sensors.time_offset_s,
+        "rate_found": solution.sensors.clock_rate,
+        "nees": nan if found.nees is None else found.nees.mean,
     }
 
 
-def late_by(opened: Recording, seconds: float) -> Recording:
-    """Return a recording whose fixes have later time stamps."""
+def with_clock(opened: Recording, clock: GpsClock) -> Recording:
+    """Return a recording whose fixes have the time stamps of another clock."""
     log = opened.gps
-    return opened if log is None else replace(opened, gps=replace(log, t_s=log.t_s + seconds))
+    return opened if log is None else replace(opened, gps=replace(log, t_s=clock.time_stamps(log.t_s)))
 
 
 def main() -> None:
@@ -70,18 +78,28 @@ def main() -> None:
     parser.add_argument(
         "--late", type=float, nargs="*", default=[], metavar="S", help="time offsets, as 0.3 -0.2"
     )
+    parser.add_argument(
+        "--faster", type=float, nargs="*", default=[], metavar="RATE", help="rates of the clock, as 0.01"
+    )
     given = parser.parse_args()
     with parser.refusals(), tempfile.TemporaryDirectory() as scratch:
         results, table = parser.results(given), LiveTable(*COLUMNS)
+        clocks = [GpsClock(0.0), *map(GpsClock, given.late), *(GpsClock(0.0, rate) for rate in given.faster)]
         for crf in (None, *given.reencode):
             for gps in given.logs:
                 opened = vgps.open_recording(given.recording, gps=gps)
                 if crf is not None:
                     opened = reencoded(opened, Path(scratch) / f"{crf}.mp4", crf)
                 video = "as it is" if crf is None else f"crf {crf}"
-                for late_s, seed in product((0.0, *given.late), range(given.seeds)):
-                    names = {"video": video, "log": Path(gps).stem, "late_s": late_s}
-                    found = {**names, **one_run(late_by(opened, late_s), seed)}
+                for clock, seed in product(clocks, range(given.seeds)):
+                    late_s, rate = clock
+                    names: dict[str, str | float] = {
+                        "video": video,
+                        "log": Path(gps).stem,
+                        "late_s": late_s,
+                        "clock_rate": rate,
+                    }
+                    found = {**names, **one_run(with_clock(opened, clock), seed)}
                     results.add(**found)
                     table.add(*found.values())
 

@@ -9,11 +9,13 @@ import vgps
 from vgps.config import Config, SensorsConfig
 from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
+from vgps.gps.clock_rate import ShownClock
 from vgps.gps.world_frame import world_fixes
 from vgps.pipeline import gps_clock
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
+from vgps.solution import GpsClock
 
 pytestmark = pytest.mark.slow
 SAID = "older than their time stamps"
@@ -91,6 +93,41 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeyp
     assert not any("mirrored" in warning for warning in found.warnings)  # with a clock that is far off
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: None)
     assert "its picture is mirrored" in gps_clock.with_gps_clock(front_end, Config()).warnings[0]
+
+
+@pytest.mark.parametrize(("remaining", "is_kept"), [(0.001, True), (-0.019, False)])
+def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch, remaining, is_kept):
+    opened, rates = vgps.open_recording(recording), iter([0.02, remaining])
+    monkeypatch.setattr(
+        gps_clock,
+        "search_clock_rate",
+        lambda *_, **__: ShownClock(GpsClock(0.1, next(rates)), 0.01, 0.001, True),
+    )
+    front_end, again = run_front_end(opened, Config(), NoProgress()), []
+
+    def run_again(*given):
+        again.append(given)
+        return replace(run_front_end(*given), clock=None)
+
+    monkeypatch.setattr(gps_clock, "run_front_end", run_again)
+    found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
+    ((noted, settings, _),) = again
+    assert settings.sensors.clock_rate == pytest.approx(0.02) and settings.sensors.time_offset_s == 0.1
+    assert any("differ by 2.0%" in note and "clock_rate: 0.0200" in note for note in noted.notes)
+    assert (config is settings) == is_kept
+    if is_kept:
+        assert found.sensors.clock_rate == pytest.approx(1.0 - 0.98 * (1.0 - remaining))
+        assert found.sensors.clock_rate_sigma == 0.001
+
+
+def test_fixes_of_a_known_rate_are_where_the_camera_was(data_dir):
+    """The stamps of kitti07 with a clock that is 5 % fast, which 16 s are too short to show."""
+    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
+    clock = GpsClock(0.0, 0.05)
+    fast = replace(recording, gps=replace(recording.gps, t_s=clock.time_stamps(recording.gps.t_s)))
+    solution = vgps.smooth(fast, Config(sensors=SensorsConfig(clock_rate=0.05)))
+    assert solution.sensors.clock_rate == 0.05 and mean_error(data_dir, solution) < 0.05
+    np.testing.assert_allclose(solution.fix_times_s, recording.gps.t_s, atol=1e-9)
 
 
 def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):

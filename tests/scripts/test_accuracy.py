@@ -22,4 +22,4 @@ def test_each_log_and_video_has_a_row(recording, tmp_path, monkeypatch, capsys):
     assert [row["video"] for row in rows] == ["as it is", "as it is", "crf 30", "crf 30"]
     assert [row["late_s"] for row in rows] == [0.0, 0.3, 0.0, 0.3]
     assert rows[0]["mean_m"] != rows[2]["mean_m"]
-    assert capsys.readouterr().out.splitlines()[-1].startswith("| crf 30 | gps | 0.300 | 0 | 90 | ")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("| crf 30 | gps | 0.300 | 0.000 | 0 | 90 | ")

@@ -109,6 +109,9 @@ class SensorsConfig(SettingsModel):
     trusted_time_offset_s: PositiveFloat = 0.02
     """auto: standard deviation to which clocks agree where nothing is wrong (exposure, rounded time
     stamps)."""
+    clock_rate: float = Field(default=0.0, gt=-0.1, lt=0.1)
+    """Known rate of the clocks: the time offset grows by this in each second from the first frame on, such as
+    0.001 where a video of 29.97 frames a second was taken for one of 30."""
     significance_sigmas: PositiveFloat = 3.0
     """auto: a time offset is kept if it exceeds this many standard deviations."""
     time_offset: TimeOffsetConfig = TimeOffsetConfig()

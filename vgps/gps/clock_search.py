@@ -18,7 +18,7 @@ from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M
 from vgps.gps.time_offset import min_gain, spaced, spacing_s
 from vgps.model import FloatArray
-from vgps.solution import Trajectory
+from vgps.solution import GpsClock, Trajectory
 
 _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
@@ -36,10 +36,12 @@ class ClockCheck(NamedTuple):
     Attributes:
         shown_s: Time offset that its shape shows; None if it shows none.
         torn: Whether most fixes are outside their regions all the same: the path has been torn to them.
+        other: The clock that displacements show if it has another rate; None if they show none.
     """
 
     shown_s: float | None
     torn: bool = False
+    other: GpsClock | None = None
 
 
 class _Misfit(NamedTuple):

@@ -39,7 +39,7 @@ class FixBuffer:
         self.number = np.append(self.number, self._added + np.arange(len(more)))[order]
         self._added += len(more)
         self.assessment = self.assessment.merged(FixAssessment.unassessed(len(more)), order)
-        self._late |= bool((more.used & (more.t_s - self.sensors.time_offset_s <= now_s)).any())
+        self._late |= bool((more.used & (self.sensors.clock.on_video(more.t_s) <= now_s)).any())
 
     def discard_before(self, before_s: float) -> None:
         """Discard older fixes and their assessment."""
@@ -82,7 +82,7 @@ class FixBuffer:
     @property
     def corrected(self) -> Fixes:
         """All fixes, their time offset removed."""
-        return self.fixes.without_time_offset(self.sensors.time_offset_s)
+        return self.fixes.on_video_clock(self.sensors)
 
     def update_time_offset(self, path: Trajectory) -> None:
         """Estimate the time offset from the odometry of a path.
@@ -96,7 +96,7 @@ class FixBuffer:
             if inside.sum() < config.time_offset.min_fixes:
                 return
             config = config.model_copy(update={"time_offset_s": self.sensors.time_offset_s})
-        assessed = self.assessment.applied(self.fixes)
+        assessed = self.assessment.applied(self.fixes).without_clock_rate(self.sensors)
         self.sensors, _ = update_time_offset(self.sensors, path, assessed, config)
 
     def detect_outliers(self, path: Trajectory, used_until_s: float = -np.inf) -> float:

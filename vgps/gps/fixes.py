@@ -11,7 +11,7 @@ from vgps.config import GpsConfig
 from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
-from vgps.solution import Trajectory
+from vgps.solution import GpsClock, Trajectory
 
 CLASSES = tuple(FixClass)
 """Fix classes in the order of their indices."""
@@ -56,6 +56,14 @@ class Fixes:
     def until(self, t_s: float) -> "Fixes":
         """Return the fixes until a time."""
         return self.where(self.t_s <= t_s)
+
+    def on_video_clock(self, sensors: Sensors) -> "Fixes":
+        """Return the fixes, at the times of their time stamps, at the times of their positions."""
+        return replace(self, t_s=sensors.clock.on_video(self.t_s))
+
+    def without_clock_rate(self, sensors: Sensors) -> "Fixes":
+        """Return the fixes with the rate of their clock removed from their time stamps."""
+        return replace(self, t_s=GpsClock(0.0, sensors.clock_rate).on_video(self.t_s))
 
     def without_time_offset(self, time_offset_s: float) -> "Fixes":
         """Return the fixes with a time offset removed from their times."""

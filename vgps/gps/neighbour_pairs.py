@@ -1,5 +1,7 @@
 """Displacements between successive fixes, compared with those of the camera at a time offset."""
 
+import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +96,17 @@ class NeighbourPairs:
         """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
         return np.abs(self._camera_displacement(0.0))
 
+    def at_times(self, t_s: FloatArray) -> "NeighbourPairs":
+        """Return the same pairs with other times (M,) of their fixes, such as those of another clock."""
+        moved = copy.copy(self)
+        moved._fixes = replace(self._fixes, t_s=t_s)
+        return moved
+
+    @property
+    def fix_times_s(self) -> FloatArray:
+        """(M,) times of the fixes, those that are in no pair included."""
+        return self._fixes.t_s
+
     def difference(self, time_offset_s: FloatArray | float) -> FloatArray:
         """Return the lengths (..., n) of the differences at time offsets (...,), metres."""
         return np.abs(self._fitted(time_offset_s).difference)
@@ -121,15 +134,23 @@ class NeighbourPairs:
         """Return twice the log-likelihood ratio of a time offset over another one."""
         if self.count == 0:
             return 0.0
-        ends = self._fitted(time_offset_s), self._fitted(other_s)
-        width = self.config.robust_spreads
-        bend = width * self._spread(ends[0].difference)
-        cost = [
-            width**2 * np.log1p(np.abs(end.difference / bend) ** 2).sum()
-            + (np.abs(end.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2
-            for end in ends
-        ]
-        return float(cost[1] - cost[0])
+        spread = self.spread(time_offset_s)
+        return self.cost(other_s, spread) - self.cost(time_offset_s, spread)
+
+    def cost(self, time_offset_s: float, spread: FloatArray) -> float:
+        """Return twice the negative log-likelihood of a time offset, but for a constant.
+
+        Args:
+            time_offset_s: Time offset.
+            spread: (n,) of the differences, per axis.
+        """
+        fit, width = self._fitted(time_offset_s), self.config.robust_spreads
+        misfit = width**2 * np.log1p(np.abs(fit.difference / (width * spread)) ** 2).sum()
+        return float(misfit + (np.abs(fit.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2)
+
+    def spread(self, time_offset_s: float) -> FloatArray:
+        """Return the spread (n,) of the differences at a time offset, per axis."""
+        return self._spread(self._fitted(time_offset_s).difference)
 
     def _camera_displacement(self, time_offset_s: FloatArray | float) -> ComplexArray:
         at = place(self._path.t_s, self._fixes.t_s - np.asarray(time_offset_s)[..., None], beyond=True)

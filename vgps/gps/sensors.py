@@ -1,4 +1,4 @@
-"""Time offset and lever arm of the GPS receiver: values, priors, and the variables that estimate them."""
+"""Clock and lever arm of the GPS receiver: values, priors, and the variables that estimate them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ import numpy as np
 
 from vgps.config import SensorsConfig
 from vgps.model import FloatArray
+from vgps.solution import GpsClock
 
 TIME_OFFSET = gtsam.symbol("c", 0)
 ANTENNA = gtsam.symbol("d", 0)
@@ -29,10 +30,10 @@ class TimeOffset:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Time offset and lever arm with their priors.
+    """Clock and lever arm with their priors.
 
     Attributes:
-        time_offset_s: By which positions are older than their time stamps.
+        time_offset_s: By which positions are older than their time stamps, at the video's first frame.
         camera_p_antenna: (3,) metres.
         prior_time_offset: Prior of the time offset; with a sigma of 0 it is not estimated.
         prior_antenna: (3,) prior of the lever arm.
@@ -41,6 +42,8 @@ class Sensors:
         probability: That the prior time offset is not chance; below 1 stage D decides.
         shown_by_poses: Whether the poses of stage D determine the time offset although errors have memory.
         held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
+        clock_rate: By which the time offset grows in each second.
+        clock_rate_sigma: Its standard deviation; 0 if nothing contradicts the configured one.
     """
 
     time_offset_s: float
@@ -52,6 +55,8 @@ class Sensors:
     probability: float = 1.0
     shown_by_poses: bool = False
     held_sigma_s: float = 0.0
+    clock_rate: float = 0.0
+    clock_rate_sigma: float = 0.0
 
     @classmethod
     def fixed(cls, camera_p_antenna: FloatArray, time_offset_s: float = 0.0) -> "Sensors":
@@ -60,10 +65,10 @@ class Sensors:
 
     @classmethod
     def from_config(cls, camera_p_antenna: FloatArray, config: SensorsConfig) -> "Sensors":
-        """Return sensors with the configured, fixed time offset, and a lever arm estimated if configured
-        so."""
+        """Return sensors with the configured, fixed clock, and a lever arm estimated if configured so."""
         antenna_sigma_m = config.antenna_sigma_m if config.estimate_antenna else 0.0
-        return replace(cls.fixed(camera_p_antenna, config.time_offset_s), antenna_sigma_m=antenna_sigma_m)
+        fixed = cls.fixed(camera_p_antenna, config.time_offset_s)
+        return replace(fixed, antenna_sigma_m=antenna_sigma_m, clock_rate=config.clock_rate)
 
     def with_unknown_antenna(self, config: SensorsConfig) -> "Sensors":
         """Return sensors with a prior of a lever arm that nobody gave, unless it is estimated anyway."""
@@ -89,9 +94,19 @@ class Sensors:
             held_sigma_s=0.0,
         )
 
+    def with_clock(self, clock: GpsClock, time_offset_sigma_s: float, rate_sigma: float) -> "Sensors":
+        """Return sensors with a clock that displacements show, with its standard deviations."""
+        shown = self.with_time_offset(TimeOffset(clock.time_offset_s, time_offset_sigma_s))
+        return replace(shown, clock_rate=clock.rate, clock_rate_sigma=rate_sigma)
+
     def holding_time_offset(self) -> "Sensors":
         """Return sensors whose time offset is not estimated with the poses."""
         return replace(self, prior_time_offset=TimeOffset(self.time_offset_s, 0.0))
+
+    @property
+    def clock(self) -> GpsClock:
+        """The receiver's clock."""
+        return GpsClock(self.time_offset_s, self.clock_rate)
 
     @property
     def is_estimated(self) -> bool:

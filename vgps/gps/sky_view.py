@@ -38,7 +38,7 @@ def under_sky(
     """
     if not config.sky.enlarge:
         return fixes
-    placement = place(trajectory.t_s, fixes.t_s - sensors.time_offset_s)
+    placement = place(trajectory.t_s, sensors.clock.on_video(fixes.t_s))
     antenna = antenna_at(trajectory.world_T_camera, placement, sensors.camera_p_antenna)
     share = hidden_share(antenna, world_p_landmark, config.sky)
     factor = np.where(placement.inside, hidden_factor(share, satellites, config.quality), 1.0)

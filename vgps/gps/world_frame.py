@@ -8,6 +8,7 @@ from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world, place
 from vgps.gps.regions import region_sizes
 from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording
+from vgps.solution import GpsClock
 
 _MIN_FIXES = 2  # fewer have no direction, and hint at a wrong clock or log
 
@@ -41,7 +42,8 @@ def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
 def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
     """Return which fixes (M,) are within the video and of a class with a region."""
     r_m, _ = region_sizes(log.fix_class, config.gps)
-    usable = np.isfinite(r_m) & place(times_s, log.t_s - config.sensors.time_offset_s).inside
+    clock = GpsClock(config.sensors.time_offset_s, config.sensors.clock_rate)
+    usable = np.isfinite(r_m) & place(times_s, clock.on_video(log.t_s)).inside
     if usable.sum() < _MIN_FIXES:
         classes = ", ".join(sorted(set(log.fix_class)))
         raise GpsLogError(

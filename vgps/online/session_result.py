@@ -117,7 +117,10 @@ def session_solution(session: SessionRecord) -> Solution:
         gps=log,
         fixes=table,
         sensors=SensorReport(
-            sensors.time_offset_s, sensors.prior_time_offset.sigma_s or np.nan, (np.nan, np.nan, np.nan)
+            sensors.time_offset_s,
+            sensors.prior_time_offset.sigma_s or np.nan,
+            (np.nan, np.nan, np.nan),
+            sensors.clock_rate,
         ),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
         seconds=dict(session.frame_pipeline.timer.by_stage),
@@ -155,7 +158,7 @@ def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None,
         return log, None
     position = to_enu(session.origin, log.latitude_deg, log.longitude_deg, log.height_m)
     sensors = session.frame_pipeline.fix_buffer.sensors
-    fixes = fixes_in_world(log, position, session.config.gps).without_time_offset(sensors.time_offset_s)
+    fixes = fixes_in_world(log, position, session.config.gps).on_video_clock(sensors)
     assessment, t_s = session.fixes.assessment(rows), session.frame_pipeline.t_s
     path = Trajectory(t_s, poses)
     return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, session.config)

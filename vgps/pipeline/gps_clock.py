@@ -7,6 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
+from vgps.gps.clock_rate import ShownClock, search_clock_rate
 from vgps.gps.clock_search import ClockCheck, is_mirrored, levelled, search_time_offset
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
@@ -22,7 +23,7 @@ from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
 from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
 from vgps.smoothing.alignment.similarity import align
 from vgps.smoothing.scene.scene import Scene
-from vgps.solution import Trajectory
+from vgps.solution import GpsClock, Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
 _FAR = (
@@ -36,6 +37,11 @@ _MIRRORED = (
 _FOUND = (
     "the GPS positions are about {0:.1f} s older than their time stamps, as the shape of the path shows; the "
     "run began again with that: give sensors: {{time_offset_s: {0:.1f}}} to save the time"
+)
+_RATE = (
+    "the clocks of GPS and video differ by {0:.1%}, as the shape of the path shows: {1:.2f} frames a second "
+    "are about {2:.2f}. The run goes on with that: give the frames their right times, or sensors: "
+    "{{time_offset_s: {3:.2f}, clock_rate: {4:.4f}}}"
 )
 
 
@@ -70,15 +76,14 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
             progress.stage("again without the fixes, which the path contradicts")
             alone = run_front_end(front_end.recording, config.with_gps("none"), progress)
             clock = clock_by_shape(alone, front_end.fixes, config)
-        if (far_s := _far(clock, config)) is None:
+        if (other := _other(clock, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
-        recording, shifted = _with_far_clock(front_end.recording, config, far_s)
-        again = with_gps_clock(run_front_end(recording, shifted, progress), shifted)
+        recording, changed = _with_clock(front_end.recording, config, other)
+        again = with_gps_clock(run_front_end(recording, changed, progress), changed)
     except (GeometryError, GpsLogError):  # the first run had a path
         return compared, config
-    confirmed = again.clock is not None and again.clock.shown_s is not None
-    return (again, shifted) if confirmed and _far(again.clock, shifted) is None else (compared, config)
+    return (again, changed) if _confirmed(again.clock, config, changed) else (compared, config)
 
 
 def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
@@ -102,12 +107,40 @@ def _far(clock: ClockCheck | None, config: Config) -> float | None:
     return clock.shown_s if beyond else None
 
 
-def _with_far_clock(recording: Recording, config: Config, time_offset_s: float) -> tuple[Recording, Config]:
-    """Return recording and settings of a run that begins with a time offset, which a note states."""
-    changes = {"time_offset_s": time_offset_s, "estimate_time_offset": "yes"}  # from a coarse grid
+def _other(clock: ClockCheck | None, config: Config) -> GpsClock | None:
+    """Return the clock that the video shows if stages A to C need it."""
+    if clock is not None and clock.other is not None:
+        return clock.other
+    far_s = _far(clock, config)
+    return None if far_s is None else GpsClock(far_s, config.sensors.clock_rate)
+
+
+def _with_clock(recording: Recording, config: Config, clock: GpsClock) -> tuple[Recording, Config]:
+    """Return recording and settings of a run that begins with a clock, which a note states."""
+    note = _FOUND.format(clock.time_offset_s)
+    if clock.rate != config.sensors.clock_rate:
+        note = _rate_note(clock, recording.video.times_s)
+    # from a coarse grid
+    changes = {"time_offset_s": clock.time_offset_s, "clock_rate": clock.rate, "estimate_time_offset": "yes"}
     sensors = config.sensors.model_copy(update=changes)
-    noted = replace(recording, notes=(*recording.notes, _FOUND.format(time_offset_s)))
+    noted = replace(recording, notes=(*recording.notes, note))
     return noted, config.model_copy(update={"sensors": sensors})
+
+
+def _confirmed(clock: ClockCheck | None, before: Config, now: Config) -> bool:
+    """Return whether the path of a run that began with another clock shows it as well."""
+    if clock is None:
+        return False
+    rate, changed = now.sensors.clock_rate, now.sensors.clock_rate - before.sensors.clock_rate
+    if changed:
+        return clock.other is None or abs(clock.other.rate - rate) < 0.5 * abs(changed)
+    return clock.shown_s is not None and _far(clock, now) is None
+
+
+def _rate_note(clock: GpsClock, times_s: FloatArray) -> str:
+    """Return what is said of a clock of another rate."""
+    rate_hz = (len(times_s) - 1) / float(np.ptp(times_s))
+    return _RATE.format(abs(clock.rate), rate_hz, rate_hz * (1.0 - clock.rate), *clock)
 
 
 def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
@@ -121,19 +154,44 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
         video = _among(video_alone(front_end, merged, config), path)
     except GeometryError:  # stage D says why
         return front_end
-    shown_s = search_time_offset(video, fixes, sensors.camera_p_antenna, settings)
+    steady = fixes.without_clock_rate(sensors)
+    shown_s = search_time_offset(video, steady, sensors.camera_p_antenna, settings)
     torn = shown_s is None and _outside_share(path, fixes, sensors) > _TORN_SHARE
     front_end = replace(front_end, clock=ClockCheck(shown_s, torn))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
-    if is_mirrored(video, fixes, sensors.camera_p_antenna, settings):
+    if (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
+        told = () if settings.clock_rate else (_rate_note(shown.clock, path.t_s),)
+        sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
+        return replace(
+            front_end,
+            sensors=sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma),
+            clock=ClockCheck(shown_s, other=shown.clock),
+            warnings=(*front_end.warnings, *told),
+        )
+    if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
         front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
-    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    corrected = fixes.on_video_clock(sensors)
     path = _in_the_world(path, corrected, sensors.camera_p_antenna, config)
-    found, notes = estimate_time_offset(sensors, path, fixes, config)
+    found, notes = estimate_time_offset(sensors, path, steady, config)
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
+
+
+def _of_another_rate(video: Trajectory, fixes: Fixes, sensors: Sensors, config: Config) -> ShownClock | None:
+    """Return the clock that a path without fixes shows, if its rate is not that of the sensors.
+
+    Where a run has begun with a rate that the video showed before, it is estimated again.
+    """
+    path = _in_the_world(video, fixes.on_video_clock(sensors), sensors.camera_p_antenna, config)
+    steady, settings = fixes.without_clock_rate(sensors), config.sensors
+    again = settings.clock_rate != 0.0 and settings.estimate_time_offset == "yes"
+    found = search_clock_rate(path, steady, sensors.camera_p_antenna, settings, anyway=again)
+    if found is None:
+        return None
+    rate = 1.0 - (1.0 - sensors.clock_rate) * (1.0 - found.clock.rate)
+    return found._replace(clock=GpsClock(found.clock.time_offset_s, rate))
 
 
 def _seen(scene: Scene) -> Trajectory:
@@ -145,7 +203,7 @@ def _seen(scene: Scene) -> Trajectory:
 
 def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
     """Return the share of the used fixes in the video whose regions do not reach the path in the plane."""
-    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    corrected = fixes.on_video_clock(sensors)
     inside = corrected.where(np.flatnonzero(fixes.used & place(path.t_s, corrected.t_s).inside))
     offset = antenna_offsets(inside, path, sensors.camera_p_antenna)
     across = np.hypot(offset[:, 0], offset[:, 1]) > inside.r_m

@@ -92,7 +92,7 @@ def _lost(front_end: FrontEnd, config: Config) -> _Lost | None:
     if context.imu is None or front_end.others or config.gps.model == "none" or not fixes.used.any():
         return None
     sensors = front_end.sensors.with_time_offset(TimeOffset(config.sensors.time_offset_s, 0.0))
-    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    corrected = fixes.on_video_clock(sensors)
     path = merged_maps(replace(front_end, sensors=sensors), context).scene.trajectory
     contradicted = contradicted_intervals(path, corrected, sensors.camera_p_antenna)
     if not contradicted.any():

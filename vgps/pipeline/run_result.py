@@ -1,5 +1,7 @@
 """The ``Solution`` of a run, put together from the front end, the merged maps and stage D."""
 
+from math import nan
+
 from vgps.config import Config
 from vgps.geometry import world_sigmas
 from vgps.gps.verdicts import close_calls, contradictions, fix_table, refusals
@@ -84,6 +86,8 @@ def _sensor_report(front_end: FrontEnd, batch: BatchResult) -> SensorReport:
         batch.sensors.time_offset_s,
         float(batch.time_offset_sigma_s[0]),
         tuple(batch.antenna_sigma_m.tolist()),
+        batch.sensors.clock_rate,
+        batch.sensors.clock_rate_sigma or nan,
         fix_errors={str(name): vars(errors) for name, errors in batch.errors.items()},
         imu={} if bias is None or mount is None else bias.report(mount.imu_R_camera),
     )
@@ -93,5 +97,5 @@ def _fix_table(front_end: FrontEnd, batch: BatchResult, config: Config) -> FixTa
     log, sensors = front_end.recording.gps, batch.sensors
     if log is None:
         return None
-    corrected = front_end.fixes.without_time_offset(sensors.time_offset_s)
+    corrected = front_end.fixes.on_video_clock(sensors)
     return fix_table(log, corrected, batch.assessment, batch.trajectory, sensors.camera_p_antenna, config)

@@ -141,11 +141,11 @@ def _fixes(arrays: Arrays) -> FixTable | None:
 
 
 def _sensors(values: Mapping[str, Any]) -> SensorReport:
-    time_offset_sigma_s, sigmas = values["lag_sigma_s"], values["antenna_sigma_m"]
-    x, y, z = (math.nan if sigma is None else float(sigma) for sigma in sigmas)
-    lag_sigma = math.nan if time_offset_sigma_s is None else float(time_offset_sigma_s)
-    found = (values.get(key, {}) for key in ("camera_sigma", "fix_errors", "imu", "camera_height"))
-    return SensorReport(values["lag_s"], lag_sigma, (x, y, z), *found)
+    sigmas = (values["lag_sigma_s"], values.get("clock_rate_sigma"), *values["antenna_sigma_m"])
+    lag_sigma, rate_sigma, x, y, z = (math.nan if sigma is None else float(sigma) for sigma in sigmas)
+    found = {key: values.get(key, {}) for key in ("camera_sigma", "fix_errors", "imu", "camera_height")}
+    rate = values.get("clock_rate", 0.0)  # absent in older runs
+    return SensorReport(values["lag_s"], lag_sigma, (x, y, z), rate, rate_sigma, **found)
 
 
 def _report(summary: Mapping[str, Any]) -> SolverReport:

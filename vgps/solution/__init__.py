@@ -3,6 +3,7 @@
 Conventions of frames, times and names are those of :mod:`vgps.model`.
 """
 
+from vgps.solution.clock import GpsClock
 from vgps.solution.fix_table import FixTable, Verdict
 from vgps.solution.joined_runs import JoinedRuns
 from vgps.solution.landmarks import Landmarks, Observations
@@ -13,6 +14,7 @@ from vgps.solution.trajectory import FrameState, Trajectory
 __all__ = [
     "FixTable",
     "FrameState",
+    "GpsClock",
     "JoinedRuns",
     "Landmarks",
     "Observations",

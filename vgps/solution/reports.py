@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import nan
+
+from vgps.solution.clock import GpsClock
 
 
 @dataclass(frozen=True)
@@ -9,9 +12,11 @@ class SensorReport:
     """Estimates of the GPS's time offset, lever arm and errors, and of the camera's calibration.
 
     Attributes:
-        time_offset_s: By which the positions are older than their time stamps.
+        time_offset_s: By which the positions are older than their time stamps, at the first frame.
         time_offset_sigma_s: Its standard deviation; NaN if it was not estimated.
         antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
+        clock_rate: By which the time offset grows in each second from the first frame on.
+        clock_rate_sigma: Its standard deviation; NaN if it was not estimated.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
             empty if it was not refined.
         fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
@@ -24,10 +29,17 @@ class SensorReport:
     time_offset_s: float
     time_offset_sigma_s: float
     antenna_sigma_m: tuple[float, float, float]
+    clock_rate: float = 0.0
+    clock_rate_sigma: float = nan
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
     fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     imu: Mapping[str, list[float]] = field(default_factory=dict)
     camera_height: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def clock(self) -> GpsClock:
+        """The receiver's clock."""
+        return GpsClock(self.time_offset_s, self.clock_rate)
 
 
 @dataclass(frozen=True)

@@ -133,8 +133,8 @@ class Solution:
 
     @property
     def fix_times_s(self) -> FloatArray:
-        """(M,) times of the fixes: the log's time stamps minus the time offset."""
-        return np.zeros(0) if self.gps is None else self.gps.t_s - self.sensors.time_offset_s
+        """(M,) times of the fixes on the video's clock: the log's time stamps without offset and rate."""
+        return np.zeros(0) if self.gps is None else self.sensors.clock.on_video(self.gps.t_s)
 
     @property
     def judged_fixes(self) -> tuple[GpsLog, FixTable] | None:

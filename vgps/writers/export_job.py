@@ -112,9 +112,8 @@ class ExportJob:
         start = self.solution.video_start_utc
         if start is None:
             return None
-        offset_s = self.solution.sensors.time_offset_s
-        start = start.astimezone(UTC)
-        return [start + timedelta(seconds=t_s + offset_s) for t_s in self.solution.t_s.tolist()]
+        start, stamps_s = start.astimezone(UTC), self.solution.sensors.clock.time_stamps(self.solution.t_s)
+        return [start + timedelta(seconds=t_s) for t_s in stamps_s.tolist()]
 
     @cached_property
     def image_names(self) -> list[str]:

@@ -233,7 +233,7 @@ class LiveFusion:
 
     def _given(self, current: LocalMap) -> FitInput:
         fix_buffer, path = self._frame_pipeline.fix_buffer, self._path(current)
-        fixes = fix_buffer.fixes.without_time_offset(self._known_s)
+        fixes = fix_buffer.fixes.without_clock_rate(fix_buffer.sensors).without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         return FitInput(
             path=path.snapshot(),

@@ -61,7 +61,7 @@ def merge_maps(
     """
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
-    corrected = fixes.without_time_offset(sensors.time_offset_s)
+    corrected = fixes.on_video_clock(sensors)
     georeferenced, warnings = _align_maps(maps, corrected, antenna, config)
     warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
     assessment = FixAssessment.unassessed(len(fixes))

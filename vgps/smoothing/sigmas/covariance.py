@@ -65,8 +65,8 @@ class ErrorSources:
         drift: Drift of the video.
         inertial: Preintegrated rates and forces, which are among the others; they show a drift.
         loop: (N,) number of the loop of each observation, -1 for those of tracks; None without loops.
-        clock_m: (F, 3) how far the camera moves within a standard deviation of the time offset; None if that
-            is known, or among the shared vectors.
+        clock_m: (C, F, 3) how far the camera moves within a standard deviation of each error of a clock that
+            is not among the shared vectors.
     """
 
     gps: gtsam.NonlinearFactorGraph
@@ -78,7 +78,7 @@ class ErrorSources:
     drift: DriftConfig | None = None
     inertial: gtsam.NonlinearFactorGraph = field(default_factory=gtsam.NonlinearFactorGraph)
     loop: IntArray | None = None
-    clock_m: FloatArray | None = None
+    clock_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
 
 def drawn_covariances(problem: BundleProblem, sources: ErrorSources, draws: int, seed: int) -> Covariances:
@@ -164,8 +164,8 @@ def _moved_by_errors(
     right[:size] += camera @ (sources.camera_sigma[:, None] * rng.standard_normal((camera.shape[1], draws)))
     drift = drift_draws(problem, structure, sources.drift, draws, rng)
     right -= J.T @ (J[:, :size] @ drift)
-    if sources.clock_m is not None:
-        late = system.factors.moved_with_fixes(moved_poses(problem, structure, sources.clock_m))
+    for moved in sources.clock_m:
+        late = system.factors.moved_with_fixes(moved_poses(problem, structure, moved))
         right += np.outer(late, rng.standard_normal(draws))
     if sources.loop is not None:
         right[:size] -= loop_gradient(problem, sources.loop, structure, drift)

@@ -125,7 +125,7 @@ class _State:
 
     def usable(self, fixes: Fixes) -> Fixes:
         """Return the fixes with their verdicts applied and their time offset removed."""
-        return self.assessment.applied(fixes).without_time_offset(self.sensors.time_offset_s)
+        return self.assessment.applied(fixes).on_video_clock(self.sensors)
 
 
 def _with_fix_errors(state: _State, fixes: Fixes) -> _State:
@@ -218,7 +218,7 @@ def _solve_with_clock(
 def _reassess(state: _State, fixes: Fixes, sigma_px: FloatArray, given: SmoothingContext) -> _State:
     """Return the state with features, verdicts and weights updated for the improved poses."""
     scene = triangulated(state.scene, np.isnan(sigma_px), given, given.config.mapping.min_views)
-    corrected = fixes.without_time_offset(state.sensors.time_offset_s)
+    corrected = fixes.on_video_clock(state.sensors)
     assessment = state.assessment.updated(_assess(scene, corrected, state.sensors, given.config))
     scale = balanced_sigma_scale(
         given.config,

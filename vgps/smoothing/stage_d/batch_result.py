@@ -179,7 +179,7 @@ def _covariance(
         drift=config.drift,
         inertial=imu_links(solved.built.other_factors),
         loop=solved.given.scene.loop,
-        clock_m=_clock_error(solved, sensors),
+        clock_m=_clock_errors(solved, sensors),
     )
     problem, batch = solved.result.problem, config.batch
 
@@ -206,14 +206,17 @@ def _variance_factor(
     return variance_factor(batch, offset, fixes, gps.weight)
 
 
-def _clock_error(solved: BatchSolution, sensors: Sensors) -> FloatArray | None:
-    """Return how far (F, 3) the camera moves within a standard deviation of a time offset that was held."""
-    sigma_s = sensors.prior_time_offset.sigma_s or sensors.held_sigma_s
-    t_s = solved.given.scene.t_s
-    if not sigma_s or solved.given.sensors.prior_time_offset.sigma_s or len(t_s) < 2:
-        return None
-    position = solved.result.problem.world_T_camera[:, :3, 3]
-    return np.asarray(sigma_s * np.gradient(position, t_s, axis=0), np.float64)
+def _clock_errors(solved: BatchSolution, sensors: Sensors) -> FloatArray:
+    """Return how far (C, F, 3) the camera moves within a standard deviation of what was held of a clock."""
+    estimated = solved.given.sensors.prior_time_offset.sigma_s > 0.0
+    offset_s = 0.0 if estimated else sensors.prior_time_offset.sigma_s or sensors.held_sigma_s
+    position, t_s = solved.result.problem.world_T_camera[:, :3, 3], solved.given.scene.t_s
+    if len(t_s) < 2:
+        return np.zeros((0, *position.shape))
+    from_middle_s = t_s - 0.5 * (t_s[0] + t_s[-1])  # where a rate does not change the time offset
+    late_s = np.stack([np.full(len(t_s), offset_s), sensors.clock_rate_sigma * from_middle_s])
+    late_s = late_s[late_s.any(axis=1)]
+    return np.asarray(late_s[:, :, None] * np.gradient(position, t_s, axis=0), np.float64)
 
 
 def _time_offset_sigma(covariance: Covariances, solved: Sensors, sensors: Sensors) -> FloatArray:

@@ -47,7 +47,7 @@ def find_conflicts(solved: BatchSolution, fixes: Fixes, assessment: FixAssessmen
         return ()
     scene = replace(given.scene, poses=end.world_T_camera, points=end.world_p_landmark)
     moved = replace(given, scene=scene, sensors=given.sensors.moved(end.shared))
-    fixes = fixes.without_time_offset(moved.sensors.time_offset_s)
+    fixes = fixes.on_video_clock(moved.sensors)
     good = ~(assessment.rejected | assessment.down_classed)
     good &= np.isfinite(fixes.r_m) & place(scene.t_s, fixes.t_s).inside
     video = _Video(moved, SceneParts(scene), fixes)
