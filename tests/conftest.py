@@ -89,15 +89,6 @@ def smoothed_walk(smoothed: Path) -> "Solution":
 
 
 @pytest.fixture(scope="session")
-def kitti03_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
-    """The run of the real drive kitti03 with its RTK-fixes."""
-    import vgps
-
-    drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
-    return shared_run("kitti03_fixed", lambda: vgps.smooth(drive))
-
-
-@pytest.fixture(scope="session")
 def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
     """The run of the real drive kitti07 with its RTK-fixes."""
     import vgps
