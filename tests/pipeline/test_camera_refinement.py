@@ -101,8 +101,8 @@ def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path)
 def test_a_drive_without_a_calibration_is_as_accurate_as_with_it(data_dir, tmp_path):
     truth = read_trajectory(data_dir / "kitti07/truth.tum")
     opened = vgps.open_recording(without_camera(data_dir / "kitti07", tmp_path / "drive"), gps="gps_fix.nmea")
-    solution = vgps.smooth(opened)
+    solution = vgps.smooth(first_frames(opened, 100))
     given = read_camera(data_dir / "kitti07/camera.yaml")
     # KITTI's own focal length is known to be too long by a per cent; rays half way to the corners include k1
     assert corner_angles(solution.camera)[0] == pytest.approx(corner_angles(given)[0], rel=0.01)
-    assert evaluate(solution, truth).camera_position_m.mean < 0.06
+    assert evaluate(solution, truth).camera_position_m.mean < 0.05
