@@ -16,7 +16,6 @@ from vgps.localization import localize
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import FrameState
 
-
 FIRST = 100  # frame of kitti03 that is the first one of kitti03_shake
 FRAMES = 120
 
