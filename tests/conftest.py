@@ -77,6 +77,14 @@ def recording(shared_folder: SharedFolder) -> Path:
 
 
 @pytest.fixture(scope="session")
+def brief(shared_folder: SharedFolder) -> Path:
+    """Return a recording half as long, for what a verb does rather than how well; copy it before changing it."""
+    from recordings import brief_recording
+
+    return shared_folder("brief", brief_recording)
+
+
+@pytest.fixture(scope="session")
 def smoothed(recording: Path, shared_folder: SharedFolder) -> Path:
     """The run folder of the small recording, made by the command as vgps is configured by default."""
     return shared_folder("run", lambda out: smooth_by_command(recording, out))
