@@ -92,7 +92,7 @@ def test_a_simulated_walk_without_a_calibration_finds_its_camera(recording, tmp_
 @pytest.mark.slow
 def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path):
     shutil.copy(data_dir / "gopro_hero7/video.mp4", tmp_path)
-    solution = vgps.smooth(first_frames(vgps.open_recording(tmp_path), 180))
+    solution = vgps.smooth(first_frames(vgps.open_recording(tmp_path), 120))
     assert solution.camera.model == "fisheye" and solution.camera_source.startswith("a ")
     check_length(solution, tmp_path / "video.mp4")
 
