@@ -78,7 +78,7 @@ def recording(shared_folder: SharedFolder) -> Path:
 
 @pytest.fixture(scope="session")
 def brief(shared_folder: SharedFolder) -> Path:
-    """Return a recording half as long, for what a verb does rather than how well; copy it before changing it."""
+    """Return a recording half as long, for what a verb does and not how well; copy before changing it."""
     from recordings import brief_recording
 
     return shared_folder("brief", brief_recording)
