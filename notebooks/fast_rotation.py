@@ -55,9 +55,9 @@ plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "fo
 # %% [markdown]
 # ## Survey and database
 #
-# Four seconds of a walk. The survey swings slowly (30 deg/s) with a short exposure, has RTK-fix throughout,
-# and is smoothed as any recording is. Five levels of templates reach far enough around a landmark for what a
-# long blur mixes into it.
+# Four seconds of a walk, of which the fast camera walks the first two. The survey swings slowly (30 deg/s)
+# with a short exposure, has RTK-fix throughout, and is smoothed as any recording is. Five levels of templates
+# reach far enough around a landmark for what a long blur mixes into it.
 
 # %%
 SWING_DEG, PEAK_DEG_S = 40.0, 120.0
@@ -73,7 +73,12 @@ slow = replace(
     spin_period_s=np.pi * SWING_DEG / 30.0,
     gps=GpsConfig(fix_share=0.5, interval_s=0.5),
 )
-fast = replace(slow, spin_deg_s=PEAK_DEG_S, spin_period_s=np.pi * SWING_DEG / PEAK_DEG_S)
+fast = replace(
+    slow,
+    speed=((0.0, 1.5), (2.0, 1.5)),
+    spin_deg_s=PEAK_DEG_S,
+    spin_period_s=np.pi * SWING_DEG / PEAK_DEG_S,
+)
 scratch = tempfile.TemporaryDirectory()
 here = Path(scratch.name)
 simulate(here / "survey", replace(slow, exposure_s=0.0025, eye_m=1.65))

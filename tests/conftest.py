@@ -77,6 +77,14 @@ def recording(shared_folder: SharedFolder) -> Path:
 
 
 @pytest.fixture(scope="session")
+def brief(shared_folder: SharedFolder) -> Path:
+    """Return a recording half as long, for what a verb does and not how well; copy before changing it."""
+    from recordings import brief_recording
+
+    return shared_folder("brief", brief_recording)
+
+
+@pytest.fixture(scope="session")
 def smoothed(recording: Path, shared_folder: SharedFolder) -> Path:
     """The run folder of the small recording, made by the command as vgps is configured by default."""
     return shared_folder("run", lambda out: smooth_by_command(recording, out))
@@ -86,15 +94,6 @@ def smoothed(recording: Path, shared_folder: SharedFolder) -> Path:
 def smoothed_walk(smoothed: Path) -> "Solution":
     """The run of the small recording that the command wrote."""
     return written_by_command(smoothed)
-
-
-@pytest.fixture(scope="session")
-def kitti03_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
-    """The run of the real drive kitti03 with its RTK-fixes."""
-    import vgps
-
-    drive = vgps.open_recording(data_dir / "kitti03", gps="gps_fix.nmea")
-    return shared_run("kitti03_fixed", lambda: vgps.smooth(drive))
 
 
 @pytest.fixture(scope="session")

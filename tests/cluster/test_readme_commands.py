@@ -36,7 +36,7 @@ def kill_who_writes(lock):
 
 
 @pytest.mark.slow
-def test_the_job_of_a_lost_worker_gives_the_same_run(recording, tmp_path, vgps_verb, monkeypatch):
+def test_the_job_of_a_lost_worker_gives_the_same_run(brief, tmp_path, vgps_verb, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def run(command):
@@ -45,8 +45,8 @@ def test_the_job_of_a_lost_worker_gives_the_same_run(recording, tmp_path, vgps_v
         return printed
 
     (tmp_path / "list.txt").write_text(LIST.group(1).replace("\\n", "\n"))
-    shutil.copytree(recording, tmp_path / "monday")
-    shutil.copytree(recording, tmp_path / "flights")
+    shutil.copytree(brief, tmp_path / "monday")
+    shutil.copytree(brief, tmp_path / "flights")
     (tmp_path / "flights/video.mp4").rename(tmp_path / "flights/tuesday.mp4")
     run(ALONE)
     alone = files(tmp_path / "runs")

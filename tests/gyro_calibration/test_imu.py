@@ -26,6 +26,7 @@ def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path, vgps_verb):
         focal_px=310.0,
         texture_scale=0.5,
         shake_deg=3.0,
+        max_samples=4,
         accelerometer=AccelerometerConfig(),
     )
     folder, out = tmp_path / "walk", tmp_path / "rig.yaml"

@@ -92,7 +92,7 @@ def test_a_simulated_walk_without_a_calibration_finds_its_camera(recording, tmp_
 @pytest.mark.slow
 def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path):
     shutil.copy(data_dir / "gopro_hero7/video.mp4", tmp_path)
-    solution = vgps.smooth(first_frames(vgps.open_recording(tmp_path), 180))
+    solution = vgps.smooth(first_frames(vgps.open_recording(tmp_path), 120))
     assert solution.camera.model == "fisheye" and solution.camera_source.startswith("a ")
     check_length(solution, tmp_path / "video.mp4")
 
@@ -101,8 +101,8 @@ def test_a_gopros_video_alone_agrees_with_its_doppler_speeds(data_dir, tmp_path)
 def test_a_drive_without_a_calibration_is_as_accurate_as_with_it(data_dir, tmp_path):
     truth = read_trajectory(data_dir / "kitti07/truth.tum")
     opened = vgps.open_recording(without_camera(data_dir / "kitti07", tmp_path / "drive"), gps="gps_fix.nmea")
-    solution = vgps.smooth(opened)
+    solution = vgps.smooth(first_frames(opened, 100))
     given = read_camera(data_dir / "kitti07/camera.yaml")
     # KITTI's own focal length is known to be too long by a per cent; rays half way to the corners include k1
     assert corner_angles(solution.camera)[0] == pytest.approx(corner_angles(given)[0], rel=0.01)
-    assert evaluate(solution, truth).camera_position_m.mean < 0.06
+    assert evaluate(solution, truth).camera_position_m.mean < 0.05

@@ -10,7 +10,7 @@ from recordings import SMALL
 from solutions import short_drive
 
 import vgps
-from vgps.config import RollingShutterConfig
+from vgps.config import RollingShutterConfig, TrackingConfig
 from vgps.pipeline import readout_estimation
 from vgps.pipeline.readout_estimation import with_readout
 from vgps.simulate import simulate
@@ -21,7 +21,10 @@ SHAKEN = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5
 
 
 def smoothed(path: Path, **settings: str) -> vgps.Solution:
-    config = vgps.Config(rolling_shutter=RollingShutterConfig.model_validate(settings))
+    config = vgps.Config(
+        rolling_shutter=RollingShutterConfig.model_validate(settings),
+        tracking=TrackingConfig(max_features=200),
+    )
     return vgps.smooth(vgps.open_recording(path), config)
 
 

@@ -10,7 +10,7 @@ import vgps
 from vgps.evaluation import evaluate
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import SCENES, simulate
+from vgps.simulate import SCENES, GpsConfig, simulate
 from vgps.writers.export import export
 
 pytestmark = pytest.mark.slow
@@ -22,6 +22,7 @@ WALK = replace(
     height=168,
     focal_px=150.0,  # 80 degrees, at the scale of the others
     texture_scale=0.25,
+    gps=GpsConfig(fix_share=0.5, interval_s=0.5),
 )
 SPHERE = replace(WALK, width=940, height=470, panorama_deg=360.0)
 CIRCLE = replace(WALK, width=510, height=510, panorama_deg=195.0)
@@ -43,16 +44,27 @@ def pinhole_drift_m(tmp_path_factory: pytest.TempPathFactory) -> float:
     return drift_m(folder)
 
 
-@pytest.mark.parametrize("scene", [SPHERE, CIRCLE], ids=["sphere", "circle"])
-def test_a_wide_picture_drifts_less_than_a_pinhole(tmp_path, pinhole_drift_m, scene):
-    simulate(tmp_path / "walk", scene)
-    assert drift_m(tmp_path / "walk") < 0.7 * pinhole_drift_m
+@pytest.fixture(scope="module")
+def sphere(shared_folder) -> Path:
+    return shared_folder("sphere", lambda out: simulate(out, SPHERE))
 
 
-def test_a_sphere_with_fixes_gives_poses_pictures_and_views(tmp_path):
-    simulate(tmp_path / "walk", SPHERE)
-    vgps.write_run(vgps.smooth(vgps.open_recording(tmp_path / "walk")), tmp_path / "run")
-    run, truth = read_run(tmp_path / "run"), read_trajectory(tmp_path / "walk" / "truth.tum")
+@pytest.fixture(scope="module")
+def circle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("circle") / "walk"
+    simulate(folder, CIRCLE)
+    return folder
+
+
+@pytest.mark.parametrize("walk", ["sphere", "circle"])
+def test_a_wide_picture_drifts_less_than_a_pinhole(request, pinhole_drift_m, walk):
+    wide = drift_m(request.getfixturevalue(walk))
+    assert wide < 0.7 * pinhole_drift_m
+
+
+def test_a_sphere_with_fixes_gives_poses_pictures_and_views(sphere, tmp_path):
+    vgps.write_run(vgps.smooth(vgps.open_recording(sphere)), tmp_path / "run")
+    run, truth = read_run(tmp_path / "run"), read_trajectory(sphere / "truth.tum")
     error = evaluate(run, truth)
     assert error.camera_position_m.mean < 0.05 and error.rotation_deg.mean < 1.0
     export(tmp_path / "run", "exif", tmp_path / "images")

@@ -30,17 +30,17 @@ def test_fixes_are_at_their_times_and_places(recording, tmp_path, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["m2zoom", "mavic_2_style"])
-def test_one_command_smooths_a_drone_s_video(recording, tmp_path, vgps_verb, name):
+def test_one_command_smooths_a_drone_s_video(brief, tmp_path, vgps_verb, name):
     # the walk is shorter than the region of the class single needs: a survey gives a smaller one
     (tmp_path / "survey.yaml").write_text("single: {r_m: 0.5, h_m: 0.5}\n")
-    video = write_drone_video(recording, tmp_path, name)
+    video = write_drone_video(brief, tmp_path, name)
     survey = tmp_path / "survey.yaml"
     code, _, err = vgps_verb("smooth", video, "--out", tmp_path / "run", "--survey", survey)
     assert code == 0, err
-    truth = recording / "truth.tum"
+    truth = brief / "truth.tum"
     # the run has the first fix as origin, the truth that of the simulation
     shutil.copy(truth, tmp_path / "truth.tum")
-    opened = open_recording(recording)
+    opened = open_recording(brief)
     (tmp_path / "rig.yaml").write_text(f"world_origin: {list(opened.rig.world_origin)}\n")
     found = evaluate(tmp_path / "run", tmp_path / "truth.tum")
     assert found.every_frame_posed and found.camera_horizontal_m.mean < 0.5

@@ -19,7 +19,7 @@ RECORDINGS = README.read_text(encoding="utf-8").split("## Control")[0]
 COMMANDS = re.findall(r"^\| .* \| `(vgps smooth [^`]+)`", RECORDINGS, re.MULTILINE)
 
 
-def gopro(folder, recording, data_dir):
+def gopro(folder, brief, data_dir):
     shutil.copy(data_dir / "gopro_walk/video.mp4", folder / "GX010042.MP4")
 
 
@@ -27,16 +27,16 @@ def gopro(folder, recording, data_dir):
 # at the truth too, but count as metres; None without a truth
 MAKERS = {
     "GX010042.MP4": (gopro, None),
-    "DJI_0001.MP4": (lambda folder, recording, _: write_drone_video(recording, folder, "MAVIC3"), 3.0),
-    "pictures": (lambda folder, recording, _: write_pictures(recording, folder / "pictures"), 3.0),
-    "drive.bag": (lambda folder, recording, _: write_bag(recording, folder / "drive.bag"), 0.2),
+    "DJI_0001.MP4": (lambda folder, brief, _: write_drone_video(brief, folder, "MAVIC3"), 3.0),
+    "pictures": (lambda folder, brief, _: write_pictures(brief, folder / "pictures"), 3.0),
+    "drive.bag": (lambda folder, brief, _: write_bag(brief, folder / "drive.bag"), 0.2),
     "rosbag2_2026_05_01": (
-        lambda folder, recording, _: write_bag(recording, folder / "rosbag2_2026_05_01"),
+        lambda folder, brief, _: write_bag(brief, folder / "rosbag2_2026_05_01"),
         0.2,
     ),
-    "drive.mcap": (lambda folder, recording, _: write_bag(recording, folder / "drive.mcap"), 0.2),
+    "drive.mcap": (lambda folder, brief, _: write_bag(brief, folder / "drive.mcap"), 0.2),
     "walk.mp4": (
-        lambda folder, recording, _: write_flight(recording, folder / "walk.mp4", folder / "flight.ulg"),
+        lambda folder, brief, _: write_flight(brief, folder / "walk.mp4", folder / "flight.ulg"),
         0.2,
     ),
 }
@@ -59,10 +59,10 @@ def check_walk(run, video):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-def test_one_command_smooths(command, recording, tmp_path, vgps_verb, monkeypatch, request):
+def test_one_command_smooths(command, brief, tmp_path, vgps_verb, monkeypatch, request):
     name = command.split()[2]
     made, largest_m = MAKERS[name]
-    made(tmp_path, recording, request.getfixturevalue("data_dir") if largest_m is None else None)
+    made(tmp_path, brief, request.getfixturevalue("data_dir") if largest_m is None else None)
     monkeypatch.chdir(tmp_path)
     code, _, err = vgps_verb(*shlex.split(command)[1:])
     assert code == 0, err
@@ -73,7 +73,7 @@ def test_one_command_smooths(command, recording, tmp_path, vgps_verb, monkeypatc
     if largest_m is not None:
         if "world_origin" not in (tmp_path / "rig.yaml").read_text():
             # the origin of a drone's run is its first fix, that of the truth the simulation's
-            shutil.copy(recording / "rig.yaml", tmp_path)
-        shutil.copy(recording / "truth.tum", tmp_path)
+            shutil.copy(brief / "rig.yaml", tmp_path)
+        shutil.copy(brief / "truth.tum", tmp_path)
         found = evaluate(tmp_path / "run", tmp_path / "truth.tum")
         assert found.every_frame_posed and found.camera_position_m.mean < largest_m

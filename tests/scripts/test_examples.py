@@ -27,24 +27,24 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("examples")
 
 
-def test_smooth_and_query(run_example, recording, folder):
+def test_smooth_and_query(run_example, brief, folder):
     from scripts.examples import query_landmarks, smooth_recording
 
-    out = run_example(smooth_recording.main, recording, folder / "run", "--seed", 1)
+    out = run_example(smooth_recording.main, brief, folder / "run", "--seed", 1)
     run = read_run(folder / "run")
     assert out.endswith(f"of {len(run.fixes.reason)} fixes lie outside their regions\n")
     assert run.config["seed"] == 1 and run.config["tracking"]["max_features"] == 500
-    write_database(build_database(run, open_recording(recording)), folder / "street.vgps")
+    write_database(build_database(run, open_recording(brief)), folder / "street.vgps")
     lines = run_example(query_landmarks.main, folder / "street.vgps", folder / "run").splitlines()
     distances = [float(line.split()[2]) for line in lines[1:]]
     assert lines[0].endswith("landmarks in view") and len(distances) == 5 == len(set(lines[1:]))
     assert distances == sorted(distances)
 
 
-def test_poses_come_frame_by_frame(run_example, recording, folder):
+def test_poses_come_frame_by_frame(run_example, brief, folder):
     from scripts.examples import pose_frames_live
 
-    out = run_example(pose_frames_live.main, recording, folder / "live")
-    frames = len(open_recording(recording).video.times_s)
+    out = run_example(pose_frames_live.main, brief, folder / "live")
+    frames = len(open_recording(brief).video.times_s)
     assert len(out.splitlines()) == frames == len(read_run(folder / "live").t_s)
     assert "tracked" in out.splitlines()[-1]

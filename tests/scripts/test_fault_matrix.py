@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recordings import SMALL
+from recordings import BRIEF
 from solutions import make_gps_log
 
 import vgps
@@ -162,7 +162,7 @@ def test_the_picture_has_a_dot_for_each_model_and_fault():
 
 @pytest.mark.slow
 def test_a_fault_on_a_recording_is_run_under_every_model(tmp_path):
-    simulate(tmp_path / "walk", replace(SMALL, gps=GpsConfig(interval_s=0.4, fix_share=0.5)), seed=3)
+    simulate(tmp_path / "walk", replace(BRIEF, gps=GpsConfig(interval_s=0.2, fix_share=0.5)), seed=3)
     recording, truth = vgps.open_recording(tmp_path / "walk"), tmp_path / "walk" / "truth.tum"
     row = run_fault(FAULT["outliers-20"], recording, truth, vgps.Config(), NoProgress())
     assert list(row) == [method.name for method in MODELS]

@@ -329,14 +329,14 @@ def test_logs_belong_to_their_recording_and_other_sources_to_all(recording, driv
 
 
 @pytest.mark.slow
-def test_cells_are_run_and_written(recording, tmp_path, monkeypatch, capsys):
+def test_cells_are_run_and_written(brief, tmp_path, monkeypatch, capsys):
     errors = tmp_path / "receiver_errors"
     errors.mkdir()
     rows = [f"{0.2 * k},0.3,{0.1 * (k % 2)},-0.4" for k in range(60)]
     header = "t_s,error_east_m,error_north_m,error_up_m"
     (errors / "comma_ublox.csv").write_text("\n".join([header, *rows]) + "\n")
     file = tmp_path / "found.json"
-    words = ["--recordings", str(recording), "--sources", "gps.nmea", "ublox", "--seeds", "1"]
+    words = ["--recordings", str(brief), "--sources", "gps.nmea", "ublox", "--seeds", "1"]
     words += ["--models", "gaussian-receiver", "cauchy"]
     monkeypatch.setattr(sys, "argv", ["receivers", *words, "--data", str(tmp_path), "--json", str(file)])
     benchmark.main()

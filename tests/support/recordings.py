@@ -15,9 +15,21 @@ SMALL: SceneConfig = replace(
     gps=GpsConfig(fix_share=0.5),
     texture_scale=0.5,
 )
+BRIEF: SceneConfig = replace(
+    SMALL,
+    speed=((0.0, 1.5), (3.0, 1.5)),
+    bends=((1.0, 2.0, 50.0),),
+    gps=GpsConfig(fix_share=0.5, interval_s=0.5),
+)
 
 
 def small_recording(folder: Path) -> Path:
     """Six seconds of walking round a corner, every fix RTK-fix."""
     simulate(folder, SMALL, seed=3)
+    return folder
+
+
+def brief_recording(folder: Path) -> Path:
+    """Three seconds of it with a fix every half second, for tests of what is done with a run."""
+    simulate(folder, BRIEF, seed=3)
     return folder

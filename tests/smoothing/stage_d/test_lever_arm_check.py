@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from brief_videos import first_frames
 from synthetic_bundle import ANTENNA
 from synthetic_map import context, map_of, scene
 
@@ -57,7 +58,7 @@ def test_without_fixes_there_is_nothing_to_doubt():
 
 @pytest.mark.slow
 def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: Path, kitti07_fixed) -> None:
-    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
+    recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 100)
     rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array([-1.0, 0.0, 0.0]))
     settings = Config.model_validate({"loops": {"close": "no"}})
     (text,) = doubts(vgps.smooth(replace(recording, rig=rig), settings).warnings)
