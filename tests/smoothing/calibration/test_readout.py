@@ -6,9 +6,12 @@ from synthetic_bundle import TIGHT
 from synthetic_rows import ROWS, rolling_drive
 
 from vgps.camera import row_shares
+from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.model import Camera
+from vgps.smoothing.calibration import readout
 from vgps.smoothing.calibration.readout import Readout, estimate_readout
+from vgps.smoothing.context import SmoothingContext
 from vgps.solver.bundle_adjustment import solve
 from vgps.solver.problem import BundleProblem
 
@@ -93,3 +96,16 @@ def test_what_an_estimate_shows() -> None:
     assert not Readout(0.06, 0.001, 1 / 30).is_shown(5.0)  # longer than a frame
     assert Readout(-0.03, 0.001, 1 / 30).is_shown(5.0)  # the last row first
     assert not Readout(0.0, 0.01, 1 / 30).would_show(5.0)
+
+
+def test_a_round_that_determines_no_readout_keeps_it(monkeypatch):
+    def undetermined(*_):
+        raise GeometryError("frame 1: its pose is not determined")
+
+    monkeypatch.setattr(readout, "estimate_readout", undetermined)
+    before = SmoothingContext(
+        Camera(model="pinhole", width=8, height=6, fx=7.0, fy=7.0, cx=3.5, cy=2.5),
+        Config(),
+        estimates_readout=True,
+    )
+    assert readout.with_better_readout(before, None, np.zeros(0)) is before

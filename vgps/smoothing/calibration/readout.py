@@ -134,7 +134,10 @@ def with_better_readout(
     """Return the context with the readout improved by the solution of a round, if it is to be estimated."""
     if not context.estimates_readout:
         return context
-    found = estimate_readout(problem, t_s, context.camera, context.config.intrinsics.held_sigmas)
+    try:
+        found = estimate_readout(problem, t_s, context.camera, context.config.intrinsics.held_sigmas)
+    except GeometryError:  # a frame that hardly sees anything in this round; later ones may see more
+        return context
     return replace(context, camera=replace(context.camera, readout_s=found.readout_s))
 
 
