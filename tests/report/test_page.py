@@ -92,6 +92,13 @@ def test_errors_that_the_log_showed_are_stated(solution, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_clock_of_another_rate_is_stated(solution, tmp_path):
+    sensors = replace(solution.sensors, clock_rate=0.0097, clock_rate_sigma=0.0015)
+    html = page_of(replace(solution, sensors=sensors), tmp_path)
+    assert "more by 9.70 ms in each second, standard deviation 1.50 ms" in html
+
+
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_page(html, solution, tmp_path):
     assert page_of(solution, tmp_path) == html
 

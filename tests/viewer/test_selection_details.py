@@ -1,5 +1,7 @@
 """What the selection panel shows of poses, landmarks and fixes."""
 
+from dataclasses import replace
+
 import pytest
 
 from vgps.solution import Solution
@@ -47,6 +49,12 @@ def test_a_time_offset_is_stated(run: RunIndex, late: Solution) -> None:
     shifted = fix_details(RunIndex(late, reproject(late)), 1).details.splitlines()
     assert shifted.pop() == "time stamp 0.38 s, of which +0.250 s is the time offset"
     assert shifted == fix_details(run, 1).details.splitlines()
+
+
+def test_a_time_offset_that_grows_is_that_of_the_fix(late: Solution) -> None:
+    faster = replace(late, sensors=replace(late.sensors, clock_rate=0.2))
+    details = fix_details(RunIndex(faster, reproject(faster)), 1).details.splitlines()
+    assert details[-1] == "time stamp 0.38 s, of which +0.326 s is the time offset"
 
 
 def test_each_entry_fits_a_line_of_the_panel(run: RunIndex) -> None:

@@ -177,10 +177,16 @@ def _skipped(solution: Solution) -> list[str]:
 
 
 def _time_offset(solution: Solution) -> str:
-    offset_s, sigma_s = solution.sensors.time_offset_s, solution.sensors.time_offset_sigma_s
+    sensors = solution.sensors
+    offset_s, sigma_s = sensors.time_offset_s, sensors.time_offset_sigma_s
+    text = f"{offset_s:.3f} s (not estimated in stage D)"
     if math.isfinite(sigma_s):
-        return f"{offset_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
-    return f"{offset_s:.3f} s (not estimated in stage D)"
+        text = f"{offset_s:.3f} s, standard deviation {sigma_s:.3f} s (estimated)"
+    if not sensors.clock_rate:
+        return text
+    ms, sigma_ms = 1e3 * sensors.clock_rate, 1e3 * sensors.clock_rate_sigma
+    sigma = f", standard deviation {sigma_ms:.2f} ms" if math.isfinite(sigma_ms) else " (as given)"
+    return f"{text} at the first frame, more by {ms:.2f} ms in each second{sigma}"
 
 
 def _antenna(solution: Solution) -> str:

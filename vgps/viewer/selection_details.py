@@ -45,7 +45,7 @@ def fix_details(run: RunIndex, row: int) -> SelectionDetails:
     log, table = gps_results(solution)
     east, north, up = table.residual_m[row]
     r_m, h_m = table.r_m[row], table.h_m[row]
-    time_offset_s, before = solution.sensors.time_offset_s, int(fix_placement(solution).frame[row])
+    late_s, before = log.t_s[row] - solution.fix_times_s[row], int(fix_placement(solution).frame[row])
     ratios = f"{np.hypot(east, north) / r_m:.2f} r, {abs(up) / h_m:.2f} h"
     details = [
         fix_title(solution, row),
@@ -55,8 +55,8 @@ def fix_details(run: RunIndex, row: int) -> SelectionDetails:
         f"omega Psi = {term:.4g}" if np.isfinite(term) else "no term in the energy",
         f"acts on frames {before} and {before + 1}",
     ]
-    if time_offset_s:
-        details.append(f"time stamp {log.t_s[row]:.2f} s, of which {time_offset_s:+.3f} s is the time offset")
+    if late_s:
+        details.append(f"time stamp {log.t_s[row]:.2f} s, of which {late_s:+.3f} s is the time offset")
     return SelectionDetails(
         what=f"fix {row}, {solution.fix_times_s[row]:.2f} s",
         factors=f"frames {before}, {before + 1}" if np.isfinite(term) else "none",
