@@ -116,11 +116,10 @@ def _other(clock: ClockCheck | None, config: Config) -> GpsClock | None:
 
 
 def _with_clock(recording: Recording, config: Config, clock: GpsClock) -> tuple[Recording, Config]:
-    """Return recording and settings of a run that begins with a clock, which a note states."""
+    """Return recording and settings of a run that begins with a clock and improves it; a note states it."""
     note = _FOUND.format(clock.time_offset_s)
     if clock.rate != config.sensors.clock_rate:
         note = _rate_note(clock, recording.video.times_s)
-    # from a coarse grid
     changes = {"time_offset_s": clock.time_offset_s, "clock_rate": clock.rate, "estimate_time_offset": "yes"}
     sensors = config.sensors.model_copy(update=changes)
     noted = replace(recording, notes=(*recording.notes, note))
@@ -160,7 +159,9 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     front_end = replace(front_end, clock=ClockCheck(shown_s, torn))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
-    if (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
+    if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
+        front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
+    elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
         told = () if settings.clock_rate else (_rate_note(shown.clock, path.t_s),)
         sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
         return replace(
@@ -169,8 +170,6 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
             clock=ClockCheck(shown_s, other=shown.clock),
             warnings=(*front_end.warnings, *told),
         )
-    if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
-        front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
     corrected = fixes.on_video_clock(sensors)
