@@ -126,7 +126,7 @@ def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch
 
 
 def test_fixes_of_a_known_rate_are_where_the_camera_was(data_dir):
-    """The stamps of kitti07 with a clock that is 5 % fast, which 16 s are too short to show."""
+    """The stamps of kitti07 with a clock that is 5 % fast."""
     recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
     clock = GpsClock(0.0, 0.05)
     fast = replace(recording, gps=replace(recording.gps, t_s=clock.time_stamps(recording.gps.t_s)))

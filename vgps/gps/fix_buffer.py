@@ -76,12 +76,12 @@ class FixBuffer:
         return has_new
 
     def usable(self, until_s: float) -> Fixes:
-        """Return the fixes until a time with their verdicts applied and their time offset removed."""
+        """Return the fixes until a time with their verdicts applied, at the times of their positions."""
         return self.assessment.applied(self.corrected).until(until_s)
 
     @property
     def corrected(self) -> Fixes:
-        """All fixes, their time offset removed."""
+        """All fixes, at the times of their positions."""
         return self.fixes.on_video_clock(self.sensors)
 
     def update_time_offset(self, path: Trajectory) -> None:

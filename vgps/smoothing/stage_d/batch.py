@@ -124,7 +124,7 @@ class _State:
         return replace(self, scene=scene, sensors=self.sensors.moved(problem.shared), imu=imu)
 
     def usable(self, fixes: Fixes) -> Fixes:
-        """Return the fixes with their verdicts applied and their time offset removed."""
+        """Return the fixes with their verdicts applied, at the times of their positions."""
         return self.assessment.applied(fixes).on_video_clock(self.sensors)
 
 
