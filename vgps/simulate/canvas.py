@@ -83,7 +83,8 @@ class Canvas(NamedTuple):
 
     def hides(self, box: Box, nearest_m: float) -> bool:
         """Return whether everything in a box is nearer than this."""
-        return bool(self.inverse_depth[box.top : box.bottom, box.left : box.right].min() > 1 / nearest_m)
+        farthest, *_ = cv2.minMaxLoc(self.inverse_depth[box.top : box.bottom, box.left : box.right])
+        return farthest > 1 / nearest_m
 
 
 def depth_bands(near_m: float, far_m: float) -> Iterator[DepthBand]:

@@ -1,15 +1,17 @@
 """An equidistant fisheye: a point is seen ``focal_px`` times its angle from the axis away from the centre."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
 from vgps.model import Float32Array, FloatArray
-from vgps.simulate.polygons import Polygon, cut, frustum
+from vgps.simulate.polygons import Plane, Polygon, cut, frustum
 
-_LARGEST_ANGLE = np.radians(25.0)  # of a piece of a polygon: its edges are nearly straight in the picture
+_LEAST_COSINE = math.cos(math.radians(25.0))  # in a piece of a polygon: its edges are nearly straight
 MAX_DEG = 170.0  # diagonal field of view; what lies closer to 90 degrees off the axis is not drawn
 
 
@@ -74,13 +76,16 @@ def pieces(polygon: Polygon) -> Iterator[Polygon]:
     """Yield the pieces of a convex polygon, halved until each is seen under a small angle."""
     if not polygon:
         return
-    corners = np.array(polygon)
-    rays = corners / np.linalg.norm(corners, axis=1, keepdims=True)
-    products = rays @ rays.T
-    if products.min() > np.cos(_LARGEST_ANGLE):
+    lengths = [math.hypot(*p) for p in polygon]
+    rays = [(x / n, y / n, z / n) for (x, y, z), n in zip(polygon, lengths, strict=True)]
+    (a, b, c), (d, e, f) = min(combinations(rays, 2), key=_cosine, default=(rays[0], rays[0]))
+    if _cosine(((a, b, c), (d, e, f))) > _LEAST_COSINE:
         yield polygon
         return
-    one, other = np.unravel_index(int(products.argmin()), products.shape)
-    x, y, z = (rays[one] - rays[other]).tolist()
-    yield from pieces(cut(polygon, (x, y, z), 0.0))
-    yield from pieces(cut(polygon, (-x, -y, -z), 0.0))
+    yield from pieces(cut(polygon, (a - d, b - e, c - f), 0.0))
+    yield from pieces(cut(polygon, (d - a, e - b, f - c), 0.0))
+
+
+def _cosine(rays: tuple[Plane, Plane]) -> float:
+    (a, b, c), (d, e, f) = rays
+    return a * d + b * e + c * f

@@ -6,12 +6,13 @@ own row.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.simulate.canvas import Box, Canvas, depth_bands
 from vgps.simulate.faces import faces_in_view, texture_maps
 from vgps.simulate.fisheye import pieces
@@ -56,40 +57,53 @@ def _draw(canvas: Canvas, texture: Ripmap, polygons: Sequence[Polygon], H: Float
     if not depths:
         return
     for band in depth_bands(min(depths), max(depths)):
-        parts = [band.part(polygon) for polygon in polygons]
-        drawn: set[Box] = set()
-        for corners in [[p for part in parts for p in part]] if canvas.grid is None else _all_pieces(parts):
-            if corners:
-                _draw_part(canvas, texture, (np.array(corners), band.limits), H, drawn)
+        polygons_in_band = [band.part(polygon) for polygon in polygons]
+        if canvas.grid is None:
+            parts = [[p for polygon in polygons_in_band for p in polygon]]
+        else:
+            parts = [piece for polygon in polygons_in_band for piece in pieces(polygon)]
+        for part in _boxed([part for part in parts if part], canvas):
+            _draw_part(canvas, texture, part, band.limits, H)
 
 
-def _all_pieces(polygons: Sequence[Polygon]) -> list[Polygon]:
-    return [piece for polygon in polygons for piece in pieces(polygon)]
+class _Part(NamedTuple):
+    """A box that a part of a parallelogram may fill, the middle of its corners (2,), and its least depth."""
+
+    box: Box
+    middle_px: FloatArray
+    nearest_m: float
+
+
+def _boxed(parts: Sequence[Polygon], canvas: Canvas) -> list[_Part]:
+    """Return the parts within the canvas; of those that share a box the first."""
+    if not parts:
+        return []
+    corners, counts = np.concatenate(parts), np.array([len(part) for part in parts])
+    first = np.cumsum(counts) - counts
+    uv = _pixels(canvas, corners)
+    boxes = _boxes(np.minimum.reduceat(uv, first), np.maximum.reduceat(uv, first), canvas).tolist()
+    middles = np.add.reduceat(uv, first) / counts[:, None]
+    nearest = np.minimum.reduceat(corners[:, 2], first).tolist()
+    found: dict[Box, _Part] = {}
+    for box, middle, depth in zip(map(Box._make, boxes), middles, nearest, strict=True):
+        if box.left < box.right and box.top < box.bottom:
+            found.setdefault(box, _Part(box, middle, depth))
+    return list(found.values())
 
 
 def _draw_part(
-    canvas: Canvas,
-    texture: Ripmap,
-    part: tuple[FloatArray, tuple[float, float]],
-    H: FloatArray,
-    drawn: set[Box],
+    canvas: Canvas, texture: Ripmap, part: _Part, limits: tuple[float, float], H: FloatArray
 ) -> None:
-    """Draw the box around corners (n, 3) within limits of inverse depth, unless it was ``drawn``."""
-    corners, limits = part
-    uv = _pixels(canvas, corners)
-    box = _box(uv, canvas)
-    if box in drawn or box.right <= box.left or box.bottom <= box.top:
+    """Draw what lies within limits of inverse depth in the box of a part."""
+    if canvas.hides(part.box, part.nearest_m):
         return
-    drawn.add(box)
-    if canvas.hides(box, corners[:, 2].min()):
-        return
-    a, b, inverse_depth = _rays(H, box, canvas)
-    at = uv.mean(axis=0)
+    a, b, inverse_depth = _rays(H, part.box, canvas)
+    at = part.middle_px
     middle = H[round((KNOTS - 1) * float(np.clip(at[1] / (len(canvas.image) - 1), 0, 1)))]
     if canvas.grid is not None:
         middle = middle @ canvas.grid.flat_at(at)
     patch = texture.looked_up(a, b, texture.density(middle, *at.tolist())[2])
-    canvas.paint(box, patch, inverse_depth, limits)
+    canvas.paint(part.box, patch, inverse_depth, limits)
 
 
 def _pixels(canvas: Canvas, camera_p: FloatArray) -> FloatArray:
@@ -98,16 +112,15 @@ def _pixels(canvas: Canvas, camera_p: FloatArray) -> FloatArray:
     return np.asarray(canvas.K[0, 0] * camera_p[:, :2] / camera_p[:, 2:] + canvas.K[:2, 2])
 
 
-def _box(uv: FloatArray, canvas: Canvas) -> Box:
+def _boxes(low_px: FloatArray, high_px: FloatArray, canvas: Canvas) -> IntArray:
+    """Return boxes (n, 4) around parts between lowest and highest pixels (n, 2), as the fields of a Box."""
     height, width = canvas.inverse_depth.shape
-    low, high = np.floor(uv.min(axis=0)).astype(int), np.ceil(uv.max(axis=0)).astype(int)
-    margin = np.full(2, _MARGIN_PX)
+    low, high = np.floor(low_px).astype(np.int64), np.ceil(high_px).astype(np.int64)
+    margin = np.full((len(low), 1), _MARGIN_PX)
     if canvas.grid is not None:
-        margin += ((high - low).max() * _BEND).astype(int)
+        margin += ((high - low).max(axis=1, keepdims=True) * _BEND).astype(np.int64)
         low, high = low // _GRID_PX * _GRID_PX, -(-high // _GRID_PX) * _GRID_PX
-    left, top = np.maximum(low - margin, 0).tolist()
-    right, bottom = np.minimum(high + margin + 1, (width, height)).tolist()
-    return Box(left, top, right, bottom)
+    return np.hstack([np.maximum(low - margin, 0), np.minimum(high + margin + 1, (width, height))])
 
 
 def _rays(H: FloatArray, box: Box, canvas: Canvas) -> tuple[npt.NDArray[np.float32], ...]:
